@@ -3,8 +3,8 @@
 Where standard error is a file or a pipe, a line every ten seconds says the same.
 
 Of many captures or runs, the time left follows from the share that is done.  That of one graph is
-the time of its last run from this stage on, by the disk cache.  If the graph has not run yet, or a
-run has several items, the time since the start is shown instead.
+the time of its last run from this stage on, by the disk cache.  If the graph has not run yet, takes
+longer than before, or a run has several items, the time since the start is shown instead.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class ProgressLine:
             return now / self._share - now
         if stage in self._before and END_STAGE in self._before:
             self._end = self._begun.get(stage, now) + self._before[END_STAGE] - self._before[stage]
-        return None if self._end is None else max(self._end - now, 0.0)
+        return self._end - now if self._end is not None and self._end > now else None
 
     def _watch(self) -> None:
         while not self._over.wait(REDRAW_INTERVAL_S):

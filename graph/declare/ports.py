@@ -20,7 +20,7 @@ import numpy as np
 from tactograph.graph.declare.limits import members_of
 
 Dim = str | int
-IMAGE_SIZES = {"K": "lights, an image each", "H": "rows of pixels", "W": "columns of pixels"}
+IMAGE_SIZES = {"K": "lights", "H": "rows of pixels", "W": "columns of pixels"}
 """The sizes of a stack of images in words, for messages."""
 
 CONDITION_INPUT = "when"

@@ -19,7 +19,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from tactograph.graph.disk.yaml_errors import in_words
-from tactograph.graph.errors import GraphError, InputError, printable, shortened
+from tactograph.graph.errors import GraphError, InputError, did_you_mean, printable, shortened
 
 Path_ = tuple[str | int, ...]
 Entries = TypeVar("Entries", bound=BaseModel)
@@ -79,7 +79,10 @@ class Document:
             return kind.model_validate(self.data)
         except ValidationError as error:
             first = error.errors()[0]
-            raise InputError(f"{self.place(first['loc'])}: {first['msg'].lower()}") from None
+            said = first["msg"].lower()
+            if first["type"] == "extra_forbidden":
+                said = f"unknown key{did_you_mean(str(first['loc'][-1]), kind.model_fields)}"
+            raise InputError(f"{self.place(first['loc'])}: {said}") from None
 
 
 def dotted(path: Path_) -> str:
@@ -101,7 +104,7 @@ def read_yaml(file: Path) -> Document:
             raw = opened.read(MAX_BYTES + 1)
     except OSError as error:
         raise InputError(f"{file}: cannot be read: {error.strerror or error}") from None
-    if len(raw) > MAX_BYTES:
+    if len(raw) > MAX_BYTES and b"\0" not in raw:
         raise GraphError(f"{file}: too large for a graph file ({MAX_BYTES // 1000} kB at most)")
     try:
         text = raw.decode("utf-8")

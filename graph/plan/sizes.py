@@ -93,7 +93,7 @@ class SizeClasses:
         dims = task.node.outputs[port].dims
         for dim, size in zip(dims, shape, strict=True):
             if isinstance(dim, str):
-                bound = Bound(size, f"{task.id}.{port}")
+                bound = Bound(size, _in_graph(task, port))
                 self._bind_one(known, self.root[task.id, dim], dim, bound, dims)
 
     def derive(self, known: Known, task: Task) -> None:
@@ -115,10 +115,7 @@ class SizeClasses:
             return
         other = other or self.fixed.get(root)
         if other is not None and other.size != bound.size:
-            raise InputError(
-                f"the size {dim} is {bound.size} in {bound.by} but {other.size} in {other.by}; "
-                f"they have to be the same{_in_words(dim, dims, bound.size, other.size)}"
-            )
+            raise InputError(_clash_in_words(dim, dims, bound, other))
         for who, limit in self.limits.get(root, ()):
             if limit.refuses(bound.size):
                 raise InputError(f"{who}: {dim} = {bound.size}: {limit.why}")
@@ -135,11 +132,24 @@ class SizeClasses:
         return sizes
 
 
-def _in_words(dim: str, dims: tuple[Dim, ...], one: int, other: int) -> str:
-    """Describe two clashing sizes by what they count, if `dims` are those of images."""
+def _in_graph(task: Task, port: str) -> str:
+    """A port, behind the graph's param that the node reads first."""
+    settings = (s for s in task.entry.settings.values() if isinstance(s, str) and s[:1] == "$")
+    param = None if task.stand_in else next(settings, None)
+    return f"{task.id}.{port}" if param is None else f"{param[1:]}= ({task.id}.{port})"
+
+
+def _clash_in_words(dim: str, dims: tuple[Dim, ...], one: Bound, other: Bound) -> str:
+    """Describe two clashing sizes, those of images by what they count."""
     if dims[-2:] != ("H", "W") or dim not in IMAGE_SIZES:
-        return ""
-    return f": {one} and {other} {IMAGE_SIZES[dim]}; do both come from one sensor?"
+        return (
+            f"the size {dim} is {one.size} in {one.by} but {other.size} in {other.by}; they have "
+            "to be the same"
+        )
+    return (
+        f"{one.size} {IMAGE_SIZES[dim]} in {one.by}, but {other.size} in {other.by}: do both come "
+        "from one sensor, neither cropped nor resized?"
+    )
 
 
 def unify(draft: Draft) -> SizeClasses:

@@ -184,7 +184,7 @@ LANED __kernel void err_slopes(
     const float flat_noise, const float shared, const float uneven, const float refraction,
     __global const float *restrict kinds,
     __global const uint *restrict keys, __global const float *misfit,
-    __global const float *bounced, __global const float *earlier)
+    __global const float *bounced, __global const float *earlier, __global const float *tilt)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     __global const Kind *kind = (__global const Kind *)kinds;
@@ -198,8 +198,7 @@ LANED __kernel void err_slopes(
     const floats b = load_floats(slope + frame_size + from, count);
     const floats nz = 1.0f / sqrt(1.0f + a * a + b * b);
     const float wrong = misfit ? misfit[3] : 0.0f;
-    const floats steep = 1.0f + a * a + b * b, slant = sqrt(a * a + b * b);
-    const floats whole = 1.0f, by_tilt = slant / FULL_MISFIT_SLOPE;
+    const floats whole = 1.0f, by_tilt = sqrt(a * a + b * b) / FULL_MISFIT_SLOPE;
     const floats by_led = (refraction != 1.0f ? COATED_LEVEL_BOUNCE_ERROR : LEVEL_BOUNCE_ERROR)
         * (1.0f - LESS_OF(by_tilt, whole));
     floats noise[LED_SLOTS];
@@ -257,9 +256,13 @@ LANED __kernel void err_slopes(
         p[n] += alone * first;
         q[n] += along * first + across * second;
     }
-    const floats level = LEVEL_MISFIT_SHARE, tilt = FULL_MISFIT_SLOPE;
-    const floats above = MORE_OF(by_tilt, level), tilted = LESS_OF(above, whole);
-    const floats leans = MORE_OF(slant, tilt);
+    const floats level = LEVEL_MISFIT_SHARE, full = FULL_MISFIT_SLOPE;
+    // The slope less that of the film at rest, where the flat frame cancels the model's errors.
+    const floats sunk_p = tilt ? a - load_floats(tilt + from, count) : a;
+    const floats sunk_q = tilt ? b - load_floats(tilt + frame_size + from, count) : b;
+    const floats square = sunk_p * sunk_p + sunk_q * sunk_q, slant = sqrt(square);
+    const floats share = slant / FULL_MISFIT_SLOPE, above = MORE_OF(share, level);
+    const floats tilted = LESS_OF(above, whole), leans = MORE_OF(slant, full);
     for (int n = 0; n < ERROR_COUNT; ++n) {
         p[n] = within(p[n], MAX_SLOPE);
         q[n] = within(q[n], MAX_SLOPE);
@@ -269,9 +272,9 @@ LANED __kernel void err_slopes(
             const floats turns = per_mm * (right * x + down * y) + kind[n].phase;
             const floats lean = 1.4142136f * misfit[0] * tilted * cosine_of(turns);
             const floats steeper = kind[n].leaning * (misfit[4] / leans);
-            const floats uphill = lean * (right * a + down * b) + steeper * steep;
-            p[n] = within(p[n] + lean * right + uphill * a, MAX_SLOPE);
-            q[n] = within(q[n] + lean * down + uphill * b, MAX_SLOPE);
+            const floats uphill = lean * (right * sunk_p + down * sunk_q) + steeper * (1.0f + square);
+            p[n] = within(p[n] + lean * right + uphill * sunk_p, MAX_SLOPE);
+            q[n] = within(q[n] + lean * down + uphill * sunk_q, MAX_SLOPE);
         }
         store_floats(p[n], out + 2 * n * H * W + i, count);
         store_floats(q[n], out + (2 * n + 1) * H * W + i, count);

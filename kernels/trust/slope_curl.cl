@@ -5,9 +5,7 @@
 #include "cell_side.clh"
 
 #define MIN_LEDS 3
-#define MIN_SLOPE 0.05f
-#define MAX_CURVATURE 0.5f
-#define NOISE_WEIGHT 2.0f
+#define MIN_SLOPE 0.1f
 #define NOT_TESTED (-1.0f)
 
 // The means of LANES cells of side x side pixels.
@@ -72,11 +70,11 @@ LANED __kernel void slope_curl(
     const floats bent =
         p_right * p_right + p_down * p_down + q_right * q_right + q_down * q_down;
     const floats number = (float)column + LANE_NUMBERS, last = (float)(w - 1);
-    tests &= (gentlest > MIN_SLOPE * MIN_SLOPE) & (bent < MAX_CURVATURE * MAX_CURVATURE);
+    tests &= gentlest > MIN_SLOPE * MIN_SLOPE;
     tests &= number < last;
     const float pixels = (float)(side * cell_px) * (float)(side * cell_px);
     const floats curl = p_down - q_right;
     const floats expected = least * least + misfit[0] * misfit[0] + share * share * bent
-        + NOISE_WEIGHT * (noise * 0.25f / pixels);
+        + noise * 0.25f / pixels;
     store_floats(tests ? curl * curl / expected : untested, out + row * w + column, count);
 }

@@ -4,26 +4,15 @@
 #include "group.clh"
 #include "drift.clh"
 #include "ring.clh"
-#include "model_error.clh"
 
 #define MIN_CELLS 20
 #define MIN_LEDS 3
 #define MIN_SLOPE 0.1f
-#define MIN_TOUCHED_CHANGE 0.12f
-#define MAX_SQUARED_BEND (0.08f * 0.08f)
-#define MIN_SQUARED_BEND (0.2f * 0.2f)
-#define MIN_SQUARED_FOLD (0.4f * 0.4f)
-#define MIN_BENT_SHARE 0.85f
-#define MIN_FOLDED_SHARE 0.8f
-#define RIM_SHARE 0.1f
-#define INNER_CELLS 5
-#define MAX_INNER_SHARE 0.02f
-#define BEND_ERROR (1.0f / 12.0f)
+#define MAX_SQUARED_BEND 0.16f
 
 #define STEPS_PER_IMAGE 9
 #define STEPS_PER_PART 3
-#define MAX_PART_CURL 3.0f
-#define MIN_TESTED_SHARE 0.25f
+#define MAX_PART_CURL 2.0f
 #define NOT_TESTED (-1.0f)
 #define DRIFT_TERMS 6
 #define CALM_DEPARTURE 0.03f
@@ -37,8 +26,8 @@
 #define UNTOLD (-INFINITY)
 
 // Where the figures of the film and of the light begin, behind those of the curl.
-#define OF_FILM 3
-#define OF_LIGHT 9
+#define OF_FILM 2
+#define OF_LIGHT 8
 
 // Cells of h x w, every step-th of every step-th row of H x W.
 #define EACH_CELL(y, x, count)                                                                   \
@@ -100,52 +89,11 @@ static ints is_steep(
     return p * p + q * q > MIN_SLOPE * MIN_SLOPE;
 }
 
-// How many steep cells lie within a square of them; beyond the frame all are steep.
-static float count_inner(
-    __global const float *slope, const int h, const int w, const int H, const int W,
-    const int step, SHARED float *parts)
-{
-    const floats one = 1.0f, none = 0.0f;
-    floats inner = none;
-    EACH_CELL(y, x, count)
-    {
-        ints all = filled(count);
-        for (int dy = -(INNER_CELLS / 2); dy <= INNER_CELLS / 2; ++dy)
-            for (int dx = -(INNER_CELLS / 2); dx <= INNER_CELLS / 2; ++dx) {
-                const int row = clamp(y + dy, 0, h - 1) * step, last = (w - 1) * step + 1;
-                const floats p = load_thin(slope + row * W, x, dx * step, count, last, step);
-                const floats q = load_thin(slope + (H + row) * W, x, dx * step, count, last, step);
-                all &= p * p + q * q > MIN_SLOPE * MIN_SLOPE;
-            }
-        inner += all ? one : none;
-    }
-    return group_sum(inner, parts);
-}
-
-// On narrow film the light is compared less sharply where a cell may hold an edge.
-static void ease(
-    __global const float *slope, __global float *values, const float error, const int h,
-    const int w, const int H, const int W, const int step)
-{
-    __global float *chi = values + TOUCHED * h * w, *excess = values + BRIGHTER * h * w;
-    const floats untold = UNTOLD;
-    EACH_CELL(y, x, count)
-    {
-        const floats bend = squared_bend(slope, y * step, x, count, H, W, step);
-        const floats wider = BEND_ERROR / error * bend;
-        const floats eased = load_floats(chi + y * w + x, count) / (1.0f + wider * wider);
-        const floats brighter = load_floats(excess + y * w + x, count);
-        store_floats(eased, chi + y * w + x, count);
-        store_floats(bend < MAX_SQUARED_BEND ? brighter : untold, excess + y * w + x, count);
-    }
-}
-
 // What each cell tells of the light, and how many cells tell what.
 static ONCE void look_at_light(
     __global const float *departure,
     __global const float *brighter,
     __global const float *slope,
-    __global const float *misfit,
     __global const uchar *used,
     __global const float *matt,
     __global const uchar *shadow,
@@ -153,11 +101,11 @@ static ONCE void look_at_light(
     __global float *out,
     const int K, const int H, const int W,
     const int h, const int w, const int step,
-    const float uneven, const float max_dimming, SHARED float *parts)
+    const float max_dimming, SHARED float *parts)
 {
     const floats one = 1.0f, none = 0.0f, untold = UNTOLD;
     const ints all_leds = (1 << K) - 1, no_leds = 0;
-    floats steep = none, shaded = none, tested = none, bent = none, folded = none, dirty = none;
+    floats steep = none, shaded = none, tested = none, bent = none, dirty = none;
     EACH_CELL(y, x, count)
     {
         const int from = y * step, at = y * w + x;
@@ -171,7 +119,7 @@ static ONCE void look_at_light(
         ints changed = no_leds;
         for (int k = 0; k < K && matt; ++k) {
             const floats seen = load_thin(matt + (k * H + from) * W, x, 0, count, W, step);
-            changed |= fabs(seen - 1.0f) > MIN_TOUCHED_CHANGE;
+            changed |= fabs(seen - 1.0f) > MIN_SLOPE;
             light += ((dark >> k) & 1) != 0 ? seen : none;
             leds += ((dark >> k) & 1) != 0 ? one : none;
         }
@@ -185,32 +133,32 @@ static ONCE void look_at_light(
         }
         steep += is ? one : none;
         const ints shades = is & (bits != all_leds), rests = tests & ~is, shows = tests & is;
-        const ints bends = is & (bend > MIN_SQUARED_BEND), folds = is & (bend > MIN_SQUARED_FOLD);
+        const ints bends = is & (bend > MAX_SQUARED_BEND);
         shaded += shades ? (matt ? one : none) : none;
         tested += (is & (chi > NOT_TESTED)) ? one : none;
         bent += bends ? one : none;
-        folded += folds ? one : none;
         store_floats(rests ? chi : untold, values + AT_REST * h * w + at, count);
         store_floats(shows ? chi : untold, values + TOUCHED * h * w + at, count);
         const floats dim = ANY(leds > 0.0f) ? (leds > 0.0f ? light / leds : untold) : untold;
         store_floats(dim, values + IN_SHADOW * h * w + at, count);
         store_floats(excess, values + BRIGHTER * h * w + at, count);
     }
-    const float cells = group_sum(steep, parts), walls = group_sum(bent, parts);
-    const float dim = group_sum(shaded, parts), folds = group_sum(folded, parts);
+    const float cells = group_sum(steep, parts), edges = group_sum(bent, parts);
+    const float dim = group_sum(shaded, parts);
     const float known = group_sum(tested, parts), dirt = group_sum(dirty, parts);
-    int narrow = dim <= RIM_SHARE * cells && walls >= MIN_BENT_SHARE * cells;
-    if (narrow && folds <= MIN_FOLDED_SHARE * cells)
-        narrow = count_inner(slope, h, w, H, W, step, parts) <= MAX_INNER_SHARE * cells;
-    if (narrow) {
-        const float error = model_error(misfit, uneven);
-        ease(slope, values, error, h, w, H, W, step);
+    // Where most of the touch may hold edges its light is not compared.
+    if (4.0f * edges > 3.0f * cells) {
+        EACH_CELL(y, x, count)
+        {
+            store_floats(untold, values + TOUCHED * h * w + y * w + x, count);
+            store_floats(untold, values + BRIGHTER * h * w + y * w + x, count);
+        }
     }
     if (PLACE_IN_GROUP != 0) return;
     out[0] = cells;
     out[1] = dim;
     out[2] = known;
-    out[7] = dirt;
+    out[6] = dirt;
 }
 // The film at rest under K LEDs, on h x w cells, and the range of N heights.
 static ONCE void look_at_rest(
@@ -286,7 +234,6 @@ LANED __kernel ONE_GROUP void look(
     __global const float *restrict departure,
     __global const float *restrict brighter,
     __global const float *restrict slope,
-    __global const float *restrict misfit,
     __global const uchar *restrict used,
     __global const float *restrict matt,
     __global const uchar *restrict shadow,
@@ -301,16 +248,15 @@ LANED __kernel ONE_GROUP void look(
     const int K, const int H, const int W,
     const int h, const int w, const int step,
     const int rows, const int columns,
-    const float uneven,
     const float max_dimming)
 {
     SHARED float parts[GROUP];
     __global float *seen = figures + OF_LIGHT, *film = figures + OF_FILM;
     if (get_group_id(0) == 1)
         look_at_rest(light, height, drift, ring, gains, level, film, K, rows, columns, H * W, parts);
-    else if (departure && slope && misfit)
-        look_at_light(departure, brighter, slope, misfit, used, matt, shadow, values, seen, K, H, W,
-            h, w, step, uneven, max_dimming, parts);
+    else if (departure && slope)
+        look_at_light(departure, brighter, slope, used, matt, shadow, values, seen, K, H, W,
+            h, w, step, max_dimming, parts);
     else if (PLACE_IN_GROUP == 0)
         seen[0] = -1.0f;
 }
@@ -335,8 +281,6 @@ static ONCE float worst_part(
     }
     WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
     const int wide = STEPS_PER_IMAGE - STEPS_PER_PART + 1;
-    const float part = (float)(STEPS_PER_PART * STEPS_PER_PART) / (float)(STEPS_PER_IMAGE * STEPS_PER_IMAGE);
-    const float least = fmax((float)MIN_CELLS, MIN_TESTED_SHARE * part * (float)(h * w));
     float worst = 0.0f;
     for (int p = me; p < wide * wide; p += GROUP) {
         int here = 0, beyond = 0;
@@ -346,7 +290,7 @@ static ONCE float worst_part(
                 here += tested[b];
                 beyond += curled[b];
             }
-        if (here >= MIN_CELLS) worst = fmax(worst, (float)beyond / fmax((float)here, least));
+        worst = fmax(worst, (float)beyond / (float)(here + MIN_CELLS));
     }
     return group_highest(worst, parts);
 }
@@ -363,20 +307,20 @@ LANED __kernel ONE_GROUP void weigh(
     SHARED int tested[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
     SHARED int curled[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
     __global float *seen = figures + OF_LIGHT;
-    const int rows[5] = {AT_REST, TOUCHED, TOUCHED, IN_SHADOW, BRIGHTER};
-    const int quarters[7] = {2, 2, 3, 1, 2, 2, 3}, places[8] = {3, 4, 5, 6, 8, 0, 1, 2};
-    const int which = get_group_id(0), of_light = which < 5;
+    const int rows[4] = {AT_REST, TOUCHED, IN_SHADOW, BRIGHTER};
+    const int quarters[5] = {2, 3, 1, 2, 3}, places[6] = {3, 4, 5, 7, 0, 1};
+    const int which = get_group_id(0), of_light = which < 4;
     float found = 0.0f;
-    if (which == 7) {
+    if (which == 5) {
         found = worst_part(curl, h, w, tested, curled, parts);
     } else if (!of_light || seen[0] >= 0.0f) {
         __global const float *row = of_light ? values + rows[which] * N : curl;
         const float lowest = of_light ? UNTOLD : NOT_TESTED;
         const int size = of_light ? N : h * w;
         found = group_quarter(row, lowest, size, quarters[which], MIN_CELLS, parts);
-        if (which != 3 && which != 4) found = sqrt(found);
+        if (which != 2 && which != 3) found = sqrt(found);
     } else if (which == 0) {
-        if (PLACE_IN_GROUP == 0) seen[1] = seen[2] = seen[7] = 0.0f;
+        if (PLACE_IN_GROUP == 0) seen[1] = seen[2] = seen[6] = 0.0f;
     }
     if (PLACE_IN_GROUP == 0) (of_light ? seen : figures)[places[which]] = found;
 }

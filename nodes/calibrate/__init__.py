@@ -34,9 +34,7 @@ SHIFT_DEVIATION_PX = 0.5
 MIN_PIXELS = 100
 """Fewest pixels to which tables, a reflectance or LEDs are fitted."""
 FOLD_COUNT = 4
-"""Number of folds that are held out in turn: every fourth ball or slice."""
-BALL_SLICES = 16
-"""Slices of a ball, which are held out where there is only one ball."""
+"""Number of folds that are held out in turn: every fourth ball, or quarters of a single ball."""
 MAX_INDEPENDENT = 200
 """Most independent values per LED that a check press counts as, since departures are smooth."""
 DRIFT_DEGREE, FILM_ROUGHNESS = 2, 0.01

@@ -11,6 +11,7 @@ from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.capture.listed_capture import ListedCapture, listed_capture
 from tactograph.nodes.capture.read_capture import (
+    Capture,
     CaptureFile,
     Layout,
     read_capture,
@@ -81,14 +82,8 @@ def read_balls(
         not given, or the number of radii does not match the number of presses.
     """
     refuse_flat(flat, folder)
-    captures = [*read_capture(folder=folder, **layout._asdict())]
+    captures = read_presses(folder, layout)
     first = captures[0].image
-    for capture in captures:
-        if capture.image.shape != first.shape:
-            raise InputError(
-                f"{folder / capture.name}: is {lights_of(capture.image)}, but {captures[0].name} "
-                f"is {lights_of(first)}; presses of one sensor are of one size"
-            )
     names = [capture.name for capture in captures]
     if len(names) > 1 and (center_px is not None or contact_px is not None):
         raise InputError(
@@ -122,6 +117,19 @@ def read_balls(
         np.array(marks, np.float32) if marks else None,
         captures[0].pixel_size,
     )
+
+
+def read_presses(folder: Path, layout: Layout) -> list[Capture]:
+    """Return the captures of a folder, in order of name, if all are of one size."""
+    captures = [*read_capture(folder=folder, **layout._asdict())]
+    first = captures[0].image
+    for capture in captures:
+        if capture.image.shape != first.shape:
+            raise InputError(
+                f"{folder / capture.name}: is {lights_of(capture.image)}, but {captures[0].name} "
+                f"is {lights_of(first)}; presses of one sensor are of one size"
+            )
+    return captures
 
 
 def refuse_flat(flat: Path | None, folder: Path) -> None:

@@ -75,6 +75,8 @@ class Unperturbed(NamedTuple):
     """K x h x w, the light that the film throws on itself; zero if none is known."""
     changed: F4
     """Change of `bounced` in the last pass, K x h x w."""
+    sunk: F4
+    """`slope` less that of the film at rest, where the flat frame cancels the model's errors."""
 
     def rows(self, part: slice) -> Unperturbed:
         """The same for some rows."""
@@ -212,7 +214,7 @@ def _noise(root: tuple[F4, F4, F4], key: int, first: int, pixels: int) -> F4:
 
 def _leaning(seen: Unperturbed, misfit: Misfit, number: int) -> F4:
     """The error of the film's model (H3): normals lean in waves, and all too much or too little."""
-    (p, q), waves = seen.slope, wave(number)
+    (p, q), waves = seen.sunk, wave(number)
     per_mm = np.float32(2 * math.pi) / (waves.length * np.maximum(misfit[1], MIN_WAVE_WIDTH_MM))
     turned = per_mm * (waves.across * seen.x + waves.down * seen.y) + waves.phase
     square = p * p + q * q

@@ -89,7 +89,7 @@ KINK_ENERGY_SHARE = 0.1
 
 @node(
     tolerance=Flips(
-        1e-3,
+        2e-4,
         1e-6,
         2e-3,
         why="conjugate gradients add up in another order; two LEDs nearly in line",
@@ -110,6 +110,7 @@ def height_error(
     correlation: NoiseCorrelation | None = None,
     scale_error: ScaleError | None = None,
     blur: Blur | None = None,
+    tilt: Slope | None = None,
     *,
     flat_noise: Annotated[float, Ge(0)] = 0.6,
     aperture: Annotated[float, Ge(0)] = 0.1,
@@ -177,6 +178,8 @@ def height_error(
         Relative error of all heights, as `judge_radius` gives it; without it the scale is exact.
     blur
         Of the camera; without it the camera is sharp.
+    tilt
+        2 x H x W, slopes of the film at rest; None: a plane.
     flat_noise
         Noise of the flat frame relative to a touch's: 1 for a single raw frame, 0.6 if a
         calibration has smoothed it (`denoise_flat`), 1 / sqrt(n) of that for the mean of n.
@@ -193,7 +196,7 @@ def height_error(
     -------
     H x W, one standard deviation in mm.
     """
-    seen = _inside(system, light, sigma, slope, height, used, bounced, earlier)
+    seen = _inside(system, light, sigma, slope, height, used, bounced, earlier, tilt)
     inside = system.cut(height)
     *_, residual = system.residuals(inside)
     residual *= RISE_SHARE * (not film.diffuse.any())
@@ -229,6 +232,7 @@ def _inside(
     used: Labels,
     bounced: Light | None,
     earlier: Light | None,
+    tilt: Slope | None,
 ) -> Unperturbed:
     """Values without error, inside the window."""
     window, (rows, columns) = system.window, height.shape
@@ -248,6 +252,7 @@ def _inside(
         system.state == STATE_FREE,
         thrown,
         changed,
+        window.of(slope if tilt is None else slope - tilt),
     )
 
 
@@ -403,7 +408,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, drawn: Sequence[Keys])
         *frame, *networks.place, networks.pixel, settings["flat_noise"],
         math.sqrt(inputs.get("correlation") or 1.0),
         inputs["film.uneven"], inputs["film.refraction"],
-        told, keys, *(inputs.get(name) for name in ("misfit", "bounced", "earlier")),
+        told, keys, *(inputs.get(name) for name in ("misfit", "bounced", "earlier", "tilt")),
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
@@ -456,4 +461,5 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
         "film.diffuse": np.float32(rng.choice([0.0, 0.1])) * np.ones(lights, np.float32),
         "correlation": float(rng.uniform(1, 4)),
         "blur": float(rng.uniform(0, 1)),
+        "tilt": rng.normal(0, 0.2, (2, *shape)).astype(np.float32),
     }

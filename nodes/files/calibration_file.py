@@ -297,7 +297,8 @@ def kind_of(file: Path) -> ModuleType | None:
 
 def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
     if not file.is_file():
-        raise InputError(f"{file}: there is no such calibration file; '{kind.maker}' makes one")
+        what = "is a folder, and no" if file.is_dir() else "there is no such"
+        raise InputError(f"{file}: {what} calibration file; '{kind.maker}' makes one")
     try:
         return load_arrays(file)
     except (OSError, ValueError) as error:

@@ -18,6 +18,8 @@ GLINT_SHARE = 0.5
 """Share of full scale of a highlight in an otherwise dark image."""
 MIN_COUNTS = 4
 """... and number of converter steps that it must reach, because fewer show no gradation."""
+MIN_LEVELS = 255
+"""Steps from black to white of an image of 8 bits; fewer are told."""
 MAX_SATURATED = 1e-3
 """Share of saturated pixels that raises a warning."""
 MIN_PLATEAU_SHARE, PLATEAU_SIDE_SHARE = 0.9, 0.97
@@ -42,7 +44,7 @@ def check_exposed(
     names: Sequence[Path | str],
     white: int | None,
     *,
-    how_depth: str = "say 'bits: {bits}'",
+    how_depth: str = "say 'bits: {bits}' in capture.yaml",
 ) -> None:
     """Refuse images that are tiny, dark or hold too large values; warn of saturated ones.
 
@@ -87,6 +89,20 @@ def check_exposed(
             warn(mosaic)
     if shallow and white is None:
         warn(f"{names[0]}: {bits_in(stack)} bit, but no value above {2**depth - 1}; {shallow}")
+    if counts and full < MIN_LEVELS * (step := _level_step(stack[0])):
+        warn(
+            f"{names[0]}: only every {step}th gray level occurs, as in images of "
+            f"{(full // step + 1).bit_length() - 1} bits; record 8 bits or more"
+        )
+
+
+def _level_step(plane: NDArray[Any]) -> int:
+    """The distance of all values from one another, 0 if they are one; 1 where nothing is coarse."""
+    for values in plane[0], plane:  # a row tells most images
+        step = int(np.gcd.reduce(values - values.min(), axis=None))
+        if step == 1:
+            break
+    return step
 
 
 def _saturated(plane: NDArray[Any], most: float, full: float) -> float:
@@ -128,10 +144,10 @@ def _check_bright(plane: NDArray[Any], full: int, name: Path | str, shallow: str
     light = float(np.percentile(seen, 99))
     if light >= least:
         return
-    hint = f"; {shallow}" if shallow and light > MIN_LIGHT_SHARE * 4095 else ""
+    hint = f"{shallow}; else, " if shallow and light > MIN_LIGHT_SHARE * 4095 else ""
     if plane.max() > GLINT_SHARE * full:
-        hint = "; a few pixels are bright: is it a ball that mirrors? See calibrate_lights_mirror"
+        hint = "a few pixels are bright: does a ball mirror (calibrate_lights_mirror)? Else, "
     raise InputError(
-        f"{name}: too dark to measure, {light:.4g} of {full}; is the LED on and the lens cap off, "
-        f"and the exposure long enough?{hint}"
+        f"{name}: too dark to measure, {light:.4g} of {full}; {hint}is the LED on and the lens cap "
+        "off, and the exposure long enough?"
     )

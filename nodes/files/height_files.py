@@ -317,7 +317,8 @@ def read_height_file(file: Path) -> HeightFile:
         If the file is missing, damaged or no height map.
     """
     if not file.is_file():
-        raise InputError(f"{file}: there is no such file")
+        what = "is a folder; give the height in it" if file.is_dir() else "there is no such file"
+        raise InputError(f"{file}: {what}")
     suffix = file.suffix.lower()
     if suffix in HEIGHT_READERS:
         return HEIGHT_READERS[suffix](file)

@@ -53,6 +53,8 @@ LIGHT_FIELDS = (
 """The fields of `Film` on which its light depends."""
 HARMONIC_COUNT, PLACE_TERMS = 8, 6
 """Harmonics, and terms 1, u, v, u^2, u v, v^2 of the polynomial in the place."""
+HARMONIC_DEGREES = range(3)
+"""Degrees of that polynomial."""
 FADE_WIDTH = 0.15
 """Width in n_z over which the harmonics fade out beyond the slopes pressed."""
 
@@ -78,6 +80,11 @@ Place = tuple[Array, Array, Array]
 def matt_film(lights: Array) -> Film:
     """Return the simplest film: matt, nothing diffused, no harmonics, an orthographic camera."""
     return Film(**with_plain(Film, {"lights": lights}))
+
+
+def term_count(degree: int) -> int:
+    """Return the number of terms of a polynomial in the place, of this degree."""
+    return (degree + 1) * (degree + 2) // 2
 
 
 def is_affine(film: Film) -> bool:

@@ -41,6 +41,12 @@ class Touch:
     view: View = field(default_factory=View)
     metrics: Metrics | None = None
     layers: Mapping[str, Any] = field(default_factory=dict)
+    rest: Height | None = None
+
+    @property
+    def film(self) -> Height:
+        """The film's own height, above the plane of a film that is one at rest."""
+        return self.height if self.rest is None else self.height + self.rest
 
     def places_mm(self, step: int = 1) -> tuple[F8, F8]:
         """Return x and y on the film of the points that every `step`-th row and column see.
@@ -48,7 +54,7 @@ class Touch:
         In mm, right and down from where the first pixel would look on an even grid.
         """
         lens, camera = self.view
-        x, y = film_places(self.height, lens, camera or 0.0, step)
+        x, y = film_places(self.film, lens, camera or 0.0, step)
         rows, columns = self.height.shape
         return self.pixel * (x + (columns - 1) / 2), self.pixel * (y + (rows - 1) / 2)
 

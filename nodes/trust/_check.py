@@ -10,6 +10,8 @@ NOT_TESTED = np.float32(-1)
 """Value of a map where it tests nothing."""
 DARK_AS_DUE = np.float32(-0.5)
 """Value where too few LEDs test a slope, and others are in the shadow in which it puts them."""
+MIN_LIGHT = np.float32(1e-3)
+"""Light that is divided by, or of which the logarithm is taken, at least."""
 MIN_CELLS = 20
 """Minimum cells for a verdict."""
 MIN_LEDS = 3

@@ -10,18 +10,13 @@ from tactograph.nodes.trust.slope_curl import CoarseCurl
 
 STEPS_PER_IMAGE, STEPS_PER_PART = 9, 3
 """Steps along a side of the image at which its parts begin, and how many a part is wide."""
-MAX_PART_CURL = 3.0
+MAX_PART_CURL = 2.0
 """Curl over its expected size beyond which a cell of a part curls."""
-MIN_TESTED_SHARE = 0.25
-"""Share of a part's cells that are taken to be tested at least: of few cells many may curl by
-chance."""
 
 
 class CurlFigures(NamedTuple):
     """Curl over its expected size."""
 
-    middle: float
-    """Median."""
     upper: float
     """Upper quartile."""
     worst: float
@@ -31,16 +26,15 @@ class CurlFigures(NamedTuple):
 def curl_evidence(curl: CoarseCurl) -> CurlFigures:
     """Return how much the slopes of a touch curl, in all and in the worst part (T2).
 
-    They are the median and the upper quartile of the curl where it is tested, over its expected
-    size; and the largest share of cells beyond `MAX_PART_CURL` in a ninth of the image.
+    They are the upper quartile of the curl where it is tested, over its expected size; and the
+    largest share of cells beyond `MAX_PART_CURL` in a ninth of the image.
     """
     cells = thinned(curl)
     squares = cells[cells >= 0]
     tested, curled = _by_part(cells >= 0), _by_part(cells > MAX_PART_CURL**2)
-    least = max(MIN_CELLS, MIN_TESTED_SHARE * cells.size * (STEPS_PER_PART / STEPS_PER_IMAGE) ** 2)
-    share = (curled / np.maximum(tested, least))[tested >= MIN_CELLS].max(initial=0)
-    middle, upper = np.sqrt([quarter_of(squares, 2), quarter_of(squares, 3)])
-    return CurlFigures(middle, upper, share)
+    # Of few cells many may curl by chance.
+    share = (curled / (tested + MIN_CELLS)).max(initial=0)
+    return CurlFigures(np.sqrt(quarter_of(squares, 3)), share)
 
 
 def _by_part(cells: NDArray[np.bool_]) -> NDArray[Any]:

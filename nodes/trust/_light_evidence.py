@@ -2,34 +2,15 @@
 
 from typing import NamedTuple
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from tactograph.nodes import F4, Labels, Light, Misfit, Slope, Uneven
+from tactograph.nodes import F4, Labels, Light, Slope
 from tactograph.nodes.trust._check import MIN_LEDS, NOT_TESTED, quarter_of, thinned
-from tactograph.nodes.trust.light_departure import Brighter, Departure, light_error
+from tactograph.nodes.trust.light_departure import Brighter, Departure
+from tactograph.nodes.trust.slope_curl import MIN_SLOPE
 
-MIN_SLOPE = np.float32(0.1)
-"""Film less steep than this is taken to be at rest."""
-MIN_TOUCHED_CHANGE = np.float32(0.12)
-"""Departure of an LED's light from 1 from which on film is touched, whatever slope was found."""
-MAX_SQUARED_BEND = np.float32(0.08**2)
-"""`squared_bend` beyond which a cell of narrow film may hold an edge, and its brightness is not
-compared."""
-RIM_SHARE = 0.1
-"""Shadowed fraction of the touched film that indicates rims: walls that shade film are doubted,
-not left out, since beside them the height is wrong."""
-INNER_CELLS, MAX_INNER_SHARE = 5, 0.02
-"""Minimum width of a resolved feature in cells, and the share of such film up to which all is
-narrow, as the walls of grooves and letters are..."""
-MIN_SQUARED_BEND, MIN_BENT_SHARE = np.float32(0.2**2), 0.85
-"""... if this share of it bends by more than this (`squared_bend`)."""
-MIN_SQUARED_FOLD, MIN_FOLDED_SHARE = np.float32(0.4**2), 0.8
-"""The same of film that is narrow however it lies: gratings with lines of a few cells."""
-BEND_ERROR = np.float32(1 / 12)
-"""Error of the light of a cell that may hold an edge, over that square: a mean of two normals is
-short."""
+MAX_SQUARED_BEND = np.float32(0.16)
+"""`squared_bend` beyond which a cell may hold an edge, whose light is a mean of two normals."""
 
 
 class LightFigures(NamedTuple):
@@ -43,10 +24,8 @@ class LightFigures(NamedTuple):
     """How many of them are tested, be it by dark LEDs alone."""
     rest: float
     """Median departure of the light of the others."""
-    middle: float
-    """Median departure of the light of such cells."""
     upper: float
-    """Its upper quartile."""
+    """Upper quartile of the departure of the light of such cells."""
     dim: float
     """Lower quartile of the light in shadow, as of a matt film."""
     dirty: float
@@ -58,8 +37,6 @@ class LightFigures(NamedTuple):
 def light_evidence(
     departure: Departure,
     slope: Slope,
-    misfit: Misfit,
-    uneven: Uneven | None = None,
     brighter: Brighter | None = None,
     used: Labels | None = None,
     matt: Light | None = None,
@@ -68,7 +45,8 @@ def light_evidence(
 ) -> LightFigures:
     """Return how far the light departs from what the slopes predict, in figures (T1, T4).
 
-    Figures of fewer than `MIN_CELLS` cells, and of what is not given, are 0.
+    Where three quarters of the touched film may hold edges, as that of fine gratings, its light is
+    not compared.  Figures of fewer than `MIN_CELLS` cells, and of what is not given, are 0.
     """
     bend = thinned(squared_bend(slope))
     departs, (p, q) = thinned(departure), thinned(slope)
@@ -76,11 +54,8 @@ def light_evidence(
     whole = None if matt is None else (1 << len(matt)) - 1
     shades = steep & (thinned(used) != whole) if used is not None and whole else steep & False
     cells, shaded = int(steep.sum()), int(shades.sum())
-    at_rest, of_touch = departs[tested & ~steep], departs[tested & steep]
-    narrow = shaded <= RIM_SHARE * cells and _is_narrow(steep, bend)
-    if narrow:
-        wider = BEND_ERROR / np.float32(light_error(misfit, uneven or 0.0)) * bend
-        of_touch = of_touch / (1 + np.square(wider[tested & steep]))
+    compared = np.bool_(4 * np.count_nonzero(bend[steep] > MAX_SQUARED_BEND) <= 3 * cells)
+    at_rest, of_touch = departs[tested & ~steep], departs[tested & steep & compared]
     dim = dirty = middle = 0.0
     if matt is not None and shadow is not None:
         dim = quarter_of(_light_in_shadow(thinned(matt), thinned(shadow)), 1)
@@ -89,12 +64,11 @@ def light_evidence(
         lit = np.bool_(True) if used is None else np.bitwise_count(thinned(used)) >= MIN_LEDS
         dirty = int((lit & (excess < -np.float32(max_dimming))).sum())
         if matt is not None:
-            lit = lit & (np.abs(thinned(matt) - 1) > MIN_TOUCHED_CHANGE).any(axis=0)
-            middle = quarter_of(excess[lit & (bend < MAX_SQUARED_BEND) if narrow else lit], 2)
-    spread = (at_rest, 2), (of_touch, 2), (of_touch, 3)
-    rest, median, upper = (np.sqrt(quarter_of(*each)) for each in spread)
+            touched = compared & lit & (np.abs(thinned(matt) - 1) > MIN_SLOPE).any(axis=0)
+            middle = quarter_of(excess[touched], 2)
+    rest, upper = np.sqrt([quarter_of(at_rest, 2), quarter_of(of_touch, 3)])
     known = int((steep & (departs > NOT_TESTED)).sum())
-    return LightFigures(cells, shaded, known, rest, median, upper, dim, dirty, middle)
+    return LightFigures(cells, shaded, known, rest, upper, dim, dirty, middle)
 
 
 def squared_bend(slope: F4) -> F4:
@@ -105,17 +79,6 @@ def squared_bend(slope: F4) -> F4:
     bend[:, 2:-2] += (across * across).sum(axis=0)
     bend[2:-2] += (down * down).sum(axis=0)
     return bend
-
-
-def _is_narrow(steep: NDArray[np.bool_], bend: F4) -> bool:
-    """Whether steep film bends so much from cell to cell that its cells may hold edges."""
-    cells, bends = np.count_nonzero(steep), bend[steep]
-    if np.count_nonzero(bends > MIN_SQUARED_BEND) < MIN_BENT_SHARE * cells:
-        return False
-    if np.count_nonzero(bends > MIN_SQUARED_FOLD) > MIN_FOLDED_SHARE * cells:
-        return True
-    inner = cv2.erode(steep.astype(np.uint8), np.ones((INNER_CELLS, INNER_CELLS), np.uint8))
-    return bool(np.count_nonzero(inner) <= MAX_INNER_SHARE * cells)
 
 
 def _light_in_shadow(light: F4, shadow: Labels) -> F4:

@@ -20,7 +20,7 @@ import numpy as np
 
 from tactograph.graph import Port
 from tactograph.nodes import F4, F8
-from tactograph.nodes.trust._check import MAX_CELLS, MIN_CELLS
+from tactograph.nodes.trust._check import MIN_CELLS, MIN_LIGHT
 from tactograph.nodes.trust.film_motion import FilmMotion, motion_size
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 from tactograph.nodes.trust.line_changes import LineChanges
@@ -32,12 +32,9 @@ RANK_COUNT = 100
 """Quantiles that are kept: half a per cent, one and a half, ..."""
 QUANTILE_ERROR, SHARE_ERROR = 0.1, 0.01
 """Error of a quantile of some hundred cells, over their deviation; error of a share of cells."""
-MOTION_ERROR = 0.003
-"""Error of a motion of the camera over the width of the image: a pixel of 320."""
 TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)
-MIN_HEIGHT_MM, MIN_CHANGE = 0.15, 1e-4
-"""Height that a depth below the film at rest is compared with at least; change of light between
-pixels that is divided by."""
+MIN_HEIGHT_MM = 0.15
+"""Height that a depth below the film at rest is compared with at least."""
 
 
 class Figure(NamedTuple):
@@ -67,10 +64,9 @@ WRONG_BRIGHTNESS = (
 )
 CHECK_FIGURES = {
     "curl": Figure("curl", QUANTILE_ERROR, NO_SURFACE),
-    "curl_quartile": Figure("curl", QUANTILE_ERROR, NO_SURFACE),
     "curl_of_part": Figure(
         "curl",
-        1 / MIN_CELLS,
+        SHARE_ERROR,
         "in a part of the image the slopes are those of no surface (check that the frames are "
         "whole, that all are of one touch, and that nothing moved while the LEDs flashed)",
     ),
@@ -81,14 +77,13 @@ CHECK_FIGURES = {
         "the images are neither compressed nor of fewer gray levels than those of the calibration)",
     ),
     "light": Figure("light", QUANTILE_ERROR, LIGHT_OF_NO_SURFACE),
-    "light_quartile": Figure("light", QUANTILE_ERROR, LIGHT_OF_NO_SURFACE),
     "darker": Figure("light", MIN_ERROR, WRONG_BRIGHTNESS),
     "brighter": Figure("light", MIN_ERROR, WRONG_BRIGHTNESS),
     "lit_shadows": Figure(
         "light",
         MIN_ERROR,
-        "shadows are not dark (keep other light out, or take the calibration and a dark image "
-        "under it)",
+        "shadows are not dark (check the focus, and keep other light out, or take the calibration "
+        "and a dark image under it)",
     ),
     "dirty_cells": Figure(
         "light",
@@ -98,7 +93,7 @@ CHECK_FIGURES = {
     ),
     "untested": Figure(
         "light",
-        1 / MIN_CELLS,
+        SHARE_ERROR,
         "only two LEDs light most of the touch, which fits any light (check the exposure, and that "
         "no LED is dead)",
     ),
@@ -114,12 +109,6 @@ CHECK_FIGURES = {
         "{led} {sense} than in the calibration (check exposure, gain and LED, and that other light "
         "is kept out)",
     ),
-    "spread": Figure(
-        "rest",
-        MIN_ERROR,
-        "LED {number} is {sense_apart} than in the calibration, and the others are not (check the "
-        "LED; if the touch reaches all borders, the height's tilt is unknown)",
-    ),
     "shape": Figure(
         "rest",
         MIN_ERROR,
@@ -128,13 +117,13 @@ CHECK_FIGURES = {
     ),
     "moved": Figure(
         "rest",
-        MOTION_ERROR,
+        MIN_ERROR,
         "the film at rest does not lie where the flat frame shows it: {moved} (check that camera, "
         "lens, zoom and crop are those of the calibration; else calibrate again)",
     ),
     "dark_share": Figure(
         "rest",
-        1 / MAX_CELLS,
+        SHARE_ERROR,
         "parts of the image are without light (crop the images to the film, in the calibration "
         "too, and check that frames are whole)",
     ),
@@ -162,11 +151,11 @@ CHECK_FIGURES = {
 doubted touch from those that do not (`likely_cause`)."""
 SYMPTOM_FIGURES = (
     "moved", "brighter", "darker", "shape", "light_at_rest", "lit_shadows", "light",
-    "light_quartile", "depth", "touched_share",
+    "depth", "touched_share",
 )  # fmt: skip
 """Figures that several causes change, the more of them the later."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
-CheckRanks = Annotated[F4, Port("3 22 100", "1", low=0, high=3)]
+CheckRanks = Annotated[F4, Port("3 19 100", "1", low=0, high=3)]
 """Quantiles of the figures of right touches, in ascending order, and last of their least p-values:
 by `Ranked`.  Below 0: none were drawn."""
 
@@ -180,7 +169,7 @@ class Ranked(IntEnum):
     PLAIN = 2
 
 
-NO_RANKS = np.full((3, len(CHECK_FIGURES) + 1, RANK_COUNT), -1, np.float32)
+NO_RANKS = np.full((len(Ranked), len(CHECK_FIGURES) + 1, RANK_COUNT), -1, np.float32)
 """Those of a calibration from which no touches were drawn."""
 
 
@@ -199,21 +188,21 @@ def figures_of(
     curl, film, light = evidence.read()
     change = evidence.level.astype(np.float64) - 1
     deep = -film.lowest / max(film.highest, MIN_HEIGHT_MM)
-    level, spread = math.sqrt(float(np.square(change).mean())), float(change.std())
-    seen = light.rest, light.middle, light.upper, -light.brighter, light.brighter
+    level = math.sqrt(float(np.square(change).mean()))
+    seen = light.rest, light.upper, -light.brighter, light.brighter
     tested = light.tested / light.steep if light.steep >= MIN_CELLS else 1.0
     rows = 0.0 if lines is None else _worst_line(lines)
     more = light.dim, light.dirty, max(1 / 2 - tested, 0.0), rows
     moved = 0.0 if motion is None else motion_size(motion)
-    rest = level, spread, film.shape, moved, film.dark, 1 - film.calm, deep, abs(added)
+    rest = level, film.shape, moved, film.dark, 1 - film.calm, deep, abs(added)
     return np.array([*curl, *seen, *more, *rest, left])
 
 
 def _worst_line(lines: LineChanges) -> float:
     """How far the worst row departs from the rows beside it, over the worst column (T5)."""
     across, along, columns = lines
-    worst = float((across / np.maximum(along, np.float32(MIN_CHANGE))).max())
-    return worst / max(float(columns.max() / max(np.median(columns), MIN_CHANGE)), 1.0)
+    worst = float((across / np.maximum(along, MIN_LIGHT)).max())
+    return worst / max(float(columns.max() / max(np.median(columns), MIN_LIGHT)), 1.0)
 
 
 def ranked(drawn: F8, own: F8 | None = None) -> F8:
@@ -226,8 +215,8 @@ def ranked(drawn: F8, own: F8 | None = None) -> F8:
 
     Parameters
     ----------
-    drawn : N x 21, the figures of touches drawn from the calibration
-    own : P x 21, those of its presses; P may be 0
+    drawn : N x 18, the figures of touches drawn from the calibration
+    own : P x 18, those of its presses; P may be 0
     """
     levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
     quantiles, both = np.quantile(drawn, levels, axis=0), drawn

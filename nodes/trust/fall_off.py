@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, CoarseLight
+from tactograph.nodes.trust._check import MIN_LIGHT
 
 RING_CELLS = 4
-"""Width of the border at which film should be at rest."""
+"""Width of the border at which film should be at rest, and of the window, two standard deviations
+of it, in which the light's fall-off is taken."""
 RING_STEP = 3
 """Every so many cells of it are looked at, along diagonals; that is enough for four unknowns."""
-SMOOTH_CELLS = 2.0
-"""Standard deviation of the window in which the light's fall-off is taken."""
-DARK_LIGHT = np.float32(1e-3)
-"""Light below which no logarithm is taken."""
 FallOff = Annotated[F4, Port("4 K h w", "1")]
 """Change of the logarithm of the light at the border with a shift along x and y, a zoom and a turn;
 0 elsewhere."""
@@ -45,7 +43,7 @@ def fall_off(flat: CoarseLight) -> FallOff:
     middle = np.array([rows - 1, columns - 1])[:, None, None] / 2
     y, x = (np.mgrid[:rows, :columns] - middle)[:, ring] / columns
     smooth = [
-        cv2.GaussianBlur(np.log(np.maximum(plane, DARK_LIGHT)), (0, 0), SMOOTH_CELLS)
+        cv2.GaussianBlur(np.log(np.maximum(plane, MIN_LIGHT)), (0, 0), RING_CELLS / 2)
         for plane in flat
     ]
     down, along = (columns * slope[:, ring] for slope in np.gradient(np.stack(smooth), axis=(1, 2)))

@@ -7,12 +7,10 @@ import numpy as np
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, CoarseLight
-from tactograph.nodes.trust.added_light import MIN_EXPLAINED, calm_weight
-from tactograph.nodes.trust.fall_off import DARK_LIGHT, FallOff
-from tactograph.nodes.trust.light_departure import MIN_ERROR
+from tactograph.nodes.trust._check import MIN_LIGHT
+from tactograph.nodes.trust._explained import explained
+from tactograph.nodes.trust.fall_off import FallOff
 
-FIT_ROUNDS = 5
-"""Rounds of robust least squares: film that is touched drops out in the first ones."""
 MIN_TOLD = 0.01
 """Share of the width, zoom or turn from which on it is worth a word."""
 FilmMotion = Annotated[F4, Port("4", "1")]
@@ -43,8 +41,7 @@ def motion_in_words(motion: FilmMotion) -> str:
 def film_motion(light: CoarseLight, fall_off: FallOff) -> FilmMotion:
     """Return the shift, zoom and turn that explain the film at rest along the border (T7).
 
-    They are the least-squares solution, regularised by the error of the light, and 0 if they
-    explain less than 0.7 of the changes of the light beside each LED's gain.
+    They are 0 if they explain too little of it (`explained`).
 
     Parameters
     ----------
@@ -54,20 +51,5 @@ def film_motion(light: CoarseLight, fall_off: FallOff) -> FilmMotion:
     ring = fall_off.any(axis=(0, 1))
     if not ring.any():
         return np.zeros(len(fall_off), np.float32)
-    change = np.log(np.maximum(light[:, ring], DARK_LIGHT))
-    known = np.concatenate([fall_off[:, :, ring], change[None]]).astype(np.float64)
-    count = len(fall_off)
-    ridge = MIN_ERROR**2 * change.size * np.eye(count)
-    weight = np.ones(change.shape[1])
-    for _ in range(FIT_ROUNDS):
-        # An LED's gain is its weighted mean.
-        even = known - (known @ (weight / weight.sum()))[..., None]
-        rows = even.reshape(count + 1, -1)
-        square = (even * weight).reshape(count + 1, -1) @ rows.T
-        motion = np.linalg.solve(square[:count, :count] + ridge, square[:count, count])
-        left = np.square(rows[count] - motion @ rows[:count]).reshape(change.shape).mean(axis=0)
-        weight = calm_weight(left)
-    shown = np.square(even[count]).mean(axis=0)
-    if left @ weight >= (1 - MIN_EXPLAINED) * (shown @ weight):
-        return np.zeros(count, np.float32)
-    return motion.astype(np.float32)
+    change = np.log(np.maximum(light[:, ring], MIN_LIGHT))
+    return explained(change, fall_off[:, :, ring]).astype(np.float32)

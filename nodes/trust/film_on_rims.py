@@ -10,8 +10,8 @@ from tactograph.graph import Port, node
 from tactograph.nodes import F4, U1, Height, Lens, Mask
 from tactograph.nodes.optics.lens import is_straight, nearest_ideal
 
-TOUCHED_SHARE, TOUCHED_MM = 0.1, 0.02
-"""Film is touched above this share of the greatest height, and above this height."""
+TOUCHED_SHARE = 0.1
+"""Film is touched above this share of the greatest height."""
 RimShare = Annotated[float, Port(unit="1")]
 """Share of the touched film that hangs on rims."""
 
@@ -57,7 +57,7 @@ def _hanging(height: F4, rims: Mask) -> tuple[NDArray[np.bool_], float]:
     """Which touched film is rim, or is parted by rims from all other film; and its share."""
     if not rims.any():
         return rims.view(np.bool_), 0.0
-    touched = height > max(TOUCHED_MM, TOUCHED_SHARE * float(height.max()))
+    touched = height > TOUCHED_SHARE * float(height.max())
     count, parts = cv2.connectedComponents(1 - rims, connectivity=4)
     measured = np.zeros(count, bool)
     measured[parts[~touched]] = True

@@ -11,7 +11,6 @@ from annotated_types import Interval
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F8, CoarseLight, LightPositions, Metrics
-from tactograph.nodes.trust._light_evidence import RIM_SHARE
 from tactograph.nodes.trust.check_ranks import (
     CHECK_FIGURES,
     SYMPTOM_FIGURES,
@@ -154,17 +153,15 @@ def _said(
     """The causes with the facts of this touch."""
     light, change = evidence.read()[2], evidence.level.astype(np.float64) - 1
     apart = change - change.mean()
-    one, other = int(np.abs(change).argmax()), int(np.abs(apart).argmax())
+    one = int(np.abs(change).argmax())
     together = np.abs(apart).max() < np.abs(change.mean())
-    has_rims = light.shaded > RIM_SHARE * max(light.steep, 1)
+    has_rims = light.shaded > MAX_RIM_SHARE * max(light.steep, 1)
     facts = {
         "rims": "; walls and rims need the graph precise" if has_rims else "",
         "bright": "brighter" if light.brighter > 0 else "darker",
         "excess": abs(light.brighter),
         "led": "all LEDs are" if together else f"LED {one + 1} is",
         "sense": _sense(change.mean() if together else change[one]),
-        "number": other + 1,
-        "sense_apart": _sense(apart[other]),
         "moved": "" if motion is None else motion_in_words(motion),
         "added": "other light was added to the touch" if added > 0 else "the touch lacks light",
     }

@@ -16,34 +16,22 @@ import cv2
 import numpy as np
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
-from tactograph.nodes.trust._check import MIN_CELLS, MIN_LEDS
-from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE
+from tactograph.nodes.trust._check import MIN_CELLS, MIN_LEDS, MIN_LIGHT
+from tactograph.nodes.trust._explained import explained
+from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE, DARK_LIGHT
 from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
-from tactograph.nodes.trust.fall_off import border_cells
-from tactograph.nodes.trust.film_motion import FIT_ROUNDS
-from tactograph.nodes.trust.image_orders import (
-    IMAGES_SWAPPED,
-    TURNED_IMAGES,
-    orders,
-    out_of_place,
-    words_of_order,
-)
+from tactograph.nodes.trust.fall_off import RING_CELLS, border_cells
+from tactograph.nodes.trust.image_orders import TURNED_IMAGES, longer_orders, swaps, words_of_order
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 
-TRIED_ROWS, TRIED_COLUMNS = 30, 40
-"""Cells on which mistakes are tried: few, since there are a hundred."""
-MIN_LIGHT = 0.3
+TRIED_COLUMNS = 40
+"""Cells across the image on which mistakes are tried: few, since there are a hundred."""
+MIN_LIT_LIGHT = 0.3
 """Light that is no shadow."""
-RING_CELLS = 3
-"""Width of the border at which film should be at rest."""
-USUAL_GAMMA, MAX_GAMMA = 2.2, 2.5
-MAX_APART = 2e-3
-"""Root mean square difference of two images that are one."""
+USUAL_GAMMA = 2.2
+"""Gamma that is tried; a contrast is told that is nearer to it, or its inverse, than to none."""
 TORN_STEP = 3
 """Rows between the places at which frames are tried as torn."""
-MIN_LOG_CONTRAST, MAX_UNEXPLAINED, MIN_LOGGED = math.log(1.5), 0.1, 1e-3
-"""Logarithm of the contrast that is told, up or down; share of the light's changes that it may
-leave; light of which the logarithm is taken at least."""
 
 
 class _Mistake(NamedTuple):
@@ -81,18 +69,17 @@ def likely_cause(
         return BANDS_TOLD
     small, rest = _resized(raw), _divisor(flat)
     if share_of(_left(small / rest, lights)) >= false_alarms:
-        return _contrast(small, rest)
+        return _at_border(small, rest)
     # Fewer LEDs fit anything better, and so do they if the camera has moved.
     may_be_foreign = len(raw) > MIN_LEDS and not has_moved
     in_part = chain(_torn(small), _without_one(small) if may_be_foreign else ())
-    is_square = light.shape[1] == light.shape[2]
-    for stage in _mistakes(small, is_square), in_part:
+    for stage in _mistakes(small), in_part:
         tried = [(_left(taken / rest[leds], lights[leds]), words) for words, taken, leds in stage]
         least = min((left for left, _ in tried), default=math.inf)
         if share_of(least) >= false_alarms:
             # Simple mistakes come first.
             return next(words for left, words in tried if left <= least + MIN_ERROR)
-    return _contrast(small, rest)
+    return _at_border(small, rest)
 
 
 def left_as_matt(light: CoarseLight, flat: CoarseLight, lights: LightPositions) -> float:
@@ -103,37 +90,52 @@ def left_as_matt(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
     return _left(_resized(light * flat) / _divisor(flat), lights)
 
 
-def _contrast(raw: F4, rest: F4) -> str:
-    """Whether the border has another contrast than the flat frame; a camera's light has the same.
+def _at_border(raw: F4, rest: F4) -> str:
+    """What changed the film at rest along the border: a contrast, or the film itself.
 
-    That is the slope of the logarithm of its light over that of the flat frame's.
+    A contrast is the slope of the logarithm of the light over that of the flat frame's.  A camera's
+    light has that of the flat frame, everywhere; a film's own brightness changes under all LEDs
+    alike.
     """
-    ring = border_cells(raw.shape[1:], RING_CELLS)
-    logged = np.log(np.maximum(np.stack([raw, rest])[:, :, ring], MIN_LOGGED))
-    weight = np.ones(logged.shape[2])
-    for _ in range(FIT_ROUNDS):
-        seen, due = logged - (logged @ (weight / weight.sum()))[..., None]
-        slopes = (seen * due) @ weight / np.maximum(np.square(due) @ weight, MIN_LOGGED)
-        left = np.square(seen - slopes[:, None] * due).mean(axis=0)
-        # Touched film drops out.
-        weight = 1 / (1 + left / (np.median(left) + MIN_LOGGED**2)) ** 2
-    unexplained = left @ weight / max(float(np.square(seen).mean(axis=0) @ weight), MIN_LOGGED**2)
-    times = float(np.median(slopes))
-    if unexplained > MAX_UNEXPLAINED or times < 1 / MAX_GAMMA:
-        return ""  # another film, or another sensor
-    if abs(math.log(times)) < MIN_LOG_CONTRAST:
+    # A black part of the image is no film.
+    ring = border_cells(raw.shape[1:], RING_CELLS) & (raw > DARK_LIGHT * rest).any(axis=0)
+    if not ring.any():
         return ""
-    return (
-        f"the film at rest has {times:.2g} times the contrast of the flat frame (switch off gamma, "
-        "automatic contrast and histogram equalisation)"
-    )
+    logged = np.log(np.maximum(np.stack([raw, rest]), MIN_LIGHT))
+    seen, due = logged[:, :, ring]
+    if contrast := _contrast(seen, due):
+        return (
+            f"the film at rest has {contrast:.2g} times the contrast of the flat frame (switch off "
+            "gamma, automatic contrast and histogram equalisation, and check that the calibration "
+            "is this sensor's)"
+        )
+    if explained(seen - due, np.broadcast_to((seen - due).mean(axis=0), (1, *seen.shape))).any():
+        return (
+            "the film at rest is brighter in places and darker in others, under all LEDs alike "
+            "(check that it is the film of the calibration, and that film and lens are clean)"
+        )
+    means = [[cv2.GaussianBlur(plane, (0, 0), RING_CELLS) for plane in planes] for planes in logged]
+    if contrast := _contrast(*(logged - means)[:, :, ring]):
+        return (
+            f"the film at rest has {contrast:.2g} times the contrast of the flat frame from place "
+            "to place, but not as a whole (switch off local contrast, such as CLAHE or HDR)"
+        )
+    return ""
+
+
+def _contrast(seen: F4, due: F4) -> float:
+    """The contrast of the light over that of the flat frame's, both K x N in logarithms; or 0."""
+    times = float(explained(seen, due[None])[0])
+    if times <= 0 or abs(math.log(times)) < math.log(USUAL_GAMMA) / 2:
+        return 0.0
+    return times
 
 
 def _alike(raw: F4) -> str:
-    planes = raw / np.maximum(raw.mean(axis=(1, 2), keepdims=True), np.float32(MIN_LOGGED))
+    planes = raw / np.maximum(raw.mean(axis=(1, 2), keepdims=True), MIN_LIGHT)
     for k in range(1, len(planes)):
         for j in range(k):
-            if float(np.sqrt(np.mean((planes[j] - planes[k]) ** 2))) < MAX_APART:
+            if float(np.sqrt(np.mean((planes[j] - planes[k]) ** 2))) < MIN_ERROR:
                 return (
                     f"the images of LED {j + 1} and LED {k + 1} show the same light (check that "
                     "each LED is lit for its own image, and that none was copied)"
@@ -141,30 +143,27 @@ def _alike(raw: F4) -> str:
     return ""
 
 
-def _mistakes(raw: F4, is_square: bool) -> Iterator[_Mistake]:
+def _mistakes(raw: F4) -> Iterator[_Mistake]:
     """Simple ones first."""
     yield _Mistake(
         "the images look as if a gamma had been applied (record raw light: gamma and contrast off)",
         raw ** np.float32(USUAL_GAMMA),
     )
     yield _Mistake("the images look like negatives: bright where film is dark", 1 - raw)
-    if is_square:
+    if raw.shape[1] == raw.shape[2]:
         # Both do the same where LEDs stand on both sides of the diagonal.
         yield _Mistake(
             "the images are transposed, or those of two LEDs across the diagonal are swapped (rows "
             "have to be rows; check names and wires)",
-            np.stack([cv2.resize(plane.T, plane.shape[::-1]) for plane in raw]),
+            raw.transpose(0, 2, 1),
         )
-    others = [order for order in orders(len(raw)) if out_of_place(order)]
-    for order in others:
-        if out_of_place(order) == IMAGES_SWAPPED:
-            yield _Mistake(words_of_order(order), raw[list(order)])
+    for order in swaps(len(raw)):
+        yield _Mistake(words_of_order(order), raw[list(order)])
     for side, turn in TURNED_IMAGES.items():
         beside = "beside those of the calibration, with which they would fit"
         yield _Mistake(f"the images are {side} {beside}", turn(raw))
-    for order in others:
-        if out_of_place(order) > IMAGES_SWAPPED:
-            yield _Mistake(words_of_order(order), raw[list(order)])
+    for order in longer_orders(len(raw)):
+        yield _Mistake(words_of_order(order), raw[list(order)])
 
 
 def _torn(raw: F4) -> Iterator[_Mistake]:
@@ -193,11 +192,11 @@ def _without_one(raw: F4) -> Iterator[_Mistake]:
 def _left(light: F4, lights: LightPositions) -> float:
     """What a matt film leaves of the light: residual, length of the normal, curl, film at rest."""
     median = np.median(light, axis=(1, 2), keepdims=True)
-    light = np.asarray(light / np.maximum(median, np.float32(MIN_LOGGED)), np.float32)
+    light = np.asarray(light / np.maximum(median, MIN_LIGHT), np.float32)
     directions = lights / lights[:, 2:]
     normal = np.tensordot(np.linalg.pinv(directions), light, 1)
     touched = (np.abs(light - 1) > CALM_DEPARTURE).any(axis=0)
-    lit = touched & (light > MIN_LIGHT).all(axis=0)
+    lit = touched & (light > MIN_LIT_LIGHT).all(axis=0)
     if np.count_nonzero(lit) < MIN_CELLS:
         return math.inf
     residual = (np.tensordot(directions, normal, 1) - light)[:, lit]
@@ -217,12 +216,10 @@ def _left(light: F4, lights: LightPositions) -> float:
 
 
 def _divisor(flat: F4) -> F4:
-    return np.maximum(_resized(flat), np.float32(1e-3))
+    return np.maximum(_resized(flat), MIN_LIGHT)
 
 
 def _resized(planes: F4) -> F4:
-    small = [
-        cv2.resize(plane, (TRIED_COLUMNS, TRIED_ROWS), interpolation=cv2.INTER_AREA)
-        for plane in planes
-    ]
-    return np.asarray(small, np.float32)
+    rows, columns = planes.shape[1:]
+    size = TRIED_COLUMNS, max(2, round(TRIED_COLUMNS * rows / columns))
+    return np.asarray([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in planes])

@@ -9,22 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, F8
+from tactograph.nodes.trust._check import MIN_CELLS, MIN_LIGHT
+from tactograph.nodes.trust._explained import explains
 from tactograph.nodes.trust.fall_off import RING_CELLS, border_cells
 from tactograph.nodes.trust.image_orders import TURNED_IMAGES
 
-MIN_LIGHT = np.float32(0.01)
-"""Light of which the logarithm is taken at least."""
-MIN_APART = 0.01
-"""Root mean square difference of two fall-offs from which on they are looked into."""
-MIN_GAIN, MAX_RATIO_ALIKE = 2.5, 1.25
-"""What images leave as they are over what they leave without the mistake; and how much more another
-mistake may leave that explains them as well."""
-MIN_FREE_CELLS = 50
-"""Fewer cells of film at rest show no fall-off."""
-
 
 def other_frame(touch: F4, flat: F4, free: NDArray[np.bool_]) -> str:
-    """Return what was done to the images of a touch, in words; "" if nothing explains more.
+    """Return what was done to the images of a touch, in words; "" if nothing explains it.
 
     Where LEDs stand on both sides of an axis, mirrored images are those of LEDs that are exchanged:
     both are named.
@@ -37,7 +29,7 @@ def other_frame(touch: F4, flat: F4, free: NDArray[np.bool_]) -> str:
     seen, due = (np.log(np.maximum(a, MIN_LIGHT)) for a in (touch, flat))
     apart = _apart(seen, due, free)
     as_it_is = float(np.trace(apart)) / len(apart)
-    if np.count_nonzero(free) < MIN_FREE_CELLS or as_it_is < MIN_APART**2:
+    if np.count_nonzero(free) < MIN_CELLS or not explains(0.0, as_it_is):
         return ""
     left = {}
     for side, turn in TURNED_IMAGES.items():
@@ -49,10 +41,7 @@ def other_frame(touch: F4, flat: F4, free: NDArray[np.bool_]) -> str:
     if (image != led).any():
         order = ", ".join(str(k + 1) for k in np.argsort(led))
         left[f"in another order (taken as {order} they fit)"] = float(apart[image, led].mean())
-    least = min(left.values())
-    if least * MIN_GAIN**2 > as_it_is:
-        return ""
-    return ", or ".join(words for words, each in left.items() if each <= MAX_RATIO_ALIKE**2 * least)
+    return ", or ".join(words for words, each in left.items() if explains(each, as_it_is))
 
 
 def other_colours(touch: F4, flat: F4) -> str:

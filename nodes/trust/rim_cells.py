@@ -7,8 +7,8 @@ import numpy as np
 from tactograph.graph import node
 from tactograph.nodes import Labels, Mask, Slope
 
-MAX_SQUARED_TURN = np.float32(1.25**2)
-"""Square of the change of the slope from cell to cell beyond which an edge lies within a cell,
+MAX_TURN = np.float32(1.25)
+"""Change of the slope from cell to cell beyond which an edge lies within a cell,
 which shows the mean of both sides."""
 MIN_RIM_SLOPE = np.float32(1.0)
 """Slope of the steeper side above which such an edge is a rim."""
@@ -28,7 +28,7 @@ def rim_cells(slope: Slope, shadow: Labels) -> Mask:
     slope, shadow : 2 x H x W and H x W, as `label_lights` found them, on cells
     """
     edge = np.zeros(shadow.shape, bool)
-    across, down = (_squares(np.diff(slope, axis=axis)) > MAX_SQUARED_TURN for axis in (2, 1))
+    across, down = (_squares(np.diff(slope, axis=axis)) > MAX_TURN * MAX_TURN for axis in (2, 1))
     for side in (edge[:, 1:], edge[:, :-1]):
         side |= across
     for side in (edge[1:], edge[:-1]):

@@ -13,17 +13,13 @@ from tactograph.nodes.trust._check import MIN_LEDS, NOT_TESTED
 
 CoarseCurl = Annotated[F4, Port("h w", "1", low=-1, high=25)]
 """Curl over what is expected of a surface, squared; -1 where it tests nothing."""
-MIN_SLOPE = np.float32(0.05)
-"""Film less steep is as good as at rest."""
-NOISE_WEIGHT = np.float32(2)
-"""Weight of the slopes' variances among the causes of curl."""
-MAX_CURVATURE = np.float32(0.5)
-"""Change of the slope per cell beyond which a cell holds an edge."""
+MIN_SLOPE = np.float32(0.1)
+"""Film less steep than this is taken to be at rest, and so is film whose light changes by less."""
 
 
 @node(
     derived=cells_by("factor"),
-    tolerance=Flips(5e-3, 1e-3, 5e-3, why="slopes and curvatures at the limits of a test"),
+    tolerance=Flips(5e-3, 1e-3, 5e-3, why="slopes and curvatures at the limit of a test"),
 )
 def slope_curl(
     slope: Slope,
@@ -43,10 +39,9 @@ def slope_curl(
     with differences of the cells' mean slopes::
 
         c = dp/dy - dq/dx,    D^2 = |grad p|^2 + |grad q|^2
-        c^2 / (2 (var p + var q) + level^2 + (share D)^2 + least^2)                          (T2)
+        c^2 / (var p + var q + level^2 + (share D)^2 + least^2)                              (T2)
 
-    The variances are those of the four cells' means, twice, so that noise alone stays well below a
-    limit that is meant for curvature; level is the calibration's misfit.
+    The variances are those of the four cells' means; level is the calibration's misfit.
 
     Parameters
     ----------
@@ -64,7 +59,7 @@ def slope_curl(
     Returns
     -------
     h x w: between a cell and those right of and below it; -1 in the last row and column, on film
-    that is level, and where an edge passes.
+    that is level.
     """
     side = cell_side(slope.shape[1], slope.shape[2], factor)
     p, q = coarsen(slope, factor=side)
@@ -73,7 +68,7 @@ def slope_curl(
         return out
     curl = _down(p) - _right(q)
     bent = _right(p) ** 2 + _down(p) ** 2 + _right(q) ** 2 + _down(q) ** 2
-    tests = (_least(p * p + q * q) > MIN_SLOPE * MIN_SLOPE) & (bent < MAX_CURVATURE**2)
+    tests = _least(p * p + q * q) > MIN_SLOPE * MIN_SLOPE
     if used is not None:
         tests &= _least(np.bitwise_count(used[::side, ::side])) >= MIN_LEDS
     floor = np.float32(least * least + float(misfit[0]) ** 2)
@@ -81,7 +76,7 @@ def slope_curl(
     if variance is not None:
         pixels = np.float32((side * cell_px) ** 2)
         noise = _mean(coarsen(variance, factor=side).sum(axis=0)) / pixels
-        expected = expected + NOISE_WEIGHT * noise
+        expected = expected + noise
     out[:-1, :-1] = np.where(tests, curl * curl / expected, NOT_TESTED)
     return out
 

@@ -11,7 +11,7 @@ from annotated_types import Interval
 
 from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
-from tactograph.nodes import F4, CoarseLight, Height, Labels, Light, Misfit, Slope, Uneven
+from tactograph.nodes import F4, CoarseLight, Height, Labels, Light, Slope
 from tactograph.nodes.light.film_drift import DRIFT_TERMS, Drift
 from tactograph.nodes.trust._check import thinning
 from tactograph.nodes.trust._curl_evidence import CurlFigures, curl_evidence
@@ -25,13 +25,13 @@ class TouchEvidence(NamedTuple):
     """What `judge_touch` judges: little, in arrays as few as can be read back from a device."""
 
     level: RestLevel
-    figures: Annotated[F4, Port("18", "1", low=0, high=5)]
+    figures: Annotated[F4, Port("16", "1", low=0, high=5)]
     """Those of the curl, of the film and of the light, one behind the other."""
 
     def read(self) -> tuple[CurlFigures, FilmFigures, LightFigures]:
         """How much the slopes curl, what the film at rest is like, and how the light departs."""
         figures = self.figures.tolist()
-        return CurlFigures(*figures[:3]), FilmFigures(*figures[3:9]), LightFigures(*figures[9:])
+        return CurlFigures(*figures[:2]), FilmFigures(*figures[2:8]), LightFigures(*figures[8:])
 
 
 @node(
@@ -46,8 +46,6 @@ def touch_evidence(
     departure: Departure | None = None,
     brighter: Brighter | None = None,
     slope: Slope | None = None,
-    misfit: Misfit | None = None,
-    uneven: Uneven | None = None,
     used: Labels | None = None,
     matt: Light | None = None,
     shadow: Labels | None = None,
@@ -63,20 +61,17 @@ def touch_evidence(
     height : H x W in mm
     drift : K x 6, as `film_drift` found it
     departure, brighter
-        H x W, as `light_departure` gives them.  Without a departure, a slope and a misfit the
-        light is not looked at.
+        H x W, as `light_departure` gives them.  Without a departure and a slope the light is not
+        looked at.
     slope, used, shadow
         2 x H x W and H x W: the slopes, the LEDs that they rest on, and those that do not light a
         pixel.
-    misfit, uneven
-        Length 5, the calibration's misfit, and the standard deviation of the film's brightness.
     matt : K x H x W, the light as of a matt film
     max_dimming : share of the light that film may lack under all LEDs
     """
     seen = LightFigures(-1, *[0] * (len(LightFigures._fields) - 1))
-    if departure is not None and slope is not None and misfit is not None:
-        maps = departure, slope, misfit, uneven, brighter, used, matt, shadow
-        seen = light_evidence(*maps, max_dimming)
+    if departure is not None and slope is not None:
+        seen = light_evidence(departure, slope, brighter, used, matt, shadow, max_dimming)
     level, film = rest_evidence(light, height, drift)
     return TouchEvidence(level, np.array([*curl_evidence(curl), *film, *seen], np.float32))
 
@@ -89,16 +84,15 @@ def _launch(run: Launch) -> None:
     thin = (-(-height // step), -(-width // step))
     (curl, light), cells = _thinned(run, given["curl"], given["light"])
     values, gains = run.scratch((4, *thin)), run.scratch((count, DRIFT_TERMS))
-    names = ("departure", "brighter", "slope", "misfit", "used", "matt", "shadow")
+    names = ("departure", "brighter", "slope", "used", "matt", "shadow")
     level, figures = run.outputs.values()
     planes = *(given.get(name) for name in names), light, given["height"], given.get("drift")
     scratch = values, run.scratch(cells), gains
     sizes = count, height, width, *thin, step, *cells
-    limits = float(given.get("uneven") or 0.0), run.settings["max_dimming"]
-    arguments = *planes, *scratch, level, figures, *sizes, *limits
+    arguments = *planes, *scratch, level, figures, *sizes, run.settings["max_dimming"]
     run.kernel("look", (2 * run.group,), *arguments, local=group)
     weighed = values, curl, figures, thin[0] * thin[1], *cells
-    run.kernel("weigh", (8 * run.group,), *weighed, local=group)
+    run.kernel("weigh", (6 * run.group,), *weighed, local=group)
 
 
 def _thinned(run: Launch, *planes: DeviceArray) -> tuple[list[DeviceArray], tuple[int, int]]:
@@ -134,8 +128,9 @@ def _example(
     light[:, : h // 2, : w // 2] *= rng.uniform(0.3, 1.5, (K, h // 2, w // 2))
     light[:, :, w - w // 8 :] = 0.01
     width, folded = rng.choice([3, 3, 9]), rng.random() < 0.5
-    band = np.arange(W) % (3 * width) < width
-    ripple = 0.3 + rng.choice([0.075, 0.2]) * (-1.0) ** (np.arange(W) // 2)
+    along = np.arange(W) if rng.random() < 0.5 else np.arange(H)[:, None]
+    band = along % (3 * width) < width
+    ripple = 0.3 + rng.choice([0.075, 0.2]) * (-1.0) ** (along // 2)
     shape = 0.4 * band * (1 + folded) if rng.random() < 0.7 else ripple
     slope = rng.uniform(-0.02, 0.02, (2, H, W)) + shape
     every, shade = (1 << K) - 1, rng.random((H, W)) < rng.choice([0.05, 0.05, 0.5]) * band
@@ -147,7 +142,6 @@ def _example(
             rng.random((H, W)) < 0.9, rng.chisquare(2, (H, W)), rng.choice([-1, -0.5], (H, W))
         ),
         "slope": slope,
-        "misfit": np.array([0.003, 1, 0.004, 0.05, 0.002]),
         "brighter": rng.normal(0.01, 0.1, (H, W)),
         "matt": rng.normal(1, 0.08, (K, H, W)) + 0.3 * band,
     }

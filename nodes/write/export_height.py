@@ -9,7 +9,7 @@ from annotated_types import MinLen
 from tactograph.graph import InputError, node, warn
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Height, HeightError, Lens, Metrics, PixelSize, Vergence
-from tactograph.nodes.files.height_files import MESH_WRITERS, Format, write_height
+from tactograph.nodes.files.height_files import HEIGHT_WRITERS, MESH_WRITERS, Format, write_height
 from tactograph.nodes.files.result_file import RESULT_FILE, write_result_file
 from tactograph.nodes.files.result_view import view_stated
 from tactograph.nodes.optics.film_places import film_places
@@ -68,6 +68,10 @@ def export_height(
         If the folder cannot be written, a format cannot hold the height, a library is not
         installed, or the film rises to the camera; then no file of this touch is written.
     """
+    if (ending := folder.suffix[1:]) in (*HEIGHT_WRITERS, *MESH_WRITERS):
+        raise InputError(
+            f"`folder`={folder}: is to be a folder; `formats`={ending} writes height.{ending} there"
+        )
     about = {"format": 1, "pixel_size_mm": float(pixel), "metrics": metrics or {}}
     view = view_stated(View(lens, camera))
     if rest is not None and rest.shape != height.shape:

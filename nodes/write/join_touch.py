@@ -3,7 +3,8 @@
 from typing import Annotated, Any, NamedTuple
 
 from tactograph.graph import NamedPorts, Port, node
-from tactograph.nodes import Height, Light, Metrics, PixelSize
+from tactograph.nodes import F4, Height, Light, Metrics, PixelSize
+from tactograph.nodes.height.as_seen import as_seen
 from tactograph.nodes.stream.frames import LiveState
 from tactograph.nodes.stream.layer_kinds import layer_kinds
 from tactograph.nodes.stream.touch import Touch, View
@@ -29,6 +30,7 @@ def join_touch(
     frames: CapturedFrames,
     metrics: Metrics | None = None,
     view: View | None = None,
+    rest: Annotated[F4, Port("R C", "mm", low=0, high=3)] | None = None,
     **layers: Layers,
 ) -> Touch:
     """Return a touch for the nodes that write or show it: `write_result`, `preview` and others.
@@ -42,9 +44,11 @@ def join_touch(
         `read_camera` or another.
     metrics : figures, those of `measure_contact` and `judge_touch` among them
     view : the calibration, for the lens and the camera's height
+    rest : R x C in mm on the even grid, the height of the film at rest; None: a plane
     **layers
         What else is known of it: ``shadow``, ``error`` and others.  A ring brings its own.
     """
     known = {name: value for name, value in layers.items() if value is not None}
-    origin = frames.name, frames.time, frames.state
-    return Touch(height, frames.image, pixel, *origin, view or View(), metrics, known)
+    origin, view = (frames.name, frames.time, frames.state), view or View()
+    low = rest if rest is None or view.lens is None else as_seen(rest, view.lens)
+    return Touch(height, frames.image, pixel, *origin, view, metrics, known, low)

@@ -12,7 +12,6 @@ from tactograph.nodes import Metrics
 from tactograph.nodes.files.height_files import write_mesh, write_tiff
 from tactograph.nodes.files.layer_files import layer_files, write_layer
 from tactograph.nodes.files.result_file import (
-    RELIEF_FIGURE,
     RESULT_FILE,
     read_result,
     write_result_file,
@@ -76,7 +75,7 @@ def write_result(
         if layer.kind.warning and (doubt := layer.kind.warning(touch, layer.value)):
             warn(doubt)
     if grid == "metric":
-        if touch.view.camera and (touch.metrics or {}).get(RELIEF_FIGURE):
+        if touch.view.camera and touch.rest is not None:
             raise InputError(
                 "`grid`=metric: the film is no plane at rest, and seen from near its places are "
                 "not those of a plane; export a mesh with its calibration"
@@ -89,7 +88,7 @@ def write_result(
         for layer in layers_of(touch):
             write_layer(layer, target)
         if ply:
-            write_mesh(target / "height.ply", touch.height, touch.pixel, lens, camera or 0.0)
+            write_mesh(target / "height.ply", touch.film, touch.pixel, lens, camera or 0.0)
         if pictures:
             # Loading Matplotlib takes longer than computing a touch.
             from tactograph.nodes.drawing.result_pictures import draw_result
@@ -111,9 +110,12 @@ def _on_even_grid(touch: Touch) -> Touch:
     """Return a touch whose height, and layers that follow it, are on a regular grid on the film."""
     moved = [layer for layer in layers_of(touch) if layer.kind.follows_film]
     others, (lens, camera) = [layer.value for layer in moved], touch.view
-    height, maps = on_even_grid(touch.height, others, lens, camera or 0.0)
+    low = [] if touch.rest is None else [touch.rest]
+    height, maps = on_even_grid(touch.height, [*low, *others], lens, camera or 0.0)
+    rest = maps.pop(0) if low else None
     resampled = {layer.name: plane for layer, plane in zip(moved, maps, strict=True)}
-    return replace(touch, height=height, view=View(), layers={**touch.layers, **resampled})
+    layers = {**touch.layers, **resampled}
+    return replace(touch, height=height, view=View(), layers=layers, rest=rest)
 
 
 def _optional_files(folder: Path) -> set[str]:

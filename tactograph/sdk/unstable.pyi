@@ -73,7 +73,6 @@ from tactograph.nodes import (
     Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
-    BALL_SLICES as BALL_SLICES,
     FILM_ROUGHNESS as FILM_ROUGHNESS,
     FOLD_COUNT as FOLD_COUNT,
     MAX_INDEPENDENT as MAX_INDEPENDENT,

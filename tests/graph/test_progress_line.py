@@ -72,7 +72,7 @@ def test_the_time_left_is_what_the_last_run_took_from_this_stage_on() -> None:
     line._begun = {"read": 0.0, "fit": 5.0}
     assert line.left("fit", 7.0) == pytest.approx(4)
     assert line.left("a stage that was too short to be seen", 8.0) == pytest.approx(3)
-    assert line.left("fit", 20.0) == 0
+    assert line.left("fit", 20.0) is None
     line.forget_times()
     assert line.left("fit", 7.0) is None
 

@@ -134,7 +134,9 @@ def test_an_exported_mesh_is_the_films_own_shape(curved: Curved, truth: F4, tmp_
     laid_out = run("export", tmp_path / "flat", **given)
     assert any("meshes lay the height out on a plane" in line for line in laid_out.warnings)
     view, made = View(camera=1 / 60), Provenance({}, None, [], {}, {}, [], [])
-    touch = Touch(truth, truth[None], RIG_PIXEL_MM[RIG], view=view, metrics={"rest_relief_mm": 1.0})
+    touch = Touch(
+        truth, truth[None], RIG_PIXEL_MM[RIG], view=view, rest=shape_of("dome", truth.shape)
+    )
     with pytest.raises(InputError, match="its places are not those of a plane"):
         write_result(touch, folder=tmp_path, grid="metric", provenance=made)
     run("export", tmp_path / "round", **given, calibration=curved("dome"))
@@ -142,7 +144,12 @@ def test_an_exported_mesh_is_the_films_own_shape(curved: Curved, truth: F4, tmp_
     film = shape_of("dome", truth.shape).astype(np.float64) + truth
     y, x = np.mgrid[: truth.shape[0], : truth.shape[1]] * RIG_PIXEL_MM[RIG]
     x, y = (x - x.mean()) * (1 - film / 60), (y.mean() - y) * (1 - film / 60)
-    np.testing.assert_allclose(found, np.stack([x, y, film], axis=-1).reshape(-1, 3), atol=1e-5)
+    lies = np.stack([x, y, film], axis=-1).reshape(-1, 3)
+    np.testing.assert_allclose(found, lies, atol=1e-5)
+    # A stream's points are those of the mesh, from the first pixel.
+    right, down = touch.places_mm()
+    seen = np.stack([right, -down, touch.film], axis=-1).reshape(-1, 3)
+    np.testing.assert_allclose(seen - seen.mean(axis=0), lies - lies.mean(axis=0), atol=1e-4)
 
 
 @pytest.mark.parametrize("graph", ["reconstruct_no_flat", "paper_no_flat"])
@@ -168,6 +175,26 @@ def test_a_round_sensor_goes_from_its_drawing_to_heights(tmp_path: Path) -> None
 
 
 @pytest.mark.slow
+def test_a_round_film_is_found_from_presses_and_says_how_well(tmp_path: Path) -> None:
+    """What is not known of its curvature is not known of the scale of heights above it."""
+    rig, file = ROOT / "tests/data/dome", tmp_path / "cal.npz"
+    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest": "find"}
+    figures = run("calibrate", file, capture=rig / "presses", flat=rig / "flat", **given)["quality"]
+    found = read_calibration(file=file)
+    assert found.rest is not None
+    off_um = 1e3 * np.std(found.rest - np.load(rig / "rest_height_mm.npy"))
+    assert off_um < 2 * figures["rest_deviation_um"] < 80
+    radius = figures["rest_radius_x_mm"]
+    assert abs(35 / radius - 1) / 35 / (1 / 6 + 1 / radius) < 2 * found.scale_error < 0.01
+
+
+def test_a_film_is_not_found_without_its_own_light(tmp_path: Path) -> None:
+    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest": "find"}
+    with pytest.raises(InputError, match="needs flat"):
+        run("calibrate", tmp_path / "cal.npz", capture=ROOT / "tests/data/dome/presses", **given)
+
+
+@pytest.mark.slow
 def test_a_round_film_that_is_told_to_be_flat_is_named(tmp_path: Path) -> None:
     """In place of the ball's radius, the pixel size or the images' order."""
     rig = ROOT / "tests/data/dome"
@@ -185,7 +212,7 @@ def test_a_round_film_that_is_told_to_be_flat_is_named(tmp_path: Path) -> None:
 def test_a_ray_traced_dome_is_calibrated_and_measured(
     rig: str, quick_um: float, careful_um: float, tmp_path: Path
 ) -> None:
-    scene = SHARED / "data/raytraced" / rig
+    scene = SHARED / "raytraced" / rig
     if not scene.is_dir():
         pytest.skip("the ray-traced domes are not here")
     for press in ("calibration", "calibration_off", "calibration_left"):

@@ -48,7 +48,7 @@ class Balls:
     `ball` gives the ball of each sample, in order.  By ball: `centre` P x 2, contact radius
     `rim` and ball radius `radius`, all in mm.  `bounced` is the light from film to film on the
     samples for an albedo of 1.  Its derivatives per mm are `by_lift` (height of the ball) and
-    `by_rim` (the film's rim).  `sector` numbers slices of a ball.  `beneath` is the film at rest
+    `by_rim` (the film's rim).  `sector` numbers quarters of a ball.  `beneath` is the film at rest
     if it is no plane.
     """
 
@@ -67,7 +67,7 @@ class Balls:
 
     @property
     def held_by(self) -> NDArray[np.intp]:
-        """The unit for holding out samples: their ball, or the slice of a single ball."""
+        """The unit for holding out samples: their ball, or the quarter of a single ball."""
         return self.ball if len(self.centre) > 1 else self.sector
 
     @property

@@ -24,12 +24,15 @@ from tactograph.nodes.calibrate.ball._ball_search import (
     search_ball,
     share_of,
 )
+from tactograph.nodes.light.film_drift import CALM_DEPARTURES
 from tactograph.nodes.optics.rest_shape import RestShape
 
 MIN_GOODNESS = 0.45
 """Smallest goodness of a ball: balls reach 0.48 to 0.99, other objects up to 0.38."""
 MIN_SHALLOW_GOODNESS = 0.6
 """Smallest goodness of a shallow contact: small parts of other objects are round, too."""
+SEEN_WIDTH_PX = 40
+"""Width in px that the image is reduced to where no ball is found, to see whether anything is."""
 REFINE_WIDTH_PX = 320
 """Width in px that the image is reduced to for the last step."""
 MAX_REFINE_PIXELS = 3000
@@ -134,11 +137,19 @@ def find_ball(
         if better > max(goodness, MIN_SHALLOW_GOODNESS):
             circle, goodness = shallow, better
     if goodness < MIN_GOODNESS:
+        calm = CALM_DEPARTURES[0]
+        seen = (
+            f"the best circle, at {circle.x:.0f},{circle.y:.0f} px, has a goodness of "
+            f"{goodness:.2f} and {MIN_GOODNESS:g} is needed"
+        )
+        if (np.abs(reduced_to(light, SEEN_WIDTH_PX)[0] - 1) < calm).all():
+            seen = (
+                f"the press shows what the flat frame shows, within {calm:.0%} (has the one a "
+                "ball, and the other untouched film?)"
+            )
         raise InputError(
-            f"no ball of radius {radius_mm:g} mm found: the best circle, at "
-            f"{circle.x:.0f},{circle.y:.0f} px, has a goodness of {goodness:.2f} and "
-            f"{MIN_GOODNESS:g} is needed; give its place (`center_px`=X,Y and `contact_px`=R), or "
-            "press again"
+            f"no ball of radius {radius_mm:g} mm found: {seen}; give its place (`center_px`=X,Y "
+            "and `contact_px`=R), or press again"
         )
     return _ball(circle, goodness)
 

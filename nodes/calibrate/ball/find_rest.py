@@ -11,22 +11,28 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import InputError, NodeCall, Port, node
-from tactograph.nodes import F4, F8, UM_PER_MM, Light, Metrics, Noise, PixelSize
+from tactograph.nodes import F4, F8, UM_PER_MM, Light, Metrics, Noise, PixelSize, ScaleError
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_on_shape import BallOnShape
 from tactograph.nodes.calibrate.ball._ball_search import Circle
 from tactograph.nodes.calibrate.ball.find_ball import refined
 from tactograph.nodes.calibrate.ball.find_balls import find_balls
-from tactograph.nodes.calibrate.film.coated_bend import Bending, Laid, coated_bend
+from tactograph.nodes.calibrate.film.coated_bend import BEND_STEP, Bending, Laid, coated_bend
+from tactograph.nodes.calibrate.lights.descend import huber, huber_weight
 from tactograph.nodes.calibrate.lights.light_fit import (
     Placed,
     all_residuals,
-    huber,
-    huber_weight,
     jacobian_of,
     place_leds,
 )
-from tactograph.nodes.calibrate.lights.light_samples import Object, Press, Rest, rest_of, sample
+from tactograph.nodes.calibrate.lights.light_samples import (
+    Object,
+    Press,
+    Rest,
+    is_uniform,
+    rest_of,
+    sample,
+)
 from tactograph.nodes.calibrate.rest.read_rest import by_rays, wants_search
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
 from tactograph.nodes.capture.read_balls import KnownCircles, Radii
@@ -37,8 +43,6 @@ from tactograph.nodes.optics.sheet import SheetLight, cut
 
 TRIED_BENDS = (0.0, 0.25, -0.25, 0.55, -0.55)
 """Bends that the search tries: half the diagonal of the frame over the radius."""
-BEND_STEP = 0.01
-"""Step of bend, by half the diagonal, and of slope for derivatives."""
 FIT_ROUNDS, MIN_COST_GAIN = 8, 1e-3
 """Most rounds of least squares, and the relative gain of the cost below which they end."""
 MAX_SAMPLES = 1500
@@ -54,14 +58,30 @@ MAX_SLANT = 0.98
 """Largest sine of the film's slant."""
 
 
+class _Trial(NamedTuple):
+    """Balls and LEDs on a film of some shape."""
+
+    circles: list[Circle]
+    objects: list[Object]
+    rest: Rest | None
+    placed: Placed
+
+
 class Bend(NamedTuple):
     """A film's curvatures xx, xy, yy in 1/mm and slopes x, y in the middle; their covariance."""
 
     unknowns: F8
     covariance: F8
     cost: float
-    samples: float
-    """Independent samples that tell of it."""
+    trial: _Trial
+
+    @property
+    def samples(self) -> float:
+        """Independent samples that tell of it."""
+        lights = len(self.trial.placed.leds)
+        each = [min(there.light.shape[1], INDEPENDENT_SAMPLES) for there in self.trial.objects]
+        at_rest = INDEPENDENT_SAMPLES if self.trial.rest is not None else 0
+        return lights * float(sum(each) + at_rest)
 
 
 class FoundRest(NamedTuple):
@@ -70,15 +90,7 @@ class FoundRest(NamedTuple):
     height: Annotated[F4, Port("R C", "mm", low=-1, high=5)] | None
     shape: RestShape | None
     quality: Metrics
-
-
-class _Trial(NamedTuple):
-    """Balls and LEDs on a film of some shape."""
-
-    circles: list[Circle]
-    objects: list[Object]
-    rest: Rest | None
-    placed: Placed
+    scale_error: ScaleError = 0.0
 
 
 class BallPresses(NamedTuple):
@@ -135,23 +147,27 @@ def find_rest(
     factor : pixels of `even` along a pixel of `flat`
     noise : (shot, read), a captured light I has the variance shot * I + read
     given : as `read_rest` returns it
-    rest : ``find`` searches for a bend (`find_bend`), and where the film has a coat, with it
+    rest : ``find`` searches for a bend (`fitted_bend`), and where the film has a coat, with it
     camera_mm : height of the pupil above height 0
 
     Returns
     -------
     The height R x C in mm that each pixel sees, and the shape on the pixels of `flat`; None for a
     plane.  Where it was found, ``rest_radius_x_mm`` and ``rest_radius_y_mm``, and how well the
-    film's height is known, ``rest_deviation_um``, root mean square over the frame.
+    film's height is known, ``rest_deviation_um``, root mean square over the frame; and the relative
+    error of the heights above it that follows.
 
     Raises
     ------
     InputError
-        If fewer than two presses show a ball.
+        If fewer than two presses show a ball, there is no flat frame, or the film has a coat and
+        `camera_mm` is not given.
     """
     if given is not None or not wants_search(rest):
         shape = None if given is None else given.binned(factor)
         return FoundRest(None if given is None else given.height, shape, {})
+    if is_uniform(flat):
+        raise InputError("`rest`=find needs `flat`: the untouched film's light tells its shape")
     ball = find_balls(light, flat, radius, known, names, pixel)
     if np.count_nonzero(ball.circle[:, 2]) < MIN_PRESSES:
         raise InputError(
@@ -161,14 +177,17 @@ def find_rest(
     camera = 0.0 if camera_mm is None else 1 / camera_mm
     seen = light, flat, ball.circle, ball.radius, ball.of, pixel, camera
     presses = ball_presses(*seen)
-    bend = _under_coat(presses, find_bend(presses)[0], noise, bounce)
+    tried, _ = tried_bends(presses)
+    is_told = camera_mm is not None
+    bend = _under_coat(presses, tried, noise, bounce, is_told) or fitted_bend(presses, tried)
     size = even.shape[1], even.shape[2]
     whole = bent(size, even_pixel, camera, bend.unknowns)
     deviation = _deviation(bend, flat.shape[1:], pixel)
     figures = {"rest_deviation_um": UM_PER_MM * deviation}
     for axis, k in (("x", bend.unknowns[0]), ("y", bend.unknowns[2])):
         figures[f"rest_radius_{axis}_mm"] = float(1 / k) if k else math.inf
-    return FoundRest(whole.height, whole.binned(factor), figures)
+    scale = _scale_error(bend, presses.radii)
+    return FoundRest(whole.height, whole.binned(factor), figures, scale)
 
 
 def _deviation(bend: Bend, size: tuple[int, ...], pixel: float) -> float:
@@ -178,6 +197,13 @@ def _deviation(bend: Bend, size: tuple[int, ...], pixel: float) -> float:
     by = np.stack([x * x / 2, x * y, y * y / 2, x, y])
     by -= by.mean(axis=1, keepdims=True)
     return float(np.sqrt(np.einsum("an,ab,bn->n", by, bend.covariance, by).mean()))
+
+
+def _scale_error(bend: Bend, radii: list[float]) -> float:
+    """Relative error of all heights: a ball's curvature is known, the film's below it is not."""
+    mean = np.array([1, 0, 1, 0, 0]) / 2
+    rise = 1 / float(np.mean(radii)) + mean @ bend.unknowns
+    return float(np.sqrt(mean @ bend.covariance @ mean) / abs(rise))
 
 
 def bent(size: tuple[int, int], pixel: float, camera: float, unknowns: F8) -> RestShape:
@@ -195,27 +221,23 @@ def bent(size: tuple[int, int], pixel: float, camera: float, unknowns: F8) -> Re
     return rest_shape(by_rays(size, pixel, camera, height).astype(np.float32), pixel, camera)
 
 
-def find_bend(given: BallPresses, *, only_ball: bool = False) -> tuple[Bend, Bend]:
-    """Return the film's bend that explains balls and flat frame best, and none at all.
+def tried_bends(given: BallPresses) -> tuple[Bend, Bend]:
+    """Return the one of several bends that explains balls and flat frame best, and none at all.
 
     Near LEDs light the ball and the film at rest under it from known directions.  So the light of a
     ball, relative to the film at rest, tells how that slopes under each contact, where the ball
-    leaves the film tells how high it is, and the flat frame ties the places together.  Several
-    bends are tried; then LEDs, balls and bend are fitted at once.
+    leaves the film tells how high it is, and the flat frame ties the places together.
 
     Parameters
     ----------
     given : as `ball_presses` returns them
-    only_ball : whether the film is a part of a ball, lowest or highest in the middle
     """
-    trials = []
+    bends = []
     for bend in TRIED_BENDS:
-        k = bend / given.half
-        trial = _placed(given, np.array([k, 0, k, 0, 0]), None)
-        trials.append((_cost(trial), k, trial))
-    plane = Bend(np.zeros(5), np.zeros((5, 5)), trials[0][0], _independent(trials[0][2]))
-    _, k, trial = min(trials, key=lambda each: each[0])
-    return _fitted(given, np.array([k, 0, k, 0, 0]), trial, only_ball), plane
+        unknowns = np.array([1, 0, 1, 0, 0]) * bend / given.half
+        trial = _placed(given, unknowns, None)
+        bends.append(Bend(unknowns, np.zeros((5, 5)), _cost(trial), trial))
+    return min(bends, key=lambda each: each.cost), bends[0]
 
 
 def ball_presses(
@@ -242,28 +264,36 @@ def ball_presses(
     )
 
 
-def _under_coat(given: BallPresses, bend: Bend, noise: Noise, bounce: NodeCall) -> Bend:
-    """The bend by a film's model with a coat, where the film has one."""
+def _under_coat(
+    given: BallPresses, bend: Bend, noise: Noise, bounce: NodeCall, is_told: bool
+) -> Bend | None:
+    """The bend by a film's model with a coat; None where the film has none."""
 
     def lay(unknowns: F8) -> Laid:
-        trial = _placed(given, unknowns, None)
+        trial = _placed(given, unknowns, bend.trial)
         circle = np.array([(at.x, at.y, at.radius) for at in trial.circles], np.float32)
         return Laid(given.shape(unknowns), circle, trial.placed.lights, trial.placed.strength)
 
     bending = Bending(
         np.concatenate(given.light, axis=1), given.flat, np.array(given.radii, np.float32),
-        np.arange(len(given.radii), dtype=np.int32), noise, given.pixel, given.camera, given.unit,
-        given.shape, lay, bounce,
+        np.arange(len(given.radii), dtype=np.int32), noise, given.pixel,
+        given.unit, is_told, given.shape, lay, bounce,
     )  # fmt: skip
     found = coated_bend(bending, bend.unknowns, bend.samples)
-    return bend if found is None else bend._replace(unknowns=found[0], covariance=found[1])
+    return None if found is None else bend._replace(unknowns=found[0], covariance=found[1])
 
 
-def _fitted(given: BallPresses, unknowns: F8, trial: _Trial, only_ball: bool) -> Bend:
-    """Least squares of bend, LEDs and balls together."""
-    unit = given.unit
+def fitted_bend(given: BallPresses, bend: Bend, *, only_ball: bool = False) -> Bend:
+    """Return the best bend by least squares of bend, LEDs and balls together.
+
+    Parameters
+    ----------
+    given : as `ball_presses` returns them
+    bend : one that is near
+    only_ball : whether the film is a part of a ball, lowest or highest in the middle
+    """
+    unit, (unknowns, _, cost, trial) = given.unit, bend
     ways = np.array([[1, 0, 1, 0, 0]]) if only_ball else np.eye(5)
-    cost = _cost(trial)
     normal = np.eye(len(ways))
     for _ in range(FIT_ROUNDS):
         left = all_residuals(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
@@ -271,8 +301,8 @@ def _fitted(given: BallPresses, unknowns: F8, trial: _Trial, only_ball: bool) ->
         columns = []
         for way in ways:
             step = BEND_STEP * unit * way
-            other = _on(given, unknowns + step, trial)
-            after = all_residuals(other.objects, other.rest, trial.placed.leds, trial.placed.shifts)
+            other = _on(given, unknowns + step, trial.circles)
+            after = all_residuals(*other, trial.placed.leds, trial.placed.shifts)
             columns.append((after - left) / BEND_STEP)
         weight = huber_weight(left)
         whole = np.column_stack([by, *columns])
@@ -290,19 +320,11 @@ def _fitted(given: BallPresses, unknowns: F8, trial: _Trial, only_ball: bool) ->
         if gain < MIN_COST_GAIN:
             break
     spread = (unit * ways).T @ normal @ (unit * ways)
-    return Bend(unknowns, spread * _inflation(trial), cost, _independent(trial))
-
-
-def _inflation(trial: _Trial) -> float:
-    """The variance of a residual, times how many of them count as one."""
+    found = Bend(unknowns, spread, cost, trial)
     left = all_residuals(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
-    return float(np.square(left).mean() * max(left.size / _independent(trial), 1))
-
-
-def _independent(trial: _Trial) -> float:
-    lights = len(trial.placed.leds)
-    each = [min(there.light.shape[1], INDEPENDENT_SAMPLES) for there in trial.objects]
-    return lights * float(sum(each) + (INDEPENDENT_SAMPLES if trial.rest is not None else 0))
+    # The variance of a residual, times how many of them count as one.
+    alike = float(np.square(left).mean() * max(left.size / found.samples, 1))
+    return found._replace(covariance=spread * alike)
 
 
 def _cost(trial: _Trial) -> float:
@@ -313,29 +335,31 @@ def _cost(trial: _Trial) -> float:
 
 def _placed(given: BallPresses, unknowns: F8, before: _Trial | None) -> _Trial:
     """Balls found anew on a film, and LEDs placed."""
-    trial = _on(given, unknowns, before)
+    shape, near = given.shape(unknowns), before is not None
+    seeds = given.circles if before is None else before.circles
+    circles = [
+        refined(light, seed, r / given.pixel, None, None, BallOnShape(shape, r), near)
+        for light, seed, r in zip(given.light, seeds, given.radii, strict=True)
+    ]
+    objects, rest = _on(given, unknowns, circles)
     start = None if before is None else before.placed
     width = given.pixel * given.flat.shape[2]
-    return trial._replace(placed=place_leds(trial.objects, trial.rest, width, start))
+    return _Trial(circles, objects, rest, place_leds(objects, rest, width, start))
 
 
-def _on(given: BallPresses, unknowns: F8, before: _Trial | None) -> _Trial:
-    """Balls found anew on a film; their samples are the same pixels."""
-    shape = given.shape(unknowns)
-    circles, objects = [], []
-    seeds = given.circles if before is None else before.circles
-    for light, first, seed, radius in zip(
-        given.light, given.circles, seeds, given.radii, strict=True
+def _on(
+    given: BallPresses, unknowns: F8, circles: list[Circle]
+) -> tuple[list[Object], Rest | None]:
+    """Samples of balls and flat frame on a film: the same pixels, whatever its shape."""
+    shape, objects = given.shape(unknowns), []
+    for light, first, circle, radius in zip(
+        given.light, given.circles, circles, given.radii, strict=True
     ):
         on = BallOnShape(shape, radius)
-        circle = refined(light, seed, radius / given.pixel, None, None, on, near=before is not None)
         y, x = np.indices(light.shape[1:])
         away = np.hypot(x - first.x, y - first.y)
         near = (away < SAMPLED_SHARE * first.radius).astype(np.uint8)
         ball = on.known(circle, near)
         press = Press(light, ball.slope, near, ball.height, label_lit(light))
-        circles.append(circle)
         objects.append(sample(press, given.pixel, MAX_SAMPLES, shape))
-    rest = rest_of(given.flat, given.pixel, shape)
-    placed = before.placed if before is not None else None
-    return _Trial(circles, objects, rest, placed)  # type: ignore[arg-type]  # see `_placed`
+    return objects, rest_of(given.flat, given.pixel, shape)

@@ -5,9 +5,9 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import fftfreq, irfft2, next_fast_len, rfft2
-from scipy.special import ndtri, stdtrit
+from scipy.special import ndtr, stdtrit
 
-from tactograph.nodes import F4, F8, FULL_MISFIT_SLOPE
+from tactograph.nodes import BAND_DEVIATIONS, F4, F8, FULL_MISFIT_SLOPE
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film._ball_normals import ball_normals
 from tactograph.nodes.light.touch_misfit import brighter
@@ -17,8 +17,6 @@ MIN_LAG_PX = 2
 """Distance from which the noise of pixels is independent, even after undistortion."""
 MAX_LAG_SHARE, LAG_COUNT = 0.7, 12
 """Longest lag, relative to a contact's radius, and number of lags."""
-BAND_QUANTILE = 0.95
-"""Quantile at which a normal distribution replaces Student's: that of the 90 % band."""
 PIXEL_STRIDE = 7
 """Stride of the pixels on which other LED positions are tried."""
 MIN_DIRECT_LIGHT = 0.1
@@ -104,7 +102,7 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
     presses = np.unique(np.concatenate([part.balls.ball for part in held])).size
     alone = tilt * tilt * rim / max(tilt * tilt * rim + 2 * level * level * reach, 1e-30)
     freedom = len(tilts) / max(alone, 1e-3) ** 2 if presses > 1 else len(tilts)
-    tilt *= float(stdtrit(freedom, BAND_QUANTILE) / ndtri(BAND_QUANTILE))
+    tilt *= _wider(freedom)
     tilt = float(np.hypot(tilt, sure / np.sqrt(presses)))
     return np.asarray([level, reach, _root(light[near]), _doubt(held), tilt], np.float32)
 
@@ -210,9 +208,13 @@ def _doubt(held: list[Held]) -> float:
     parts = len(albedo)
     if parts < 2 or albedo.mean() <= 0:
         return 0.0
-    wider = float(stdtrit(parts - 1, BAND_QUANTILE) / ndtri(BAND_QUANTILE))
     share = float(albedo.std(ddof=1) / np.sqrt(parts) / albedo.mean())
-    return float(np.hypot(wider * share, MIN_BOUNCE_ERROR))
+    return float(np.hypot(_wider(parts - 1) * share, MIN_BOUNCE_ERROR))
+
+
+def _wider(freedom: float) -> float:
+    """Student's quantile over the normal one that replaces it, at the end of the 90 % band."""
+    return float(stdtrit(freedom, ndtr(BAND_DEVIATIONS)) / BAND_DEVIATIONS)
 
 
 def _root(square: float) -> float:

@@ -15,17 +15,19 @@ from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._film_misfit import Held
 from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.film.ball_samples import lights_itself, moved_with, thinned
-from tactograph.nodes.calibrate.film.film_fit import add_harmonics, fit, place_balls
+from tactograph.nodes.calibrate.film.film_fit import (
+    MAX_INDEPENDENT_SAMPLES,
+    add_harmonics,
+    fit,
+    place_balls,
+)
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.calibrate.rating.verdict import pays
-from tactograph.nodes.optics.film import lit_share
+from tactograph.nodes.calibrate.rating.verdict import log_odds, pays
+from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
 
 FINAL_SAMPLES = 15000
 """Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
 a ball's height, the coat's index and the albedo uncertain by some per cent."""
-SINGLE_BALL_ERROR_RATIO = 0.7
-"""Factor by which a single ball's held-out error must fall as well: its slices lie between those
-that are fitted."""
 MAX_ROUNDS, MAX_CHANGE = 4, 0.004
 """Most rounds that find the balls' positions and the light from film to film in turn, and the
 relative change of albedo and contact radius below which they end."""
@@ -36,18 +38,6 @@ SHINING_PARTS = frozenset(("lobe", "bounce"))
 """Parts that may help only together: a coat changes how a film lights itself."""
 TOUCHED_PARTS = frozenset({"touched"})
 """Unknowns that direct light alone determines, besides the LEDs."""
-SINGLE_BALL_UNEVENNESS = 0.03
-"""Least unevenness after one ball: with one, variation of the touched film's gain is unknown."""
-PLAIN_FIGURE = "film_heldout_deg/matt"
-MAX_ERROR_RATIO = 1.5
-"""Held-out error over that of a simpler model, beyond which a model loses whose samples were
-renewed: these reach further, so that their errors are larger."""
-GOOD_ERROR_DEG = 0.1
-"""Degrees of held-out error below which no further part is tried."""
-NOISE_FLOOR = 0.9
-"""Share of the estimated noise that no model can lower, as the estimate has an error of its own."""
-MIN_BALLS_BY_DEGREE = {0: 2, 1: 4, 2: 10}
-"""Fewest balls for harmonics, by their degree in position."""
 
 
 class Trial(NamedTuple):
@@ -66,7 +56,7 @@ class Trial(NamedTuple):
 
         Where the gel diffuses light, shadows tell how much.  What they leave unexplained on a
         single ball would bend the LEDs' slants, so these and the gain are then fitted to direct
-        light alone, on which slopes rest, and its brightness is known to `SINGLE_BALL_UNEVENNESS`.
+        light alone, on which slopes rest, and its brightness is as uneven as a plain film's.
         """
         balls = balls or self.balls
         given = self.shift_mm, self.width_mm
@@ -76,22 +66,26 @@ class Trial(NamedTuple):
         film = fitted.film
         direct = balls.direct(fitted.shifts, film)
         weight = lit_share(film, direct, np.array(film.contact))
-        return fit(balls, self.rest, TOUCHED_PARTS, fitted, *given, SINGLE_BALL_UNEVENNESS, weight)
+        return fit(balls, self.rest, TOUCHED_PARTS, fitted, *given, start.film.uneven, weight)
 
     def folds(self, balls: Balls) -> list[NDArray[np.bool_]]:
-        """The samples to hold out in turn: some of the balls, or slices of a single ball."""
+        """The samples to hold out in turn: some of the balls, or quarters of a single ball."""
         numbers = np.unique(self.balls.held_by % FOLD_COUNT)
         return [balls.held_by % FOLD_COUNT == number for number in numbers]
 
 
 class Model(NamedTuple):
-    """A fitted model: its parts, the harmonics' degree, its held-out error, and that by fold."""
+    """A fitted model: its parts, the harmonics' degree, its held-out error, and that by fold.
+
+    `noises` are the errors that noise alone leaves of the folds.
+    """
 
     parts: frozenset[str]
     degree: int | None
     fitted: Fitted
     error: float
     errors: list[float]
+    noises: list[float]
     folds: list[Fitted]
     """The fit without each fold, in the order of `Trial.folds`."""
 
@@ -100,21 +94,31 @@ class Model(NamedTuple):
         return "+".join(parts + ([f"harmonics{self.degree}"] if self.degree is not None else []))
 
 
-def judge(trial: Trial, parts: frozenset[str], fitted: Fitted, degree: int | None = None) -> Model:
+def judge(trial: Trial, parts: frozenset[str], fitted: Fitted) -> Model:
     """Fit without each fold, and measure the error of the normals on that fold."""
-    errors, folds, weights = [], [], []
-    for held in trial.folds(trial.balls):
-        train, test = trial.balls.only(~held), trial.balls.only(held)
-        refitted = trial.fit(parts, fitted, train)
-        if degree is not None:
-            refitted = add_harmonics(train, refitted, degree, trial.width_mm / 2, trial.shift_mm)
-        if len(trial.balls.centre) > 1:
-            refitted = place_balls(test, refitted, trial.shift_mm)
-        errors.append(normal_error(test, refitted).degrees)
-        folds.append(refitted)
+    held = trial.folds(trial.balls)
+    return judged(
+        trial, parts, fitted, [trial.fit(parts, fitted, trial.balls.only(~h)) for h in held]
+    )
+
+
+def judged(
+    trial: Trial,
+    parts: frozenset[str],
+    fitted: Fitted,
+    folds: list[Fitted],
+    degree: int | None = None,
+) -> Model:
+    """Measure the error of the normals on each fold by the fit without it."""
+    errors, weights = [], []
+    for held, fold in zip(trial.folds(trial.balls), folds, strict=True):
+        test = trial.balls.only(held)
+        placed = place_balls(test, fold, trial.shift_mm) if len(fold.shifts) > 1 else fold
+        errors.append(normal_error(test, placed))
         weights.append(held.sum())
-    error = float(np.average(errors, weights=weights))
-    return Model(parts, degree, fitted, error, errors, folds)
+    degrees, noises = ([float(error[i]) for error in errors] for i in range(2))
+    error = float(np.average(degrees, weights=weights))
+    return Model(parts, degree, fitted, error, degrees, noises, folds)
 
 
 def held_out_of(trial: Trial, best: Model, whole: Balls, bad: NDArray[np.bool_]) -> list[Held]:
@@ -129,9 +133,10 @@ def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model,
 
     Also returns every pixel of the balls, and the errors of all models.
     """
-    grown, best, errors = grow(trial, start, parts)
+    plain = judge(trial, frozenset(), trial.fit(frozenset(), start))
+    grown, best, errors = grow(trial, start, plain, parts)
     settled, best, whole = settle(grown, best)
-    if "bounce" in parts and best.error > MAX_ERROR_RATIO * errors[PLAIN_FIGURE]:
+    if "bounce" in best.parts and pays(best.errors, plain.errors):
         others = [part for part in parts if part != "bounce"]
         without, model, pixels, tried = search(trial, start, others)
         errors = tried | errors
@@ -141,24 +146,31 @@ def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model,
     return settled, best, whole, errors
 
 
-def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Metrics]:
-    """Add parts to the model one by one, or coat and bounce at once, as long as that pays.
+def grow(
+    trial: Trial, start: Fitted, best: Model, parts: list[str]
+) -> tuple[Trial, Model, Metrics]:
+    """Add parts to a model one by one, or coat and bounce at once, as long as that pays.
 
-    Once the film has a coat or an albedo, the samples are renewed: then the light that it
-    reflects from film to film is known.
+    A part pays that is likelier than none, and lowers the held-out error.  Once the film has a
+    coat or an albedo, the samples are renewed: then the light that it reflects from film to film
+    is known.
     """
-    best = judge(trial, frozenset(), trial.fit(frozenset(), start))
     errors = {f"film_heldout_deg/{best}": best.error}
-    if "bounce" in parts and _may_pay(best, trial):
+    if "bounce" in parts and may_grow(best):
         trial = trial._replace(balls=trial.samples(start.film))
-    while _may_pay(best, trial) and (left := [part for part in parts if part not in best.parts]):
+    while may_grow(best) and (left := [part for part in parts if part not in best.parts]):
         wider = [best.parts | {part} for part in left]
         fitted = [trial.fit(parts, best.fitted) for parts in wider]
         # Only the part that explains the presses best is judged on held-out samples.
         first = int(np.argmin([normal_error(trial.balls, fit).degrees for fit in fitted]))
         better = judge(trial, wider[first], fitted[first])
         errors[f"film_heldout_deg/{better}"] = better.error
-        alone = _pays(better, best)
+        more, values = (
+            len(PART_UNKNOWNS[left[first]]),
+            min(trial.balls.u.size, MAX_INDEPENDENT_SAMPLES),
+        )
+        odds = log_odds(best.fitted.scale, better.fitted.scale, more, values)
+        alone = odds > 0 and pays(best.errors, better.errors)
         if not alone and not set(left) >= SHINING_PARTS:
             break
         if not alone:
@@ -172,9 +184,9 @@ def grow(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, M
         errors[f"film_heldout_deg/{better}"] = better.error
         # Renewed samples of a coat show light from film to film, which the next part explains.
         explains_all = "bounce" in better.parts or "bounce" not in parts
-        if explains_all and better.error > MAX_ERROR_RATIO * best.error:
+        if explains_all and pays(better.errors, best.errors):
             break
-        if not alone and not _pays(better, best):
+        if not alone and not pays(best.errors, better.errors):
             break
         trial, best = resampled, better
     return trial, best, errors | {"film_heldout_deg": best.error}
@@ -209,22 +221,25 @@ def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
 
 
 def bend(trial: Trial, best: Model, errors: Metrics) -> Model:
-    """Add harmonics of the highest degree that pays."""
+    """Add harmonics of the highest degree that pays; balls must outnumber their terms."""
     physics = best
-    for degree, fewest in MIN_BALLS_BY_DEGREE.items():
-        if len(trial.balls.centre) < fewest:
+    for degree in HARMONIC_DEGREES:
+        if len(trial.balls.centre) <= term_count(degree):
             break
-        tried = judge(trial, physics.parts, physics.fitted, degree)
+        held = zip(trial.folds(trial.balls), physics.folds, strict=True)
+        folds = [_bent(trial, trial.balls.only(~h), fold, degree) for h, fold in held]
+        tried = judged(trial, physics.parts, physics.fitted, folds, degree)
         errors[f"film_heldout_deg/{tried}"] = tried.error
-        if _pays(tried, best):
+        if pays(best.errors, tried.errors):
             best = tried
     if best.degree is not None:
-        bent = add_harmonics(
-            trial.balls, best.fitted, best.degree, trial.width_mm / 2, trial.shift_mm
-        )
-        best = best._replace(fitted=bent)
+        best = best._replace(fitted=_bent(trial, trial.balls, best.fitted, best.degree))
     errors["film_heldout_deg"] = best.error
     return best
+
+
+def _bent(trial: Trial, balls: Balls, physics: Fitted, degree: int) -> Fitted:
+    return add_harmonics(balls, physics, degree, trial.width_mm / 2, trial.shift_mm)
 
 
 def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls, NDArray[np.bool_]]:
@@ -256,24 +271,10 @@ def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls, NDArray[np.boo
     )
     fitted = trial.fit(best.parts, start, good)
     if best.degree is not None:
-        fitted = add_harmonics(good, fitted, best.degree, trial.width_mm / 2, trial.shift_mm)
+        fitted = _bent(trial, good, fitted, best.degree)
     return best._replace(fitted=fitted), good, bad
 
 
-def _may_pay(best: Model, trial: Trial) -> bool:
-    """Return whether another part may pay: a perfect model would, for all the noise there is."""
-    if best.error <= GOOD_ERROR_DEG:
-        return False
-    error, noise = normal_error(trial.balls, best.fitted)
-    return NOISE_FLOOR * noise < _least_share(best) * error
-
-
-def _pays(larger: Model, before: Model) -> bool:
-    """Whether a larger model pays on what was held out."""
-    falls = larger.error < _least_share(before) * before.error
-    return falls and pays(before.errors, larger.errors)
-
-
-def _least_share(model: Model) -> float:
-    """The share of its error to which a model's successor must come down."""
-    return SINGLE_BALL_ERROR_RATIO if len(model.fitted.shifts) == 1 else 1.0
+def may_grow(best: Model) -> bool:
+    """Return whether another part may pay: a perfect model, which leaves noise alone, would."""
+    return pays(best.errors, best.noises)

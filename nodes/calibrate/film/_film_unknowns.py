@@ -6,43 +6,43 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F8, USUAL_RIM_MM
+from tactograph.nodes import F8, USUAL_RIM_MM, Film
 from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
 from tactograph.nodes.calibrate.lights.light_fit import INFINITY_MM
 from tactograph.nodes.optics.film import matt_film
+from tactograph.nodes.stored import stored_values
 
 
 class Unknown(NamedTuple):
-    """A shared parameter: start value, standard deviation, bounds, and step for derivatives."""
+    """A parameter of a usual sensor, where the fit starts, and its standard deviation."""
 
     start: float
     spread: float
-    low: float
-    high: float
-    step: float = 1e-4
 
 
 TOLD_UNKNOWNS = "size", "power"
 """Unknowns of what was told, not of the film: the balls' radius and the camera's gamma."""
 SHARED_UNKNOWNS = {
-    "gain": Unknown(1.0, 0.1, 0.8, 1.3),
-    "wrap": Unknown(0.0, 0.2, 0.0, 0.5, 1e-3),
-    "base": Unknown(0.5, 0.3, 0.05, 5.0, 1e-3),
-    "roughness": Unknown(0.25, 0.15, 0.08, 0.6, 1e-3),
-    "refraction": Unknown(1.5, 0.05, 1.3, 1.6, 1e-3),
-    "albedo": Unknown(0.5, 0.4, 0.0, 0.95, 1e-3),
-    "rim": Unknown(USUAL_RIM_MM, 1.0, 0.0, 10.0, 1e-2),
-    "camera": Unknown(0.0, 0.01, 0.0, 0.05, 1e-5),
-    "diffuse": Unknown(0.2, 0.3, 0.0, 0.9),
+    "gain": Unknown(1.0, 0.1),
+    "wrap": Unknown(0.0, 0.2),
+    "base": Unknown(0.5, 0.3),
+    "roughness": Unknown(0.25, 0.15),
+    "refraction": Unknown(1.5, 0.05),
+    "albedo": Unknown(0.5, 0.4),
+    "rim": Unknown(USUAL_RIM_MM, 1.0),
+    "camera": Unknown(0.0, 0.01),
+    "diffuse": Unknown(0.2, 0.3),
 }
-"""By name; `diffuse` is one for each LED."""
-SHARED_UNKNOWNS |= dict.fromkeys(TOLD_UNKNOWNS, Unknown(1.0, 1.0, 0.3, 3.0))
+"""By name; `diffuse` is one for each LED.  Their limits are those of a `Film`."""
+SHARED_UNKNOWNS |= dict.fromkeys(TOLD_UNKNOWNS, Unknown(1.0, 1.0))
+DERIVATIVE_STEP = float(np.sqrt(np.finfo(np.float32).eps))
+"""Step of numeric derivatives, relative to an unknown's scale: the root of the rounding error."""
 ALBEDO_DIFFERENCE = {"base": 1, "albedo": -1}
 """The albedo under the coat equals that for light from film to film: they differ by 0, ..."""
 ALBEDO_DEVIATION = 0.002
 """... with this standard deviation.  Alone, the albedo under a coat nearly trades off against the
 coat's index."""
-EMISSION_UNKNOWN = Unknown(0.0, 0.7, -1.0, 4.0, 1e-3)
+EMISSION_UNKNOWN = Unknown(0.0, 0.7)
 """m: an LED that faces the middle of the film emits as cos^m of the angle from its axis.  It is
 fitted to the flat frame only: ignoring it would give a wrong distance there, while touched film,
 relative to the flat frame, hardly depends on it."""
@@ -133,11 +133,11 @@ def stepped(now: Fitted, name: str) -> tuple[Fitted, F8]:
     An LED's own unknowns change its own light alone, so one prediction serves all of them.
     """
     if name not in LED_UNKNOWNS:
-        about = SHARED_UNKNOWNS[name]
-        return with_values(now, {name: value_of(now, name) + about.step}), np.array([about.step])
-    step, leds = np.full(len(now.leds), 1e-5), now.leds.copy()
+        by = DERIVATIVE_STEP * SHARED_UNKNOWNS[name].spread
+        return with_values(now, {name: value_of(now, name) + by}), np.array([by])
+    step, leds = np.full(len(now.leds), DERIVATIVE_STEP), now.leds.copy()
     if name == "nearness":
-        step *= np.maximum(leds[:, 2], 1e-4)
+        step *= leds[:, 2]
     leds[:, LED_UNKNOWNS.index(name)] += step
     return now.with_leds(leds), step
 
@@ -166,13 +166,21 @@ def differences(
 
 
 def moved_by(now: Fitted, names: list[str], by: F8, own: F8) -> Fitted:
+    """Return a fit after a step of the shared unknowns and of the balls' shifts."""
     leds = now.leds + by[: now.leds.size].reshape(now.leds.shape)
     leds[:, 2] = np.maximum(leds[:, 2], 1 / INFINITY_MM)
-    leds[:, 4] = np.clip(leds[:, 4], EMISSION_UNKNOWN.low, EMISSION_UNKNOWN.high)
+    leds[:, 4] = within("emission", leds[:, 4])
     changed: dict[str, Any] = {}
     numbers = numbered(now, names)
     for name in names:
-        about = SHARED_UNKNOWNS[name]
-        value = np.clip(value_of(now, name) + by[numbers[name]], about.low, about.high)
+        value = within(name, value_of(now, name) + by[numbers[name]])
         changed[name] = value if name == "diffuse" else float(value[0])
     return with_values(now._replace(shifts=now.shifts + own), changed).with_leds(leds)
+
+
+def within(name: str, value: F8) -> F8:
+    """Return a parameter's value within the limits of a `Film`; what was told is above 0."""
+    if name in TOLD_UNKNOWNS:
+        return np.maximum(value, DERIVATIVE_STEP)
+    stored = stored_values(Film)[name].stored
+    return np.clip(value, stored.low, stored.high)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import NodeCall
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, U1, Film
-from tactograph.nodes.calibrate import BALL_SLICES, DRIFT_DEGREE, FILM_ROUGHNESS, MAX_SAMPLE_SLOPE
+from tactograph.nodes.calibrate import DRIFT_DEGREE, FILM_ROUGHNESS, FOLD_COUNT, MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.ball.ball_surface import (
     MAX_SQUARED_RADIUS,
     away_on,
@@ -191,7 +191,7 @@ def sample_balls(
             within &= bare[i * rows + yy, xx] > 0
         inside = np.flatnonzero(within)
         yy, xx = yy[inside], xx[inside]
-        sector = np.floor(np.arctan2(yy - v0, xx - u0) / (2 * np.pi) % 1 * BALL_SLICES).astype(int)
+        sector = np.floor(np.arctan2(yy - v0, xx - u0) / (2 * np.pi) % 1 * FOLD_COUNT).astype(int)
         of_press = (part[:, yy, xx].astype(np.float64) for part in thrown[i])
         values, bounced, by_lift, by_rim = of_press
         by_lift /= radius[number].astype(np.float64)

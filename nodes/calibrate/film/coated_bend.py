@@ -11,25 +11,25 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.graph import NodeCall
+from tactograph.graph import InputError, NodeCall
 from tactograph.nodes import F4, F8, Light, Noise
 from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film._film_at_rest import rest_left
+from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, laid_on, sample_balls
 from tactograph.nodes.calibrate.film.film_fit import Further, fit, further_step, start_at
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
-from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS
+from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS, log_odds
 from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight
 
 COATED_PARTS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
 """Parts of a film with a coat, and of one that lights itself as well."""
-COAT_UNKNOWNS = 3
 BEND_STEP = 0.01
-"""Step of an unknown, in its unit, for derivatives."""
-MAX_ROUNDS, MAX_CHANGE = 2, 2e-3
+"""Step of a bend, by half the diagonal, and of slope, for derivatives."""
+MAX_ROUNDS, MAX_CHANGE = 3, 2e-3
 """Most rounds of each model, and the change of all unknowns, in their units, that ends them."""
 
 
@@ -51,9 +51,10 @@ class Bending(NamedTuple):
     of: BallPress
     noise: Noise
     pixel: float
-    camera: float
     unit: F8
     """Unit of each unknown."""
+    is_told: bool
+    """Whether the height of the camera's pupil is given."""
     shape: Callable[[F8], RestShape]
     lay: Callable[[F8], Laid]
     bounce: NodeCall
@@ -74,15 +75,23 @@ def coated_bend(given: Bending, unknowns: F8, independent: float) -> tuple[F8, F
     A film has one where it explains the balls' light better by sure odds, for as many
     `independent` samples.  The covariance is that of least squares, and as much as the bend moves
     when each ball is left out (the jackknife).
+
+    Raises
+    ------
+    InputError
+        If the film has one, and the height of the pupil is not given.
     """
-    if given.flat.min() == given.flat.max():
-        return None
     matt = _round(given, unknowns, frozenset(), None)
     coat = fit(matt.balls, matt.rest, COATED_PARTS[0], matt.fitted, *_sizes(given))
     now = matt._replace(fitted=coat)
-    gained = independent * math.log(matt.fitted.scale / coat.scale)
-    if gained - COAT_UNKNOWNS * math.log(independent) / 2 < math.log(SURE_ODDS):
+    more = len(PART_UNKNOWNS["lobe"])
+    if log_odds(matt.fitted.scale, coat.scale, more, independent) < math.log(SURE_ODDS):
         return None
+    if not given.is_told:
+        raise InputError(
+            "`rest`=find: the film has a coat, and what that mirrors from near looks like a bend: "
+            "give `camera_mm`, the height of the camera's pupil above the film (1e6: far away)"
+        )
     for parts in COATED_PARTS:
         for _ in range(MAX_ROUNDS):
             now = _round(given, unknowns, parts, now.fitted)
@@ -103,18 +112,22 @@ def coated_bend(given: Bending, unknowns: F8, independent: float) -> tuple[F8, F
 def _round(given: Bending, unknowns: F8, parts: frozenset[str], before: Fitted | None) -> _Round:
     """Fit a model's film, LEDs and balls on a bend."""
     laid = given.lay(unknowns)
-    film = matt_film(laid.lights)._replace(camera=given.camera)
     start = start_at(laid.lights, laid.strength, len(laid.circle))
-    start = start._replace(film=start.film._replace(camera=given.camera))
+    film = matt_film(laid.lights)
     if before is not None:
         film, start = before.film, before._replace(shifts=np.zeros_like(before.shifts))
+    camera = laid.shape.camera
+    film, start = (
+        film._replace(camera=camera),
+        start._replace(film=start.film._replace(camera=camera)),
+    )
     balls = sample_balls(
         given.light, given.flat, laid.circle, given.radius, given.of, film, given.noise,
         given.pixel, fine="bounce" not in parts, bounce=given.bounce, shape=laid.shape,
     )  # fmt: skip
     glow = bounced_at_rest(laid.shape, film, given.bounce) if "bounce" in parts else None
     rest = rest_of(given.flat, given.pixel, laid.shape, glow)
-    assert rest is not None  # the flat frame is not uniform
+    assert rest is not None  # `find_rest` refuses a uniform flat frame
     fitted = fit(balls, rest, parts, start, *_sizes(given))
     return _Round(laid, balls, rest, fitted)
 

@@ -8,6 +8,7 @@ as for a hundred.
 Long because all that is fitted, and what else moves with it, passes the same normal equations.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple, Self, cast
 
 import numpy as np
@@ -17,6 +18,7 @@ from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted, rest_seen
 from tactograph.nodes.calibrate.film._film_at_rest import by_rest, rest_left, rest_spread
 from tactograph.nodes.calibrate.film._film_unknowns import (
+    DERIVATIVE_STEP,
     EMISSION_UNKNOWN,
     MODEL_UNKNOWNS,
     UNKNOWNS_OF_FLAT_ALONE,
@@ -28,19 +30,16 @@ from tactograph.nodes.calibrate.film._film_unknowns import (
     opened,
     priors,
 )
+from tactograph.nodes.calibrate.lights.descend import descend, huber, huber_weight
 from tactograph.nodes.calibrate.lights.light_fit import (
     HEIGHT_DEVIATION_MM,
     INFINITY_MM,
     LIGHT_DEVIATION,
-    huber,
-    huber_weight,
     places_within,
 )
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.optics.film import FADE_WIDTH, matt_film, place_terms, shades
+from tactograph.nodes.optics.film import FADE_WIDTH, matt_film, place_terms, shades, term_count
 
-MAX_STEPS, MIN_COST_GAIN = 20, 2e-3
-"""Most steps of the descent, and the relative gain of the cost below which it ends."""
 MAX_INDEPENDENT_SAMPLES = 1500
 """Most independent samples that the balls count as.  More have less noise, but a model's residuals
 on a real film are correlated."""
@@ -104,6 +103,37 @@ class _Problem(NamedTuple):
         return self._replace(scale=_scale(self.balls, left.light), certain=certain)
 
 
+class _Trial(NamedTuple):
+    """A fit on the way: the problem with its standard deviations, the film, and the residuals."""
+
+    problem: _Problem
+    now: Fitted
+    left: _Left
+
+    @classmethod
+    def of(cls, problem: _Problem, now: Fitted) -> Self:
+        """Return the trial of a film."""
+        return cls(problem, now, problem.left(now))
+
+    def judged(self) -> Self:
+        """Return the trial with the standard deviations of its residuals."""
+        return self._replace(problem=self.problem.judged(self.left))
+
+    def cost(self) -> float:
+        """Return the cost in squared standard deviations."""
+        return _cost(*self)
+
+    def linear(self) -> Callable[[float], Self]:
+        """Return the trial after a step, by its damping."""
+        equations = _equations(*self)
+
+        def stepped(damping: float) -> Self:
+            by = _solve(equations, damping)
+            return self.of(self.problem, moved_by(self.now, self.problem.names, *by))
+
+        return stepped
+
+
 class Further(NamedTuple):
     """Derivatives by U unknowns that the film has not: of the light, U x K x N, and `rest_left`."""
 
@@ -150,34 +180,16 @@ def fit(
         If the model has no light for the samples, however it starts.
     """
     names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
-    now, damping = opened(start, names), 1e-3
     problem = _Problem(balls, rest, names, shift_mm, width_mm, uneven, sample_weight)
-    left = problem.left(now)
-    problem = problem.judged(left)
-    cost = _cost(problem, now, left)
-    if not np.isfinite(cost):
+    first = _Trial.of(problem, opened(start, names)).judged()
+    if not np.isfinite(first.cost()):
         raise InputError(
-            "no film has the light of these balls: check that the flat frame shows untouched film, "
-            "the ball's radius, that the balls are pressed into the film, and that the film is a "
-            "plane at rest unless its shape is given"
+            "no film has the light of these balls: check the ball's radius and the pixel size, "
+            "that balls and flat frame are of one zoom, that the flat frame shows untouched "
+            "film, and that the film is a plane at rest unless its shape is given"
         )
-    for _ in range(MAX_STEPS):
-        equations = _equations(problem, now, left)
-        while damping < 1e8:
-            trial = moved_by(now, names, *_solve(equations, damping))
-            trial_left = problem.left(trial)
-            tried = _cost(problem, trial, trial_left)
-            if tried < cost:
-                break
-            damping *= 10
-        else:
-            break
-        gain, now, left, damping = cost - tried, trial, trial_left, max(damping / 10, 1e-9)
-        if gain < MIN_COST_GAIN * cost:
-            break
-        problem = problem.judged(left)
-        cost = _cost(problem, now, left)
-    return now._replace(scale=problem.scale)
+    found = descend(first, _Trial.cost, _Trial.linear, _Trial.judged)
+    return found.now._replace(scale=found.problem.scale)
 
 
 def other_places(
@@ -265,7 +277,7 @@ def add_harmonics(
     Ridge regression finds harmonics and gain, in turn with Gauss-Newton steps for the balls'
     positions.  Samples with large residuals have less weight (Cauchy).
     """
-    used = (degree + 1) * (degree + 2) // 2
+    used = term_count(degree)
     count, size, now = len(fitted.leds), 8 * used, fitted
     n, *_ = balls.seen(now.shifts, now.film.camera)
     film = fitted.film._replace(flattest=float(np.quantile(n[2], 0.005)), reach=reach)
@@ -373,7 +385,7 @@ def _by_shift(balls: Balls, now: Fitted, before: F8, rest: F8 | None) -> F8:
 
     `rest` is the result of `rest_seen`.
     """
-    step = 1e-4 * float(balls.radius.min())
+    step = DERIVATIVE_STEP * float(balls.radius.min())
     moved = [now._replace(shifts=now.shifts + step * axis) for axis in np.eye(3)]
     return np.stack([(predicted(balls, other, rest) - before) / step for other in moved])
 

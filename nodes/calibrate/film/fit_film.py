@@ -37,12 +37,11 @@ from tactograph.nodes.calibrate.ball.balls_on_film import Balls, predicted
 from tactograph.nodes.calibrate.film._film_at_rest import rest_left
 from tactograph.nodes.calibrate.film._film_misfit import misfit, unevenness
 from tactograph.nodes.calibrate.film._film_search import (
-    GOOD_ERROR_DEG,
-    SINGLE_BALL_UNEVENNESS,
     Model,
     Trial,
     bend,
     held_out_of,
+    may_grow,
     search,
     without_bad,
 )
@@ -121,8 +120,8 @@ def fit_film(
     film, a pupil near the film.  Each time, the part that explains the presses best is taken if
     it lowers the error of held-out balls by more than a standard error (`pays`).  Harmonics come
     last, of the highest degree in position that lowers the error further.  With a single ball,
-    slices of it are held out instead, and a part must also lower their error by 30 per cent.  No
-    part is tried where noise leaves it too little to gain.
+    quarters of it are held out instead.  No part is tried where a model that leaves noise alone
+    would gain too little.
 
     Parameters
     ----------
@@ -175,7 +174,7 @@ def fit_film(
     if np.median(balls.rim) < MIN_CONTACT_CELLS * cell:
         closed.add("bounce")
     trial, best, whole, errors = search(trial, start, [p for p in PART_UNKNOWNS if p not in closed])
-    if "harmonics" not in closed and errors["film_heldout_deg"] > GOOD_ERROR_DEG:
+    if "harmonics" not in closed and may_grow(best):
         best = bend(trial, best, errors)
     best, balls, bad = without_bad(trial, best)
     film = best.fitted.film
@@ -195,7 +194,8 @@ def fit_film(
     held = held_out_of(trial, best, whole, bad)
     uneven = unevenness(held, pixel)
     if len(balls.centre) == 1 and "diffuse" in best.parts:
-        uneven = max(uneven, SINGLE_BALL_UNEVENNESS)
+        # One ball does not tell by how much the gain of touched film varies.
+        uneven = max(uneven, start.film.uneven)
     rough, slope = grain(balls, left, flat, noise), pressed_slope(balls)
     return FilmFit(
         stored(film)._replace(uneven=uneven, grain=rough, pressed_slope=slope, others=others),

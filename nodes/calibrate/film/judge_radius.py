@@ -116,6 +116,7 @@ def judge_radius(
     fitted: Metrics,
     of_pixels: list[str] | None = None,
     others: list[str] | None = None,
+    rest_error: ScaleError | None = None,
     *,
     led_distance_mm: Annotated[float, Gt(0)] | None = None,
     force: bool = False,
@@ -133,6 +134,8 @@ def judge_radius(
     others
         Doubts of images, flat frame and the film's shape; named in place of the radius, which they
         spoil.
+    rest_error
+        Relative error of the heights by a film at rest that is not well known (`find_rest`).
     led_distance_mm
         Mean distance of the LEDs from the middle of the film, where a drawing of the sensor
         gives it.
@@ -176,6 +179,7 @@ def judge_radius(
         is_open = unconfirmed(found, first, left, RADIUS_INPUTS, advice)
         # The small balls of a grid throw no shadow, however deep they are pressed.
         doubts += [is_open] * bool(is_open and np.bincount(of[used]).max() == 1)
+    scale = math.hypot(scale, rest_error or 0.0)
     departure = found.by_name[AS_TOLD].departure
     quality = fitted | {"light_departure_percent": 100 * departure}
     quality["scale_error_percent"] = 100 * scale
@@ -391,7 +395,7 @@ def _cure(found: Alternatives, name: str, which: str) -> str:
         wrong = "its diameter"
     return (
         f": is the radius given {wrong}, or the pixel size too "
-        f"{'small' if size < 1 else 'large'}? Measure both{which}"
+        f"{'small' if size < 1 else 'large'}, as by another zoom? Measure both{which}"
     )
 
 

@@ -1,13 +1,12 @@
 """Refit a film's model to a check press on a new film; camera and LEDs stay the same.
 
-Long because each property that may change has its prior, its bounds and its figures.
+Long because each property that may change has its prior and its figures.
 """
 
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from tactograph.graph import NodeCall, SizeLimit, node, warn
 from tactograph.nodes import F4, F8, Film, Light, Metrics, Misfit, Noise, PixelSize
@@ -21,62 +20,34 @@ from tactograph.nodes.calibrate import (
 )
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
+from tactograph.nodes.calibrate.film._film_at_rest import MAX_INDEPENDENT_REST
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
-from tactograph.nodes.calibrate.film._film_unknowns import SHARED_UNKNOWNS, Unknown
+from tactograph.nodes.calibrate.film._film_unknowns import (
+    PART_UNKNOWNS,
+    SHARED_UNKNOWNS,
+    Unknown,
+    within,
+)
 from tactograph.nodes.calibrate.film.ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate.film.film_fit import place_deviations
 from tactograph.nodes.calibrate.film.fit_film import pressed_slope, stored
-from tactograph.nodes.calibrate.lights.light_fit import HUBER_DEVIATIONS, LIGHT_DEVIATION
+from tactograph.nodes.calibrate.lights.descend import by_differences, least_squares
+from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.calibrate.rating.verdict import pays
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import rest_light
 from tactograph.nodes.optics.sheet import SheetLight
 
-CHECK_SAMPLES = 400
-"""Samples of the check press; the few parameters need no more."""
-MAX_INDEPENDENT_REST = 5
-"""Most independent values per LED that the flat frame's fall-off counts as."""
 SHALLOW_SHARE = 0.5
 """Smallest slopes of a check press, as a share of those pressed for the calibration."""
-MAX_STEPS = 25
-PRIOR_COPIES = 25
-"""Residuals into which each prior is split.  They stay below the scale of the robust loss, which is
-meant for light."""
-
-
-class _Bounds(NamedTuple):
-    """The least and the most of a parameter."""
-
-    low: float
-    high: float
-
-
-OPEN_SPREADS = {
-    "thicker": 0.3,
-    "gain": 0.01,
-    "diffuse": 0.15,
-    "albedo": 0.05,
-    "base": SHARED_UNKNOWNS["base"].spread,
-    "roughness": SHARED_UNKNOWNS["roughness"].spread,
-    "refraction": 0.15,
-}
-"""Standard deviations of what may have changed, by name.  `thicker` is in mm of gel; `diffuse` is
-added to the share of every LED."""
-OPEN_BOUNDS: dict[str, Unknown | _Bounds] = SHARED_UNKNOWNS | {
-    "thicker": _Bounds(-3.0, 3.0),
-    "diffuse": _Bounds(-0.9, 0.9),
-    "refraction": _Bounds(1.0, 2.0),
-}
-"""Their bounds: those of a first fit, but for a film that had no coat."""
-FILM_CHANGES = (("thicker",), ("thicker", "gain", "diffuse", "albedo"), tuple(OPEN_SPREADS))
-"""The changes tried, the simplest first: another thickness, another gel, another coat."""
-FIRST_COAT = {
-    "base": SHARED_UNKNOWNS["base"].start,
-    "roughness": SHARED_UNKNOWNS["roughness"].start,
-    "refraction": 1.4,
-}
-"""Start values of the fit with a coat: a usual coat, since the old film may have had none."""
+THICKNESS_DEVIATION_MM = 0.3
+"""Standard deviation of the thickness of a gel."""
+COAT_UNKNOWNS = PART_UNKNOWNS["lobe"]
+FILM_CHANGES = (("thicker",), ("thicker", "gain", "diffuse", "albedo"))
+FILM_CHANGES += ((*FILM_CHANGES[-1], *COAT_UNKNOWNS),)
+"""The changes tried, the simplest first: another thickness in mm, another gel, another coat.
+`diffuse` is added to the share of every LED."""
 
 
 class FilmRefit(NamedTuple):
@@ -135,11 +106,11 @@ def refit_film(
     The LEDs stay where they are.  A thicker gel puts the film farther from all of them and from
     the camera; a new film may diffuse more, be brighter or be glossier.  Robust least squares
     with priors fits these few parameters to the check press and to the change of the flat
-    frame's fall-off.  Each prior holds a parameter near its old value; the albedo's takes the
-    flat frame's brightness into account.  The thickness is always fitted.  Changes of the gel,
-    and then of the coat, are accepted if they lower the error on held-out slices of the press by
-    more than a standard error (`pays`).  The old film's harmonics are dropped if that lowers the
-    error as much.
+    frame's fall-off.  Each prior holds a parameter near its old value, as films of one kind
+    differ; the albedo's takes the flat frame's brightness into account.  The thickness is always
+    fitted.  Changes of the gel, and then of the coat, are accepted if they lower the error on
+    held-out quarters of the press by more than a standard error (`pays`).  The old film's
+    harmonics are dropped if that lowers the error as much.
 
     Parameters
     ----------
@@ -168,7 +139,7 @@ def refit_film(
         return _result(precise, film, old_misfit, even_pixel, {})
     circle, radius, of = circle[used], radius[used], of[used]
     given = (light, flat, circle, radius, of, film, noise, pixel)
-    balls = sample_balls(*given, most=CHECK_SAMPLES, bounce=bounce)
+    balls = sample_balls(*given, bounce=bounce)
     if (slope := pressed_slope(balls)) < SHALLOW_SHARE * film.pressed_slope:
         warn(
             f"the check press has slopes of up to {slope:.2f}, the calibration's presses of up to "
@@ -239,7 +210,7 @@ def _level(logarithm: F8) -> F8:
 
 
 def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, list[float], list[_Refitted]]:
-    """The simplest change that the held-out slices support, its error and its folds."""
+    """The simplest change that the held-out quarters support, its error and its folds."""
     best, errors, folds = _judged(known, balls, FILM_CHANGES[0])
     for names in FILM_CHANGES[1:]:
         tried = _judged(known, balls, names)
@@ -252,7 +223,7 @@ def _judged(
     known: _Known, balls: Balls, names: tuple[str, ...]
 ) -> tuple[_Refitted, list[float], list[_Refitted]]:
     """The fit to all samples, the held-out error, and the fit without each fold."""
-    whole = _fit(known, balls, names, FIRST_COAT if "base" in names else {})
+    whole = _fit(known, balls, names, {})
     folds, errors = [], []
     for number in range(FOLD_COUNT):
         held = balls.held_by % FOLD_COUNT == number
@@ -268,25 +239,35 @@ def _changed(film: Film, names: dict[str, float]) -> Film:
     """The film after a change."""
     values: dict[str, Any] = dict(names)
     thicker, diffuse = values.pop("thicker", 0.0), values.pop("diffuse", 0.0)
+    values["diffuse"] = film.diffuse + diffuse
+    kept: dict[str, Any] = {name: within(name, value) for name, value in values.items()}
     return film._replace(
         lights=film.lights + np.array([0, 0, thicker]),
         camera=film.camera / (1 + film.camera * thicker),
-        diffuse=np.clip(film.diffuse + diffuse, 0, 0.9),
-        **values,
+        **kept,
     )
+
+
+def _usual(known: _Known, name: str) -> Unknown:
+    """What is expected of a change, or of the new value of a parameter."""
+    if name == "thicker":
+        return Unknown(0.0, THICKNESS_DEVIATION_MM)
+    first, old = SHARED_UNKNOWNS[name], known.film
+    if name == "diffuse":
+        return Unknown(0.0, first.spread)
+    if name in COAT_UNKNOWNS and old.refraction == 1:
+        return first
+    # The LEDs stay, so a film at rest that is darker reflects less.
+    return Unknown(getattr(old, name) * (known.light if name == "albedo" else 1), first.spread)
 
 
 def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, float]) -> _Refitted:
     """Fit the named changes and the balls' positions, with priors."""
     film, count = known.film, len(balls.centre)
-    old = {name: float(getattr(film, name)) for name in names if name not in ("thicker", "diffuse")}
-    if "albedo" in old:
-        # The LEDs stay, so a film at rest that is darker reflects less.
-        old["albedo"] = float(np.clip(known.light * old["albedo"], 0, 0.9))
-    first = np.array([old.get(name, 0.0) for name in names])
+    about = [_usual(known, name) for name in names]
+    usual = np.concatenate([np.zeros(3 * count), [each.start for each in about]])
     places = place_deviations(balls, known.shift_mm).ravel()
-    bounds = [OPEN_BOUNDS[name] for name in names]
-    spread = np.concatenate([places, [OPEN_SPREADS[name] for name in names]])
+    spread = np.concatenate([places, [each.spread for each in about]])
     samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
     blocks = LIGHT_DEVIATION * np.sqrt(max(known.fall.x.size / MAX_INDEPENDENT_REST, 1))
     whole = balls.reference_light * samples
@@ -302,30 +283,12 @@ def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, f
         scale = 1 + film.camera * tried.changed.get("thicker", 0.0)
         farther = {name: getattr(balls, name) * scale for name in ("u", "v", "centre", "rim")}
         light = predicted(replace(balls, **farther), tried.fitted)
-        parts = [
-            ((balls.light - light) / whole).ravel(),
-            np.tile((values - usual) / spread / np.sqrt(PRIOR_COPIES), PRIOR_COPIES),
-        ]
+        parts = [((balls.light - light) / whole).ravel(), (values - usual) / spread]
         if names and known.fall.x.size:
             fallen = np.log(rest_light(tried.film, known.fall.x * scale, known.fall.y * scale))
             parts.append(((known.ratio - _level(fallen - level)) / blocks).ravel())
         return np.concatenate(parts)
 
-    usual = np.concatenate([np.zeros(3 * count), first])
-    begin = [start.get(name, value) for name, value in zip(names, first, strict=True)]
-    low = np.concatenate([-10 * places, [each.low for each in bounds]])
-    high = np.concatenate([10 * places, [each.high for each in bounds]])
-    margin = 1e-6 * spread
-    begin_at = np.concatenate([np.zeros(3 * count), begin])
-    solved = least_squares(
-        left,
-        np.clip(begin_at, low + margin, high - margin),
-        bounds=(low, high),
-        x_scale=spread,
-        loss="huber",
-        f_scale=HUBER_DEVIATIONS,
-        max_nfev=MAX_STEPS,
-        xtol=1e-4,
-        ftol=1e-4,
-    )
-    return at(solved.x)
+    begin = usual.copy()
+    begin[3 * count :] = [start.get(n, each.start) for n, each in zip(names, about, strict=True)]
+    return at(least_squares(left, lambda values: by_differences(left, values, spread), begin))

@@ -6,7 +6,6 @@ fraction of a pixel.  Its height depends on the contact radius (for half a ball,
 pixel is a tenth of a millimetre) and on how high the film lifts the rim.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,12 +13,12 @@ from scipy.linalg import hadamard
 
 from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
+from tactograph.nodes.calibrate.lights.descend import huber, least_squares
 from tactograph.nodes.calibrate.lights.light_samples import DIM_LIGHT, Object, Rest
 from tactograph.nodes.optics.near_light import irradiance_ratio
 
 LIGHT_DEVIATION = 0.006
-"""Expected standard deviation of the light; beyond twice that, a pixel is an outlier."""
-HUBER_DEVIATIONS = 2.0
+"""Expected standard deviation of the light."""
 INFINITY_MM = 1e6
 """Distance in mm that counts as infinite."""
 HEIGHT_DEVIATION_MM = 0.2
@@ -32,9 +31,7 @@ MIN_INVERSE_HEIGHT_RATIO = 0.25
 """Smallest 1 / L_z of a sampled LED, relative to its own, so that it stays above the film."""
 MIN_OVER = 1e-3
 """Least irradiance of the film at rest, in units of L_z, that is divided by."""
-MAX_STEPS, MIN_COST_GAIN = 60, 1e-9
-"""Most steps of the descent, and the relative gain of the cost below which it ends."""
-DERIVATIVE_STEP = 1.5e-8
+DERIVATIVE_STEP = float(np.sqrt(np.finfo(np.float64).eps))
 """Relative step of the numeric derivative: the square root of the rounding error."""
 
 
@@ -89,7 +86,7 @@ def place_leds(
     def jacobian(unknown: F8) -> F8:
         return jacobian_of(objects, rest, *split(unknown))
 
-    solution = _descend(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
+    solution = least_squares(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
     return Placed(*split(solution), flat)
 
 
@@ -167,7 +164,7 @@ def shift_of(there: Object, placed: Placed) -> F8:
             [np.diag(weight), by_shift(there, placed.leds, shift, placed.flat) / LIGHT_DEVIATION]
         )
 
-    return _descend(residual, jacobian, np.zeros(3))
+    return least_squares(residual, jacobian, np.zeros(3))
 
 
 def by_shift(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
@@ -182,36 +179,6 @@ def by_shift(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
     return np.stack(columns, axis=1)
 
 
-def _descend(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: F8) -> F8:
-    """Minimise Huber's loss of the residual by the Levenberg-Marquardt method.
-
-    It solves the normal equations of twenty or thirty unknowns.  SciPy's least squares
-    decomposes the whole Jacobian of ten thousand rows and more, and takes ten times as long.
-    """
-    unknown, left = start, residual(start)
-    damping = 1e-3
-    for _ in range(MAX_STEPS):
-        slopes = jacobian(unknown)
-        weight = huber_weight(left)
-        normal = slopes.T @ (slopes * weight[:, None])
-        scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
-        normal, down = normal / np.outer(scale, scale), -(slopes.T @ (weight * left)) / scale
-        cost = huber(left)
-        while damping < 1e8:
-            trial = unknown + np.linalg.solve(normal + damping * np.eye(scale.size), down) / scale
-            tried = residual(trial)
-            gain = cost - huber(tried)
-            if gain >= 0:
-                break
-            damping *= 10
-        else:
-            return unknown
-        unknown, left, damping = trial, tried, max(damping / 10, 1e-9)
-        if gain < MIN_COST_GAIN * cost:
-            break
-    return unknown
-
-
 def all_residuals(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
     """Residuals of the shifts, the objects' light and the film at rest, in standard deviations."""
     flat = rest is not None
@@ -223,17 +190,6 @@ def all_residuals(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8
             *_rest_residual(rest, leds),
         ]
     )
-
-
-def huber(left: F8) -> float:
-    """Return Huber's loss of residuals in standard deviations."""
-    far, most = np.abs(left), HUBER_DEVIATIONS
-    return float(np.where(far < most, far * far, most * (2 * far - most)).sum())
-
-
-def huber_weight(left: F8) -> F8:
-    """Return the weights of residuals in least squares that minimise Huber's loss."""
-    return np.asarray(np.minimum(1, HUBER_DEVIATIONS / np.maximum(np.abs(left), HUBER_DEVIATIONS)))
 
 
 def residual_of(there: Object, leds: F8, shift: F8, flat: bool) -> F8:

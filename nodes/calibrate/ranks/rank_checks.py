@@ -127,7 +127,7 @@ def _kept(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:
 def _own(
     graph: str, presses: list[Light], calibration: Path, more: dict[str, str] | None = None
 ) -> tuple[F8, F8]:
-    """The figures of the calibration's presses, P x 21, and how much of each hangs on rims."""
+    """The figures of the calibration's presses, P x 18, and how much of each hangs on rims."""
     figures, rims = [], []
     if presses:
         given = {"calibration": str(calibration), "accept_contradictions": True}
@@ -144,7 +144,7 @@ def _own(
 def _drawn(
     graph: str, overlay: str, given: dict[str, Any], more: dict[str, str] | None = None
 ) -> F8:
-    """The figures of drawn touches whose height the graph finds, N x 21.
+    """The figures of drawn touches whose height the graph finds, N x 18.
 
     At least half of them count as found: a graph may be no better than that.  Walls are what
     another graph measures, so that all of them count.

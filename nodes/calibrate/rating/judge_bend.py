@@ -6,7 +6,12 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import Film, Metrics
-from tactograph.nodes.calibrate.ball.find_rest import MIN_PRESSES, ball_presses, find_bend
+from tactograph.nodes.calibrate.ball.find_rest import (
+    MIN_PRESSES,
+    ball_presses,
+    fitted_bend,
+    tried_bends,
+)
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
 from tactograph.nodes.calibrate.rating.verdict import MAX_ERROR_DEG, SURE_ODDS
 
@@ -34,7 +39,8 @@ def judge_bend(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]
         return []
     seen = evidence.light, evidence.flat, evidence.circle, evidence.radius, evidence.of
     balls = ball_presses(*seen, evidence.pixel, film.camera)
-    bend, plane = find_bend(balls, only_ball=True)
+    tried, plane = tried_bends(balls)
+    bend = fitted_bend(balls, tried, only_ball=True)
     gained = bend.samples / 2 * math.log(plane.cost / bend.cost) - math.log(bend.samples) / 2
     digits = gained / math.log(10)
     if digits < math.log10(SURE_ODDS):

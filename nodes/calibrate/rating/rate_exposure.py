@@ -30,7 +30,10 @@ MAX_MOTION = 0.02
 """Motion of the film between flat frame and press over the image's width (T7)."""
 NO_FILM_LIGHT = 0.1
 """Light beside the balls, under all LEDs, up to which there is no film."""
-_TAKEN_FLAT = "the flat frame", "take both with the same exposure, gain, gamma and LED currents"
+_TAKEN_FLAT = (
+    "the flat frame",
+    "take both with one sensor and the same exposure, gain, gamma and LED currents",
+)
 _MODELLED_FLAT = (
     "a plain film under the LEDs that were found, as no flat frame was given",
     "give one, `folder`=DIR",
@@ -91,12 +94,12 @@ def rate_exposure(
     for number, press in enumerate(presses):
         # A single press has no name.
         where = f"{names[number]}: " if names[number] else ""
-        if is_banded(press):
+        cells = coarsen(press, factor=CELL_PX), coarsen(flat, factor=CELL_PX)
+        if is_banded(cells[0]):
             doubts.append(where + BANDS_TOLD)
             continue
         free = _free(press, circle[of == number])
         far = coarsen(free[None].astype(np.float32), factor=CELL_PX)[0] == 1
-        cells = coarsen(press, factor=CELL_PX), coarsen(flat, factor=CELL_PX)
         if other := other_frame(cells[0] * cells[1], cells[1], far):
             doubts.append(
                 f"{where}beside the ball the images show the film of the flat frame {other}: take "

@@ -1,8 +1,10 @@
 """Doubts and verdicts that both kinds of calibration share."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtr, stdtrit
 
 from tactograph.nodes import Metrics
 
@@ -31,10 +33,22 @@ def pays(before: list[float], after: list[float]) -> bool:
     """Return whether a larger model lowers the held-out error by more than a standard error.
 
     The rule of one standard error (Breiman et al., "Classification and regression trees", 1984),
-    for errors by fold, which both models share.
+    for errors by fold, which both models share.  Few folds tell the standard error badly, so that
+    it counts at the quantile of Student's distribution that is one of a normal distribution.
     """
     gained = np.subtract(before, after)
-    return bool(gained.mean() > gained.std(ddof=1) / np.sqrt(gained.size))
+    errors = stdtrit(gained.size - 1, ndtr(1))
+    return bool(gained.mean() > errors * gained.std(ddof=1) / np.sqrt(gained.size))
+
+
+def log_odds(before: float, after: float, unknowns: int, values: float) -> float:
+    """Return the logarithm of a larger model's odds, by Schwarz, "Estimating the dimension of a
+    model", 1978.
+
+    `before` and `after` are the deviations that both models leave of so many independent values,
+    `unknowns` is how many more the larger one has.
+    """
+    return values * math.log(before / after) - unknowns * math.log(values) / 2
 
 
 def of_heldout_error(degrees: float | None) -> list[str]:

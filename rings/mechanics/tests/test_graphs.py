@@ -23,6 +23,7 @@ def test_a_graphs_own_variant_goes_before_the_overlay_of_that_name() -> None:
     ("graph", "given"),
     [
         ("reconstruct_pose", {}),
+        ("reconstruct_markers", {}),
         ("precise_force", {"modulus_kpa": 100.0, "thickness_mm": 2.0}),
     ],
 )

@@ -117,7 +117,10 @@ def test_a_model_of_another_frame_is_refused(tmp_path: Path) -> None:
     model = write_model(tmp_path / "model.yaml", flat=False)
     write_scan(tmp_path / "scan", seen(cap(), model)[:, :-2, :-4])
     sensor = {"capture": tmp_path / "scan", "model": tmp_path / "model.yaml"}
-    with pytest.raises(InputError, match="62 and 64 rows of pixels; do both come from one sensor"):
+    with pytest.raises(
+        InputError,
+        match=r"62 rows of pixels in capture=.* but 64 in .* do both come from one sensor",
+    ):
         run("reconstruct_scan", **sensor)
     run("reconstruct_scan", **sensor, crop=(0, 0, 92, 62))
 

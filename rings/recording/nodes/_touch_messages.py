@@ -78,7 +78,7 @@ def touch_messages(
 def _surface(stamp: int, touch: Touch, step: int) -> list[Message]:
     if not step:
         return []
-    places: tuple[NDArray[Any], ...] = (*touch.places_mm(step), touch.height[::step, ::step])
+    places: tuple[NDArray[Any], ...] = (*touch.places_mm(step), touch.film[::step, ::step])
     fields = {axis: METRES_PER_MM * place for axis, place in zip("xyz", places, strict=True)}
     return [cloud_message("/points", stamp, fields)]
 

@@ -122,6 +122,13 @@ def test_a_file_that_is_too_large_is_refused_before_it_is_parsed(tmp_path: Path)
     assert time.perf_counter() - started < 0.5
 
 
+def test_a_large_file_that_is_no_text_is_no_large_graph_file(tmp_path: Path) -> None:
+    file = tmp_path / "cal.npz"
+    file.write_bytes(b"PK\x03\x04\x00\xff" * MAX_BYTES)
+    with pytest.raises(GraphError, match="not a text file"):
+        read_yaml(file)
+
+
 def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "g.yaml"
     file.write_bytes(b"a: \xff")

@@ -63,7 +63,7 @@ def test_a_fixed_size_that_a_node_refuses_is_told_before_anything_runs(write: Wr
 
 @pytest.mark.parametrize(
     ("shape", "words"),
-    [((6, 4, 5), "6 and 3 lights"), ((3, 7, 5), "7 and 4 rows"), ((3, 4, 9), "9 and 5 columns")],
+    [((6, 4, 5), "6 lights"), ((3, 7, 5), "7 rows"), ((3, 4, 9), "9 columns")],
 )
 def test_a_size_of_images_that_clashes_is_told_by_what_it_counts(
     write: Write, shape: tuple[int, int, int], words: str
@@ -71,7 +71,7 @@ def test_a_size_of_images_that_clashes_is_told_by_what_it_counts(
     plan = planned(write(STREAM))
     known: dict[Symbol, Bound] = {}
     plan.sizes.bind(known, plan.tasks["cal"], "flat", (3, 4, 5))
-    with pytest.raises(InputError, match=rf"the same: {words}.*; do both come from one sensor\?$"):
+    with pytest.raises(InputError, match=rf"^{words}.* do both come from one sensor, "):
         plan.sizes.bind(known, plan.tasks["frames"], "image", shape)
 
 

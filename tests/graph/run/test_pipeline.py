@@ -169,8 +169,8 @@ class OnAnotherDevice:
         ),
         ([[[1.0, 2.0]], [[1.0]]], "a stack of images cannot be made of list"),
         (OnAnotherDevice(), "of OnAnotherDevice: copy it to the host first"),
-        (np.zeros((3, 4, 6), np.float32), "the size W is 6 in frames.image but 5 in cal.flat"),
-        (np.zeros((4, 4, 5), np.float32), "the size K is 4 in frames.image but 3 in cal.flat"),
+        (np.zeros((3, 4, 6), np.float32), "6 columns of pixels in frames.image, but 5 in cal.flat"),
+        (np.zeros((4, 4, 5), np.float32), "4 lights in frames.image, but 3 in cal.flat"),
     ],
 )
 def test_a_stack_that_does_not_fit_is_refused(stack: Any, message: str) -> None:
@@ -335,7 +335,9 @@ def test_a_size_that_clashes_after_good_items_is_told_as_at_the_first(backend: s
     good = np.ones((3, 4, 5), np.float32)
     for _ in range(2):
         assert float(pipeline(frames=good)["light"].min()) == 1
-        with pytest.raises(InputError, match=r"the size W is 6 in frames.image but 5 in cal.flat"):
+        with pytest.raises(
+            InputError, match=r"6 columns of pixels in frames.image, but 5 in cal.flat"
+        ):
             pipeline(frames=np.ones((3, 4, 6), np.float32))
 
 

@@ -182,7 +182,9 @@ SPOIL = {
     "led2.png: a colour image": colour,
     "led3.png: all black": lambda d: cv2.imwrite(str(d / "led3.png"), 0 * IMAGES[0]),
     "needs from 3": lambda d: [(d / f"led{k}.png").unlink() for k in (3, 4)],
-    "capture.yaml:1:1: bitz": lambda d: (d / "capture.yaml").write_text("bitz: 12\n"),
+    "capture.yaml:1:1: bitz: unknown key; did you mean 'bits'": lambda d: (
+        d / "capture.yaml"
+    ).write_text("bitz: 12\n"),
     "capture.yaml:1:18: ball_center_px[0]": lambda d: (d / "capture.yaml").write_text(
         "ball_center_px: [.inf, 5.0]\n"
     ),
@@ -283,6 +285,13 @@ def test_a_dim_led_among_bright_ones_does_not_look_like_fewer_bits(tmp_path: Pat
     with collect_warnings([]) as notes:
         read_one(write(tmp_path, images))
     assert notes == []
+
+
+def test_fewer_bits_than_eight_are_told(tmp_path: Path) -> None:
+    with collect_warnings([]) as notes:
+        read_one(write(tmp_path, IMAGES // 32 * 17))
+    assert len(notes) == 1
+    assert "only every 17th gray level occurs, as in images of 4 bits" in notes[0]
 
 
 def test_jpeg_is_read_with_a_warning(tmp_path: Path) -> None:

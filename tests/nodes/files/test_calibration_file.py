@@ -183,6 +183,7 @@ def say(file: Path, **about) -> None:
 
 SPOIL = {
     "there is no such calibration": lambda f: f.unlink(),
+    "is a folder, and no calibration": lambda f: (f.unlink(), f.mkdir()),
     "damaged": lambda f: f.write_bytes(f.read_bytes()[:500]),
     "this calibration cannot be used": lambda f: f.write_bytes(b""),
     "it holds a pickle": lambda f: np.savez(f, about=np.array([{}], dtype=object)),

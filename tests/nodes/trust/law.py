@@ -8,8 +8,8 @@ from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 SIZES = dict.fromkeys(CHECK_FIGURES, 0.0) | {
-    "curl": 0.3, "curl_quartile": 1.0, "curl_of_part": 0.05, "light_at_rest": 0.5, "light": 0.8,
-    "light_quartile": 1.5, "darker": 0.001, "brighter": 0.001, "level": 0.02, "spread": 0.02,
+    "curl": 0.3, "curl_of_part": 0.05, "light_at_rest": 0.5, "light": 0.8,
+    "darker": 0.001, "brighter": 0.001, "level": 0.02,
     "shape": 0.01, "moved": 0.002, "touched_share": 0.2, "depth": 0.1, "lines": 0.5,
 }  # fmt: skip
 

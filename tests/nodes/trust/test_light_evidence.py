@@ -29,7 +29,7 @@ def touch(
     matt[2].flat[:dark] = lit
     return {
         "departure": plane(at_rest, departs), "slope": np.stack([plane(0, 0.4), plane(0)]),
-        "misfit": np.zeros(5, np.float32), "brighter": plane(0),
+        "brighter": plane(0),
         "used": plane(ALL, used).astype(np.uint8), "matt": matt, "shadow": shadow,
     }  # fmt: skip
 
@@ -61,14 +61,14 @@ def walls(width: int) -> Touch:
 @pytest.mark.parametrize(("width", "is_compared"), [(2, False), (3, False), (7, True)])
 def test_walls_a_few_cells_wide_are_not_compared(width: int, is_compared: bool) -> None:
     found = told(walls(width))
-    assert (found.middle > 4, found.brighter < -0.02) == (is_compared, is_compared)
+    assert (found.upper > 4, found.brighter < -0.02) == (is_compared, is_compared)
 
 
 def test_the_light_of_touch_and_rest_is_told_apart() -> None:
     found = told(touch(departs=16.0, at_rest=4.0))
-    assert (found.middle, found.upper, found.rest) == pytest.approx((4, 4, 2))
-    known = ("departure", "slope", "misfit")
-    assert told({name: touch()[name] for name in known}).middle == 1, "labels may be missing"
+    assert (found.upper, found.rest) == pytest.approx((4, 2))
+    known = ("departure", "slope")
+    assert told({name: touch()[name] for name in known}).upper == 1, "labels may be missing"
 
 
 def test_a_quarter_that_is_wrong_is_seen_by_the_quartile() -> None:
@@ -76,7 +76,6 @@ def test_a_quarter_that_is_wrong_is_seen_by_the_quartile() -> None:
     what["departure"] = plane(0.5)
     what["departure"][10:13, 10:30] = 25.0
     assert told(what).upper == pytest.approx(5)
-    assert told(what).middle < 1
 
 
 def test_light_in_shadow_is_seen_where_enough_cells_are_in_it() -> None:
@@ -114,8 +113,8 @@ def test_film_that_two_leds_light_is_not_tested() -> None:
 @pytest.mark.parametrize("shape", [(1, 6), (6, 1), (1, 1)])
 def test_an_image_of_a_few_pixels_tells_nothing(shape: tuple[int, int]) -> None:
     departure, slope = np.full(shape, 25, np.float32), np.full((2, *shape), 0.5, np.float32)
-    found = told({"departure": departure, "slope": slope, "misfit": np.zeros(5)})
-    assert found.middle == found.upper == found.rest == 0
+    found = told({"departure": departure, "slope": slope})
+    assert found.upper == found.rest == 0
 
 
 def test_an_untouched_film_is_judged_by_its_rest_alone() -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import cv2
 import numpy as np
 import pytest
 
@@ -43,6 +44,22 @@ def equalised(raw: F4) -> F4:
     return np.asarray(order.reshape(raw.shape) / raw[0].size, np.float32)
 
 
+def locally_equalised(raw: F4) -> F4:
+    equalise = cv2.createCLAHE(4.0, (8, 8)).apply
+    return np.stack([equalise((255 * plane).astype(np.uint8)) for plane in raw]) / np.float32(255)
+
+
+def of_another_film(raw: F4) -> F4:
+    rough = cv2.GaussianBlur(np.random.default_rng(1).normal(size=(ROWS, COLUMNS)), (0, 0), 3)
+    return np.asarray(raw * (1 + 0.05 * rough / rough.std()), np.float32)
+
+
+def of_a_nearer_sensor(raw: F4) -> F4:
+    """Light that falls off more, and not as a power of the flat frame's."""
+    off = flat() - 0.5
+    return np.asarray(0.4 * raw / flat() * (1 + 4 * off + 16 * off**2), np.float32)
+
+
 MISTAKES: dict[str, Change] = {
     "LED 1 and LED 2 are swapped": lambda raw: raw[[1, 0, 2, 3]],
     "LED 2 and LED 4 are swapped": lambda raw: raw[[0, 3, 2, 1]],
@@ -62,6 +79,9 @@ MISTAKES: dict[str, Change] = {
     ),
     "has 3.7 times the contrast of the flat frame": equalised,
     "LED 1 and LED 3 show the same light": lambda raw: raw[[0, 1, 0, 3]],
+    "switch off local contrast": locally_equalised,
+    "check that it is the film of the calibration": of_another_film,
+    "check that the calibration is this sensor's": of_a_nearer_sensor,
 }
 
 

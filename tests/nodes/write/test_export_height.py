@@ -119,6 +119,12 @@ def test_heights_that_a_png_cannot_hold_are_refused_and_nothing_is_written(tmp_p
     assert not list(tmp_path.iterdir())
 
 
+def test_a_folder_that_is_called_like_a_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"is to be a folder; `formats`=ply writes height\.ply"):
+        export_height(slope(), PIXEL, folder=tmp_path / "cat.ply")
+    assert not any(tmp_path.iterdir())
+
+
 def test_a_tmd_cannot_hold_unknown_film_and_says_which_format_can(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"height\.tmd: .* at 15 pixels, .*; write tiff") as told:
         export_height(partly_known(), PIXEL, folder=tmp_path, formats=("npy", "tmd"))

@@ -314,7 +314,7 @@ class _Stream:
         rr, height = rerun(), touch.height
         highest = float(height.max())
         self._top = max(self._top, round_up(highest) if highest > 0 else 0.1)
-        some = height[::step, ::step]
+        some = touch.film[::step, ::step]
         rows, columns = some.shape
         if self._shape != some.shape:
             mesh = rr.Mesh3D.from_fields(triangle_indices=grid_triangles(rows, columns))
@@ -326,7 +326,7 @@ class _Stream:
         vertices = np.stack([x, -y, some], axis=-1).reshape(-1, 3).astype(np.float32)
         mesh = rr.Mesh3D.from_fields(
             vertex_positions=vertices,
-            vertex_colors=colour_height(some, self._top).reshape(-1, 3),
+            vertex_colors=colour_height(height[::step, ::step], self._top).reshape(-1, 3),
             vertex_normals=_normals(some, step * touch.pixel),
         )
         self.log("film/surface", mesh)

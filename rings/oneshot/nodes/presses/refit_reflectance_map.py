@@ -26,7 +26,6 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
 )
 from tactograph.sdk import F8, Light, Metrics, PixelSize, node
 from tactograph.sdk.unstable import (
-    BALL_SLICES,
     FOLD_COUNT,
     MAX_INDEPENDENT,
     Circles,
@@ -71,7 +70,8 @@ def refit_reflectance_map(
     which stay the same.  A check press may change, per light: a gain of all harmonics and one
     of the height; a gain of each harmonic; an offset to each harmonic.  Robust least squares
     fits them with priors of no change, in this order.  A further change is accepted if it lowers
-    the error of the normals on held-out slices of the press by more than a standard error (`pays`).
+    the error of the normals on held-out quarters of the press by more than a standard error
+    (`pays`).
 
     Parameters
     ----------
@@ -111,11 +111,11 @@ def refit_reflectance_map(
 def _judged(
     bench: Bench, old: F8, circles: F8, parts: tuple[str, ...]
 ) -> tuple[F8, list[float], float]:
-    """The map fitted to all slices, each held-out error in degrees, and their mean in um."""
+    """The map fitted to all quarters, each held-out error in degrees, and their mean in um."""
     y, x = np.indices(bench.shape)
     turn = np.stack([np.arctan2(y - c[1], x - c[0]) / (2 * np.pi) % 1 for c in circles])
     # The fold that holds out each pixel of each press, P x H x W.
-    number = np.floor(turn * BALL_SLICES).astype(int) % FOLD_COUNT
+    number = np.floor(turn * FOLD_COUNT).astype(int)
     whole, _ = _fit(bench, old, circles, parts, number >= 0)
     degrees, microns = [], []
     for fold in range(FOLD_COUNT):

@@ -97,10 +97,13 @@ def test_the_other_half_is_searched_when_one_half_is_given():
     np.testing.assert_allclose(by_contact.center, (70.3, 55.8), atol=0.3)
 
 
-@pytest.mark.parametrize("level", [0.0, 1.0])
-def test_empty_film_is_refused_and_the_way_out_is_named(level):
+@pytest.mark.parametrize(
+    ("level", "seen"),
+    [(0.0, "the best circle"), (1.0, "the press shows what the flat frame shows")],
+)
+def test_empty_film_is_refused_and_the_way_out_is_named(level, seen):
     noise = np.random.default_rng(2).normal(0, 0.004, (4, *SIZE))
-    with pytest.raises(InputError, match=r"no ball .*`center_px`=X,Y") as error:
+    with pytest.raises(InputError, match=rf"no ball .*{seen}.*`center_px`=X,Y") as error:
         find_ball(np.float32(level + noise), PIXEL, radius_mm=4.0)
     assert "\n" not in str(error.value)
 

@@ -129,8 +129,7 @@ def test_how_far_light_reaches_behind_the_terminator_is_found() -> None:
     assert fitted(soft, FOUR[:2]).film.wrap == 0, "flat caps do not show the terminator"
 
 
-def test_where_a_ball_leaves_noise_alone_no_part_is_tried(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_film_search, "GOOD_ERROR_DEG", 0.0)
+def test_where_a_ball_leaves_noise_alone_no_part_is_tried() -> None:
     assert tried(fitted(MATT, FOUR[:1])) == {"matt"}
 
 

@@ -1,0 +1,349 @@
+"""Find LEDs and film from presses of rigid objects whose shapes nobody knows.
+
+Near LEDs give a film its light and its fall-off at rest.  Under right LEDs the normals of all
+pixels are of length 1 and integrate to a height; under wrong ones they do neither.
+
+Long because light, heights and what must hold of them are one system of equations.
+"""
+
+import math
+from functools import partial
+from typing import Annotated, NamedTuple
+
+import cv2
+import numpy as np
+from annotated_types import Gt
+from numpy.typing import NDArray
+from scipy.optimize import OptimizeResult, least_squares
+
+from tactograph.graph import InputError, NodeCall, SizeLimit, node
+from tactograph.nodes import (
+    F8,
+    USUAL_RIM_MM,
+    Film,
+    Light,
+    Metrics,
+    Misfit,
+    PixelSize,
+    ScaleError,
+)
+from tactograph.nodes.calibrate.film.fit_film import stored
+from tactograph.nodes.calibrate.lights.light_fit import places_within, positions
+from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
+from tactograph.nodes.height.integrate_dct import integrate_dct
+from tactograph.nodes.light.film_bounce import film_bounce
+from tactograph.nodes.optics.film import matt_film, predict, rest_light
+from tactograph.nodes.optics.near_light import places
+from tactograph.nodes.optics.sheet import SheetLight, cut
+
+CELLS_ACROSS = 40
+"""Cells along the image: twenty unknowns need no more."""
+DIM_LIGHT, DIM_WIDTH = 0.2, 0.03
+"""Light of an LED below which it may be in shadow, and over what light its weight grows."""
+LIGHT_ERROR, SLOPE_ERROR, FLAT_ERROR = 0.01, 0.02, 0.02
+"""Standard deviations of light, of a normal's length and of slopes, and of the flat frame."""
+FIRST_SLANT = 0.65
+"""Tangent of an LED's slant from which the search starts."""
+MAX_SLOPE, MIN_RISE = 3.0, 0.05
+"""Steepest slope, and least n_z."""
+FIRST_ROUNDS, LATER_ROUNDS = 8, 4
+"""Rounds in which heights and the light from film to film are found, at first and later."""
+MAX_TURNS, MAX_STEPS, MAX_CHANGE = 14, 4, 0.03
+"""Most turns of heights and LEDs, steps of each, and the change, in units, that ends them."""
+INDEPENDENT_SAMPLES = 200
+"""Most independent samples that a press counts as, because what a model leaves is smooth."""
+DOUBTFUL_SCALE = 0.03
+"""Relative error of the heights' scale from which it is doubted."""
+DERIVATIVE_STEP = 1e-3
+"""Relative step of derivatives, above what heights in 32 bits resolve."""
+USUAL_NEARNESS = 0.2
+"""Widths of the image over the distance of an LED."""
+BOUNCE_ERROR = 0.015
+"""Relative error of the light from film to film."""
+
+
+class Usual(NamedTuple):
+    """A parameter that all LEDs share: where the search starts, how far it may be, and bounds."""
+
+    start: float
+    spread: float
+    low: float
+    high: float
+
+
+EMISSION_RANGE = Usual(0.0, 0.7, -1.0, 4.0)
+"""Of m: an LED that faces the middle of the film emits as cos^m of the angle from its axis."""
+COAT_RANGES = {
+    "albedo": Usual(0.5, 0.4, 0.0, 0.95),
+    "roughness": Usual(0.25, 0.15, 0.08, 0.6),
+    "refraction": Usual(1.5, 0.05, 1.3, 1.6),
+}
+
+
+class FilmOfObjects(NamedTuple):
+    """LEDs and film, the errors of the model, and what speaks against them."""
+
+    film: Film
+    misfit: Misfit
+    scale_error: ScaleError
+    quality: Metrics
+    doubts: list[str]
+
+
+class _State(NamedTuple):
+    """A press: height in mm, slopes 2 x H x W, and the light from film to film, K x H x W."""
+
+    height: F8
+    slope: F8
+    bounced: F8
+
+
+class _Scene(NamedTuple):
+    """Presses relative to the film at rest in cells, K x h x w each, and what is known."""
+
+    presses: list[F8]
+    rest: Rest
+    pixel: float
+    camera: float
+    bounce: NodeCall
+
+    @property
+    def places(self) -> tuple[F8, F8]:
+        """u, 1 x w, and v, h x 1, in mm."""
+        rows, columns = self.presses[0].shape[1:]
+        across, down = (places(n, np.float32(self.pixel)).astype(float) for n in (columns, rows))
+        return across[None], down[:, None]
+
+    @property
+    def width(self) -> float:
+        return self.pixel * self.presses[0].shape[2]
+
+
+@node(sizes={"K": SizeLimit(4, 8, "three LEDs say nothing of a normal's length")})
+def film_of_objects(
+    light: SheetLight,
+    flat: Light,
+    pixel: PixelSize,
+    *,
+    camera_mm: Annotated[float, Gt(0)] | None = None,
+    bounce: NodeCall = film_bounce,
+) -> FilmOfObjects:
+    """Return the LEDs and the film that make one surface of each press.
+
+    In turn: normals by photometric stereo under the present LEDs, heights by integration, with the
+    light that a coat mirrors and the film throws on itself taken off; then LEDs, coat and albedo
+    by least squares of what normals lack of length 1, slopes of an integrable field, LEDs of one
+    normal, and the flat frame of the LEDs' fall-off.  The scale comes from near light alone.
+
+    Parameters
+    ----------
+    light : K x S x W, presses relative to the film at rest, on a sheet (`sheet`)
+    flat : K x H x W, the film at rest, a plane
+    pixel : mm per px
+    camera_mm : height of the pupil above the film; None: far away
+
+    Returns
+    -------
+    FilmOfObjects
+        A matt film, or one with a coat if that leaves less.  Errors are those of least squares.
+
+    Raises
+    ------
+    InputError
+        If there is no flat frame.
+    """
+    factor = max(1, round(flat.shape[2] / CELLS_ACROSS))
+    rest = rest_of(flat, pixel)
+    if rest is None:
+        raise InputError("`flat` is needed: the untouched film's light tells how far LEDs are")
+    presses = [_cells(press, factor) for press in cut(light, flat.shape[1])]
+    camera = 0.0 if camera_mm is None else 1 / camera_mm
+    scene = _Scene(presses, rest, pixel * factor, camera, bounce)
+    matt = _solved(scene, _start(scene), coated=False)
+    coat = np.r_[matt.x, [usual.start for usual in COAT_RANGES.values()]]
+    best = min(matt, _solved(scene, coat, coated=True), key=lambda found: found.cost)
+    return _stated(scene, best)
+
+
+def _cells(press: Light, factor: int) -> F8:
+    rows, columns = (side // factor for side in press.shape[1:])
+    whole = press[:, : rows * factor, : columns * factor]
+    means = [cv2.resize(p, (columns, rows), interpolation=cv2.INTER_AREA) for p in whole]
+    return np.stack(means).astype(np.float64)
+
+
+def _start(scene: _Scene) -> F8:
+    """LEDs where the flat frame grows brighter, at a usual slant and distance; no emission."""
+    rest = scene.rest
+    plane = np.stack([rest.x, rest.y, np.ones_like(rest.x)], axis=1)
+    grows = np.linalg.lstsq(plane, rest.logarithm.T, rcond=None)[0][:2].T
+    ways = FIRST_SLANT * grows / np.linalg.norm(grows, axis=1, keepdims=True)
+    nearness = np.full(len(ways), USUAL_NEARNESS / scene.width)
+    return np.r_[np.column_stack([ways, nearness]).ravel(), EMISSION_RANGE.start]
+
+
+def _units(scene: _Scene, unknowns: F8) -> F8:
+    """How far an unknown is expected to move."""
+    leds = np.tile([0.1, 0.1, USUAL_NEARNESS / scene.width / 2], len(scene.presses[0]))
+    spreads = [usual.spread for usual in (EMISSION_RANGE, *COAT_RANGES.values())]
+    return np.r_[leds, spreads][: unknowns.size]
+
+
+def _film(scene: _Scene, unknowns: F8) -> Film:
+    count = len(scene.presses[0])
+    coat = unknowns[3 * count + 1 :].tolist()
+    film = matt_film(positions(unknowns[: 3 * count].reshape(count, 3)).astype(np.float32))
+    film = film._replace(camera=scene.camera, rim=USUAL_RIM_MM)
+    if coat:
+        film = film._replace(base=coat[0], **dict(zip(COAT_RANGES, coat, strict=True)))
+    return film
+
+
+def _solved(scene: _Scene, unknowns: F8, *, coated: bool) -> OptimizeResult:
+    """Heights and LEDs in turn."""
+    units = _units(scene, unknowns)
+    about = [EMISSION_RANGE, *COAT_RANGES.values()] if coated else [EMISSION_RANGE]
+    free = np.full(unknowns.size - len(about), np.inf)
+    bounds = np.r_[-free, [u.low for u in about]], np.r_[free, [u.high for u in about]]
+    nothing = [_State(0 * p[0], 0 * p[:2], 0 * p) for p in scene.presses]
+    states, rounds = nothing, FIRST_ROUNDS
+    for _ in range(MAX_TURNS):
+        film = _film(scene, unknowns)
+        states = [
+            _raised(scene, press, state, film, rounds)
+            for press, state in zip(scene.presses, states, strict=True)
+        ]
+        found = least_squares(
+            partial(_left, scene), unknowns, args=(states,), loss="soft_l1", x_scale=units,
+            bounds=bounds, max_nfev=MAX_STEPS, diff_step=np.full(unknowns.size, DERIVATIVE_STEP),
+        )  # fmt: skip
+        change, unknowns = np.abs((found.x - unknowns) / units).max(), found.x
+        rounds = LATER_ROUNDS
+        if change < MAX_CHANGE:
+            break
+    return found
+
+
+def _vectors(scene: _Scene, film: Film, z: F8) -> F8:
+    """v of equation N1 where the camera's rays meet the film: K x 3 x h x w."""
+    u, v = scene.places
+    nearer, vectors = 1 - scene.camera * z, []
+    for lx, ly, lz in film.lights.astype(np.float64):
+        away = np.stack([lx - u * nearer, ly - v * nearer, lz - z])
+        ratio = ((lx - u) ** 2 + (ly - v) ** 2 + lz**2) / np.square(away).sum(axis=0)
+        vectors.append(away / lz * ratio * np.sqrt(ratio))
+    return np.stack(vectors)
+
+
+def _matt(scene: _Scene, press: F8, state: _State, film: Film, vectors: F8) -> F8:
+    """The light that a matt film would have: without bounces, and what a coat makes of it."""
+    if film.refraction == 1:
+        return press
+    u, v = scene.places
+    p, q = state.slope
+    n = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
+    nearer = 1 - scene.camera * state.height
+    x, y, z = (u * nearer).ravel(), (v * nearer).ravel(), state.height.ravel()
+    made = predict(film, n.reshape(3, -1), x, y, z).reshape(press.shape)
+    direct = np.einsum("kihw,ihw->khw", vectors, n)
+    return np.asarray(press - film.albedo * state.bounced - (made - direct))
+
+
+def _normals(matt: F8, press: F8, vectors: F8) -> tuple[F8, F8]:
+    """Normals of any length, 3 x h x w, by the LEDs that are bright, and what these leave."""
+    weight = 1 / (1 + np.exp((DIM_LIGHT - press) / DIM_WIDTH))
+    square = np.einsum("kihw,kjhw,khw->hwij", vectors, vectors, weight) + 1e-6 * np.eye(3)
+    right = np.einsum("kihw,khw->hwi", vectors, weight * matt)
+    n = np.linalg.solve(square, right[..., None])[..., 0].transpose(2, 0, 1)
+    return n, weight * (matt - np.einsum("kihw,ihw->khw", vectors, n))
+
+
+def _height(scene: _Scene, n: F8) -> tuple[F8, F8]:
+    """The height, 0 at the border, and the slopes of normals."""
+    slope = np.clip(-n[:2] / np.maximum(n[2], MIN_RISE), -MAX_SLOPE, MAX_SLOPE)
+    z = integrate_dct(slope.astype(np.float32), np.float32(scene.pixel)).astype(np.float64)
+    return z - np.median(np.concatenate([z[0], z[-1], z[:, 0], z[:, -1]])), slope
+
+
+def _raised(scene: _Scene, press: F8, state: _State, film: Film, rounds: int) -> _State:
+    """The height of a press under known LEDs."""
+    for _ in range(rounds):
+        vectors = _vectors(scene, film, state.height)
+        n, _ = _normals(_matt(scene, press, state, film, vectors), press, vectors)
+        z, slope = _height(scene, n)
+        # Half way to the height's own slopes: a coat's light under spoilt ones is far off.
+        down, right = np.gradient(z, scene.pixel)
+        slope = (slope + np.stack([right, down])) / 2
+        state = _State(z, slope, (state.bounced + _bounced(scene, press, z, film)) / 2)
+    return state
+
+
+def _bounced(scene: _Scene, press: F8, z: F8, film: Film) -> F8:
+    """The light from film to film, for an albedo of 1."""
+    if film.albedo == 0:
+        return np.zeros_like(press)
+    seen = (z / (1 - scene.camera * z)).astype(np.float32)
+    light = scene.bounce(press.astype(np.float32), seen, stored(film), np.float32(scene.pixel))
+    return np.asarray(light, np.float64) / film.albedo
+
+
+def _left(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
+    """What LEDs and film leave unexplained, in standard deviations."""
+    film, count = _film(scene, unknowns), len(scene.presses[0])
+    about = [usual.start for usual in (EMISSION_RANGE, *COAT_RANGES.values())]
+    shared = unknowns[3 * count :]
+    usual = USUAL_NEARNESS / scene.width
+    parts = [
+        (unknowns[2 : 3 * count : 3] - usual) / usual,
+        (shared - about[: shared.size]) / _units(scene, unknowns)[3 * count :],
+        _fall_off(scene.rest, film, shared[0]).ravel() / FLAT_ERROR,
+    ]
+    for press, state in zip(scene.presses, states, strict=True):
+        vectors = _vectors(scene, film, state.height)
+        n, left = _normals(_matt(scene, press, state, film, vectors), press, vectors)
+        z, (p, q) = _height(scene, n)
+        length = np.sqrt(np.square(n).sum(axis=0)) - 1
+        parts += [left.ravel() / LIGHT_ERROR, length.ravel() / LIGHT_ERROR]
+        parts += [
+            ((p[:, 1:] + p[:, :-1]) / 2 - np.diff(z, axis=1) / scene.pixel).ravel() / SLOPE_ERROR,
+            ((q[1:] + q[:-1]) / 2 - np.diff(z, axis=0) / scene.pixel).ravel() / SLOPE_ERROR,
+        ]
+    return np.concatenate(parts)
+
+
+def _fall_off(rest: Rest, film: Film, emission: float) -> F8:
+    """What the LEDs leave of the flat frame's logarithm, without their strengths: K x M."""
+    lx, ly, lz = film.lights.T[..., None].astype(np.float64)
+    high = np.sqrt(lx * lx + ly * ly + lz * lz)
+    away = np.sqrt((lx - rest.x) ** 2 + (ly - rest.y) ** 2 + lz * lz)
+    cosine = (high * high - lx * rest.x - ly * rest.y) / (high * away)
+    model = np.log(rest_light(film, rest.x, rest.y)) + emission * np.log(
+        np.maximum(cosine, MIN_RISE)
+    )
+    left = rest.logarithm - (model - model.mean(axis=0))
+    return np.asarray(left - left.mean(axis=1, keepdims=True))
+
+
+def _stated(scene: _Scene, found: OptimizeResult) -> FilmOfObjects:
+    """The film, and how well it is known."""
+    film, count = _film(scene, found.x), len(scene.presses[0])
+    independent = count * INDEPENDENT_SAMPLES * len(scene.presses)
+    variance = 2 * found.cost / found.fun.size * max(1, found.fun.size / independent)
+    spread = variance * np.linalg.pinv(found.jac.T @ found.jac, hermitian=True)
+    leds, spread = found.x[: 3 * count].reshape(count, 3), spread[: 3 * count, : 3 * count]
+    others = places_within(leds, spread, scene.width)
+    steeper: NDArray[np.float64] = np.zeros((count, 3))
+    steeper[:, :2] = leds[:, :2] / np.square(leds[:, :2]).sum(axis=1, keepdims=True) / count
+    scale = math.sqrt(float(steeper.ravel() @ spread @ steeper.ravel()))
+    level = math.sqrt(variance) * SLOPE_ERROR / math.sqrt(max(1, found.fun.size / independent))
+    doubts = [
+        f"presses and flat frame leave {scale:.0%} of the heights' scale open: press other "
+        "objects, steep and at other places, or calibrate with a ball"
+    ] * (scale > DOUBTFUL_SCALE)
+    figures = {"scale_error_percent": 100 * scale, "led_emission": float(found.x[3 * count])}
+    if film.refraction > 1:
+        figures |= {"film_albedo": film.albedo, "coat_roughness": film.roughness}
+        figures |= {"coat_index": film.refraction}
+    misfit = np.array([level, 4 * scene.pixel, LIGHT_ERROR, BOUNCE_ERROR, 0], np.float32)
+    film = stored(film)._replace(others=others)
+    return FilmOfObjects(film, misfit, scale, figures, doubts)

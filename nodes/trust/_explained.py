@@ -1,0 +1,45 @@
+"""One rule for what may have changed the film at rest (T3): it has to explain how light departs."""
+
+import numpy as np
+
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8
+from tactograph.nodes.trust.light_departure import MIN_ERROR
+
+EXPLAINED_SHARE = 0.8
+"""Share of a departure that a mistake has to explain to be named: it is four times as likely as all
+else."""
+FIT_ROUNDS = 5
+"""Rounds of robust least squares: film that is touched drops out in the first ones."""
+
+
+def explains(left: float, departure: float) -> bool:
+    """Return whether what is left of a mean squared departure shows that it is explained."""
+    return left < (1 - EXPLAINED_SHARE) * departure
+
+
+def explained(change: F4, causes: F4) -> F8:
+    """Return how much of each cause explains a change of the light; 0 if they explain too little.
+
+    The least-squares solution, regularised by the error of the light.  Each LED has a gain of its
+    own.  Cells that fit less count less, by the weight of Geman and McClure, "Statistical methods
+    for tomographic image reconstruction", 1987.
+
+    Parameters
+    ----------
+    change : K x N, of the light of cells
+    causes : M x K x N, the same for one unit of each cause
+    """
+    known, count = np.concatenate([causes, change[None]]).astype(np.float64), len(causes)
+    ridge = MIN_ERROR**2 * change.size * np.eye(count)
+    weight = np.ones(change.shape[1])
+    for _ in range(FIT_ROUNDS):
+        even = known - (known @ (weight / weight.sum()))[..., None]
+        rows = even.reshape(count + 1, -1)
+        square = (even * weight).reshape(count + 1, -1) @ rows.T
+        found = np.linalg.solve(square[:count, :count] + ridge, square[:count, count])
+        left = np.square(rows[count] - found @ rows[:count]).reshape(change.shape).mean(axis=0)
+        noise = DEVIATIONS_PER_MAD**2 * np.median(left) + MIN_ERROR**2
+        weight = 1 / (1 + left / noise) ** 2
+    shares = weight / weight.sum()
+    shown = np.square(even[count]).mean(axis=0)
+    return found if explains(left @ shares, shown @ shares) else np.zeros(count)
