@@ -14,7 +14,7 @@ from tactograph.sdk.unstable import normal_by_slope
 MattDeviation = Annotated[float, Port(unit="1")]
 """Standard deviation of a matt film's light from the map; 0 of any other film."""
 MAX_SHADOW_LIGHT = 0.25
-"""Light of film half a pixel inside a shadow, under a blur of 0.7 px.  Lighter film may be steep."""
+"""Light of film half a pixel inside a shadow, under a blur of 0.7 px; lighter film may be steep."""
 MIN_LIGHTS = 3
 """Of two lights none can be left out: a slope has two unknowns."""
 TOLD_DEVIATIONS = 3.0
