@@ -11,7 +11,7 @@ from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.simulate.press import press
 from tactograph.rings.oneshot.nodes.map.map_error import map_error
 from tactograph.rings.oneshot.nodes.map.mapped_light import mapped_light
-from tactograph.rings.oneshot.nodes.map.smooth_light import smooth_light
+from tactograph.rings.oneshot.nodes.map.smooth_slope import smooth_slope
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import solve_reflectance_map
 
 PIXEL, SHAPE = 0.1, (96, 120)
@@ -30,8 +30,8 @@ def found(film: F4, dimmed: float = 0.0, departure: float = 0.01) -> tuple[F4, F
     """Height of the film and its error, from light that the wall's slope saturates by a share."""
     slope = np.stack([np.gradient(film, PIXEL, axis=1), np.gradient(film, PIXEL, axis=0)])
     shown = (slope * (1 - dimmed)).astype(np.float32)
-    light = smooth_light(mapped_light(shown, film, reflectance(3)))
-    solved = solve_reflectance_map(light, FLAT, film, reflectance(3))
+    light = mapped_light(shown, film, reflectance(3))
+    solved = smooth_slope(solve_reflectance_map(light, FLAT, film, reflectance(3)))
     height = rest_at_border(integrate_dct(solved, PIXEL))
     misfit = np.array([0, 0, departure, 0, 0], np.float32)
     return height, map_error(height, solved, coarsen(light), reflectance(3), misfit, PIXEL)

@@ -20,7 +20,6 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     shades,
     terms,
 )
-from tactograph.rings.oneshot.nodes.map.smooth_light import smooth_light
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import solve_reflectance_map
 from tactograph.rings.oneshot.nodes.presses.find_presses import find_presses
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
@@ -108,7 +107,7 @@ def test_a_reflectance_that_varies_is_recovered_and_a_wrong_centre_put_right(fit
 
 def test_three_lights_suffice_for_a_press_that_was_not_seen(fitted) -> None:
     slope, height = pressed(40.0, 30.0)
-    light = smooth_light(light_of(slope, height))
+    light = light_of(slope, height)
     found = solve_reflectance_map(light, FLAT, height.astype(np.float32), fitted.reflectance)
     circle = np.array([40.0, 30.0, CONTACT])
     degrees, microns, _ = judge_contact(found, height, circle, RADIUS, PIXEL)

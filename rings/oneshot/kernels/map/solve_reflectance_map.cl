@@ -61,7 +61,7 @@ LANED __kernel void solve(
         rest[k] = load_floats(light + k * size + at, count) - 1.0f - lifted;
         weight[k] = load_floats(flat + k * size + at, count);
     }
-    const floats none = 0.0f;
+    const floats none = 0.0f, dark = -1.0f;
     floats p = none, q = none;
     ints moving = -1;
     for (int step = 0; step < steps; ++step) {
@@ -80,9 +80,11 @@ LANED __kernel void solve(
             const floats rx = l[0] + l[3] * y + l[4] * z + 2.0f * l[6] * x;
             const floats ry = l[1] + l[3] * x + l[5] * z - 2.0f * l[6] * y;
             const floats rz = l[2] + l[4] * x + l[5] * y + 6.0f * l[7] * z;
-            const floats jp = rx * xp + ry * yp + rz * zp;
-            const floats jq = rx * xq + ry * yq + rz * zq;
-            const floats left = rest[k] - value;
+            // Film that faces away from a light has none.
+            const ints lit = value > dark;
+            const floats jp = lit ? rx * xp + ry * yp + rz * zp : none;
+            const floats jq = lit ? rx * xq + ry * yq + rz * zq : none;
+            const floats left = rest[k] - MORE_OF(value, dark);
             const floats wp = weight[k] * jp, wq = weight[k] * jq;
             a += wp * jp;
             b += wp * jq;

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 from pydantic import AfterValidator
 
 from tactograph.rings.oneshot.nodes.map.raise_walls import WallGain
+from tactograph.rings.oneshot.nodes.map.slope_in_shadow import MattDeviation
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.sdk import Dark, Light, Mask, Metrics, PixelSize
 from tactograph.sdk.unstable import (
@@ -24,8 +25,8 @@ from tactograph.sdk.unstable import (
 class PressCalibration(NamedTuple):
     """All that a reconstruction needs to know of a one-shot sensor.
 
-    The camera's black level is taken to be 0, and the misfit and the gain of walls
-    follow from the quality.
+    The camera's black level is taken to be 0, and the misfit, the gain of walls and the
+    deviation of a matt film follow from the quality.
     """
 
     flat: Annotated[Light, Stored(-0.05, 100), "the film at rest, fraction of full scale"]
@@ -54,6 +55,7 @@ class PressCalibration(NamedTuple):
         "figures of right presses, by quantiles: what a press is compared with; -1: not known",
     ] = NO_RANKS
     walls: WallGain = 0.0
+    matt: MattDeviation = 0.0
 
 
 PRESS_CALIBRATION = FileKind(

@@ -55,8 +55,9 @@ def read_press_calibration(
     error = quality.get("residual_percent", 0.0) / 100
     misfit = np.array([error, 0, error, 0, 0], np.float32)
     said = quality, about.doubts, arrays["area"], lens, about.serial, arrays["ranks"]
-    walls = quality.get("wall_gain", 0.0)
-    return PressCalibration(film, dark, size, reflectance, misfit, *said, walls)
+    matt = error if quality.get("matt") else 0.0
+    walls = quality.get("wall_gain", 0.0), matt
+    return PressCalibration(film, dark, size, reflectance, misfit, *said, *walls)
 
 
 def _fresh(flat: Path, lights: Lights, crop: Crop | None, film: Light) -> Light:

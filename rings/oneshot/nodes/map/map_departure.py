@@ -27,9 +27,9 @@ def map_departure(
 ) -> LightDeparture:
     """Return the reduced chi-squared of the light under the slope that was found, and its excess.
 
-    The sum over the lights of (I_k - 1 - sum_b c_kb B_b(n) - c_k8 z)^2 (equation M1), over the
-    square of the model's error and the K - 2 degrees of freedom (equation T1).  The excess is
-    that of equation T4.
+    The sum over the lights of the square of what equation M1 leaves, over the square of the
+    model's error and the K - 2 degrees of freedom (equation T1).  The excess is that of
+    equation T4.
 
     Parameters
     ----------

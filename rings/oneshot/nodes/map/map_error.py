@@ -5,9 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.map.map_departure import MIN_MAP_ERROR
-from tactograph.rings.oneshot.nodes.map.raise_walls import MIN_SLOPE, uphill
+from tactograph.rings.oneshot.nodes.map.raise_walls import BLUR_PX, MIN_SLOPE, uphill
 from tactograph.rings.oneshot.nodes.map.reflectance_map import maps_over_film, shading
-from tactograph.rings.oneshot.nodes.map.smooth_light import SMOOTHED_PX
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.sdk import F4, Height, HeightError, PixelSize, Slope, node
 from tactograph.sdk.nodes import edge_variance, integrate_dct, rest_at_border, rest_mask
@@ -37,7 +36,7 @@ def map_error(
 
     Three lights leave nothing to check a slope by, so its error is that which two laws give.
     Light that departs from the map by d moves the slope uphill by d over the root of the sum
-    of (dI_k / ds)^2, at most by all of the slope.  And light that `smooth_light` averages over
+    of (dI_k / ds)^2, at most by all of the slope.  And light that the lens blurs over
     an edge shows a mean normal, whose slope is less than the mean slope (`edge_variance`).  All
     walls err alike, so both are integrated as the slopes are, uphill everywhere: what stands
     between walls has the error of the walls that carry it.
@@ -77,7 +76,7 @@ def _uphill_doubt(slope: Slope, reflectance: F4, departure: float) -> Slope:
         told += along * along
     own = np.square(np.maximum(steep, MIN_SLOPE))
     variance = 1 / (told / np.float32(departure**2) + 1 / own)
-    spread = edge_variance(np.stack([variance, variance]), slope, SMOOTHED_PX, factor=1.0)
+    spread = edge_variance(np.stack([variance, variance]), slope, BLUR_PX, factor=1.0)
     return np.asarray(direction * np.sqrt(spread), np.float32)
 
 

@@ -3,7 +3,7 @@
 Their LEDs are a few millimetres beside the film.  So light depends on the slope by another
 function at every place, and grows with height.  Divided by the film at rest::
 
-    I_k / I_flat - 1 = sum_b c_kb(x, y) B_b(n) + c_k8(x, y) z                             (M1)
+    I_k / I_flat - 1 = max(sum_b c_kb(x, y) B_b(n), -1) + c_k8(x, y) z                    (M1)
 
 B are the second-order harmonics of equation 4 without the constant, each less its value at
 rest, so that a film at rest (n = z axis, z = 0) has 1 exactly; z is the height in mm; every c
@@ -27,6 +27,8 @@ FITTED_RADIUS_SHARE = 0.85
 """Share of the contact's radius that is fitted: the film leaves the ball before the rim."""
 CAUCHY_SIGMAS = 3.0
 """Scale of Cauchy's weight, in standard deviations of the residual."""
+DARK_LIGHT = np.float32(-1)
+"""Light less 1 of film that faces away from a light."""
 RIDGE_SHARE = 1e-6
 """Relative regularisation that keeps terms which the presses do not determine at zero."""
 
@@ -82,7 +84,8 @@ def robust_weights(error: F8, weight: F8) -> F8:
 
 def predicted(reflectance: F8, shade: F8, place: F8) -> F8:
     """Return light less 1, K x N, by equation M1: K x 9 x 15, 9 x N, 15 x N."""
-    return np.einsum("kbq,bn,qn->kn", reflectance, shade, place, optimize=True)
+    light = np.einsum("kbq,bn,qn->kn", reflectance, shade, place, optimize=True)
+    return np.maximum(light, DARK_LIGHT)
 
 
 def maps_over_film(reflectance: F4, shape: tuple[int, ...]) -> F4:
@@ -106,7 +109,10 @@ def maps_over_film(reflectance: F4, shape: tuple[int, ...]) -> F4:
 
 
 def shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
-    """Return the sum over the eight harmonics of equation M1, and its derivative by n."""
+    """Return the sum over the eight harmonics of equation M1, and its derivative by n.
+
+    Film that faces away from a light has none: the sum is -1 there at least.
+    """
     x, y, z = n
     value = (
         c[0] * x + c[1] * y + c[2] * (z - 1)
@@ -118,4 +124,5 @@ def shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
         c[1] + c[3] * x + c[5] * z - 2 * c[6] * y,
         c[2] + c[4] * x + c[5] * y + 6 * c[7] * z,
     )
-    return value, gradient
+    lit = value > DARK_LIGHT
+    return np.maximum(value, DARK_LIGHT), (gradient[0] * lit, gradient[1] * lit, gradient[2] * lit)

@@ -43,8 +43,8 @@ def solve_reflectance_map(
 ) -> Slope:
     """Return the slope that explains the light best, by Gauss-Newton from the film at rest.
 
-    Minimises sum_k flat_k (I_k - 1 - sum_b c_kb B_b(n) - c_k8 z)^2 + prior (p^2 + q^2) per
-    pixel (equations M1 and M2).  The flat image is the weight because under shot noise the
+    Minimises sum_k flat_k (I_k - 1 - max(sum_b c_kb B_b(n), -1) - c_k8 z)^2 + prior (p^2 + q^2)
+    per pixel (equations M1 and M2).  The flat image is the weight because under shot noise the
     variance of light relative to it is inversely proportional to it: dim light carries little
     information.
 
@@ -59,12 +59,31 @@ def solve_reflectance_map(
     """
     maps = maps_over_film(reflectance, light.shape[1:])
     rests = [plane - 1 - c[SHADE_COUNT - 1] * height for plane, c in zip(light, maps, strict=True)]
-    p: F4 = np.zeros(light.shape[1:], np.float32)
-    q = p
+    start = np.zeros((2, *light.shape[1:]), np.float32)
+    return solved(rests, flat, maps, start, steps, prior, limit)
+
+
+def solved(
+    rests: list[F4],
+    weight: F4,
+    maps: F4,
+    start: F4,
+    steps: int = 8,
+    prior: float = 4e-4,
+    limit: float = 0.3,
+) -> F4:
+    """Return the slopes of pixels, in rows or in a list, by Gauss-Newton from a start.
+
+    Parameters
+    ----------
+    rests : K of the light less 1 and less what height adds
+    weight, maps, start : K x ..., K x 9 x ..., 2 x ...
+    """
+    p, q = start
     moving = np.ones(p.shape, bool)
     least = np.float32(min(STILL_RAD, limit / 2))
     for _ in range(steps):
-        square, dp, dq = _step(rests, flat, maps, p, q, np.float32(prior), np.float32(limit))
+        square, dp, dq = _step(rests, weight, maps, p, q, np.float32(prior), np.float32(limit))
         p, q = np.where(moving, p + dp, p), np.where(moving, q + dq, q)
         moving &= np.hypot(dp, dq) > least * square
         if not moving.any():

@@ -20,7 +20,8 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     shades,
     terms,
 )
-from tactograph.rings.oneshot.nodes.map.smooth_light import smooth_light
+from tactograph.rings.oneshot.nodes.map.slope_in_shadow import slope_in_shadow
+from tactograph.rings.oneshot.nodes.map.smooth_slope import smooth_slope
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import (
     ReflectanceMap,
     solve_reflectance_map,
@@ -78,7 +79,7 @@ class MapFit(NamedTuple):
 
 
 class Bench(NamedTuple):
-    """Inputs of every step of the fit: smoothed relative light of each ball's press, film at rest,
+    """Inputs of every step of the fit: relative light of each ball's press, film at rest,
     ball radius in px, mm per px, and degree of the polynomials."""
 
     light: list[F4]
@@ -169,8 +170,8 @@ def degree_for(presses: int) -> int:
 def make_bench(
     image: F4, flat: F4, radius_mm: float, pixel: float, degree: int, of: I4 | None = None
 ) -> Bench:
-    """Return the inputs of the fit's steps; the light is smoothed as for a measurement."""
-    light = [smooth_light(press / np.maximum(flat, MIN_FLAT_LIGHT)) for press in image]
+    """Return the inputs of the fit's steps; the light is relative to the film at rest."""
+    light = [press / np.maximum(flat, MIN_FLAT_LIGHT) for press in image]
     seen = light if of is None else [light[press] for press in of]
     return Bench(seen, flat, radius_mm / pixel, pixel, degree)
 
@@ -210,16 +211,22 @@ def refine_center(
     return circle
 
 
-def reconstruct(bench: Bench, reflectance: F8, press: int) -> tuple[F4, F4]:
+def reconstruct(bench: Bench, reflectance: F8, press: int, deviation: float = 0.0) -> tuple[F4, F4]:
     """Return slope and height of a press, as the graph `gelsight_mini` computes them."""
     light, known = bench.light[press], reflectance.astype(np.float32)
     light_c, flat_c, pixel_c = coarsen(light), coarsen(bench.flat), coarsen_pixel(bench.pixel)
     height = np.zeros(light_c.shape[1:], np.float32)
     for _ in range(ROUGH_PASSES):
-        slope = solve_reflectance_map(light_c, flat_c, height, known)
+        slope = _slope(light_c, flat_c, height, known, deviation)
         height = rest_at_border(integrate_dct(slope, pixel_c))
-    slope = solve_reflectance_map(light, bench.flat, enlarge_height(height, light), known)
+    slope = _slope(light, bench.flat, enlarge_height(height, light), known, deviation)
+    slope = smooth_slope(slope)
     return slope, rest_at_border(integrate_dct(slope, bench.pixel))
+
+
+def _slope(light: F4, flat: F4, height: F4, reflectance: F4, deviation: float) -> F4:
+    slope = solve_reflectance_map(light, flat, height, reflectance)
+    return slope_in_shadow(slope, light, flat, height, reflectance, deviation)
 
 
 def measure_rim(bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray) -> float:
@@ -309,9 +316,11 @@ def _robust_fit(basis: F8, light: F8, even: F8, steep: F8, known: F8) -> F8:
         ridge = RIDGE_SHARE * np.diag(np.diag(normal) + 1e-12)
         seen = weighted @ light + told @ known
         coefficients: F8 = np.asarray(np.linalg.solve(normal + ridge, seen), np.float64)
-        left = light - coefficients @ basis
-        weight = robust_weights(left, even)
-        held = np.square(1.4826 * np.median(np.abs(left)) / LAMBERT_DEVIATION)[None]
+        shown = coefficients @ basis
+        left = light - np.maximum(shown, -1)
+        weight = robust_weights(left, even * (shown > -1))
+        spread = np.square(DEVIATIONS_PER_MAD * np.median(np.abs(left)) / LAMBERT_DEVIATION)
+        held = spread * ((coefficients @ steep > -1) | (known > -1))
     return coefficients
 
 

@@ -1,5 +1,6 @@
 """Judge the ball's radius of a one-shot sensor by the light of its presses."""
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -8,6 +9,7 @@ from annotated_types import Gt
 from tactograph.sdk import F4, U1, Light, PixelSize, Port, node
 from tactograph.sdk.unstable import (
     AS_TOLD,
+    DEVIATIONS_PER_MAD,
     MIN_FLAT_LIGHT,
     BallCircles,
     BallPress,
@@ -26,6 +28,8 @@ MAX_PRESSES = 12
 """Most presses that are used."""
 MIN_LIGHT = 0.1
 """Light of a sample above which an LED reaches it."""
+MATT_NOISE_RATIO = math.sqrt(2)
+"""A film is matt where a plain one leaves no more of the light than noise does, in squares."""
 RADIUS_INPUTS = " (`radius_mm`, `pixel`)"
 
 
@@ -55,7 +59,8 @@ def judge_press_radius(
 
     Returns
     -------
-    ``diffuse_percent``, the share of light that the gel seems to diffuse; at most one doubt.
+    ``diffuse_percent``, the share of light that the gel seems to diffuse; ``matt``, 1 where a
+    plain film explains the light but for noise; at most one doubt.
     """
     used = np.flatnonzero(kept)
     used = used[:: used.size // MAX_PRESSES + 1]
@@ -74,9 +79,17 @@ def judge_press_radius(
     found = explain(balls, flat, pixel, _directions(balls), strength, camera=None)
     doubts, _ = doubts_of(found, radius_mm, which=RADIUS_INPUTS)
     is_open = "" if doubts else unconfirmed(found, radius_mm, which=RADIUS_INPUTS)
-    diffuse, scale = found.by_name[AS_TOLD].diffuse, scale_error(found)
-    quality = {"diffuse_percent": 100 * diffuse, "scale_error_percent": 100 * scale}
+    plain, scale = found.by_name[AS_TOLD], scale_error(found)
+    quality = {"diffuse_percent": 100 * plain.diffuse, "scale_error_percent": 100 * scale}
+    if plain.departure <= MATT_NOISE_RATIO * _noise(sheet):
+        quality["matt"] = 1.0
     return Judged(quality, doubts, is_open)
+
+
+def _noise(light: F4) -> float:
+    """Standard deviation of a pixel's light, by differences of second order along the rows."""
+    bends = np.diff(light, 2, axis=2)
+    return float(DEVIATIONS_PER_MAD * np.median(np.abs(bends)) / np.sqrt(6))
 
 
 def _directions(balls: Balls) -> F4:

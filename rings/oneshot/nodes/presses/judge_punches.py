@@ -31,6 +31,7 @@ def judge_punches(
     reflectance: ReflectanceMap,
     residual: Annotated[F4, Port("K", "1")],
     pixel: PixelSize,
+    of_radius: Judged | None = None,
     *,
     depth_mm: tuple[Annotated[float, Gt(0)], ...] | None = None,
 ) -> Judged:
@@ -46,6 +47,7 @@ def judge_punches(
     names : the punches' names, for messages.  No names mean that there is none.
     reflectance, residual : as `fit_reflectance_map` returns them
     pixel : mm per px
+    of_radius : what `judge_press_radius` says of the film
     depth_mm : how deep punches are pressed in, all alike, or one each in order of their names
 
     Returns
@@ -70,9 +72,10 @@ def judge_punches(
     depths = np.broadcast_to(given, len(names))
     bench = make_bench(image, flat, 1.0, pixel, 0)
     misfit = np.array([0, 0, float(residual.max()), 0, 0], np.float32)
+    matt = float(misfit[2]) if of_radius and of_radius.quality.get("matt") else 0.0
     tops = []
     for press, name in enumerate(names):
-        slope, height = reconstruct(bench, reflectance.astype(np.float64), press)
+        slope, height = reconstruct(bench, reflectance.astype(np.float64), press, matt)
         cells = coarsen(bench.light[press])
         error = map_error(height, slope, cells, reflectance, misfit, pixel)
         lack = rest_at_border(integrate_dct(uphill(slope) * edge_lack(slope), pixel))
