@@ -214,7 +214,7 @@ def _doubt(held: list[Held]) -> float:
 
 def _wider(freedom: float) -> float:
     """Student's quantile over the normal one that replaces it, at the end of the 90 % band."""
-    return float(stdtrit(freedom, ndtr(BAND_DEVIATIONS)) / BAND_DEVIATIONS)
+    return float(stdtrit(freedom, float(ndtr(BAND_DEVIATIONS))) / BAND_DEVIATIONS)
 
 
 def _root(square: float) -> float:

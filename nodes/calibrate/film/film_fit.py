@@ -123,11 +123,11 @@ class _Trial(NamedTuple):
         """Return the cost in squared standard deviations."""
         return _cost(*self)
 
-    def linear(self) -> Callable[[float], Self]:
+    def linear(self) -> Callable[[float], "_Trial"]:
         """Return the trial after a step, by its damping."""
         equations = _equations(*self)
 
-        def stepped(damping: float) -> Self:
+        def stepped(damping: float) -> _Trial:
             by = _solve(equations, damping)
             return self.of(self.problem, moved_by(self.now, self.problem.names, *by))
 

@@ -44,8 +44,8 @@ SHALLOW_SHARE = 0.5
 THICKNESS_DEVIATION_MM = 0.3
 """Standard deviation of the thickness of a gel."""
 COAT_UNKNOWNS = PART_UNKNOWNS["lobe"]
-FILM_CHANGES = (("thicker",), ("thicker", "gain", "diffuse", "albedo"))
-FILM_CHANGES += ((*FILM_CHANGES[-1], *COAT_UNKNOWNS),)
+ANOTHER_GEL = ("thicker", "gain", "diffuse", "albedo")
+FILM_CHANGES = (("thicker",), ANOTHER_GEL, (*ANOTHER_GEL, *COAT_UNKNOWNS))
 """The changes tried, the simplest first: another thickness in mm, another gel, another coat.
 `diffuse` is added to the share of every LED."""
 
