@@ -150,7 +150,7 @@ CHECK_FIGURES = {
 """All figures of a touch, by name.  The last belongs to no check: it tells mistakes that explain a
 doubted touch from those that do not (`likely_cause`)."""
 SYMPTOM_FIGURES = (
-    "moved", "brighter", "darker", "shape", "light_at_rest", "lit_shadows", "light",
+    "level", "moved", "brighter", "darker", "shape", "light_at_rest", "lit_shadows", "light",
     "depth", "touched_share",
 )  # fmt: skip
 """Figures that several causes change, the more of them the later."""

@@ -24,7 +24,7 @@ from tactograph.nodes.optics.near_light import (
     expected_light,
     light_vectors,
 )
-from tactograph.nodes.trust._check import DARK_AS_DUE, MIN_LIGHT, NOT_TESTED
+from tactograph.nodes.trust._check import DARK_AS_DUE, NOT_TESTED
 
 Departure = Annotated[F4, Port("H W", "1", low=-1, high=25)]
 """Reduced chi-squared of a pixel's light; below 0 where too few LEDs test the slope."""
@@ -38,7 +38,7 @@ MIN_FREEDOM = np.float32(0.5)
 """Fewer degrees of freedom test nothing: two LEDs fit any light exactly."""
 UNEVEN_SHARE = 0.25
 """Share of the film's unevenness that differs from LED to LED."""
-MIN_SQUARES = MIN_LIGHT * MIN_LIGHT
+MIN_SQUARES = np.float32(1e-6)
 """Sum of squares of light that is divided by."""
 
 

@@ -32,7 +32,10 @@ def test_a_stated_pixel_size_goes_before_the_sensors() -> None:
     ("text", "says"),
     [
         ("format: 1\nsize: [320, 240]\npixel_size_mm: -1\n", r"mine\.yaml:3:1: pixel_size_mm: "),
-        ("format: 1\nsize: [320, 240]\npixel_size_mm: 1\nled: 3\n", r"mine\.yaml:4:1: led: extra"),
+        (
+            "format: 1\nsize: [320, 240]\npixel_size_mm: 1\nled: 3\n",
+            r"mine\.yaml:4:1: led: unknown key; did you mean 'leds'\?",
+        ),
         (
             "format: 1\nsize: [320, 240]\npixel_size_mm: 0.1\ncrop: [0.5, 0, 0.2, 1]\n",
             r"mine\.yaml:4:1: crop: nothing lies between",

@@ -31,7 +31,7 @@ prefer: [numpy]
 nodes:
   frames: {op: replay, with: {recording: $recording, speed: 0.0, refresh: cycle}}
   pixel:  {op: pixel_size, with: {mm: 0.1}}
-  smooth: {op: smooth_light, in: {light: frames.image}}
+  smooth: {op: blur, in: {light: frames.image}}
   keep:
     op: record
     in: {new: frames.new, image: frames.image, name: frames.name, state: frames.state}
