@@ -284,8 +284,9 @@ def test_a_model_that_settles_badly_loses_to_one_that_does_not(
 
     def unsettled(trial: Any, best: Any) -> Any:
         trial, best, whole = settle(trial, best)
-        wrong = 7.5 if "bounce" in best.parts else best.error
-        return trial, best._replace(error=wrong), whole
+        if "bounce" in best.parts:
+            best = best._replace(error=7.5, errors=[7.5 + each for each in best.errors])
+        return trial, best, whole
 
     monkeypatch.setattr(_film_search, "settle", unsettled)
     found = fitted(MATT._replace(albedo=0.7), FOUR[:2])
