@@ -8,6 +8,7 @@ from tactograph.rings.oneshot.nodes.file.press_calibration import (
     PRESS_CALIBRATION,
     PressCalibration,
 )
+from tactograph.rings.oneshot.nodes.map.slope_in_shadow import matt_deviation
 from tactograph.rings.oneshot.nodes.presses.read_presses import read_film
 from tactograph.sdk import Crop, InputError, Light, Lights, node
 from tactograph.sdk.nodes import undistort
@@ -55,9 +56,8 @@ def read_press_calibration(
     error = quality.get("residual_percent", 0.0) / 100
     misfit = np.array([error, 0, error, 0, 0], np.float32)
     said = quality, about.doubts, arrays["area"], lens, about.serial, arrays["ranks"]
-    matt = error if quality.get("matt") else 0.0
-    walls = quality.get("wall_gain", 0.0), matt
-    return PressCalibration(film, dark, size, reflectance, misfit, *said, *walls)
+    walls, matt = quality.get("wall_gain", 0.0), matt_deviation(quality, error)
+    return PressCalibration(film, dark, size, reflectance, misfit, *said, walls, matt)
 
 
 def _fresh(flat: Path, lights: Lights, crop: Crop | None, film: Light) -> Light:

@@ -27,7 +27,7 @@ FITTED_RADIUS_SHARE = 0.85
 """Share of the contact's radius that is fitted: the film leaves the ball before the rim."""
 CAUCHY_SIGMAS = 3.0
 """Scale of Cauchy's weight, in standard deviations of the residual."""
-DARK_LIGHT = np.float32(-1)
+NO_LIGHT = np.float32(-1)
 """Light less 1 of film that faces away from a light."""
 RIDGE_SHARE = 1e-6
 """Relative regularisation that keeps terms which the presses do not determine at zero."""
@@ -85,7 +85,7 @@ def robust_weights(error: F8, weight: F8) -> F8:
 def predicted(reflectance: F8, shade: F8, place: F8) -> F8:
     """Return light less 1, K x N, by equation M1: K x 9 x 15, 9 x N, 15 x N."""
     light = np.einsum("kbq,bn,qn->kn", reflectance, shade, place, optimize=True)
-    return np.maximum(light, DARK_LIGHT)
+    return np.maximum(light, NO_LIGHT)
 
 
 def maps_over_film(reflectance: F4, shape: tuple[int, ...]) -> F4:
@@ -124,5 +124,5 @@ def shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
         c[1] + c[3] * x + c[5] * z - 2 * c[6] * y,
         c[2] + c[4] * x + c[5] * y + 6 * c[7] * z,
     )
-    lit = value > DARK_LIGHT
-    return np.maximum(value, DARK_LIGHT), (gradient[0] * lit, gradient[1] * lit, gradient[2] * lit)
+    lit = value > NO_LIGHT
+    return np.maximum(value, NO_LIGHT), (gradient[0] * lit, gradient[1] * lit, gradient[2] * lit)

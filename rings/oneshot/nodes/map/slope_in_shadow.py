@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.map.reflectance_map import SHADE_COUNT, shading, terms
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap, solved
-from tactograph.sdk import F4, Height, Light, Port, Slope, node
+from tactograph.sdk import F4, Height, Light, Metrics, Port, Slope, node
 from tactograph.sdk.unstable import normal_by_slope
 
 MattDeviation = Annotated[float, Port(unit="1")]
@@ -67,6 +67,11 @@ def slope_in_shadow(
         [rest[shaded] for rest in rests], (weight * ~darkest)[:, shaded], maps, steep[:, shaded]
     )
     return _nearer_to_neighbours(slope, rows, columns, near[:, shaded], far)
+
+
+def matt_deviation(quality: Metrics, residual: float) -> float:
+    """Return the deviation of a film that `judge_press_radius` finds matt, and 0 of another."""
+    return residual if quality.get("matt") else 0.0
 
 
 def _departure(rests: list[F4], maps: F4, slope: F4) -> F4:

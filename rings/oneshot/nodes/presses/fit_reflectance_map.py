@@ -9,6 +9,7 @@ import numpy as np
 from annotated_types import Gt, Interval
 
 from tactograph.rings.oneshot.nodes.map.reflectance_map import (
+    NO_LIGHT,
     PLACE_DEGREE,
     PLACE_TERMS,
     RIDGE_SHARE,
@@ -301,7 +302,7 @@ def _lamberts_law(basis: F8, light: F8, even: F8, steep: F8) -> F8:
         ridge = RIDGE_SHARE * np.diag(np.diag(normal) + 1e-12)
         direction = np.linalg.solve(normal + ridge, weighted @ (light - upright))
         weight = robust_weights(light - upright - direction @ across, lit)
-    return np.maximum(steep[2 * used] + direction @ steep[: 2 * used], -1)
+    return np.maximum(steep[2 * used] + direction @ steep[: 2 * used], NO_LIGHT)
 
 
 def _robust_fit(basis: F8, light: F8, even: F8, steep: F8, known: F8) -> F8:
@@ -317,10 +318,10 @@ def _robust_fit(basis: F8, light: F8, even: F8, steep: F8, known: F8) -> F8:
         seen = weighted @ light + told @ known
         coefficients: F8 = np.asarray(np.linalg.solve(normal + ridge, seen), np.float64)
         shown = coefficients @ basis
-        left = light - np.maximum(shown, -1)
-        weight = robust_weights(left, even * (shown > -1))
+        left = light - np.maximum(shown, NO_LIGHT)
+        weight = robust_weights(left, even * (shown > NO_LIGHT))
         spread = np.square(DEVIATIONS_PER_MAD * np.median(np.abs(left)) / LAMBERT_DEVIATION)
-        held = spread * ((coefficients @ steep > -1) | (known > -1))
+        held = spread * ((coefficients @ steep > NO_LIGHT) | (known > NO_LIGHT))
     return coefficients
 
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.map.map_error import map_error
 from tactograph.rings.oneshot.nodes.map.raise_walls import edge_lack, uphill
+from tactograph.rings.oneshot.nodes.map.slope_in_shadow import matt_deviation
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import make_bench, reconstruct
 from tactograph.sdk import F4, F8, Height, InputError, Light, PixelSize, Port, node
@@ -71,8 +72,9 @@ def judge_punches(
         )
     depths = np.broadcast_to(given, len(names))
     bench = make_bench(image, flat, 1.0, pixel, 0)
-    misfit = np.array([0, 0, float(residual.max()), 0, 0], np.float32)
-    matt = float(misfit[2]) if of_radius and of_radius.quality.get("matt") else 0.0
+    departure = float(residual.max())
+    misfit = np.array([0, 0, departure, 0, 0], np.float32)
+    matt = matt_deviation(of_radius.quality, departure) if of_radius else 0.0
     tops = []
     for press, name in enumerate(names):
         slope, height = reconstruct(bench, reflectance.astype(np.float64), press, matt)
