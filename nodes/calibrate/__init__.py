@@ -39,3 +39,6 @@ MAX_INDEPENDENT = 200
 """Most independent values per LED that a check press counts as, since departures are smooth."""
 DRIFT_DEGREE, FILM_ROUGHNESS = 2, 0.01
 """Degree of the polynomial drift of the film at rest, and roughness of the film."""
+MIN_BOUNCE_ERROR = 0.015
+"""Smallest relative uncertainty of the light from film to film, however well presses agree.  On
+ray-traced film an albedo came out 0.01 too low, and LEDs with it; noise explains only 0.002."""

@@ -8,6 +8,7 @@ from scipy.fft import fftfreq, irfft2, next_fast_len, rfft2
 from scipy.special import ndtr, stdtrit
 
 from tactograph.nodes import BAND_DEVIATIONS, F4, F8, FULL_MISFIT_SLOPE
+from tactograph.nodes.calibrate import MIN_BOUNCE_ERROR
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film._ball_normals import ball_normals
 from tactograph.nodes.light.touch_misfit import brighter
@@ -24,9 +25,6 @@ MIN_DIRECT_LIGHT = 0.1
 BRIGHTENING_FACTOR = 2.5
 """Factor by which another object may brighten the film more than the calibration's balls, which
 all stretch it in the same way."""
-MIN_BOUNCE_ERROR = 0.015
-"""Smallest relative uncertainty of the light from film to film, however well presses agree.  On
-ray-traced film an albedo came out 0.01 too low, and LEDs with it; noise explains only 0.002."""
 MAX_APPROACH_SHARE = 0.75
 """Farthest that another place of an LED lies nearer to the film, relative to the LED's height."""
 

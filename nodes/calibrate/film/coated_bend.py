@@ -15,10 +15,10 @@ from tactograph.graph import InputError, NodeCall
 from tactograph.nodes import F4, F8, Light, Noise
 from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
-from tactograph.nodes.calibrate.film._film_at_rest import rest_left
-from tactograph.nodes.calibrate.film._film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, laid_on, sample_balls
+from tactograph.nodes.calibrate.film.film_at_rest import rest_left
 from tactograph.nodes.calibrate.film.film_fit import Further, fit, further_step, start_at
+from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS, log_odds
 from tactograph.nodes.optics.film import matt_film

@@ -16,9 +16,8 @@ import numpy as np
 from tactograph.graph import InputError
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted, rest_seen
-from tactograph.nodes.calibrate.film._film_at_rest import by_rest, rest_left, rest_spread
-from tactograph.nodes.calibrate.film._film_unknowns import (
-    DERIVATIVE_STEP,
+from tactograph.nodes.calibrate.film.film_at_rest import by_rest, rest_left, rest_spread
+from tactograph.nodes.calibrate.film.film_unknowns import (
     EMISSION_UNKNOWN,
     MODEL_UNKNOWNS,
     UNKNOWNS_OF_FLAT_ALONE,
@@ -30,7 +29,7 @@ from tactograph.nodes.calibrate.film._film_unknowns import (
     opened,
     priors,
 )
-from tactograph.nodes.calibrate.lights.descend import descend, huber, huber_weight
+from tactograph.nodes.calibrate.lights.descend import DERIVATIVE_STEP, descend, huber, huber_weight
 from tactograph.nodes.calibrate.lights.light_fit import (
     HEIGHT_DEVIATION_MM,
     INFINITY_MM,

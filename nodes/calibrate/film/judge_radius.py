@@ -27,10 +27,10 @@ from tactograph.nodes import F4, Film, Metrics, ScaleError
 from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
-from tactograph.nodes.calibrate.film._film_at_rest import MAX_INDEPENDENT_REST, rest_left
-from tactograph.nodes.calibrate.film._film_unknowns import TOLD_UNKNOWNS, USUAL_NEARNESS
 from tactograph.nodes.calibrate.film.ball_samples import sample_balls, thinned
+from tactograph.nodes.calibrate.film.film_at_rest import MAX_INDEPENDENT_REST, rest_left
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
+from tactograph.nodes.calibrate.film.film_unknowns import TOLD_UNKNOWNS, USUAL_NEARNESS
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
 from tactograph.nodes.calibrate.lights.light_samples import rest_of
 from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS

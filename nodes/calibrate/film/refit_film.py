@@ -20,16 +20,16 @@ from tactograph.nodes.calibrate import (
 )
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film._ball_normals import normal_error
-from tactograph.nodes.calibrate.film._film_at_rest import MAX_INDEPENDENT_REST
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
-from tactograph.nodes.calibrate.film._film_unknowns import (
+from tactograph.nodes.calibrate.film.ball_samples import grain, sample_balls
+from tactograph.nodes.calibrate.film.film_at_rest import MAX_INDEPENDENT_REST
+from tactograph.nodes.calibrate.film.film_fit import place_deviations
+from tactograph.nodes.calibrate.film.film_unknowns import (
     PART_UNKNOWNS,
     SHARED_UNKNOWNS,
     Unknown,
     within,
 )
-from tactograph.nodes.calibrate.film.ball_samples import grain, sample_balls
-from tactograph.nodes.calibrate.film.film_fit import place_deviations
 from tactograph.nodes.calibrate.film.fit_film import pressed_slope, stored
 from tactograph.nodes.calibrate.lights.descend import by_differences, least_squares
 from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION

@@ -15,6 +15,8 @@ MAX_STEPS = 60
 MIN_GAIN = 2 * math.log(SURE_ODDS)
 """Gain in squared standard deviations below which a descent ends: what it finds is no more surely
 likelier."""
+DERIVATIVE_STEP = float(np.sqrt(np.finfo(np.float32).eps))
+"""Step of numeric derivatives, relative to an unknown's scale: the root of the rounding error."""
 FIRST_DAMPING, MIN_DAMPING, MAX_DAMPING = 1e-3, 1e-9, 1e8
 
 State = TypeVar("State")
@@ -87,5 +89,5 @@ def least_squares(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], st
 
 def by_differences(function: Callable[[F8], F8], at: F8, scale: Any) -> F8:
     """Return the derivatives of a vector, N x U, by steps in single precision of the scales U."""
-    before, steps = function(at), np.sqrt(np.finfo(np.float32).eps) * scale * np.ones(at.size)
+    before, steps = function(at), DERIVATIVE_STEP * scale * np.ones(at.size)
     return np.stack([(function(at + by) - before) / by.sum() for by in np.diag(steps)], axis=1)

@@ -9,13 +9,13 @@ from tactograph.graph import GraphError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.film import _film_search
-from tactograph.nodes.calibrate.film._film_unknowns import (
+from tactograph.nodes.calibrate.film.film_fit import _Equations, _solve, start_at
+from tactograph.nodes.calibrate.film.film_unknowns import (
     ALBEDO_DEVIATION,
     albedos,
     numbered,
     stepped,
 )
-from tactograph.nodes.calibrate.film.film_fit import _Equations, _solve, start_at
 from tactograph.nodes.calibrate.film.fit_film import FilmFit, fit_film
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import predict, rest_light

@@ -27,12 +27,20 @@ from tactograph.nodes import (
     PixelSize,
     ScaleError,
 )
+from tactograph.nodes.calibrate import MIN_BOUNCE_ERROR
+from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
+from tactograph.nodes.calibrate.film.film_at_rest import rest_left
+from tactograph.nodes.calibrate.film.film_unknowns import (
+    EMISSION_UNKNOWN,
+    SHARED_UNKNOWNS,
+    USUAL_NEARNESS,
+)
 from tactograph.nodes.calibrate.film.fit_film import stored
 from tactograph.nodes.calibrate.lights.light_fit import places_within, positions
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.film_bounce import film_bounce
-from tactograph.nodes.optics.film import matt_film, predict, rest_light
+from tactograph.nodes.optics.film import matt_film, predict
 from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
@@ -56,28 +64,11 @@ DOUBTFUL_SCALE = 0.03
 """Relative error of the heights' scale from which it is doubted."""
 DERIVATIVE_STEP = 1e-3
 """Relative step of derivatives, above what heights in 32 bits resolve."""
-USUAL_NEARNESS = 0.2
-"""Widths of the image over the distance of an LED."""
-BOUNCE_ERROR = 0.015
-"""Relative error of the light from film to film."""
-
-
-class Usual(NamedTuple):
-    """A parameter that all LEDs share: where the search starts, how far it may be, and bounds."""
-
-    start: float
-    spread: float
-    low: float
-    high: float
-
-
-EMISSION_RANGE = Usual(0.0, 0.7, -1.0, 4.0)
-"""Of m: an LED that faces the middle of the film emits as cos^m of the angle from its axis."""
-COAT_RANGES = {
-    "albedo": Usual(0.5, 0.4, 0.0, 0.95),
-    "roughness": Usual(0.25, 0.15, 0.08, 0.6),
-    "refraction": Usual(1.5, 0.05, 1.3, 1.6),
-}
+EMISSION_LIMITS = -1.0, 4.0
+COAT_LIMITS = {"albedo": (0.0, 0.95), "roughness": (0.08, 0.6), "refraction": (1.3, 1.6)}
+"""Of a film with a coat, whose base has the albedo that light from film to film has."""
+SHARED_PRIORS = EMISSION_UNKNOWN, *(SHARED_UNKNOWNS[name] for name in COAT_LIMITS)
+"""What all LEDs share: m, of an LED that emits as cos^m, and the coat."""
 
 
 class FilmOfObjects(NamedTuple):
@@ -160,7 +151,7 @@ def film_of_objects(
     camera = 0.0 if camera_mm is None else 1 / camera_mm
     scene = _Scene(presses, rest, pixel * factor, camera, bounce)
     matt = _solved(scene, _start(scene), coated=False)
-    coat = np.r_[matt.x, [usual.start for usual in COAT_RANGES.values()]]
+    coat = np.r_[matt.x, [usual.start for usual in SHARED_PRIORS[1:]]]
     best = min(matt, _solved(scene, coat, coated=True), key=lambda found: found.cost)
     return _stated(scene, best)
 
@@ -179,14 +170,13 @@ def _start(scene: _Scene) -> F8:
     grows = np.linalg.lstsq(plane, rest.logarithm.T, rcond=None)[0][:2].T
     ways = FIRST_SLANT * grows / np.linalg.norm(grows, axis=1, keepdims=True)
     nearness = np.full(len(ways), USUAL_NEARNESS / scene.width)
-    return np.r_[np.column_stack([ways, nearness]).ravel(), EMISSION_RANGE.start]
+    return np.r_[np.column_stack([ways, nearness]).ravel(), EMISSION_UNKNOWN.start]
 
 
 def _units(scene: _Scene, unknowns: F8) -> F8:
     """How far an unknown is expected to move."""
     leds = np.tile([0.1, 0.1, USUAL_NEARNESS / scene.width / 2], len(scene.presses[0]))
-    spreads = [usual.spread for usual in (EMISSION_RANGE, *COAT_RANGES.values())]
-    return np.r_[leds, spreads][: unknowns.size]
+    return np.r_[leds, [usual.spread for usual in SHARED_PRIORS]][: unknowns.size]
 
 
 def _film(scene: _Scene, unknowns: F8) -> Film:
@@ -195,16 +185,16 @@ def _film(scene: _Scene, unknowns: F8) -> Film:
     film = matt_film(positions(unknowns[: 3 * count].reshape(count, 3)).astype(np.float32))
     film = film._replace(camera=scene.camera, rim=USUAL_RIM_MM)
     if coat:
-        film = film._replace(base=coat[0], **dict(zip(COAT_RANGES, coat, strict=True)))
+        film = film._replace(base=coat[0], **dict(zip(COAT_LIMITS, coat, strict=True)))
     return film
 
 
 def _solved(scene: _Scene, unknowns: F8, *, coated: bool) -> OptimizeResult:
     """Heights and LEDs in turn."""
     units = _units(scene, unknowns)
-    about = [EMISSION_RANGE, *COAT_RANGES.values()] if coated else [EMISSION_RANGE]
-    free = np.full(unknowns.size - len(about), np.inf)
-    bounds = np.r_[-free, [u.low for u in about]], np.r_[free, [u.high for u in about]]
+    limits = [EMISSION_LIMITS, *COAT_LIMITS.values()] if coated else [EMISSION_LIMITS]
+    free, (low, high) = np.full(unknowns.size - len(limits), np.inf), np.transpose(limits)
+    bounds = np.r_[-free, low], np.r_[free, high]
     nothing = [_State(0 * p[0], 0 * p[:2], 0 * p) for p in scene.presses]
     states, rounds = nothing, FIRST_ROUNDS
     for _ in range(MAX_TURNS):
@@ -290,13 +280,18 @@ def _bounced(scene: _Scene, press: F8, z: F8, film: Film) -> F8:
 def _left(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     """What LEDs and film leave unexplained, in standard deviations."""
     film, count = _film(scene, unknowns), len(scene.presses[0])
-    about = [usual.start for usual in (EMISSION_RANGE, *COAT_RANGES.values())]
     shared = unknowns[3 * count :]
+    about = [usual.start for usual in SHARED_PRIORS][: shared.size]
     usual = USUAL_NEARNESS / scene.width
+    # Strengths are what the LEDs leave of the flat frame in the mean.
+    leds = np.c_[
+        unknowns[: 3 * count].reshape(count, 3), np.zeros(count), np.full(count, shared[0])
+    ]
+    at_rest = rest_left(scene.rest, Fitted(leds, film, np.zeros((0, 3)), 1.0))
     parts = [
         (unknowns[2 : 3 * count : 3] - usual) / usual,
-        (shared - about[: shared.size]) / _units(scene, unknowns)[3 * count :],
-        _fall_off(scene.rest, film, shared[0]).ravel() / FLAT_ERROR,
+        (shared - about) / _units(scene, unknowns)[3 * count :],
+        (at_rest - at_rest.mean(axis=1, keepdims=True)).ravel() / FLAT_ERROR,
     ]
     for press, state in zip(scene.presses, states, strict=True):
         vectors = _vectors(scene, film, state.height)
@@ -309,19 +304,6 @@ def _left(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
             ((q[1:] + q[:-1]) / 2 - np.diff(z, axis=0) / scene.pixel).ravel() / SLOPE_ERROR,
         ]
     return np.concatenate(parts)
-
-
-def _fall_off(rest: Rest, film: Film, emission: float) -> F8:
-    """What the LEDs leave of the flat frame's logarithm, without their strengths: K x M."""
-    lx, ly, lz = film.lights.T[..., None].astype(np.float64)
-    high = np.sqrt(lx * lx + ly * ly + lz * lz)
-    away = np.sqrt((lx - rest.x) ** 2 + (ly - rest.y) ** 2 + lz * lz)
-    cosine = (high * high - lx * rest.x - ly * rest.y) / (high * away)
-    model = np.log(rest_light(film, rest.x, rest.y)) + emission * np.log(
-        np.maximum(cosine, MIN_RISE)
-    )
-    left = rest.logarithm - (model - model.mean(axis=0))
-    return np.asarray(left - left.mean(axis=1, keepdims=True))
 
 
 def _stated(scene: _Scene, found: OptimizeResult) -> FilmOfObjects:
@@ -344,6 +326,6 @@ def _stated(scene: _Scene, found: OptimizeResult) -> FilmOfObjects:
     if film.refraction > 1:
         figures |= {"film_albedo": film.albedo, "coat_roughness": film.roughness}
         figures |= {"coat_index": film.refraction}
-    misfit = np.array([level, 4 * scene.pixel, LIGHT_ERROR, BOUNCE_ERROR, 0], np.float32)
+    misfit = np.array([level, 4 * scene.pixel, LIGHT_ERROR, MIN_BOUNCE_ERROR, 0], np.float32)
     film = stored(film)._replace(others=others)
     return FilmOfObjects(film, misfit, scale, figures, doubts)

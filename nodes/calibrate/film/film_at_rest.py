@@ -4,7 +4,7 @@ import numpy as np
 
 from tactograph.nodes import F8
 from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
-from tactograph.nodes.calibrate.film._film_unknowns import UNKNOWNS_OF_TOUCH_ALONE, differences
+from tactograph.nodes.calibrate.film.film_unknowns import UNKNOWNS_OF_TOUCH_ALONE, differences
 from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.optics.coat import MIN_COSINE

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F8, USUAL_RIM_MM, Film
 from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
+from tactograph.nodes.calibrate.lights.descend import DERIVATIVE_STEP
 from tactograph.nodes.calibrate.lights.light_fit import INFINITY_MM
 from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.stored import stored_values
@@ -35,8 +36,6 @@ SHARED_UNKNOWNS = {
 }
 """By name; `diffuse` is one for each LED.  Their limits are those of a `Film`."""
 SHARED_UNKNOWNS |= dict.fromkeys(TOLD_UNKNOWNS, Unknown(1.0, 1.0))
-DERIVATIVE_STEP = float(np.sqrt(np.finfo(np.float32).eps))
-"""Step of numeric derivatives, relative to an unknown's scale: the root of the rounding error."""
 ALBEDO_DIFFERENCE = {"base": 1, "albedo": -1}
 """The albedo under the coat equals that for light from film to film: they differ by 0, ..."""
 ALBEDO_DEVIATION = 0.002

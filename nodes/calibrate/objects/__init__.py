@@ -1,0 +1,1 @@
+"""Find LEDs and film from presses of objects whose shapes nobody knows."""
