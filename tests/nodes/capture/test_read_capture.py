@@ -291,7 +291,26 @@ def test_fewer_bits_than_eight_are_told(tmp_path: Path) -> None:
     with collect_warnings([]) as notes:
         read_one(write(tmp_path, IMAGES // 32 * 17))
     assert len(notes) == 1
-    assert "only every 17th gray level occurs, as in images of 4 bits" in notes[0]
+    assert "only one gray level in 17 occurs, as in images of 4 bits" in notes[0]
+
+
+@pytest.mark.parametrize("quality", [8, 50])
+def test_jpeg_is_told_whatever_the_file_is_called(tmp_path: Path, quality: int) -> None:
+    """A touch of such images was doubted as having the slopes of no surface."""
+    y, x = np.mgrid[:120, :160]
+    ball = 0.6 + 0.4 * np.exp(-((x - 80) ** 2 + (y - 60) ** 2) / 800) + x / 900
+    noise = np.random.default_rng(0).normal(0, 1, (4, 120, 160))
+    taken = [np.clip(120 * ball + noise[k] + 9 * k, 0, 255).astype(np.uint8) for k in range(4)]
+    with collect_warnings([]) as notes:
+        read_one(write(tmp_path / "raw", taken))
+    assert notes == []
+    packed = [
+        cv2.imencode(".jpg", plane, [cv2.IMWRITE_JPEG_QUALITY, quality])[1] for plane in taken
+    ]
+    with collect_warnings([]) as notes:
+        read_one(write(tmp_path / "jpeg", [cv2.imdecode(each, 0) for each in packed]))
+    (note,) = notes
+    assert "led1.png: the light jumps at every eighth pixel, as JPEG leaves it" in note
 
 
 def test_jpeg_is_read_with_a_warning(tmp_path: Path) -> None:
