@@ -32,7 +32,8 @@ NO_FILM_LIGHT = 0.1
 """Light beside the balls, under all LEDs, up to which there is no film."""
 _TAKEN_FLAT = (
     "the flat frame",
-    "take both with one sensor and the same exposure, gain, gamma and LED currents",
+    "take both with one sensor and the same exposure, gain, gamma and LED currents, none of them "
+    "automatic",
 )
 _MODELLED_FLAT = (
     "a plain film under the LEDs that were found, as no flat frame was given",
