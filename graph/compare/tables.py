@@ -142,6 +142,11 @@ def write_tables(rows: Sequence[Row], out: Path) -> None:
         (stage / "table.tex").write_text(_latex(lines))
 
 
+def read_rows(out: Path) -> list[Row]:
+    """Read the runs that `write_tables` wrote into ``table.json``."""
+    return [Row(**row) for row in json.loads((out / "table.json").read_text())]
+
+
 def print_table(
     rows: Sequence[Row], echo: Callable[[str], None], width: int, wanted: Sequence[str] = ()
 ) -> None:
