@@ -15,13 +15,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tactograph import ctrl_c
-from tactograph.graph.commands import FILE_PATH, RunOptions, graph_command, run_options, say
-from tactograph.graph.errors import InputError, TactographError
+from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
     from types import FrameType
 
-    from tactograph.graph.cache.cache import Cache
     from tactograph.graph.commands.progress_line import ProgressLine
     from tactograph.graph.files.flat_graph import Graph
     from tactograph.graph.run.pipeline import Pipeline
@@ -42,19 +41,11 @@ WARNING_INTERVAL_S = 10.0
     help="Compute each item so often; the times are then medians of all but the first.",
 )
 @click.option(
-    "--trace",
-    "trace_file",
-    metavar="FILE",
-    type=FILE_PATH,
-    help="Write what ran when, for ui.perfetto.dev.",
-)
-@click.option(
     "--keep",
     metavar="PORTS",
     help="Write values from inside, such as label.misfit,light, into OUT/kept.",
 )
 @click.option("--until", metavar="NODE", help="Stop when NODE has run; write no results.")
-@click.option("--watch", is_flag=True, help="Run again when the graph or what it reads changes.")
 @click.option(
     "--all", "every", is_flag=True, expose_value=False,
     help="With --help after a graph: list the parameters of its nodes, too.",
@@ -63,23 +54,20 @@ WARNING_INTERVAL_S = 10.0
     "--figures", is_flag=True, help="Print all figures, also where a sentence says the main ones."
 )
 @click.option("--quiet", is_flag=True, help="Print nothing but warnings and errors.")
-def command(*, watch: bool, **words: Any) -> None:
+def command(**words: Any) -> None:
     """Run GRAPH, a graph file or the name of a pipeline that ships.
 
     Its params are given as NAME=VALUE; 'tactograph check GRAPH' lists them.
     """
-    wanted = _Wanted(**words)
-    if not watch:
-        _run(wanted)
-        return
-    from tactograph.graph.cache.cache import Cache
+    from tactograph.graph.commands.progress_line import ProgressLine
 
-    cache = Cache()
-    try:
-        while True:
-            _run_and_wait(wanted, cache)
-    except KeyboardInterrupt:
-        say("stopped", err=True)
+    wanted = _Wanted(**words)
+    with ExitStack() as closing:
+        line = closing.enter_context(ProgressLine(wanted=not wanted.quiet))
+        if wanted.quiet:  # without the output of nodes, such as live figures
+            nowhere = closing.enter_context(Path(os.devnull).open("w"))
+            closing.enter_context(redirect_stdout(nowhere))
+        _run_all(wanted, line)
 
 
 @dataclass(frozen=True)
@@ -90,45 +78,13 @@ class _Wanted:
     values: tuple[str, ...]
     options: RunOptions
     repeats: int
-    trace_file: Path | None
     keep: str | None
     until: str | None
     figures: bool
     quiet: bool
 
 
-def _run_and_wait(wanted: _Wanted, cache: Cache) -> None:
-    """Run once, print any error, and wait until a file changes."""
-    from tactograph.graph.files.read_graph import graph_file
-    from tactograph.graph.files.typed_values import read_words
-    from tactograph.graph.files.watch import files_of, stamp, wait_for_change
-
-    files = {graph_file(wanted.graph)}
-    before = stamp(files)
-    try:
-        read = wanted.options.read(wanted.graph)
-        files |= files_of(read, read_words(read, wanted.values))
-        before = stamp(files)
-        _run(wanted, cache)
-    except TactographError as error:
-        say(f"tactograph: {' '.join(str(error).split())}", err=True)
-    say(f"watching {len(files)} files and folders; Ctrl-C ends", err=True)
-    wait_for_change(files, before)
-
-
-def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
-    """Run the graph over all its items; if quiet, without output of nodes, such as live figures."""
-    from tactograph.graph.commands.progress_line import ProgressLine
-
-    with ExitStack() as closing:
-        line = closing.enter_context(ProgressLine(wanted=not wanted.quiet))
-        if wanted.quiet:
-            nowhere = closing.enter_context(Path(os.devnull).open("w"))
-            closing.enter_context(redirect_stdout(nowhere))
-        _run_all(wanted, line, cache)
-
-
-def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
+def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
     from tactograph.graph.cache.keys import key_of
     from tactograph.graph.files.typed_values import read_words
     from tactograph.graph.run.keep_values import read_kept
@@ -138,9 +94,8 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
     kept = read_kept(wanted.keep, read) if wanted.keep is not None else {}
     outputs = read.outputs if wanted.until is None else _ports_of(read, wanted.until)
     pipeline = wanted.options.open(
-        read, given, sinks=wanted.until is None, cache=cache, outputs={**outputs, **kept}
+        read, given, sinks=wanted.until is None, outputs={**outputs, **kept}
     )
-    trace = pipeline.trace() if wanted.trace_file is not None else None
     report = _Report(line, pipeline, figures=wanted.figures, quiet=wanted.quiet)
     report.plan(strict=wanted.options.strict)
     times = key_of(read.hash, wanted.until, wanted.repeats, pipeline.plan.device)
@@ -153,8 +108,6 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
     line.end()
     if count == 1:
         line.keep(times)
-    if trace is not None and wanted.trace_file is not None:
-        trace.write(wanted.trace_file)
     ending = _ending(pipeline, report.told) if wanted.until is None else ""
     if ending and not wanted.quiet:
         say(ending)
