@@ -85,7 +85,6 @@ class _Wanted:
 
 
 def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
-    from tactograph.graph.cache.keys import key_of
     from tactograph.graph.files.typed_values import read_words
     from tactograph.graph.run.keep_values import read_kept
 
@@ -98,23 +97,19 @@ def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
     )
     report = _Report(line, pipeline, figures=wanted.figures, quiet=wanted.quiet)
     report.plan(strict=wanted.options.strict)
-    times = key_of(read.hash, wanted.until, wanted.repeats, pipeline.plan.device)
-    line.recall(times)
     line.stage_of = lambda: pipeline.stage
     try:
-        count = _run_items(pipeline, report, wanted.repeats, kept)
+        _run_items(pipeline, report, wanted.repeats, kept)
     finally:
         report.warnings(pipeline.closing_warnings)
     line.end()
-    if count == 1:
-        line.keep(times)
     ending = _ending(pipeline, report.told) if wanted.until is None else ""
     if ending and not wanted.quiet:
         say(ending)
 
 
-def _run_items(pipeline: Pipeline, report: _Report, repeats: int, kept: Mapping[str, str]) -> int:
-    """Run all items, write the values that are to be kept, and return how many items came."""
+def _run_items(pipeline: Pipeline, report: _Report, repeats: int, kept: Mapping[str, str]) -> None:
+    """Run all items, and write the values that are to be kept."""
     from tactograph.graph.run.keep_values import write_kept
 
     folder = _out_folder(pipeline) / "kept"
@@ -134,7 +129,6 @@ def _run_items(pipeline: Pipeline, report: _Report, repeats: int, kept: Mapping[
         if error.item and not pipeline.endless:
             error.args = (f"{error}; 'tactograph batch' goes on past a capture that fails",)
         raise
-    return count
 
 
 def _out_folder(pipeline: Pipeline) -> Path:
@@ -183,8 +177,6 @@ class _Report:
         news, self._said = number == 1 or said != self._said, said
         if not self._quiet and (not endless or news):
             self._line.say(_summary(number, result, figures=self._figures))
-        if number > 1:
-            self._line.forget_times()
         if endless:
             self._line.end()
 
