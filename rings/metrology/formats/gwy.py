@@ -24,11 +24,11 @@ def write(file: Path, height: Height, pixel: float, error: HeightError | None) -
     container.filename = file.name
     for number, (title, data) in enumerate((("Height", height), (ERROR_TITLE, error))):
         if data is not None:
-            known = np.isfinite(data)
-            container[f"/{number}/data"] = _field(gwy, np.where(known, data, 0), pixel)
+            is_known = np.isfinite(data)
+            container[f"/{number}/data"] = _field(gwy, np.where(is_known, data, 0), pixel)
             container[f"/{number}/data/title"] = title
-            if not known.all():
-                container[f"/{number}/mask"] = _field(gwy, ~known, pixel)
+            if not is_known.all():
+                container[f"/{number}/mask"] = _field(gwy, ~is_known, pixel)
     container.tofile(str(file))
 
 

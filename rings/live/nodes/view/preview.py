@@ -64,12 +64,12 @@ def preview(
         If a window is requested but impossible, the folder cannot be written when the preview
         begins, or the touch has no such layer.
     """
-    shown = session.keep(lambda: _Preview(_open_screen(where, folder), 1 / rate_hz))
-    shown.count(touch)
-    if shown.is_due():
-        top = top_mm or shown.top_of(touch.height)
-        picture = draw_touch(touch, top, shown.footer(touch.state), lights, layer)
-        shown.show(picture)
+    screen = session.keep(lambda: _Preview(_open_screen(where, folder), 1 / rate_hz))
+    screen.count(touch)
+    if screen.is_due():
+        top = top_mm or screen.top_of(touch.height)
+        picture = draw_touch(touch, top, screen.footer(touch.state), lights, layer)
+        screen.show(picture)
 
 
 class _Window:
