@@ -5,8 +5,7 @@ from collections.abc import Callable
 from nicegui import ui
 
 from tactograph.graph.plan.sketch import sketch_of
-from tactograph.graph.show.draw_mermaid import BACKEND_COLOURS
-from tactograph.graph.show.draw_svg import to_svg
+from tactograph.graph.show.draw_svg import BACKEND_COLOURS, to_svg
 from tactograph.graph.show.sketch import box_around, fold
 from tactograph.graph.tune.tuning import Tuning
 
