@@ -76,7 +76,7 @@ def do_chunks(chunks: Iterable[Chunk]) -> Iterator[Tally]:
             if turn.is_last:
                 if written is not None:
                     yield written.result()
-                fallbacks = tuple(pipeline.plan.brief_fallbacks)
+                fallbacks = tuple(pipeline.plan.fallbacks)
                 written = writer.submit(_write, store, turn.chunk, entries, fallbacks)
                 entries = {}
         if written is not None:

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from types import FrameType
 
     from tactograph.graph.commands.progress_line import ProgressLine
-    from tactograph.graph.files.flat_graph import Graph
     from tactograph.graph.run.pipeline import Pipeline
     from tactograph.graph.run.result import Result
 
@@ -35,17 +34,10 @@ WARNING_INTERVAL_S = 10.0
 @graph_command("run", short_help="Run a graph.")
 @run_options
 @click.option(
-    "--repeats",
-    type=click.IntRange(1),
-    default=1,
-    help="Compute each item so often; the times are then medians of all but the first.",
-)
-@click.option(
     "--keep",
     metavar="PORTS",
     help="Write values from inside, such as label.misfit,light, into OUT/kept.",
 )
-@click.option("--until", metavar="NODE", help="Stop when NODE has run; write no results.")
 @click.option(
     "--all", "every", is_flag=True, expose_value=False,
     help="With --help after a graph: list the parameters of its nodes, too.",
@@ -77,9 +69,7 @@ class _Wanted:
     graph: str
     values: tuple[str, ...]
     options: RunOptions
-    repeats: int
     keep: str | None
-    until: str | None
     figures: bool
     quiet: bool
 
@@ -91,24 +81,22 @@ def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
     read = wanted.options.read(wanted.graph)
     given = read_words(read, wanted.values)
     kept = read_kept(wanted.keep, read) if wanted.keep is not None else {}
-    outputs = read.outputs if wanted.until is None else _ports_of(read, wanted.until)
-    pipeline = wanted.options.open(
-        read, given, sinks=wanted.until is None, outputs={**outputs, **kept}
-    )
+    pipeline = wanted.options.open(read, given, outputs={**read.outputs, **kept})
     report = _Report(line, pipeline, figures=wanted.figures, quiet=wanted.quiet)
-    report.plan(strict=wanted.options.strict)
+    for fallback in pipeline.plan.fallbacks:
+        line.say(f"fallback: {fallback}", err=True)
     line.stage_of = lambda: pipeline.stage
     try:
-        _run_items(pipeline, report, wanted.repeats, kept)
+        _run_items(pipeline, report, kept)
     finally:
         report.warnings(pipeline.closing_warnings)
     line.end()
-    ending = _ending(pipeline, report.told) if wanted.until is None else ""
+    ending = _ending(pipeline, report.told)
     if ending and not wanted.quiet:
         say(ending)
 
 
-def _run_items(pipeline: Pipeline, report: _Report, repeats: int, kept: Mapping[str, str]) -> None:
+def _run_items(pipeline: Pipeline, report: _Report, kept: Mapping[str, str]) -> None:
     """Run all items, and write the values that are to be kept."""
     from tactograph.graph.run.keep_values import write_kept
 
@@ -116,7 +104,7 @@ def _run_items(pipeline: Pipeline, report: _Report, repeats: int, kept: Mapping[
     count = 0
     try:
         with pipeline, _stoppable(pipeline) as stop_if_asked:
-            for count, result in enumerate(pipeline.items(repeats), start=1):
+            for count, result in enumerate(pipeline.items(), start=1):
                 if kept:
                     write_kept(result, kept, folder / str(count))
                 report.item(count, result)
@@ -150,15 +138,6 @@ class _Report:
         self._line, self._pipeline, self._figures, self._quiet = line, pipeline, figures, quiet
         self.told: dict[str, float] = {}
         self._said = ""
-
-    def plan(self, *, strict: bool) -> None:
-        """Print where nodes run, if that is not where the graph prefers."""
-        plan = self._pipeline.plan
-        for fallback in plan.brief_fallbacks:
-            self._line.say(f"fallback: {fallback}", err=True)
-        if strict and not self._quiet and plan.without_kernel:
-            nodes = ", ".join(plan.without_kernel)
-            self._line.say(f"written for the host alone, so no fallback: {nodes}", err=True)
 
     def item(self, number: int, result: Result) -> None:
         """Print the warnings and the figures of an item.
@@ -197,20 +176,6 @@ class _Report:
             if now - self.told.get(kind, -math.inf) > WARNING_INTERVAL_S:
                 self._line.say(f"warning: {warning}", err=True)
             self.told[kind] = now
-
-
-def _ports_of(graph: Graph, node: str) -> dict[str, str]:
-    """All outputs of a node, by reference."""
-    from tactograph.graph.declare.find_node import find_node
-    from tactograph.graph.files.groups import outputs_of
-
-    node = graph.in_full(node)
-    if node in graph.uses:
-        return {f"{node}.{made}": f"{node}.{made}" for made in outputs_of(graph, node)}
-    outputs = find_node(graph.entry(node).op, graph.own).outputs
-    if not outputs:
-        raise InputError(f"--until {node}: it only writes; name a node that makes something")
-    return {f"{node}.{port}" if len(outputs) > 1 else node: f"{node}.{port}" for port in outputs}
 
 
 def _ending(pipeline: Pipeline, told: Collection[str]) -> str:

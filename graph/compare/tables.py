@@ -192,7 +192,7 @@ def fallback_lines(rows: Iterable[Row]) -> list[str]:
     """Each fallback once, after the names of the graphs that it concerns."""
     variants: dict[str, dict[str, None]] = {}
     for row in rows:
-        for text in row.brief_fallbacks:
+        for text in row.fallbacks:
             variants.setdefault(text, {})[row.variant] = None
     return [f"{', '.join(names)}: {text}" for text, names in variants.items()]
 

@@ -100,7 +100,6 @@ def test_every_command_has_help(tactograph: Command, name: str) -> None:
         (("check",), "--help')"),
         (("run", "paper", "--backend", "cuda"), "--help')"),
         (("run", "paper", "--no-such-option"), "--help')"),
-        (("run", "paper", "--repeats", "0"), "--help')"),
         (("run",), "'tactograph graphs'"),
         (("check",), "'tactograph graphs'"),
         (("compare",), "'tactograph graphs'"),
@@ -240,12 +239,9 @@ def test_a_fallback_is_one_line_on_the_terminal(about: Command, no_device: None)
     assert "--backend opencl: no" in one_line(about("run", STREAM, "--backend", "opencl"))
 
 
-def test_strict_names_what_has_no_kernel_and_runs_it(about: Command) -> None:
+def test_strict_runs_what_has_no_kernel(about: Command) -> None:
     done = about("run", STREAM, "--strict")
-    assert done.code == 0
-    assert done.err == "written for the host alone, so no fallback: score\n"
-    assert about("run", STREAM, "--strict", "--quiet").err == ""
-    assert about("run", STREAM, "--strict", "--backend", "numpy").err == ""
+    assert (done.code, done.err) == (0, "")
 
 
 def test_a_result_holds_where_everything_ran_and_every_fallback(

@@ -1,4 +1,4 @@
-"""`run --keep` and `--until`: what happened, looked at from outside."""
+"""`run --keep`: values from inside, looked at from outside."""
 
 import json
 from pathlib import Path
@@ -27,12 +27,6 @@ def test_an_output_is_kept_by_its_name(about: Command, height_file: str, tmp_pat
     given = (f"file={height_file}", f"out={tmp_path / 'out'}")
     assert about("run", WITH_OUT, *given, "--keep", "mask", "--backend", "numpy").code == 0
     assert np.load(tmp_path / "out" / "kept" / "1" / "mask.npy").all()
-
-
-def test_until_runs_what_a_node_needs_and_writes_nothing(toys: list[str], about: Command) -> None:
-    done = about("run", STREAM, "count=1", "--until", "light", "--backend", "numpy")
-    assert done.code == 0, done.err
-    assert toys == ["at_rest", "touch 1"]
 
 
 GROUPED = """
@@ -65,8 +59,6 @@ def test_the_inside_of_a_group_is_kept_too(toys: list[str], about: Command, tmp_
     means = {file.stem: np.load(file).mean() for file in kept.glob("*.npy")}
     assert means == {"use.one": 2, "use.light": 4, "use.two.doubled": 4}
     toys.clear()
-    done = about(*words, "--until", "use")
-    assert (done.code, toys) == (0, ["touch 1", "doubled", "doubled"])
     done = about(*words, "--keep", "use.tow")
     assert (done.code, "the group 'more' has no output or node 'tow'" in done.err) == (2, True)
 
@@ -77,8 +69,6 @@ def test_the_inside_of_a_group_is_kept_too(toys: list[str], about: Command, tmp_
         (("--keep", "ligth"), "no node or output of that name; did you mean 'light'"),
         (("--keep", "light.high"), "node 'light' makes no 'high'"),
         (("--keep", ","), "--keep ,: write it as node.port,node"),
-        (("--until", "lihgt"), "there is no node 'lihgt'; did you mean 'light'"),
-        (("--until", "save"), "--until save: it only writes"),
     ],
 )
 def test_what_is_not_there_cannot_be_kept(
