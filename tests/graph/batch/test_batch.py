@@ -24,12 +24,10 @@ import pytest
 import zarr
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.batch import worker
 from tactograph.graph.batch.batch import Workers, open_batch, open_chunks, run_batch
 from tactograph.graph.batch.captures import _common_start, find_captures
-from tactograph.graph.batch.cluster import Cluster
 from tactograph.graph.batch.entry import DONE, FAILED, PENDING, Entry
 from tactograph.graph.batch.job import identity_of, make_job
 from tactograph.graph.batch.processes import Processes
@@ -600,7 +598,6 @@ def test_a_batch_does_not_take_its_own_store_for_a_capture(batch: Batch, tmp_pat
         (["--over", "none*"], "--over none*: nothing is there"),
         (["--out", " "], "--out is empty"),
         (["--chunk", "1000000000"], "is not in the range"),
-        (["--scheduler", "nowhere.json"], "there is no such file"),
     ],
 )
 def test_what_a_batch_cannot_mean_is_refused_before_a_store_is_made(
@@ -610,13 +607,6 @@ def test_what_a_batch_cannot_mean_is_refused_before_a_store_is_made(
     assert code == 2
     assert told in err
     assert not batch.place.exists()
-
-
-@pytest.mark.parametrize("content", ["{", "[]", '{"a": 1}'])
-def test_what_is_no_scheduler_file_is_refused_at_once(tmp_path: Path, content: str) -> None:
-    (tmp_path / "file.json").write_text(content)
-    with pytest.raises(InputError, match="--scheduler"):
-        Cluster(str(tmp_path / "file.json"))
 
 
 @pytest.fixture
