@@ -10,4 +10,4 @@ continued.
 
 from tactograph.graph.extras import need
 
-need("batch", "a batch", "zarr", "numcodecs", "fsspec")
+need("batch", "a batch", "zarr", "numcodecs")

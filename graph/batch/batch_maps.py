@@ -21,7 +21,7 @@ class BatchMaps:
     Parameters
     ----------
     place
-        A folder or URL, the ``--out`` of `tactograph batch`.
+        A folder, the ``--out`` of `tactograph batch`.
     *names
         The maps that are wanted; all, if none is named.
 

@@ -30,11 +30,11 @@ MAX_FAILURES = 10
 @graph_command("batch", short_help="Run a graph over many captures, into one store.")
 @click.option(
     "--over", multiple=True, required=True, metavar="PATTERN",
-    help="Captures, such as 'recordings/**/capture_*' (quoted), a folder of them, or URLs.",
+    help="Captures, such as 'recordings/**/capture_*' (quoted), or a folder of them.",
 )  # fmt: skip
 @click.option(
     "--out", required=True, metavar="PLACE",
-    help="NAME.zarr, a path or URL, for one store; else a folder of result folders.",
+    help="NAME.zarr for one store; else a folder of result folders.",
 )  # fmt: skip
 @click.option("--maps", metavar="A,B", help="Outputs to store.  [default: all H x W maps]")
 @click.option(
@@ -192,7 +192,6 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
 
 def _conclude(store: Store, out: str) -> int:
     """Write the table beside the store, print a summary, and return the number of failures."""
-    from tactograph.graph.batch.captures import is_url
     from tactograph.graph.batch.entry import DONE, FAILED
     from tactograph.graph.show.warning_lines import first_lines, warning_lines
 
@@ -204,10 +203,9 @@ def _conclude(store: Store, out: str) -> int:
     failed = first_lines([f"failed: {reason}" for reason in reasons], MAX_FAILURES, "failed")
     for line in (*failed, *warning_lines(warnings)):
         say(line, err=True)
-    if not is_url(out):
-        table = Path(out.rstrip("/").removesuffix(".zarr") + ".csv")
-        _write_table(table, captures, entries)
-        say(f"table: {table}")
+    table = Path(out.rstrip("/").removesuffix(".zarr") + ".csv")
+    _write_table(table, captures, entries)
+    say(f"table: {table}")
     finished = sum(entry.status == DONE for entry in entries)
     warned = sum(bool(entry.warnings) for entry in entries)
     say(
