@@ -38,14 +38,14 @@ def map_departure(
     reflectance : K x 9 x 15, as `fit_reflectance_map` gives it
     misfit : length 5, the calibration's misfit
     """
-    shown = mapped_light(slope, height, reflectance)
-    residual = light - shown
+    model_light = mapped_light(slope, height, reflectance)
+    residual = light - model_light
     freedom = np.float32(len(light) - 2)
     error = max(float(misfit[2]), MIN_MAP_ERROR)
     scale = np.float32(1 / error**2) / freedom
-    seen, due = (light * shown).sum(axis=0), (shown * shown).sum(axis=0)
+    product, square = (light * model_light).sum(axis=0), (model_light * model_light).sum(axis=0)
     departs = np.asarray((residual * residual).sum(axis=0) * scale, np.float32)
-    return LightDeparture(departs, seen / np.maximum(due, MIN_SQUARES) - 1)
+    return LightDeparture(departs, product / np.maximum(square, MIN_SQUARES) - 1)
 
 
 map_departure.opencl(grid="H W", lanes="rows")
