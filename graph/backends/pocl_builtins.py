@@ -9,9 +9,9 @@ import re
 from functools import cache
 from pathlib import Path
 
-GUARD = "_OPENCL_H_"
+HEADER_GUARD = "_OPENCL_H_"
 """The macro by which the file is read once."""
-_LIBRARY = re.compile(r"/\S+/libpocl\.so\S*")
+_POCL_LIBRARY = re.compile(r"/\S+/libpocl\.so\S*")
 
 
 def with_builtins(source: str) -> tuple[str, tuple[str, ...]] | None:
@@ -23,7 +23,7 @@ def with_builtins(source: str) -> tuple[str, tuple[str, ...]] | None:
     declared = [line for name, line in _declarations() if name is None or name in names]
     if not declared:
         return None
-    return "\n".join([*declared, "#line 1", source]), (f"-D{GUARD}",)
+    return "\n".join([*declared, "#line 1", source]), (f"-D{HEADER_GUARD}",)
 
 
 @cache
@@ -33,7 +33,7 @@ def _declarations() -> list[tuple[str | None, str]]:
         maps = Path("/proc/self/maps").read_text(encoding="utf-8")
     except OSError:  # not Linux
         return []
-    found = _LIBRARY.search(maps)
+    found = _POCL_LIBRARY.search(maps)
     folders = Path(found[0]).parents if found else ()
     files = (folder / "share/pocl/include/opencl-c.h" for folder in folders)
     file = next((file for file in files if file.is_file()), None)
@@ -41,7 +41,7 @@ def _declarations() -> list[tuple[str | None, str]]:
         return []
     lines = file.read_text(encoding="utf-8").splitlines()
     # Without its guard, and the types, which PoCL reads before.
-    kept = (line for line in lines if GUARD not in line and not line.startswith("#include"))
+    kept = (line for line in lines if HEADER_GUARD not in line and not line.startswith("#include"))
     return [(_declares(line), line) for line in kept]
 
 
