@@ -64,10 +64,10 @@ def _channels(file: Path) -> Sequence[Any]:
     field = container[f"/{first}/data"]
     width, length = field.xreal / field.data.shape[1], field.yreal / field.data.shape[0]
     numbers = first, *(number for number, title in titles.items() if title == ERROR_TITLE)
-    return width, length, *(_known(container, number, file) for number in numbers[:2])
+    return width, length, *(_measured(container, number, file) for number in numbers[:2])
 
 
-def _known(container: Any, number: int, file: Path) -> Any:
+def _measured(container: Any, number: int, file: Path) -> Any:
     """A channel, NaN where it is masked."""
     field, mask = container[f"/{number}/data"], container.get(f"/{number}/mask")
     if any(unit is None or unit.unitstr != "m" for unit in (field.si_unit_xy, field.si_unit_z)):

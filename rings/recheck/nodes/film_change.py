@@ -96,7 +96,7 @@ def film_change(
     safe = np.maximum(start, MIN_FLAT_LIGHT).astype(np.float64)
     # Under an LED that lights the film elsewhere, black pixels are cut off.
     lights_film = np.median(now, axis=(1, 2)) > MIN_FLAT_LIGHT
-    is_known = _known(start, moved) & ~(now[lights_film] < MIN_LIGHT).any(axis=0)
+    is_known = _lit_pixels(start, moved) & ~(now[lights_film] < MIN_LIGHT).any(axis=0)
     ratio = now / safe
     strength, smooth, ambient, shift = _smooth_part(ratio, safe, is_known, new_film)
     is_known &= (smooth > MIN_REMAINING_LIGHT * strength[:, None, None]).all(axis=0)
@@ -155,7 +155,7 @@ def _shifted(image: F4, by: NDArray[np.intp]) -> F4:
     return image[:, y[:, None], x]
 
 
-def _known(flat: F4, moved: F8) -> NDArray[np.bool_]:
+def _lit_pixels(flat: F4, moved: F8) -> NDArray[np.bool_]:
     """Flags of pixels that every LED lights, then and now."""
     is_known: NDArray[np.bool_] = np.asarray((flat > MIN_FLAT_LIGHT).all(axis=0))
     dx, dy = moved.astype(int)

@@ -241,7 +241,7 @@ def open_rig(
             port, lit_between = str(link), board.lit_between
         lamps = open_lamps(port, cycle, driver.rate)
         undo.callback(lamps.close)
-        camera = _open_camera(driver, driver.wanted(*size), preset, queue, table, lit_between)
+        camera = _open_camera(driver, driver.settings_for(*size), preset, queue, table, lit_between)
         undo.callback(camera.close)
         return Rig(camera, table, lamps, cycle, driver.rate, board, undo.pop_all())
 
@@ -275,7 +275,7 @@ def open_colour_sensor(
         the preset's frames have another size.
     """
     table = _simulated(driver, preset, calibration, order)
-    settings = driver.wanted(*size, colour=True)
+    settings = driver.settings_for(*size, colour=True)
     return Sensor(_open_camera(driver, settings, preset, queue, table), table)
 
 

@@ -199,7 +199,7 @@ def refine_center(
     nudge = 0.1
     for _ in range(steps):
         residual, by_x, by_y = (
-            _left(bench, reflectance, circle + nudge * np.array(d), pixels, place, rim)
+            _misfit(bench, reflectance, circle + nudge * np.array(d), pixels, place, rim)
             for d in ((0, 0, 0), (1, 0, 0), (0, 1, 0))
         )
         jacobian = np.stack([by_x - residual, by_y - residual]) / nudge
@@ -250,7 +250,7 @@ def _shades(bench: Bench, circle: F8, pixels: Pixels, rim: float) -> F8:
     return shades(slope, rise + rim)
 
 
-def _left(bench: Bench, reflectance: F8, circle: F8, pixels: Pixels, place: F8, rim: float) -> F8:
+def _misfit(bench: Bench, reflectance: F8, circle: F8, pixels: Pixels, place: F8, rim: float) -> F8:
     """Residual of a press's light under the map: K x N."""
     return pixels.light - predicted(reflectance, _shades(bench, circle, pixels, rim), place)
 
@@ -331,7 +331,7 @@ def _residuals(bench: Bench, reflectance: F8, circles: F8, is_used: np.ndarray, 
     for i in np.flatnonzero(is_used).tolist():
         pixels = ball_pixels(bench.light[i], bench.flat, circles[i])
         place = terms(pixels.x, pixels.y, bench.shape)
-        residual = _left(bench, reflectance, circles[i], pixels, place, rim)
+        residual = _misfit(bench, reflectance, circles[i], pixels, place, rim)
         residuals[i] = np.sqrt(np.mean(residual**2, axis=1))
     return residuals
 

@@ -94,10 +94,10 @@ def refit_reflectance_map(
         return MapRefit(reflectance, {})
     bench = make_bench(image[is_used], flat, radius_mm, pixel, PLACE_DEGREE)
     circles, old = circle[is_used].astype(np.float64), reflectance.astype(np.float64)
-    best, before, microns = _judged(bench, old, circles, ())
+    best, before, microns = _held_out(bench, old, circles, ())
     errors = before
     for parts in MAP_CHANGES:
-        candidates, degrees, height = _judged(bench, old, circles, parts)
+        candidates, degrees, height = _held_out(bench, old, circles, parts)
         if pays(errors, degrees):
             best, errors, microns = candidates, degrees, height
     now, then = best[:, :HEIGHT_SHADE], old[:, :HEIGHT_SHADE]
@@ -108,7 +108,7 @@ def refit_reflectance_map(
     return MapRefit(best.astype(np.float32), figures)
 
 
-def _judged(
+def _held_out(
     bench: Bench, old: F8, circles: F8, parts: tuple[str, ...]
 ) -> tuple[F8, list[float], float]:
     """The map fitted to all quarters, each held-out error in degrees, and their mean in um."""
@@ -139,11 +139,11 @@ def _fit(
         for press, circle in enumerate(placed):
             placed[press] = refine_center(bench, reflectance, circle, press, rim)
         rim = measure_rim(bench, reflectance, placed, every)
-        reflectance = _changed(bench, old, placed, rim, parts, used)
+        reflectance = _refitted(bench, old, placed, rim, parts, used)
     return reflectance, placed
 
 
-def _changed(
+def _refitted(
     bench: Bench,
     old: F8,
     circles: F8,
