@@ -54,6 +54,13 @@ def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[st
     return [doubt] * bool(is_told)
 
 
+def is_uneven(flat: Light, pixel: PixelSize) -> bool:
+    """Return whether a flat frame, K x H x W, holds more than LEDs and lenses make, wherever they
+    are."""
+    rest = rest_of(flat, pixel)
+    return rest is not None and bool(np.square(_rough_part(rest)).mean() > MAX_ROUGHNESS**2)
+
+
 def _rough_part(rest: Rest) -> F8:
     """What polynomials leave of the blocks' light, K x M."""
     x, y = (place / np.abs(place).max() for place in (rest.x, rest.y))

@@ -119,7 +119,7 @@ def rate_exposure(
         motion = film_motion(cells[0], fall_off(cells[1]))
         moved = motion_in_words(motion) if motion_size(motion) > MAX_MOTION else ""
         # Light that was added evens the film's fall-off, as a zoom does.
-        or_moved = f"; or is it another zoom or crop ({moved})?" if moved else ""
+        or_moved = "; or is it another zoom or crop" + (f" ({moved})?" if moved else "?")
         added = added_share(*(a[:, far] for a in cells))
         if abs(added) > MAX_ADDED:
             doubts.append(
