@@ -121,7 +121,8 @@ def rate_exposure(
         # Light that was added evens the film's fall-off, as a zoom does.
         or_moved = "; or is it another zoom or crop" + (f" ({moved})?" if moved else "?")
         added = added_share(*(a[:, far] for a in cells))
-        if abs(added) > MAX_ADDED:
+        # Other light brightens, so film that has moved and is darker has moved alone.
+        if abs(added) > MAX_ADDED and not (moved and added < 0):
             doubts.append(
                 f"{where}under all LEDs the film beside the ball is {abs(added):.1%} "
                 f"{'brighter' if added > 0 else 'darker'} than {compared}, the dimmer the more: "
