@@ -138,8 +138,9 @@ def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
     kept = read_kept(wanted.keep, read) if wanted.keep is not None else {}
     outputs = read.outputs if wanted.until is None else _ports_of(read, wanted.until)
     pipeline = wanted.options.open(
-        read, given, sinks=wanted.until is None, cache=cache, outputs={**outputs, **kept}
-    )
+        read, given, sinks=wanted.until is None, cache=cache, outputs={**outputs, **kept},
+        hurried=cache is None and wanted.repeats == 1,
+    )  # fmt: skip
     trace = pipeline.trace() if wanted.trace_file is not None else None
     report = _Report(line, pipeline, figures=wanted.figures, quiet=wanted.quiet)
     report.plan(strict=wanted.options.strict)
