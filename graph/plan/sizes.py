@@ -10,6 +10,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
+from networkx.utils import UnionFind
+
 from tactograph.graph.declare.ports import IMAGE_SIZES, Dim
 from tactograph.graph.declare.size_rules import SizeLimit
 from tactograph.graph.errors import GraphError, InputError
@@ -157,13 +159,13 @@ def unify(draft: Draft) -> SizeClasses:
     node does not accept.
     """
     symbols = [(task.id, symbol) for task in draft.tasks.values() for symbol in task.node.symbols]
-    joined: dict[Any, Any] = {}
-    joints = _united(joined, _joints(draft, "reads"))
-    free = {_root(joined, symbol) for symbol in _free_sizes(draft)}
+    classes: UnionFind[Any] = UnionFind(symbols)
+    joints = _united(classes, _joints(draft, "reads"))
+    free = {classes[symbol] for symbol in _free_sizes(draft)}
     # A size that depends on the data may differ from that of the item before.
-    recalled = (each for each in _joints(draft, "recalls") if _root(joined, each.maker) not in free)
-    joints += _united(joined, recalled)
-    root = {symbol: _root(joined, symbol) for symbol in symbols}
+    recalled = (each for each in _joints(draft, "recalls") if classes[each.maker] not in free)
+    joints += _united(classes, recalled)
+    root = {symbol: classes[symbol] for symbol in symbols}
     fixed = _fixed(draft, root, joints)
     limits: dict[Symbol, list[tuple[str, SizeLimit]]] = {}
     for task in draft.tasks.values():
@@ -197,22 +199,13 @@ def _joints(draft: Draft, edges: Literal["reads", "recalls"]) -> Iterator[_Joint
                     yield _Joint((task.id, one), (value.node, other), name, value)
 
 
-def _united(joined: dict[Any, Any], joints: Iterable[_Joint]) -> list[_Joint]:
+def _united(classes: UnionFind[Any], joints: Iterable[_Joint]) -> list[_Joint]:
     """Make one class of the symbols at the ends of each joint."""
     listed = list(joints)
     for each in listed:
         if isinstance(each.reader[1], str) and isinstance(each.maker[1], str):
-            reader, maker = _root(joined, each.reader), _root(joined, each.maker)
-            if reader != maker:
-                joined[reader] = maker
+            classes.union(each.reader, each.maker)
     return listed
-
-
-def _root(joined: Mapping[Any, Any], symbol: Any) -> Any:
-    """The symbol that stands for a class: `joined` leads there from all others of it."""
-    while symbol in joined:
-        symbol = joined[symbol]
-    return symbol
 
 
 def _fixed(

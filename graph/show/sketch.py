@@ -3,7 +3,7 @@
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from tactograph.graph.before import find_cycle, in_order
+import networkx as nx
 
 Edge = tuple[str, str, str]
 """A box, a box that reads it, and the ports of the values, separated by commas."""
@@ -11,17 +11,11 @@ Edge = tuple[str, str, str]
 
 @dataclass(frozen=True)
 class Box:
-    """A step, or a folded use; `use` is the use of a group that it is drawn in."""
+    """A node, or a folded use."""
 
     name: str
     label: str
-    kind: str
     backend: str
-    use: str = ""
-
-    @property
-    def is_transfer(self) -> bool:
-        return self.kind in ("upload", "download")
 
 
 @dataclass(frozen=True)
@@ -35,11 +29,6 @@ class Sketch:
     groups: Mapping[str, str] = field(default_factory=dict)
 
 
-def use_of(node: str) -> str:
-    """The use of a group that a node is in: the part of its name before the last dot."""
-    return node.rpartition(".")[0]
-
-
 def fold(sketch: Sketch, opened: Iterable[str] = ()) -> Sketch:
     """Draw each use as one box, unless it is opened, or reads values that follow from its own."""
     opened = {*opened}
@@ -50,16 +39,15 @@ def fold(sketch: Sketch, opened: Iterable[str] = ()) -> Sketch:
         members: dict[str, list[Box]] = {}
         for box in sketch.boxes:
             members.setdefault(box_of[box.name], []).append(box)
-        before: dict[str, set[str]] = {name: set() for name in members}
-        for first, name, _ in edges:
-            before[name].add(first)
-        loop = find_cycle(before)
-        if not loop:
+        graph = nx.DiGraph((a, b) for a, b, _ in edges)
+        graph.add_nodes_from(members)
+        if nx.is_directed_acyclic_graph(graph):
             break
+        loop = [a for a, _ in nx.find_cycle(graph)]
         # Opened, a use is at least one box more, so this ends.
         opened |= {box for box in loop if box in sketch.groups}
-    ordered = in_order(before, lambda name: place[members[name][0].name])
-    boxes = [_folded(sketch, name, members[name]) for name in ordered]
+    in_order = nx.lexicographical_topological_sort(graph, lambda n: place[members[n][0].name])
+    boxes = [_folded(sketch, name, members[name]) for name in in_order]
     recalls = _renamed(sketch.recalls, box_of, loops=True)
     return Sketch(sketch.title, boxes, edges, recalls, sketch.groups)
 
@@ -75,7 +63,7 @@ def _folded(sketch: Sketch, name: str, members: list[Box]) -> Box:
     if members[0].name == name:
         return members[0]
     backend = next((b.backend for b in members if b.backend != "numpy"), "numpy")
-    return Box(name, f"{sketch.groups[name]}: {len(members)} nodes", "use", backend, use_of(name))
+    return Box(name, f"{sketch.groups[name]}: {len(members)} nodes", backend)
 
 
 def _renamed(joined: list[Edge], box_of: Mapping[str, str], *, loops: bool = False) -> list[Edge]:
