@@ -14,7 +14,7 @@ from tactograph.graph.backends.compiled_node import Compiled
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.devices import Device, choose_device
 from tactograph.graph.backends.prepared_node import Prepared
-from tactograph.graph.backends.programs import UNOPTIMISED_OPTION, Recipe, build, is_ready
+from tactograph.graph.backends.programs import Recipe, build
 from tactograph.graph.declare.engine_arguments import EVERYTHING, Wanted
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import NodeError
@@ -68,10 +68,8 @@ class OpenCL(Queue):
         recipes = [
             recipe for each in self._compiled.values() for recipe in each.forget_unoptimised()
         ]
-        (handle,) = self.context.devices
-        # A folder that takes no file would not take those either.
-        if any(is_ready(handle, text, (*rest, UNOPTIMISED_OPTION)) for text, rest in recipes):
-            optimise(handle, recipes)
+        if recipes:
+            optimise(self.context.devices[0], recipes)
         return bool(recipes)
 
     def build(self, nodes: Sequence[Node]) -> int:
