@@ -95,8 +95,6 @@ class Queue:
         Unique identifier of this device, and its compiled kernels, within the process.
     queue
         pyopencl's own queue, for arrays that a caller makes there.
-    hurried
-        Whether what is not on disk is built without optimisation, as for a single item.
     poison
         Value of every byte of a fresh buffer, in tests.
     """
@@ -114,7 +112,6 @@ class Queue:
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.pool = BufferPool(pyopencl.tools.ImmediateAllocator(self.queue), cl.MemoryError)
-        self.hurried = False
         self.poison: int | None = None
         self._fractions: dict[int, Kernel] = {}
         self.options = ["-cl-std=CL1.2"]
