@@ -16,6 +16,7 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -351,6 +352,8 @@ def open_store(place: str) -> Store | None:
         try:
             zarr.open(_at(place), mode="r", zarr_format=2)
         except FileNotFoundError:
+            if not is_url(place) and (other := next(Path(place).glob("[!z]*"), None)):
+                raise InputError(f"{place}: holds {other.name}, and no store; give another --out")
             return None
         except _OPEN_ERRORS:
             pass  # a damaged one

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
@@ -83,24 +84,26 @@ class GraphCommand(click.Command):
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
             name, param = error.option_name, error.option_name.lstrip("-").replace("-", "_")
-            how = _how_to_give(param, ctx.meta[WORDS_KEY])
-            message = f"No such option '{name}'; {how}"
-            raise click.NoSuchOption(name, message, error.possibilities, ctx) from None
+            # Click puts what was probably meant behind its own message alone.
+            if (how := _how_to_give(param, ctx.meta[WORDS_KEY])) or not error.possibilities:
+                how = how or f"a param is written {param}=VALUE"
+                raise click.NoSuchOption(name, f"No such option '{name}'; {how}", ctx=ctx) from None
+            raise
 
 
 def _how_to_give(name: str, words: Sequence[str]) -> str:
-    """Say how the value of a parameter is given to the graph that is among the words."""
+    """Say how a param, or a node's, is given to the graph among the words; "" if it has none."""
     from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.files.typed_values import settings_called
 
-    written = f"a param is written {name}=VALUE"
-    try:
-        graph = read_graph(next(word for word in words if not word.startswith("-")))
-    except (StopIteration, TactographError):
-        return written
-    if name not in graph.params and (settings := settings_called(graph, name)):
-        return f"it is written {settings}"
-    return written
+    for word in words:
+        with suppress(TactographError):
+            graph = read_graph(word)
+            if name in graph.params:
+                return f"a param is written {name}=VALUE"
+            settings = settings_called(graph, name)
+            return f"it is written {settings}" if settings else ""
+    return ""
 
 
 class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.2

@@ -4,12 +4,14 @@ Where standard error is a file or a pipe, a line every ten seconds says the same
 
 Of many captures or runs, the time left follows from the share that is done.  That of one graph is
 the time of its last run from this stage on, by the disk cache.  If the graph has not run yet, takes
-longer than before, or a run has several items, the time since the start is shown instead.
+longer than before or is at another pace, or a run has several items, the time since the start is
+shown instead.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import sys
 import threading
 import time
@@ -27,6 +29,9 @@ MIN_SHOWN_S = 2.0
 """Shorter runs show nothing."""
 REDRAW_INTERVAL_S = 0.2
 PRINT_INTERVAL_S = 10.0
+MAX_LATE_SHARE = 0.5
+"""The most of the last run's time by which one like it is early or late: another has other input,
+or finds results on disk."""
 TIMES_FOLDER = "times"
 """The cache folder: by graph, the start of each stage in s; under END_STAGE, the end."""
 END_STAGE = ""
@@ -62,9 +67,10 @@ class ProgressLine:
             self._before = json.loads(body or "{}")
 
     def keep(self, key: str) -> None:
-        """Keep the times of this run for the next one of this key."""
+        """Keep the times of this run for the next one, unless results on disk made it short."""
         folder, taken = cache_folder(), time.monotonic() - self._start
-        if folder is not None and self._shown and taken > MIN_SHOWN_S:
+        least = max(MIN_SHOWN_S, MAX_LATE_SHARE * self._before.get(END_STAGE, 0.0))
+        if folder is not None and self._shown and taken > least:
             body = json.dumps({**self._begun, END_STAGE: taken}).encode()
             write_cached(folder / TIMES_FOLDER / f"{key}{KEPT_SUFFIX}", body)
 
@@ -90,7 +96,8 @@ class ProgressLine:
         if self._share:
             return now / self._share - now
         if stage in self._before and END_STAGE in self._before:
-            self._end = self._begun.get(stage, now) + self._before[END_STAGE] - self._before[stage]
+            late, whole = self._begun.get(stage, now) - self._before[stage], self._before[END_STAGE]
+            self._end = whole + late if abs(late) < MAX_LATE_SHARE * whole else None
         return self._end - now if self._end is not None and self._end > now else None
 
     def _watch(self) -> None:
@@ -114,7 +121,7 @@ class ProgressLine:
 
     def _time(self, stage: str, now: float) -> str:
         left = self.left(stage, now)
-        return f"{now:.0f} s" if left is None else f"{left:.0f} s left"
+        return f"{now:.0f} s" if left is None else f"{math.ceil(left)} s left"
 
     def _draw(self, stage: str, now: float) -> None:
         left = self.left(stage, now)

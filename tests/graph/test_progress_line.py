@@ -77,6 +77,26 @@ def test_the_time_left_is_what_the_last_run_took_from_this_stage_on() -> None:
     assert line.left("fit", 7.0) is None
 
 
+def test_a_run_at_another_pace_than_the_last_shows_no_time_left() -> None:
+    line = ProgressLine(wanted=False)
+    line._before = {"read": 0.0, "fit": 4.0, "rank": 5.0, "": 10.0}
+    line._begun = {"read": 0.0, "fit": 5.0, "rank": 30.0}
+    assert line.left("fit", 6.0) == pytest.approx(5)
+    assert line.left("rank", 31.0) is None
+
+
+def test_a_run_that_found_its_results_on_disk_is_not_what_the_next_is_measured_by(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for taken, kept in ((60.0, 60.0), (3.0, 60.0), (90.0, 90.0)):
+        line = ProgressLine()
+        line.recall("one")
+        monkeypatch.setattr(line, "_start", line._start - taken)
+        line.keep("one")
+        line.recall("one")
+        assert line._before[""] == pytest.approx(kept, abs=1)
+
+
 def test_of_many_captures_the_time_left_follows_from_the_share_that_is_done() -> None:
     line = ProgressLine(wanted=False)
     line.at("1 of 4 captures", 1 / 4)
