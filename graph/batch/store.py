@@ -353,7 +353,9 @@ def open_store(place: str) -> Store | None:
             zarr.open(_at(place), mode="r", zarr_format=2)
         except FileNotFoundError:
             if not is_url(place) and (other := next(Path(place).glob("[!z]*"), None)):
-                raise InputError(f"{place}: holds {other.name}, and no store; give another --out")
+                raise InputError(
+                    f"{place}: holds {other.name}, and no store; give another --out"
+                ) from None
             return None
         except _OPEN_ERRORS:
             pass  # a damaged one
