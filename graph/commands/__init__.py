@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
@@ -83,27 +82,37 @@ class GraphCommand(click.Command):
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
-            name, param = error.option_name, error.option_name.lstrip("-").replace("-", "_")
-            # Click puts what was probably meant behind its own message alone.
-            if (how := _how_to_give(param, ctx.meta[WORDS_KEY])) or not error.possibilities:
-                how = how or f"a param is written {param}=VALUE"
-                raise click.NoSuchOption(name, f"No such option '{name}'; {how}", ctx=ctx) from None
-            raise
+            how, is_known = _how_to_give(error.option_name, ctx.meta[WORDS_KEY])
+            message = f"No such option '{error.option_name}'; {how}"
+            others = None if is_known else error.possibilities
+            raise click.NoSuchOption(error.option_name, message, others, ctx) from None
 
 
-def _how_to_give(name: str, words: Sequence[str]) -> str:
-    """Say how a param, or a node's, is given to the graph among the words; "" if it has none."""
+def _how_to_give(option: str, words: Sequence[str]) -> tuple[str, bool]:
+    """Say how a value is given to the graph that is among the words, and whether it takes it."""
     from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.files.typed_values import settings_called
 
-    for word in words:
-        with suppress(TactographError):
-            graph = read_graph(word)
-            if name in graph.params:
-                return f"a param is written {name}=VALUE"
-            settings = settings_called(graph, name)
-            return f"it is written {settings}" if settings else ""
-    return ""
+    name = option.lstrip("-").replace("-", "_")
+    written = f"a param is written {name}={_value_of(option, words)}"
+    try:
+        graph = read_graph(next(word for word in words if not word.startswith("-")))
+    except (StopIteration, TactographError):
+        return written, False
+    if name in graph.params:
+        return written, True
+    settings = settings_called(graph, name)
+    return (f"it is written {settings}", True) if settings else (written, False)
+
+
+def _value_of(option: str, words: Sequence[str]) -> str:
+    """The value that was typed for an option, behind = or as the next word; else VALUE."""
+    for word, following in zip(words, [*words[1:], ""], strict=True):
+        name, equals, value = word.partition("=")
+        if name == option:
+            is_next = following and not following.startswith("-") and "=" not in following
+            return value if equals else following if is_next else "VALUE"
+    return "VALUE"
 
 
 class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.2

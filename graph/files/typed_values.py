@@ -36,10 +36,9 @@ def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
 
 def _how_to_write(graph: Graph, word: str) -> str:
     """How a word without a name is given to the graph, by its first param as an example."""
-    named = (
-        f"{word}=VALUE" if word in graph.params else f"{next(iter(graph.params), 'name')}={word}"
-    )
-    return f"write values as name=value, such as {named}"
+    first = next(iter(graph.params), "name")
+    example = f"{word}=VALUE" if word in graph.params else f"{first}={word}"
+    return f"write values as name=value, such as {example}"
 
 
 def settings_called(graph: Graph, name: str) -> str:
