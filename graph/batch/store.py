@@ -16,7 +16,6 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -351,10 +350,6 @@ def open_store(place: str) -> Store | None:
         try:
             zarr.open(LocalStore(place), mode="r", zarr_format=2)
         except FileNotFoundError:
-            if other := next(Path(place).glob("[!z]*"), None):
-                raise InputError(
-                    f"{place}: holds {other.name}, and no store; give another --out"
-                ) from None
             return None
         except _OPEN_ERRORS:
             pass  # a damaged one

@@ -61,13 +61,6 @@ def test_a_store_whose_maps_lie_one_by_one_goes_on(tmp_path: Path) -> None:
     assert store.damaged() == []
 
 
-def test_a_folder_of_other_files_is_no_place_for_a_store(tmp_path: Path) -> None:
-    assert open_store(str(tmp_path)) is None
-    (tmp_path / "height.npy").touch()
-    with pytest.raises(InputError, match=r"holds height.npy, and no store; give another --out"):
-        open_store(str(tmp_path))
-
-
 class Touching:
     """Makes a file where it is unpickled."""
 
