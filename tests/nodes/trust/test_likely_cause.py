@@ -77,7 +77,7 @@ MISTAKES: dict[str, Change] = {
     "torn: from 60% of their height on they show the next LED": lambda raw: np.concatenate(
         [raw[:, :36], np.roll(raw[:, 36:], -1, 0)], axis=1
     ),
-    "has 3.7 times the contrast of the flat frame": equalised,
+    "has 3.8 times the contrast of the flat frame": equalised,
     "LED 1 and LED 3 show the same light": lambda raw: raw[[0, 1, 0, 3]],
     "switch off local contrast": locally_equalised,
     "check that it is the film of the calibration": of_another_film,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.trust.added_light import added_light
+from tactograph.nodes.trust.added_light import added_share
 from tactograph.nodes.trust.touch_evidence import touch_evidence
 from tests.nodes.trust.law import by_name
 
@@ -19,9 +19,9 @@ def pressed(noise: float = 0.003) -> F4:
     return light.astype(np.float32)
 
 
-def risen(lowest: float = 0.0, highest: float = 1.0) -> F4:
-    height = np.full(SHAPE, lowest, np.float32)
-    height[TOUCHED[1:]] = highest
+def risen() -> F4:
+    height = np.zeros(SHAPE, np.float32)
+    height[TOUCHED[1:]] = 1.0
     return height
 
 
@@ -38,12 +38,12 @@ def scaled(light: F4, *levels: float) -> F4:
 UNTESTED = np.full(SHAPE, -1, np.float32)
 
 
-def figures(
-    light: F4, drift: F4 | None = None, height: F4 | None = None, flat: F4 | None = None
-) -> dict[str, float]:
-    risen_height = risen() if height is None else height
-    added = 0.0 if flat is None else added_light(light, flat)
-    return by_name(touch_evidence(UNTESTED, light, risen_height, drift), added)
+def figures(light: F4, drift: F4 | None = None) -> dict[str, float]:
+    return by_name(touch_evidence(UNTESTED, light, risen(), drift))
+
+
+def added_light(light: F4, flat: F4) -> float:
+    return added_share(light.reshape(len(light), -1), flat.reshape(len(flat), -1))
 
 
 @pytest.mark.parametrize("found", [True, False], ids=["drift found", "drift not looked for"])
@@ -67,7 +67,7 @@ def test_black_images_are_seen_but_not_a_black_shadow_of_one_led() -> None:
     half[:, 15:] = 0
     shadow[0, 9:20, 12:25] = 0
     assert figures(half)["dark_share"] == 0.5
-    nothing = figures(0 * half, height=np.zeros(SHAPE, np.float32))
+    nothing = figures(0 * half)
     assert nothing["dark_share"] == 1
     assert np.isfinite([*nothing.values()]).all()
     assert figures(0.03 * pressed())["dark_share"] == 0, "exposed too short, not cut off"
@@ -81,12 +81,6 @@ def test_a_surface_touched_everywhere_leaves_no_film_at_rest() -> None:
     assert figures(pressed())["touched_share"] < 0.3
 
 
-def test_a_touch_below_the_film_is_as_deep_as_it_is_high() -> None:
-    assert figures(pressed(), height=risen(-0.3, 1.0))["depth"] == pytest.approx(0.3)
-    assert figures(pressed(), height=risen(0.0, -1.0))["depth"] > 5
-    assert figures(pressed(), height=risen(0.0, -0.02))["depth"] < 0.2, "untouched film"
-
-
 FALLING = np.linspace(0.25, 0.7, SHAPE[1], dtype=np.float32)
 UNEVEN = np.stack([np.broadcast_to(f, SHAPE) for f in (FALLING, FALLING[::-1], 0.6 * FALLING)])
 """Film at rest under three LEDs."""
@@ -95,8 +89,7 @@ UNEVEN = np.stack([np.broadcast_to(f, SHAPE) for f in (FALLING, FALLING[::-1], 0
 @pytest.mark.parametrize("added", [0.015, -0.015])
 def test_light_that_was_added_everywhere_is_told_and_leds_that_faded_are_not(added: float) -> None:
     faded = scaled(pressed()[:3], 0.98, 1.02, 0.99)
-    levels = drifted(1, 1, 1)
-    assert figures(faded, levels, flat=UNEVEN)["added"] < 0.005
+    assert abs(added_light(faded, UNEVEN)) < 0.005
     seen = added_light(faded + np.float32(added) / UNEVEN, UNEVEN)
     assert abs(seen) > 0.02
     assert (seen > 0) == (added > 0)
