@@ -47,8 +47,8 @@ def stored_values(record: type) -> Mapping[str, Value]:
     for name, annotation in typing.get_type_hints(record, include_extras=True).items():
         if is_record(annotation):
             values |= stored_values(annotation)
-        (kept, *_) = members_of(annotation) or (annotation,)
-        for extra in getattr(kept, "__metadata__", ()):
+        (inner, *_) = members_of(annotation) or (annotation,)
+        for extra in getattr(inner, "__metadata__", ()):
             if isinstance(extra, Stored):
                 values[name] = Value(read_port(name, annotation), extra)
     return values
@@ -76,6 +76,6 @@ def with_plain(record: type, known: Mapping[str, Any]) -> dict[str, Any]:
         if port.dims:
             shape = [dim if isinstance(dim, int) else sizes[dim] for dim in port.dims]
             counts = port.dtype is not None and port.dtype.kind == "u"
-            kept = np.asarray(plain, port.dtype if counts else exact)
-            filled[name] = np.array(np.broadcast_to(kept, shape))
+            typed = np.asarray(plain, port.dtype if counts else exact)
+            filled[name] = np.array(np.broadcast_to(typed, shape))
     return filled

@@ -29,7 +29,6 @@ from tactograph.graph.run.raise_warnings import raise_warnings
 from tactograph.graph.run.result import Result, joined
 from tactograph.graph.run.source_stream import SourceStream, in_thread
 from tactograph.graph.run.stand_ins import Given, HandedIn, StandIns
-from tactograph.graph.run.trace import Trace
 from tactograph.graph.show.draw_svg import to_svg
 from tactograph.graph.show.sketch import fold
 
@@ -214,9 +213,7 @@ class Pipeline:
                 if item is None:
                     self.closing_warnings += self._items.new_warnings
                     return
-                spent = self._runner.times[source.id] = 1e3 * (stream.end - stream.start)
-                if self._runner.trace is not None:
-                    self._runner.trace.on_host(source.id, stream.end, spent, stream.thread)
+                self._runner.times[source.id] = stream.milliseconds
                 self._has_run = False
                 try:
                     result = self._items.item({source.id: item}, repeats)
@@ -336,12 +333,6 @@ class Pipeline:
         if not self._has_run:
             why = "no item has run since results are kept; run one now, or load with cache=Cache()"
             raise InputError(f"{self.plan.graph.name}: {method}: {why}")
-
-    def trace(self) -> Trace:
-        """Record when steps run, from now on; ``.write(path)`` writes the record."""
-        with self._turn:
-            self._runner.trace = Trace(self.plan)
-            return self._runner.trace
 
     def _repr_svg_(self) -> str:
         return to_svg(fold(sketch_of(self.plan)), self._runner.times)

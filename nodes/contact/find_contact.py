@@ -118,11 +118,11 @@ def _fill(
 def _rest_noise(height: Height) -> float:
     """Standard deviation of the film at rest in mm; zero where nothing lies below rest."""
     step = max(1, int((height.size / MIN_SAMPLES) ** 0.5))
-    seen = height[::step, ::step].ravel()
-    below = np.count_nonzero(seen < 0)
+    heights = height[::step, ::step].ravel()
+    below = np.count_nonzero(heights < 0)
     if not below:
         return 0.0
     # The median of the heights below zero, by a partition of all: faster than selecting first,
     # and four times as fast as around the two in the middle of an even number.
     middle = below // 2
-    return DEVIATIONS_PER_MAD * -float(np.partition(seen, middle)[middle])
+    return DEVIATIONS_PER_MAD * -float(np.partition(heights, middle)[middle])

@@ -13,18 +13,18 @@ SUBPIXEL_BITS = 4
 
 
 def draw_arrows(
-    picture: NDArray[np.uint8], place: F4, shift: F4, seen: U1, scale: float
+    picture: NDArray[np.uint8], place: F4, shift: F4, is_tracked: U1, scale: float
 ) -> NDArray[np.uint8]:
     """Draw an arrow from where each marker was to where it is.
 
     Parameters
     ----------
     picture : H x W x 3 of 8 bit, red first; it is drawn into and returned
-    place, shift, seen : M x 2 and M x 2 in px of the image, and M
+    place, shift, is_tracked : M x 2 and M x 2 in px of the image, and M
     scale : pixels of the picture per pixel of the image
     """
     unit = scale * (1 << SUBPIXEL_BITS)
-    for begin, by, visible in zip(place, shift, seen, strict=True):
+    for begin, by, visible in zip(place, shift, is_tracked, strict=True):
         start, end = (
             (int(x), int(y))
             for x, y in np.round(

@@ -48,15 +48,15 @@ def draw_result(touch: Touch, folder: Path) -> None:
                 _once(picture_file(layer, folder), draw_regions, layer.value, grey, noun)
 
 
-def _once(file: Path, draw: Callable[..., None], *shown: Any) -> None:
+def _once(file: Path, draw: Callable[..., None], *arguments: Any) -> None:
     """Draw into a file, or copy what this thread drew last under that name, if it is the same."""
     last: dict[str, tuple[str, bytes]] = _mine.__dict__.setdefault("last", {})
-    key = content_key(*(part if isinstance(part, np.ndarray) else repr(part) for part in shown))
+    key = content_key(*(part if isinstance(part, np.ndarray) else repr(part) for part in arguments))
     drawn = last.get(file.name)
     if drawn is not None and drawn[0] == key:
         file.write_bytes(drawn[1])
         return
-    draw(*shown, file)
+    draw(*arguments, file)
     last[file.name] = key, file.read_bytes()
 
 
@@ -99,11 +99,11 @@ def _coloured(axes: Axes, plane: F4, how: ColourMap, pixel: float) -> tuple[Axes
     Colours end where one pixel in a thousand is left on either side, if those span more than all
     others: else a corner that runs away leaves one colour for the rest.
     """
-    known = plane[np.isfinite(plane) & (plane > 0 if how.logarithmic else True)]
-    if not known.size:
-        known = np.ones(1, np.float32)
-    low, high = float(known.min()), float(known.max())
-    inner = [float(level) for level in np.percentile(known, [OUTER_PERCENT, 100 - OUTER_PERCENT])]
+    values = plane[np.isfinite(plane) & (plane > 0 if how.logarithmic else True)]
+    if not values.size:
+        values = np.ones(1, np.float32)
+    low, high = float(values.min()), float(values.max())
+    inner = [float(level) for level in np.percentile(values, [OUTER_PERCENT, 100 - OUTER_PERCENT])]
     wide = high - low > 2 * (inner[1] - inner[0]) and inner[1] > inner[0]
     least, most = inner if wide else (low, high)
     is_log = how.logarithmic and low < high
@@ -206,12 +206,12 @@ MAX_PLATES = 8
 
 
 def _plate(shape: tuple[int, ...], leds: int) -> _Plate:
-    kept: dict[object, _Plate] = _mine.__dict__.setdefault("plates", {})
-    if (shape, leds) not in kept:
-        if len(kept) == MAX_PLATES:
-            kept.clear()
-        kept[shape, leds] = _Plate(shape, leds)
-    return kept[shape, leds]
+    plates: dict[object, _Plate] = _mine.__dict__.setdefault("plates", {})
+    if (shape, leds) not in plates:
+        if len(plates) == MAX_PLATES:
+            plates.clear()
+        plates[shape, leds] = _Plate(shape, leds)
+    return plates[shape, leds]
 
 
 def _one_plane() -> tuple[Figure, Axes]:

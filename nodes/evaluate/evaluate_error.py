@@ -36,10 +36,10 @@ def evaluate_error(
     if truth is None or not stated.any():
         return {}
     left_out = stated & (np.bool_(False) if unresolved is None else unresolved != 0)
-    known = {"unresolved_percent": float(100 * left_out.sum() / stated.sum())}
+    figures = {"unresolved_percent": float(100 * left_out.sum() / stated.sum())}
     counted = stated & ~left_out
     if not counted.any():
-        return known
+        return figures
     off, deviation = np.abs(height - truth)[counted], error[counted]
     inside = off <= BAND_DEVIATIONS * deviation
     ratio = np.sqrt(np.square(deviation).mean() / max(np.square(off).mean(), 1e-30))
@@ -47,5 +47,5 @@ def evaluate_error(
         "in_90_percent_band": float(100 * inside.mean()),
         "stated_over_actual": float(ratio),
         "max_resolved_error_um": float(UM_PER_MM * off.max()),
-        **known,
+        **figures,
     }

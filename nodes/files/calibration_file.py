@@ -164,10 +164,10 @@ def write_record(file: Path, kind: FileKind, record: Any, about: Mapping[str, An
     write_arrays(file, kind, fields, {**others, **about})
 
 
-def record_of(record: type[R], known: Mapping[str, Any]) -> R:
+def record_of(record: type[R], values: Mapping[str, Any]) -> R:
     """Make a record of a file's values."""
-    made: R = make_record(record, [known[name] for name in record_ports(record)])
-    return made
+    filled: R = make_record(record, [values[name] for name in record_ports(record)])
+    return filled
 
 
 def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
@@ -313,8 +313,8 @@ def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) 
         raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one")
     if name != f"tactograph {kind.name}":
         kind_found = name.removeprefix("tactograph ")
-        known = kind_of(file)
-        users = f"; a {kind_found} is for {known.KIND.users}" if known else ""
+        other = kind_of(file)
+        users = f"; a {kind_found} is for {other.KIND.users}" if other else ""
         raise InputError(
             f"{file}: is a {kind_found}, not a {kind.name}; '{kind.maker}' makes one{users}"
         )
@@ -379,12 +379,12 @@ def _check_array(name: str, array: NDArray[Any], value: Value, sizes: dict[str, 
         )
     if not array.size:
         raise ValueError(f"'{name}' is empty, of shape {array.shape}")
-    wanted = tuple(
+    due = tuple(
         axis if isinstance(axis, int) else sizes.setdefault(axis, size)
         for axis, size in zip(axes, array.shape, strict=True)
     )
-    if array.shape != wanted:
-        raise ValueError(f"'{name}' has shape {array.shape}, not {wanted}")
+    if array.shape != due:
+        raise ValueError(f"'{name}' has shape {array.shape}, not {due}")
     if not np.isfinite(array).all():
         raise ValueError(f"'{name}' holds NaN or infinite values")
     outside = array[(array < stored.low) | (array > stored.high)]

@@ -63,7 +63,7 @@ def check_exposed(
     counts = stack.dtype.kind == "u"
     full = white or int(np.iinfo(stack.dtype).max) if counts else 1
     brightest = [plane.max().item() for plane in stack]
-    shallow, told = "", False
+    shallow, has_warned = "", False
     if counts and full > 4095 and max(brightest) < 4096:
         depth = 8 if max(brightest) < 256 else 12
         shallow = f"if it is {depth} bit, {how_depth.format(bits=depth, full=2**depth - 1)}"
@@ -77,8 +77,8 @@ def check_exposed(
         if saturated > MAX_SATURATED:
             at = "" if most == full else f" at {most} of {full}"
             warn(f"{name}: {saturated:.1%} of the pixels are saturated{at}; expose shorter")
-        if not told and (spread := _parity_spread(plane)):
-            told = True
+        if not has_warned and (spread := _parity_spread(plane)):
+            has_warned = True
             mosaic = (
                 f"{name}: is it a colour camera's raw mosaic, or of interlaced lines? Even and odd "
                 f"pixels differ by {spread:.0%}; give the colour image (`channel`=red takes one), "
@@ -137,11 +137,11 @@ def _parity_spread(plane: NDArray[Any]) -> float:
 def _check_bright(plane: NDArray[Any], full: int, name: Path | str, shallow: str) -> None:
     """Refuse dark images, whose noise would give a flat height."""
     counts = MIN_COUNTS if plane.dtype.kind == "u" else 0
-    seen, least = plane[::4, ::4], max(MIN_LIGHT_SHARE * full, counts)
+    sample, least = plane[::4, ::4], max(MIN_LIGHT_SHARE * full, counts)
     # With two per cent above the limit, the slow percentile need not be computed.
-    if np.count_nonzero(seen >= least) > 0.02 * seen.size + 1:
+    if np.count_nonzero(sample >= least) > 0.02 * sample.size + 1:
         return
-    light = float(np.percentile(seen, 99))
+    light = float(np.percentile(sample, 99))
     if light >= least:
         return
     hint = f"{shallow}; else, " if shallow and light > MIN_LIGHT_SHARE * 4095 else ""

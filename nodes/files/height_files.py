@@ -102,10 +102,10 @@ def surface_of(
     x, y = film_places(height, lens, camera)
     vertices = np.stack([x * pixel, -y * pixel, height], axis=-1).reshape(-1, 3)
     faces = grid_triangles(rows, columns)
-    known = np.isfinite(vertices[:, 2])
-    if not known.all():
-        number = np.cumsum(known) - 1
-        vertices, faces = vertices[known], number[faces[known[faces].all(axis=1)]]
+    is_known = np.isfinite(vertices[:, 2])
+    if not is_known.all():
+        number = np.cumsum(is_known) - 1
+        vertices, faces = vertices[is_known], number[faces[is_known[faces].all(axis=1)]]
     return Surface(vertices.astype(np.float32), faces.astype(np.int32))
 
 

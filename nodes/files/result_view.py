@@ -23,7 +23,7 @@ def view_stated(view: View) -> dict[str, object]:
     return {"lens": terms, "camera": float(camera or 0.0)}
 
 
-def view_in(said: Mapping[str, Any], file: Path) -> View:
+def view_in(header: Mapping[str, Any], file: Path) -> View:
     """Return the view that a file states; a plain one if it states none.
 
     Raises
@@ -31,10 +31,10 @@ def view_in(said: Mapping[str, Any], file: Path) -> View:
     InputError
         If what is stated is no view.
     """
-    if "lens" not in said:
+    if "lens" not in header:
         return View()
     try:
-        lens, camera = np.array(said["lens"], np.float32), float(said["camera"])
+        lens, camera = np.array(header["lens"], np.float32), float(header["camera"])
     except (KeyError, TypeError, ValueError):
         lens, camera = np.array([np.nan]), 0.0
     if lens.shape != (len(LENS_TERMS),) or not np.isfinite([*lens, camera]).all():

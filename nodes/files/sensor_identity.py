@@ -23,16 +23,16 @@ class SensorIdentity(NamedTuple):
         return ", ".join(part for part in parts if part)
 
 
-def identity_in(said: Mapping[str, Any]) -> SensorIdentity:
+def identity_in(header: Mapping[str, Any]) -> SensorIdentity:
     """Return the sensor that a file names by ``sensor`` and ``serial``."""
-    words = (said.get(name) for name in ("sensor", "serial"))
+    words = (header.get(name) for name in ("sensor", "serial"))
     return SensorIdentity(*(one_line(word) if isinstance(word, str) else "" for word in words))
 
 
-def identity_from(made: Provenance) -> SensorIdentity:
+def identity_from(provenance: Provenance) -> SensorIdentity:
     """Return the sensor of the calibration behind a result, unless another one's was taken."""
-    taken_on_purpose = made.given.get("another_sensor")
-    return identity_in({} if taken_on_purpose else made.inputs.get("calibration", {}))
+    taken_on_purpose = provenance.given.get("another_sensor")
+    return identity_in({} if taken_on_purpose else provenance.inputs.get("calibration", {}))
 
 
 class UsedCalibration(NamedTuple):
@@ -67,12 +67,12 @@ def check_sensor(
     """
     if calibration is None:
         return
-    said = file_identity(calibration)
-    known = identity_in(said)
-    if all(a == b or not (a and b) for a, b in zip(identity, known, strict=True)):
+    header = file_identity(calibration)
+    stated = identity_in(header)
+    if all(a == b or not (a and b) for a, b in zip(identity, stated, strict=True)):
         return
-    when = f" of {said['date'][:10]}" if "date" in said else ""
-    line = f"{place}: is of {identity}, but the calibration {calibration}{when} is of {known}"
+    when = f" of {header['date'][:10]}" if "date" in header else ""
+    line = f"{place}: is of {identity}, but the calibration {calibration}{when} is of {stated}"
     if not another_sensor:
         raise InputError(
             f"{line}; give the calibration of this sensor, or `another_sensor`=true to take it "

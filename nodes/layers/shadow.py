@@ -11,8 +11,8 @@ def _warning(touch: Touch, shadow: Labels) -> str:
     if len(touch.image) != 3 or not shadow.any():
         return ""
     # 'precise' takes calibrations of LEDs whose places are known; they know the pupil's, too.
-    known = touch.view.camera is not None
-    cure = "a fourth LED, or 'precise', helps" if known else "press less steeply"
+    has_camera = touch.view.camera is not None
+    cure = "a fourth LED, or 'precise', helps" if has_camera else "press less steeply"
     return (
         f"three lights, {(shadow != 0).mean():.1%} of the pixels in shadow: two lights allow two "
         f"slopes, so heights there and beyond may be wrong; {cure}"

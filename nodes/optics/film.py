@@ -114,16 +114,16 @@ def predict(
     if rest is None:
         rest = rest_below(film, x, y, z)
     touched = touch_gain(film, z if lift is None else lift)
-    made = np.empty((len(film.lights), *np.shape(x)), np.result_type(x, n))
+    planes = np.empty((len(film.lights), *np.shape(x)), np.result_type(x, n))
     for k, direct in enumerate(_reflected(film, n, x, y, z)):
         b = film.diffuse[k]
         shine = emitted(film, k, (x, y, z))
-        made[k] = touched * (b + (1 - b) * shine * wrapped(direct / rest[k], film.wrap))
+        planes[k] = touched * (b + (1 - b) * shine * wrapped(direct / rest[k], film.wrap))
     if film.harmonics.any():
         shade = shades(n) * _fade(film, n)
         for k, strength in enumerate(_strengths(film, x, y, z)):
-            made[k] += (strength * shade).sum(0)
-    return made
+            planes[k] += (strength * shade).sum(0)
+    return planes
 
 
 def _strengths(film: Film, x: Array, y: Array, z: Array) -> Iterator[Array]:
@@ -173,8 +173,8 @@ def direct_share(film: Film) -> Array:
 def lit_share(film: Film, light: Array, z: Array) -> Array:
     """Return by how much light counts for a normal, K x N: 0 where no direct light is in it."""
     diffuse, direct = film.diffuse[:, None], direct_share(film)[:, None]
-    shown = (light / touch_gain(film, z) - diffuse) / direct
-    return np.clip((shown - MIN_MATT_LIGHT) / (FULL_MATT_LIGHT - MIN_MATT_LIGHT), 0, 1)
+    share = (light / touch_gain(film, z) - diffuse) / direct
+    return np.clip((share - MIN_MATT_LIGHT) / (FULL_MATT_LIGHT - MIN_MATT_LIGHT), 0, 1)
 
 
 def turned(
@@ -214,14 +214,14 @@ def turned(
     share = uneven**2 / (LIGHT_NOISE_SHARE**2 + uneven**2 * (weight * before * before).sum(0))
     along = [(weight * before * f).sum(0) for f in (by_s, by_t, light - before)]
 
-    def told(f: Array, g: Array, i: int, j: int) -> Array:
+    def sum_of(f: Array, g: Array, i: int, j: int) -> Array:
         return np.asarray((weight * f * g).sum(0) - share * along[i] * along[j])
 
-    a, b, c = told(by_s, by_s, 0, 0), told(by_s, by_t, 0, 1), told(by_t, by_t, 1, 1)
-    g, h = told(by_s, light - before, 0, 2), told(by_t, light - before, 1, 2)
+    a, b, c = sum_of(by_s, by_s, 0, 0), sum_of(by_s, by_t, 0, 1), sum_of(by_t, by_t, 1, 1)
+    g, h = sum_of(by_s, light - before, 0, 2), sum_of(by_t, light - before, 1, 2)
     # A single LED, or two in line, leave one direction undetermined: there the normal stays.
-    held = 1e-3 * (a + c) + 1e-6
-    a, c = a + held, c + held
+    ridge = 1e-3 * (a + c) + 1e-6
+    a, c = a + ridge, c + ridge
     inverse = 1 / (a * c - b * b)
     s, t = (c * g - b * h) * inverse, (a * h - b * g) * inverse
     shrink = MAX_TURN_RAD / np.maximum(np.sqrt(s * s + t * t), MAX_TURN_RAD)

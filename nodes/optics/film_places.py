@@ -82,7 +82,7 @@ def on_even_grid(
     row, column = np.mgrid[:rows, :columns].astype(np.float64)
     u, v = (column - (columns - 1) / 2) / half, (row - (rows - 1) / 2) / half
 
-    def seen(stretch: Places) -> tuple[Places, Places]:
+    def places(stretch: Places) -> tuple[Places, Places]:
         du, dv = seen_offset(lens.astype(np.float64), u * stretch, v * stretch)
         x, y = (u * stretch + du) * half, (v * stretch + dv) * half
         return x + (columns - 1) / 2, y + (rows - 1) / 2
@@ -91,9 +91,9 @@ def on_even_grid(
     high = np.full(u.shape, 1 / (1 - camera * max(float(height.max()), 0.0)))
     for _ in range(BISECTION_STEPS if camera else 0):
         middle = (low + high) / 2
-        is_beyond = middle * (1 - camera * _linear(height, *seen(middle))) - 1 > 0
+        is_beyond = middle * (1 - camera * _linear(height, *places(middle))) - 1 > 0
         low, high = np.where(is_beyond, low, middle), np.where(is_beyond, middle, high)
-    x, y = seen((low + high) / 2)
+    x, y = places((low + high) / 2)
     inside = (x >= 0) & (x <= columns - 1) & (y >= 0) & (y <= rows - 1)
     heights = between_pixels(height, x.astype(np.float32), y.astype(np.float32))
     nowhere = np.float32(np.nan)

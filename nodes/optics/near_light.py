@@ -117,11 +117,11 @@ def light_by_place(lights: F4, x: F4, y: F4, z: F4, slope: F4) -> F4:
         dx, dy, dz = lx - x, ly - y, lz - z
         plan = dx * dx + dy * dy
         gain = _gain(plan, dz, lz) * nz
-        at_rest, here = np.float32(1) / (plan + lz * lz), np.float32(1) / (plan + dz * dz)
+        at_rest, pressed = np.float32(1) / (plan + lz * lz), np.float32(1) / (plan + dz * dz)
         thrice = np.float32(3) * gain * (dz - dx * p - dy * q)
-        by[0] = thrice * dx * (at_rest - here) - gain * p
-        by[1] = thrice * dy * (at_rest - here) - gain * q
-        by[2] = thrice * (lz * at_rest - dz * here - np.float32(1 / 3) / lz) + gain
+        by[0] = thrice * dx * (at_rest - pressed) - gain * p
+        by[1] = thrice * dy * (at_rest - pressed) - gain * q
+        by[2] = thrice * (lz * at_rest - dz * pressed - np.float32(1 / 3) / lz) + gain
     return by_place
 
 
@@ -130,7 +130,7 @@ def _gain(plan: F4, dz: F4, lz: np.float32) -> F4:
     return np.asarray(irradiance_ratio(plan + lz * lz, plan + dz * dz) * (np.float32(1) / lz))
 
 
-def irradiance_ratio(at_rest: Any, here: Any) -> Any:
+def irradiance_ratio(at_rest: Any, pressed: Any) -> Any:
     """Return (|L - P_0| / |L - P|)^3 of equation N1 from the squares of both distances."""
-    nearer = at_rest / here
+    nearer = at_rest / pressed
     return nearer * np.sqrt(nearer)

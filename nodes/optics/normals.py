@@ -44,16 +44,16 @@ def tangent_products(v: F4, light: F4, weight: F4, n: F4, uneven: F4 | float) ->
     standard deviation).
     """
     x, y, z = n
-    shown = dot(v, n)
-    columns = np.stack([v[0] * z - v[2] * x, v[1] * z - v[2] * y, shown, light - shown])
+    projection = dot(v, n)
+    columns = np.stack([v[0] * z - v[2] * x, v[1] * z - v[2] * y, projection, light - projection])
     sums = np.einsum("akn,kn,bkn->abn", columns[:3], weight, columns)
     return sums[:2] - brightness_share(sums[2, 2], 1, uneven) * sums[2, :2, None] * sums[2]
 
 
 def light_products(v: F4, light: F4, weight: F4, n: F4, uneven: F4 | float) -> F4:
     """Return the 2 x 2 products a'Wb of the light n.v_k and the residual: `tangent_products`."""
-    shown = dot(v, n)
-    columns = np.stack([shown, light - shown])
+    projection = dot(v, n)
+    columns = np.stack([projection, light - projection])
     sums = np.einsum("akn,kn,bkn->abn", columns, weight, columns)
     return sums - brightness_share(sums[0, 0], 1, uneven) * sums[0, :, None] * sums[0]
 
@@ -68,11 +68,11 @@ def turned_normal(v: F4, light: F4, weight: F4, n: F4, uneven: float) -> F4:
     """
     x, y, z = n
     products = tangent_products(v, light, weight, n, uneven)
-    shown, residual = products[:, 2], products[:, 3]
+    projection, residual = products[:, 2], products[:, 3]
     c = _inverse(products[:, :2], 1e-6)
     g = np.array([[z * z + x * x, x * y], [x * y, z * z + y * y]])
     spread = np.einsum("abn,abn->n", c, g)
-    bias = times(g, times(c, shown)) + spread * shown / 2 + n[:2] / z
+    bias = times(g, times(c, projection)) + spread * projection / 2 + n[:2] / z
     mild = FULL_BIAS_VARIANCE * z * z / np.maximum(spread, FULL_BIAS_VARIANCE * z * z)
     turn = times(c, residual - mild * bias)
     s, t = turn * (MAX_TURN_RAD / np.maximum(np.hypot(*turn), MAX_TURN_RAD))
@@ -93,12 +93,12 @@ def normals_of_pair(v: F4, light: F4) -> tuple[F4, F4]:
 def slope_variance(v: F4, light: F4, weight: F4, n: F4, slope: F4, uneven: F4) -> F4:
     """(J'WJ)^-1 of the tangent plane, carried to p, q by ((1 + p^2, p q), (p q, 1 + q^2)): S4."""
     h = tangent_products(v, light, weight, n, uneven)[:, :2]
-    known = h[0, 0] * h[1, 1] - h[0, 1] * h[0, 1] > MIN_SINE_SQUARED * h[0, 0] * h[1, 1]
+    is_determined = h[0, 0] * h[1, 1] - h[0, 1] * h[0, 1] > MIN_SINE_SQUARED * h[0, 0] * h[1, 1]
     p, q = slope
     carry = np.array([[1 + p * p, p * q], [p * q, 1 + q * q]])
-    c = _inverse(np.where(known, h, np.eye(2, dtype=np.float32)[..., None]), 0)
+    c = _inverse(np.where(is_determined, h, np.eye(2, dtype=np.float32)[..., None]), 0)
     return np.where(
-        known, np.einsum("abn,bcn,acn->an", carry, c, carry), np.float32(UNKNOWN_VARIANCE)
+        is_determined, np.einsum("abn,bcn,acn->an", carry, c, carry), np.float32(UNKNOWN_VARIANCE)
     )
 
 

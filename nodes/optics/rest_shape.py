@@ -101,11 +101,13 @@ def rest_shape(height: F4, pixel: float, camera: float = 0.0) -> RestShape:
     `pixel` is in mm per px at height 0, `camera` one over the height of the pupil.
     """
     by = np.float32(camera)
-    seen = np.asarray(height / (1 - by * height), np.float32)
-    p, q = tilt = np.stack([difference(seen, axis) for axis in (1, 0)]) / np.float32(pixel)
+    as_seen = np.asarray(height / (1 - by * height), np.float32)
+    p, q = tilt = np.stack([difference(as_seen, axis) for axis in (1, 0)]) / np.float32(pixel)
     u, v = _places(height.shape, pixel)
-    slope = tilt / np.maximum(1 + by * (seen - p * u - q * v), MIN_VIEW_SHARE)
-    high, low, down, away = (np.asarray(each, np.float32) for each in (height, seen, slope, tilt))
+    slope = tilt / np.maximum(1 + by * (as_seen - p * u - q * v), MIN_VIEW_SHARE)
+    high, low, down, away = (
+        np.asarray(each, np.float32) for each in (height, as_seen, slope, tilt)
+    )
     return RestShape(high, low, down, away, float(pixel), float(camera))
 
 

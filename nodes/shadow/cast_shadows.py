@@ -110,15 +110,15 @@ def _cast(
     line = np.arange(np.ceil(ends.max()) - start + 2, dtype=np.float32)
     towards, steep = (start + line - foot) / far, led_z / far
     least = np.full(line.size, LEAST_OF_NONE)
-    for z, shadow, d, left in zip(height, dark, away, rest, strict=True):
+    for z, shadow, d, rest_px in zip(height, dark, away, rest, strict=True):
         # (L_z - z) / d, less that of level film in the last row, which digits would be lost to.
-        own = (steep * left - z) * (far / d)
-        place = column + aside * (left / d) - start
-        here = np.abs(aside) <= d if diagonal else np.abs(aside) < d
-        shadow[here] = np.interp(place[here], line, least) < own[here]
-        at = start + line - towards * left
+        rise = (steep * rest_px - z) * (far / d)
+        place = column + aside * (rest_px / d) - start
+        in_beam = np.abs(aside) <= d if diagonal else np.abs(aside) < d
+        shadow[in_beam] = np.interp(place[in_beam], line, least) < rise[in_beam]
+        at = start + line - towards * rest_px
         inside = (at >= 0) & (at <= column[-1])
-        risen = (steep * left - np.interp(at, column, z)) * (far / d)
+        risen = (steep * rest_px - np.interp(at, column, z)) * (far / d)
         np.minimum(least, risen.astype(np.float32), out=least, where=inside)
 
 
@@ -139,8 +139,8 @@ def _launch(run: Launch) -> None:
     near = inputs.get("seen")
     if near is not None:
         for axis in (1, 0):
-            seen, near = near, run.scratch((height, width), np.uint8)
-            run.kernel("spread_labels", by_rows, seen, near, height, width, REACH_PX, axis)
+            in_view, near = near, run.scratch((height, width), np.uint8)
+            run.kernel("spread_labels", by_rows, in_view, near, height, width, REACH_PX, axis)
     run.kernel(
         "join", by_rows, dark, near, inputs["height"], inputs["lights"],
         run.outputs["cast_shadows"], *sizes,
@@ -153,5 +153,5 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     """LEDs above the film, and an image that shows shadows here and there."""
     lights = np.column_stack([rng.uniform(-40, 40, (K, 2)), rng.uniform(6, 60, K)])
     sparse = rng.random((H, W)) < 0.02
-    seen = np.where(sparse, rng.integers(0, 256, (H, W)), 0)
-    return {"lights": lights.astype(np.float32), "seen": seen.astype(np.uint8)}
+    in_view = np.where(sparse, rng.integers(0, 256, (H, W)), 0)
+    return {"lights": lights.astype(np.float32), "seen": in_view.astype(np.uint8)}

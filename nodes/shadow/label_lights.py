@@ -139,9 +139,9 @@ class Choice(NamedTuple):
         where = np.flatnonzero(may & (self.cost > least))
         if where.size:
             # Most often all pixels are tried at first, and need not be gathered.
-            tried = explain(pixels if where.size == may.size else _some(pixels, where))
-            better = np.flatnonzero(tried.cost < self.cost.take(where) - TIE_COST)
-            self.put(where.take(better), _some(tried, better))
+            candidate = explain(pixels if where.size == may.size else _some(pixels, where))
+            better = np.flatnonzero(candidate.cost < self.cost.take(where) - TIE_COST)
+            self.put(where.take(better), _some(candidate, better))
 
     def put(self, where: NDArray[np.intp], other: Choice) -> None:
         """Take another explanation of some pixels."""
@@ -235,8 +235,8 @@ def label_lights(
         vectors = vectors_at(lights, x, y[rows, None], height[rows]).swapaxes(0, 1)
         images = light[:, rows], sigma[:, rows], vectors, prior[:, rows]
         m, spread, v, expected = (image.reshape(*image.shape[:-2], -1) for image in images)
-        made: Any = _label(m, spread, v, expected, rules, uneven, wrap or 0.0, turn or 0.0)
-        return Labelled(*(plane.reshape(*plane.shape[:-1], -1, x.size) for plane in made))
+        labelled: Any = _label(m, spread, v, expected, rules, uneven, wrap or 0.0, turn or 0.0)
+        return Labelled(*(plane.reshape(*plane.shape[:-1], -1, x.size) for plane in labelled))
 
     blocks = in_blocks(label_rows, y.size, light[:, 0].size)
     return Labelled(*(np.concatenate(parts, axis=-2) for parts in zip(*blocks, strict=True)))
@@ -250,19 +250,19 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     """LEDs around the film, and moderate noise; every other film is tilted in a soft light."""
     lights = lights_around(rng, K)
     sigma = rng.uniform(0.005, 0.02, (K, H, W)).astype(np.float32)
-    made: dict[str, Any] = {
+    params: dict[str, Any] = {
         "wrap": float(rng.choice([0, rng.uniform(0.1, 0.3)])),
         "turn": float(rng.choice([0, 0.8])),
     }
-    if made["wrap"]:
+    if params["wrap"]:
         sigma = rng.uniform(0.015, 0.03, (K, H, W)).astype(np.float32)
         slope = rng.uniform(-1.2, 1.2, (2, H, W)).astype(np.float32)
         vectors = light_vectors(lights, np.zeros((H, W), np.float32), 0.05)
-        shown = wrapped(expected_light(vectors, slope), made["wrap"])
-        shown = np.where(rng.random(shown.shape) < 0.05, -made["wrap"], shown)
-        seen = np.asarray(shown + rng.normal(0, sigma), np.float32)
-        made["light"], sigma = unwrapped(seen, sigma, made["wrap"])
-    return made | {"lights": lights, "sigma": sigma}
+        shown = wrapped(expected_light(vectors, slope), params["wrap"])
+        shown = np.where(rng.random(shown.shape) < 0.05, -params["wrap"], shown)
+        image = np.asarray(shown + rng.normal(0, sigma), np.float32)
+        params["light"], sigma = unwrapped(image, sigma, params["wrap"])
+    return params | {"lights": lights, "sigma": sigma}
 
 
 def _label(

@@ -104,9 +104,9 @@ def _edges(labels: Labels, reach: int) -> NDArray[np.uint8]:
     some, every = labels.copy(), labels.copy()
     for down in range(2 * reach + 1):
         for right in range(2 * reach + 1):
-            there = padded[down : down + rows, right : right + columns]
-            some |= there
-            every &= there
+            neighbour = padded[down : down + rows, right : right + columns]
+            some |= neighbour
+            every &= neighbour
     return np.asarray(some & ~every, np.uint8)
 
 

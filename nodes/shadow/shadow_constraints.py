@@ -98,17 +98,17 @@ def shadow_constraints(
     -------
     C measurements; none where nothing casts a shadow.
     """
-    known = np.bitwise_count(used) >= 2
+    is_known = np.bitwise_count(used) >= 2
     measurements = []
     for k, led in enumerate(lights):
         dark = (shadow >> k & 1).astype(bool)
-        rays = _ends(dark, known, led / np.float32(pixel))
+        rays = _ends(dark, is_known, led / np.float32(pixel))
         if rays.row.size:
             vectors = light_vectors(lights[k : k + 1], height, pixel)
             expected = np.maximum(expected_light(vectors, slope)[0], MIN_EXPECTED_LIGHT)
             share = np.clip(light[k] / expected, 0, 1)
             ends = _march(rays, dark, share, longest_px)
-            measured = _measure(rays, ends, dark, known, slope, height, led[2], pixel)
+            measured = _measure(rays, ends, dark, is_known, slope, height, led[2], pixel)
             measurements.append((*measured, np.full(len(measured[0]), k + 1, np.uint8)))
     if not measurements:
         nowhere = np.zeros(0, np.int32)
@@ -121,11 +121,11 @@ def shadow_constraints(
     return rises._replace(rise=np.asarray(rise, np.float32))
 
 
-def _ends(dark: NDArray[np.bool_], known: NDArray[np.bool_], led: F4) -> Rays:
+def _ends(dark: NDArray[np.bool_], is_known: NDArray[np.bool_], led: F4) -> Rays:
     """Rays from the lit pixels of known slope whose next pixel towards the LED (in px) is dark."""
     rows, columns = dark.shape
     ring = cv2.dilate(dark.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
-    row, column = (index.astype(np.float32) for index in np.nonzero(ring & ~dark & known))
+    row, column = (index.astype(np.float32) for index in np.nonzero(ring & ~dark & is_known))
     dx = led[0] + np.float32((columns - 1) / 2) - column
     dy = led[1] + np.float32((rows - 1) / 2) - row
     plan = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
@@ -145,7 +145,7 @@ def _measure(
     rays: Rays,
     ends: tuple[F4, F4],
     dark: NDArray[np.bool_],
-    known: NDArray[np.bool_],
+    is_known: NDArray[np.bool_],
     slope: Slope,
     height: Height,
     led_height: np.float32,
@@ -154,9 +154,9 @@ def _measure(
     """The pixels at both ends of each shadow, and the rise between them in mm."""
     end, edge = ends
     x, y = rays.at(edge + np.float32(0.25))
-    kept = _look_up(~dark & known, x, y)
-    rays, end = rays.only(kept), end[kept]
-    top_column, top_row = np.rint(x[kept]), np.rint(y[kept])
+    is_lit = _look_up(~dark & is_known, x, y)
+    rays, end = rays.only(is_lit), end[is_lit]
+    top_column, top_row = np.rint(x[is_lit]), np.rint(y[is_lit])
     row, column = rays.row.astype(np.int32), rays.column.astype(np.int32)
     downhill = slope[0, row, column] * rays.ux + slope[1, row, column] * rays.uy
     to_end = np.float32(pixel) * end * np.clip(downhill, -MAX_SLOPE, MAX_SLOPE)

@@ -29,20 +29,20 @@ def show_calibration(file: Path) -> Shown:
     InputError
         If the file is damaged, or no calibration.
     """
-    known = kind_of(file)
-    if known is None:
+    file_kind = kind_of(file)
+    if file_kind is None:
         raise InputError(f"{file}: is neither a calibration nor a lens")
-    kind: FileKind = known.KIND
+    kind: FileKind = file_kind.KIND
     arrays = read_arrays(file, kind)
     about, head = read_about(file), about_in(load_arrays(file, only=ABOUT_ARRAY))
     verdict = "doubtful" if about.doubts else "nothing speaks against it"
-    made = head.get("made")
-    warnings = sentences(made.get("warnings") if isinstance(made, dict) else None)
+    provenance = head.get("made")
+    warnings = sentences(provenance.get("warnings") if isinstance(provenance, dict) else None)
     others = [line for line in warnings if line.strip() not in about.doubts]
     lines = [
         f"{file}: {kind.name}, format {kind.format}",
         *_words(head, "sensor", "serial", "date"),
-        *origin(made),
+        *origin(provenance),
         *([f"verdict: {verdict}"] if "flat" in kind.values else []),
         *first(sentences(about.doubts)),
         *section("warnings", first(others)),
@@ -50,7 +50,7 @@ def show_calibration(file: Path) -> Shown:
         *section("figures", figures(about.quality)),
         *section("values", _values(arrays, kind)),
     ]
-    return Shown(lines, {f"{file.stem}.png": partial(known.draw, arrays, str(file))})
+    return Shown(lines, {f"{file.stem}.png": partial(file_kind.draw, arrays, str(file))})
 
 
 def _words(head: dict[str, Any], *names: str) -> list[str]:

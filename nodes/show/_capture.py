@@ -45,13 +45,13 @@ def _lines(capture: Capture) -> list[str]:
         "slope": capture.truth_slope,
         "shadow": capture.truth_shadow,
     }
-    known = [name for name, truth in truths.items() if truth is not None]
+    names = [name for name, truth in truths.items() if truth is not None]
     stated = [] if capture.pixel_size is None else [f"pixel: {capture.pixel_size:.4g} mm"]
     return [
         f"images: {len(capture.image)} lights of {size_of(capture.image[0])} pixels",
         *section("light, of full scale", _light(capture.image)),
         *stated,
-        *([f"truth: {', '.join(known)}"] if known else []),
+        *([f"truth: {', '.join(names)}"] if names else []),
     ]
 
 

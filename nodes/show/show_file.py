@@ -40,11 +40,11 @@ def show_file(*, file: Path, folder: Path | None = None) -> None:
     WriteError
         If a picture cannot be written.
     """
-    shown = _look(file)
-    click.echo("\n".join(map(one_line, shown.lines)))
+    content = _look(file)
+    click.echo("\n".join(map(one_line, content.lines)))
     if folder is None:
         return
-    for name, draw in shown.pictures.items():
+    for name, draw in content.pictures.items():
         with atomic_file(folder / name) as target:
             draw(target)
         click.echo(one_line(f"drawn: {folder / name}"))
@@ -65,8 +65,8 @@ def _look(file: Path) -> Shown:
     if file.name == RESULT_FILE or (file / RESULT_FILE).is_file():
         return show_result(file if file.is_file() else file / RESULT_FILE)
     if file.is_file() and (further := bring("show", file.suffix[1:])) is not None:
-        shown: Shown = further.show(file)
-        return shown
+        content: Shown = further.show(file)
+        return content
     if file.is_dir():
         for suffix in brought("show"):
             if parts := sorted(file.glob(f"*.{suffix}")):

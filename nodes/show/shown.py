@@ -44,30 +44,30 @@ def sentences(values: Any) -> list[str]:
     return [f"  {one_line(line)}" for line in lines if isinstance(line, str)]
 
 
-def origin(made: Any) -> list[str]:
+def origin(provenance: Any) -> list[str]:
     """Return where a file comes from: graph, params and versions of its `Provenance`."""
-    made = made if isinstance(made, dict) else {}
-    graph, given, versions = (
-        part if isinstance(part := made.get(name), dict) else {}
+    provenance = provenance if isinstance(provenance, dict) else {}
+    graph, params, versions = (
+        part if isinstance(part := provenance.get(name), dict) else {}
         for name in ("graph", "given", "versions")
     )
     lines = [f"made by: graph {graph['name']} [{graph.get('hash', '')}]"] if "name" in graph else []
     if "tactograph" in versions:
         lines[-1:] = [f"{line}, version {versions['tactograph']}" for line in lines[-1:]]
-    return [*lines, *given_params(given), *input_files(made.get("inputs"))]
+    return [*lines, *given_params(params), *input_files(provenance.get("inputs"))]
 
 
 def input_files(inputs: Any) -> list[str]:
     """Return a line for each file that a graph was given: its sensor, date and hash."""
     files = inputs.items() if isinstance(inputs, dict) else ()
     return [
-        f"{name}: {', '.join(f'{key} {text}' for key, text in known.items())}"
-        for name, known in files
-        if isinstance(known, dict) and known
+        f"{name}: {', '.join(f'{key} {text}' for key, text in is_known.items())}"
+        for name, is_known in files
+        if isinstance(is_known, dict) and is_known
     ]
 
 
-def given_params(given: Mapping[str, Any]) -> list[str]:
+def given_params(values: Mapping[str, Any]) -> list[str]:
     """Return a line of the params that were given; nothing if there were none."""
-    params = [f"{name}={value}" for name, value in given.items() if value is not None]
+    params = [f"{name}={value}" for name, value in values.items() if value is not None]
     return [f"given: {' '.join(params)}"] if params else []

@@ -74,8 +74,8 @@ def expose_film(
     number = np.zeros(1, np.float32) if before is None else before
     image = light * flat if dark is None else light * flat + dark
     if lens is not None and not is_straight(lens):
-        seen = ideal_places(lens, image.shape[1:])
-        image = np.stack([between_pixels(plane, *seen) for plane in image])
+        places = ideal_places(lens, image.shape[1:])
+        image = np.stack([between_pixels(plane, *places) for plane in image])
     if seed is not None:
         shot, read = noise
         deviates = _deviates(image.shape, seed, int(number[0]), correlation or 1.0)

@@ -44,25 +44,25 @@ def film_light(
     x = np.tile(places(columns, np.float32(pixel)), rows)
     y = np.repeat(places(rows, np.float32(pixel)), columns)
     p, q = slope.reshape(2, -1)
-    seen, low = height.ravel(), None if rest is None else rest.ravel()
-    made = np.empty((len(film.lights), height.size), np.float32)
+    heights, low = height.ravel(), None if rest is None else rest.ravel()
+    planes = np.empty((len(film.lights), height.size), np.float32)
 
     def light(part: slice) -> None:
         upright = 1 / np.sqrt(1 + p[part] ** 2 + q[part] ** 2)
         n = np.stack([-p[part] * upright, -q[part] * upright, upright])
-        z = seen[part] / (1 + np.float32(film.camera) * seen[part])
+        z = heights[part] / (1 + np.float32(film.camera) * heights[part])
         nearer = 1 - np.float32(film.camera) * z
-        lift = z if low is None else seen[part] - low[part]
+        lift = z if low is None else heights[part] - low[part]
         place = x[part] * nearer, y[part] * nearer, z
-        made[:, part] = predict(film, n, *place, None, lift)
+        planes[:, part] = predict(film, n, *place, None, lift)
         if shadow is not None:
             shaded = film.diffuse - (1 - film.diffuse) * np.float32(film.wrap)
             shaded = touch_gain(film, lift)[None] * shaded[:, None]
             dark = shadow.ravel()[None, part] >> np.arange(len(shaded))[:, None] & 1
-            made[:, part] = np.where(dark > 0, shaded, made[:, part])
+            planes[:, part] = np.where(dark > 0, shaded, planes[:, part])
 
     in_blocks(light, height.size)
-    return made.reshape(-1, rows, columns)
+    return planes.reshape(-1, rows, columns)
 
 
 @film_light.opencl()

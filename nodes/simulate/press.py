@@ -130,8 +130,10 @@ def _settle(film: F4, obstacle: F4, start: tuple[int, int], sweeps: _Sweeps) -> 
     def shifted(dy: int, dx: int) -> F4:
         return film[1 + y + dy : 1 + rows + dy : 2, 1 + x + dx : 1 + columns + dx : 2]
 
-    here = shifted(0, 0)
+    middle = shifted(0, 0)
     pull = shifted(-1, 0) + shifted(1, 0) + shifted(0, -1) + shifted(0, 1)
-    here[:] = np.maximum(here + sweeps.relax * (pull * sweeps.share - here), obstacle[y::2, x::2])
+    middle[:] = np.maximum(
+        middle + sweeps.relax * (pull * sweeps.share - middle), obstacle[y::2, x::2]
+    )
     film[0], film[-1] = film[1], film[-2]
     film[:, 0], film[:, -1] = film[:, 1], film[:, -2]

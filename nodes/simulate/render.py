@@ -344,7 +344,7 @@ def _coat(spot: _Spots, ray: _Rays, cosine: F4, film: _Film) -> F4:
     lx, ly, lz = ray.x / ray.length, ray.y / ray.length, ray.z / ray.length
     pupil = film.coat.camera_mm
     vx, vy, vz = to_pupil(1 / pupil if pupil else 0.0, spot.x, spot.y, spot.z)
-    seen = np.maximum((vz - spot.p * vx - spot.q * vy) / spot.norm, MIN_COAT_COSINE)
+    view_cosine = np.maximum((vz - spot.p * vx - spot.q * vy) / spot.norm, MIN_COAT_COSINE)
     lit = np.maximum(cosine, MIN_COAT_COSINE)
     hx, hy, hz = lx + vx, ly + vy, lz + vz
     length = np.sqrt(hx * hx + hy * hy + hz * hz)
@@ -352,23 +352,23 @@ def _coat(spot: _Spots, ray: _Rays, cosine: F4, film: _Film) -> F4:
     between = (vx * hx + vy * hy + vz * hz) / length
     alpha, index = film.coat.coat_alpha, film.coat.refractive_index
     mirrored = beckmann(upright, alpha) * fresnel(between, index)
-    mirrored = mirrored * masking(lit, alpha) * masking(seen, alpha)
-    through = let_in_by(let_in_curve(alpha, index), np.maximum([lit, seen], MIN_COSINE))
+    mirrored = mirrored * masking(lit, alpha) * masking(view_cosine, alpha)
+    through = let_in_by(let_in_curve(alpha, index), np.maximum([lit, view_cosine], MIN_COSINE))
     matt = cosine * through[0] * through[1]
     return np.asarray(
-        matt + mirrored * np.float32(np.pi / (4 * film.coat.albedo)) / seen, np.float32
+        matt + mirrored * np.float32(np.pi / (4 * film.coat.albedo)) / view_cosine, np.float32
     )
 
 
-def _unobstructed(surface: _Surface, spot: _Spots, ray: _Rays, wanted: B1, film: _Film) -> B1:
+def _unobstructed(surface: _Surface, spot: _Spots, ray: _Rays, mask: B1, film: _Film) -> B1:
     """Follow the rays of the wanted pixels; return which of them do not meet the surface.
 
     All undecided rays advance together step by step, so that NumPy works on long arrays.
     """
     rows, columns = surface.size
-    x, y = spot.column[wanted], spot.row[wanted]
-    start = spot.z[wanted] + np.float32(LIFT_PX) * surface.pixel
-    dx, dy, dz = ray.x[wanted], ray.y[wanted], ray.z[wanted]
+    x, y = spot.column[mask], spot.row[mask]
+    start = spot.z[mask] + np.float32(LIFT_PX) * surface.pixel
+    dx, dy, dz = ray.x[mask], ray.y[mask], ray.z[mask]
     across: F4 = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
     step = np.float32(film.step_px)
     dx, dy, dz = dx / across * step, dy / across * step, dz / across * step * surface.pixel

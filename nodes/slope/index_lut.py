@@ -162,9 +162,9 @@ def _leaf_order(places: F4) -> NDArray[np.intp]:
 
 def _split(places: F4, order: NDArray[np.intp], at: int) -> NDArray[np.intp]:
     """Split every row of entries along its own widest extent: the `at` lowest come first."""
-    there = places[order]
-    widest = np.ptp(there, axis=1).argmax(axis=1)
-    key = np.take_along_axis(there, widest[:, None, None], axis=2)[..., 0]
+    by_leaf = places[order]
+    widest = np.ptp(by_leaf, axis=1).argmax(axis=1)
+    key = np.take_along_axis(by_leaf, widest[:, None, None], axis=2)[..., 0]
     return np.take_along_axis(order, np.argpartition(key, at, axis=1), axis=1)
 
 

@@ -53,16 +53,16 @@ def lut_nearest(light: Light, shadow: Labels, index: LutIndex) -> Slope:
     needed = _table_of(light, shadow)
     slope = np.zeros((2, *needed.shape), np.float32)
     for number in np.unique(needed):
-        here = needed == number
+        in_table = needed == number
         entries, slopes = _table(index, number)
         if len(entries) == 0:
             continue
-        points = light[:, here].T
+        points = light[:, in_table].T
         if number:
             points[:, number - 1] = 0
         tree = cKDTree(entries, compact_nodes=False, balanced_tree=False)
         _, numbers = tree.query(points, workers=cores())
-        slope[:, here] = slopes[numbers].T
+        slope[:, in_table] = slopes[numbers].T
     return slope
 
 
@@ -135,5 +135,5 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     lit = (((1 << K) - 1) & ~dark).astype(np.uint8)
     index = index_lut(entries, slopes, lit)
     shadow = np.where(rng.random((H, W)) < 0.5, rng.integers(0, 1 << K, (H, W)), 0)
-    made = {f"index.{name}": value for name, value in index._asdict().items()}
-    return {**made, "shadow": shadow.astype(np.uint8)}
+    values = {f"index.{name}": value for name, value in index._asdict().items()}
+    return {**values, "shadow": shadow.astype(np.uint8)}

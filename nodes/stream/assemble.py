@@ -107,5 +107,5 @@ class Assembler:
 
     def restart(self) -> None:
         """Forget all frames except the ambient light."""
-        for kept in (self._frames, self._cells, self._changes, self._new):
-            kept.clear()
+        for state in (self._frames, self._cells, self._changes, self._new):
+            state.clear()

@@ -22,8 +22,8 @@ class LayerKinds(Mapping[str, LayerKind]):
         module = bring("layers", name)
         if module is None:
             names = [*self]
-            there = did_you_mean(name, names) or f"; there are {', '.join(names)}"
-            raise InputError(f"no layer of a touch is called '{name}'{there}")
+            hint = did_you_mean(name, names) or f"; there are {', '.join(names)}"
+            raise InputError(f"no layer of a touch is called '{name}'{hint}")
         kind = getattr(module, "KIND", None)
         if not isinstance(kind, LayerKind):
             raise InputError(f"layer '{name}': KIND of {module.__name__} is no LayerKind")

@@ -49,8 +49,8 @@ def make_film(flat: Light, dark: Dark | None = None) -> RestFilm:
 
 
 def _confusion(scale: F4) -> F4:
-    known = scale.reshape(len(scale), -1)
-    ratio = known[:, None] / known
+    rows = scale.reshape(len(scale), -1)
+    ratio = rows[:, None] / rows
     return truncated(ratio / upper_median(ratio)[..., None] - 1)
 
 

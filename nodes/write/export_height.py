@@ -82,8 +82,8 @@ def export_height(
     film = height if rest is None else height + rest
     images = [f"height.{extension}" for extension in formats if extension not in MESH_WRITERS]
     if view and images:
-        even, seen = film_places(film, None, 0.0), film_places(film, lens, camera or 0.0)
-        apart_mm = pixel * np.nanmax(np.hypot(*np.subtract(seen, even)))
+        even, as_seen = film_places(film, None, 0.0), film_places(film, lens, camera or 0.0)
+        apart_mm = pixel * np.nanmax(np.hypot(*np.subtract(as_seen, even)))
         warn(
             f"{', '.join(images)}: what the camera's pixels see, by a lens or from near, is up to "
             f"{apart_mm:.2g} mm from where an even grid has it; meshes are true, and so are "
@@ -93,7 +93,7 @@ def export_height(
     with atomic_files(place, last=RESULT_FILE) as target:
         for extension in formats:
             file = target / f"height.{extension}"
-            shown = film if extension in MESH_WRITERS else height
-            write_height(file, shown, pixel, lens, camera or 0.0, error)
+            exported = film if extension in MESH_WRITERS else height
+            write_height(file, exported, pixel, lens, camera or 0.0, error)
         if metrics is not None or view:
             write_result_file(target, {**about, **view})

@@ -48,7 +48,7 @@ def join_touch(
     **layers
         What else is known of it: ``shadow``, ``error`` and others.  A ring brings its own.
     """
-    known = {name: value for name, value in layers.items() if value is not None}
+    arrays = {name: value for name, value in layers.items() if value is not None}
     origin, view = (frames.name, frames.time, frames.state), view or View()
     low = rest if rest is None or view.lens is None else as_seen(rest, view.lens)
-    return Touch(height, frames.image, pixel, *origin, view, metrics, known, low)
+    return Touch(height, frames.image, pixel, *origin, view, metrics, arrays, low)

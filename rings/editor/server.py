@@ -77,8 +77,8 @@ def define(params: types.DefinitionParams) -> types.Location | None:
     """Where the word at the cursor is defined."""
     cursor, uri = _cursor(params), params.text_document.uri
     spot = definition_at(cursor, _file(uri), _graph(uri)) if cursor else None
-    there = from_fs_path(str(spot.file.resolve())) if spot else None
-    return types.Location(there, _range(spot.line, 0, 0)) if spot and there else None
+    file = from_fs_path(str(spot.file.resolve())) if spot else None
+    return types.Location(file, _range(spot.line, 0, 0)) if spot and file else None
 
 
 @server.feature(types.TEXT_DOCUMENT_CODE_ACTION)
@@ -88,13 +88,13 @@ def mend(params: types.CodeActionParams) -> list[types.CodeAction]:
         types.CodeAction(
             f"Write '{word}'",
             types.CodeActionKind.QuickFix,
-            [shown],
+            [diagnostic],
             edit=types.WorkspaceEdit(
-                {params.text_document.uri: [types.TextEdit(shown.range, word)]}
+                {params.text_document.uri: [types.TextEdit(diagnostic.range, word)]}
             ),
         )
-        for shown in params.context.diagnostics
-        for word in (shown.data or {}).get("meant", ())
+        for diagnostic in params.context.diagnostics
+        for word in (diagnostic.data or {}).get("meant", ())
     ]
 
 
@@ -102,23 +102,23 @@ def mend(params: types.CodeActionParams) -> list[types.CodeAction]:
 def tell_times(params: types.InlayHintParams) -> list[types.InlayHint]:
     """The milliseconds that each node took in the last run."""
     uri = params.text_document.uri
-    found, document = _checked.get(uri), server.workspace.get_text_document(uri)
-    if found is None or found.graph is None or found.mistakes:
+    checked, document = _checked.get(uri), server.workspace.get_text_document(uri)
+    if checked is None or checked.graph is None or checked.mistakes:
         return []
     folders = [_file(uri).parent, *map(Path, filter(None, [server.workspace.root_path]))]
     return [
         types.InlayHint(
-            types.Position(line, len(document.lines[line].rstrip())), said, padding_left=True
+            types.Position(line, len(document.lines[line].rstrip())), words, padding_left=True
         )
-        for line, said in times_beside(document.source, found.graph, folders)
+        for line, words in times_beside(document.source, checked.graph, folders)
         if params.range.start.line <= line <= params.range.end.line
     ]
 
 
 def _graph(uri: str) -> Graph | None:
     """The graph of a file as it was last right."""
-    found = _checked.get(uri)
-    return found.graph if found else None
+    checked = _checked.get(uri)
+    return checked.graph if checked else None
 
 
 def _file(uri: str) -> Path:
@@ -134,11 +134,11 @@ def _range(line: int, start: int, end: int) -> types.Range:
     return types.Range(types.Position(line, start), types.Position(line, end))
 
 
-def _diagnostic(found: Mistake) -> types.Diagnostic:
+def _diagnostic(mistake: Mistake) -> types.Diagnostic:
     return types.Diagnostic(
-        _range(found.line, found.start, found.end),
-        found.said,
+        _range(mistake.line, mistake.start, mistake.end),
+        mistake.said,
         types.DiagnosticSeverity.Error,
         source="tactograph",
-        data={"meant": found.meant},
+        data={"meant": mistake.meant},
     )

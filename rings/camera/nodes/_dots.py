@@ -93,14 +93,14 @@ def _round_blobs(blobs: NDArray[np.uint8]) -> tuple[Points, float]:
     whole = (x > 0) & (y > 0) & (x + width < columns) & (y + height < rows)
     is_round = (width < 1.6 * height) & (height < 1.6 * width)
     filled = area / np.maximum(width * height, 1)
-    kept = whole & is_round & (filled > 0.55) & (filled < 0.97) & (area >= MIN_DOT_PIXELS)
-    if not kept.any():
+    is_dot = whole & is_round & (filled > 0.55) & (filled < 0.97) & (area >= MIN_DOT_PIXELS)
+    if not is_dot.any():
         return np.empty((0, 2)), 0.0
     # The median by area instead of by number, so that specks do not count.
-    sizes = np.sort(area[kept])
+    sizes = np.sort(area[is_dot])
     usual = sizes[np.searchsorted(np.cumsum(sizes), sizes.sum() / 2)]
-    kept &= (area > 0.5 * usual) & (area < 2 * usual)
-    return centres[kept], float(np.sqrt(usual / np.pi))
+    is_dot &= (area > 0.5 * usual) & (area < 2 * usual)
+    return centres[is_dot], float(np.sqrt(usual / np.pi))
 
 
 def _is_sparse(blobs: Blobs) -> bool:

@@ -32,14 +32,14 @@ class Lattice(NamedTuple):
     def gaps(self) -> int:
         """The number of places without a point, between points in their row and their column."""
         first = self.cell.min(axis=0)
-        taken = np.zeros(np.ptp(self.cell, axis=0) + 1, bool)
-        taken[tuple((self.cell - first).T)] = True
+        occupied = np.zeros(np.ptp(self.cell, axis=0) + 1, bool)
+        occupied[tuple((self.cell - first).T)] = True
         sides = (
-            np.flip(np.logical_or.accumulate(np.flip(taken, end), axis=axis), end)
+            np.flip(np.logical_or.accumulate(np.flip(occupied, end), axis=axis), end)
             for axis in (0, 1)
             for end in ((), axis)
         )
-        return int((np.logical_and.reduce([*sides]) & ~taken).sum())
+        return int((np.logical_and.reduce([*sides]) & ~occupied).sum())
 
 
 def neighbours(points: Points, count: int) -> tuple[Points, NDArray[np.intp]]:
@@ -60,7 +60,7 @@ def on_lattice(points: Points) -> Lattice | None:
     step = _step(points)
     start = int(np.argmin(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
     cells = {start: (0, 0)}
-    taken = {(0, 0)}
+    occupied = {(0, 0)}
     queue = deque([(start, step, np.array([-step[1], step[0]]))])
     while queue:
         at, along, down = queue.popleft()
@@ -68,10 +68,14 @@ def on_lattice(points: Points) -> Lattice | None:
             want = i * along + j * down
             distance, nearest = tree.query(points[at] + want)
             near, place = int(nearest), (cells[at][0] + i, cells[at][1] + j)
-            if near in cells or place in taken or distance > MAX_OFFSET_PITCHES * np.hypot(*want):
+            if (
+                near in cells
+                or place in occupied
+                or distance > MAX_OFFSET_PITCHES * np.hypot(*want)
+            ):
                 continue
             cells[near] = place
-            taken.add(place)
+            occupied.add(place)
             went = (points[near] - points[at]) * (i + j)
             queue.append((near, went, down) if i else (near, along, went))
     which = np.array(list(cells))

@@ -82,11 +82,11 @@ def fit_lens(
     shape = (image.shape[0], image.shape[1])
     half = float(half_diagonal(shape))
     middle = np.array([shape[1] - 1, shape[0] - 1]) / 2
-    seen = (marks.place.astype(np.float64) - middle) / half
-    kept = _fitting(seen, marks.cell)
-    pose, lens = _simplest(seen[kept], marks.cell[kept], MARK_ACCURACY_PX / half)
-    departure = half * (seen - _predicted(pose, lens, marks.cell))
-    departure[~kept] = np.nan
+    places = (marks.place.astype(np.float64) - middle) / half
+    inliers = _fitting(places, marks.cell)
+    pose, lens = _simplest(places[inliers], marks.cell[inliers], MARK_ACCURACY_PX / half)
+    departure = half * (places - _predicted(pose, lens, marks.cell))
+    departure[~inliers] = np.nan
     residual = float(np.sqrt(np.nanmean(np.sum(departure**2, axis=1))))
     pitch = half * float(np.exp(pose[0]))
     bend = 100 * float(lens[0] + lens[1])
@@ -99,7 +99,7 @@ def fit_lens(
             )
         raise InputError(f"{problem}; lay it flat on the film, or name another `marks.pattern`")
     _check_fold(lens)
-    reach = float(np.linalg.norm(seen[kept], axis=1).max())
+    reach = float(np.linalg.norm(places[inliers], axis=1).max())
     if reach < MIN_REACH_SHARE:
         warn(
             f"the marks reach {reach:.0%} of the way to the corners; the distortion beyond is "
@@ -108,8 +108,8 @@ def fit_lens(
     pixel = pitch_mm / pitch
     width, length = pixel_sides(lens, pixel)
     quality: Metrics = {
-        "marks": int(kept.sum()),
-        "left_out": int((~kept).sum()) + marks.astray,
+        "marks": int(inliers.sum()),
+        "left_out": int((~inliers).sum()) + marks.astray,
         "residual_px": residual,
         "pixel_size_mm": pixel,
         "distortion_corner_percent": bend,
@@ -122,34 +122,36 @@ def fit_lens(
     return LensFit(lens.astype(np.float32), pixel, residual, departure.astype(np.float32), quality)
 
 
-def _fitting(seen: Places, cell: Places) -> NDArray[np.bool_]:
+def _fitting(places: Places, cell: Places) -> NDArray[np.bool_]:
     """Flags of the marks that the most flexible lens fits."""
-    kept = np.ones(len(seen), bool)
+    inliers = np.ones(len(places), bool)
     for _ in range(2):
-        pose, lens, _ = _fit(seen[kept], cell[kept], LENS_TERMS)
-        away = np.linalg.norm(seen - _predicted(pose, lens, cell), axis=1)
+        pose, lens, _ = _fit(places[inliers], cell[inliers], LENS_TERMS)
+        away = np.linalg.norm(places - _predicted(pose, lens, cell), axis=1)
         # The median distance of a Gaussian's points in the plane is 1.18 standard deviations.
-        kept = away <= MAX_DEVIATIONS * max(float(np.median(away[kept])) / 1.18, 1e-6)
-    return kept
+        inliers = away <= MAX_DEVIATIONS * max(float(np.median(away[inliers])) / 1.18, 1e-6)
+    return inliers
 
 
-def _simplest(seen: Places, cell: Places, exact: float) -> tuple[Places, Places]:
+def _simplest(places: Places, cell: Places, exact: float) -> tuple[Places, Places]:
     """Pose and lens with the lowest information criterion, n ln(S / n + exact^2) + p ln(n)."""
     best, least = None, np.inf
     for tilt, radial in product(((), TILT_TERMS), RADIAL_TERMS):
-        pose, lens, squares = _fit(seen, cell, (*radial, *tilt))
+        pose, lens, squares = _fit(places, cell, (*radial, *tilt))
         number = POSE_TERMS + len(radial) + len(tilt)
-        criterion = seen.size * np.log(squares / seen.size + exact**2) + number * np.log(seen.size)
+        criterion = places.size * np.log(squares / places.size + exact**2) + number * np.log(
+            places.size
+        )
         if criterion < least:
             best, least = (pose, lens), criterion
     assert best is not None
     return best
 
 
-def _fit(seen: Places, cell: Places, free: tuple[str, ...]) -> tuple[Places, Places, float]:
+def _fit(places: Places, cell: Places, free: tuple[str, ...]) -> tuple[Places, Places, float]:
     """Fit the pose and the lens's terms named in `free`; return pose, lens and sum of squares."""
     where = [LENS_TERMS.index(name) for name in free]
-    start = np.concatenate([_pose(seen, cell), np.zeros(len(free))])
+    start = np.concatenate([_pose(places, cell), np.zeros(len(free))])
 
     def lens_of(values: Places) -> Places:
         lens = np.zeros(len(LENS_TERMS))
@@ -157,16 +159,16 @@ def _fit(seen: Places, cell: Places, free: tuple[str, ...]) -> tuple[Places, Pla
         return lens
 
     def wrong(values: Places) -> Places:
-        return (_predicted(values[:POSE_TERMS], lens_of(values), cell) - seen).ravel()
+        return (_predicted(values[:POSE_TERMS], lens_of(values), cell) - places).ravel()
 
     low = np.concatenate([np.full(POSE_TERMS, -np.inf), np.full(len(free), -0.5)])
     solution = least_squares(wrong, start, bounds=(low, np.abs(low)), x_scale="jac")
     return solution.x[:POSE_TERMS], lens_of(solution.x), 2 * solution.cost
 
 
-def _pose(seen: Places, cell: Places) -> Places:
+def _pose(places: Places, cell: Places) -> Places:
     """Logarithm of the pitch, rotation, x and y: the similarity a c + b in complex numbers."""
-    z, c = seen @ [1, 1j], cell @ [1, 1j]
+    z, c = places @ [1, 1j], cell @ [1, 1j]
     a, b = np.linalg.lstsq(np.stack([c, np.ones_like(c)], axis=1), z, rcond=None)[0]
     return np.array([np.log(abs(a)), np.angle(a), b.real, b.imag])
 

@@ -37,11 +37,11 @@ def offers_at(cursor: Cursor, file: Path, graph: Graph | None) -> Offers:
         case ("after",):
             return scope.ports
         case ("in" | "carry" | "with" as kind, name):
-            return _given(kind, str(name), cursor, scope, file)
+            return _words_in(kind, str(name), cursor, scope, file)
     return _plain(PATCH_VERBS) if "patch" in cursor.path and len(cursor.inside) < 2 else {}
 
 
-def _given(kind: str, name: str, cursor: Cursor, scope: Scope, file: Path) -> Offers:
+def _words_in(kind: str, name: str, cursor: Cursor, scope: Scope, file: Path) -> Offers:
     """Names of inputs or params, or what one may be given."""
     takes = taken_by(cursor.at(cursor.entry), scope, cursor, file)
     if cursor.is_key or cursor.path[-1] == kind:

@@ -41,10 +41,10 @@ class Cursor(NamedTuple):
 
     def at(self, path: Path_) -> Any:
         """The data at a path; an empty mapping where there is none."""
-        found: Any = self.data
+        value: Any = self.data
         for part in path:
-            found = found[part]
-        return {} if found is None else found
+            value = value[part]
+        return {} if value is None else value
 
 
 def find_cursor(text: str, line: int, column: int) -> Cursor | None:
@@ -58,9 +58,9 @@ def find_cursor(text: str, line: int, column: int) -> Cursor | None:
             data = parse_yaml(reading, "").data
         except GraphError:
             continue
-        found = _marked(data, ())
-        if found is not None and isinstance(data, dict):
-            return Cursor(_without_mark(data), *found, typed[0] if typed else "")
+        marked = _marked(data, ())
+        if marked is not None and isinstance(data, dict):
+            return Cursor(_without_mark(data), *marked, typed[0] if typed else "")
     return None
 
 
@@ -99,8 +99,8 @@ def _marked(data: Any, path: Path_) -> tuple[Path_, bool] | None:
     for key, value in inner:
         if isinstance(key, str) and CURSOR_MARK in key:
             return (*path, key.replace(CURSOR_MARK, "")), True
-        if (found := _marked(value, (*path, key))) is not None:
-            return found
+        if (deeper := _marked(value, (*path, key))) is not None:
+            return deeper
     return None
 
 

@@ -21,35 +21,35 @@ class Spot(NamedTuple):
 
 def words_at(cursor: Cursor, file: Path, graph: Graph | None) -> str:
     """What the word at the cursor means, as Markdown; empty if that is not known."""
-    scope, said = scope_at(cursor, file, graph), str(_value(cursor))
-    if said.startswith("$"):
-        return scope.params.get(said[1:], "")
+    scope, word = scope_at(cursor, file, graph), str(_value(cursor))
+    if word.startswith("$"):
+        return scope.params.get(word[1:], "")
     match cursor.inside:
         case ("op",):
-            return of_node(said).summary
+            return of_node(word).summary
         case ("with" | "in" as kind, name) if cursor.is_key:
             takes = taken_by(cursor.at(cursor.entry), scope, cursor, file)
             return (takes.params if kind == "with" else takes.inputs).get(str(name), "")
         case (verb,) if verb in CHANGE_VERBS:
-            return scope.declared(said).summary
-    return scope.ports.get(said.removeprefix("previous."), "")
+            return scope.declared(word).summary
+    return scope.ports.get(word.removeprefix("previous."), "")
 
 
 def definition_at(cursor: Cursor, file: Path, graph: Graph | None) -> Spot | None:
     """Where the word at the cursor is defined: a node, a group, a graph, or a node's code."""
-    said = str(_value(cursor))
+    word = str(_value(cursor))
     try:
         if "extends" in cursor.path[-2:]:
-            return Spot(find_file(said, file.parent, shipped_overlays()) or graph_file(said))
+            return Spot(find_file(word, file.parent, shipped_overlays()) or graph_file(word))
         if cursor.inside == ("op",):
-            function = inspect.unwrap(find_node(said).function)
+            function = inspect.unwrap(find_node(word).function)
             return Spot(Path(inspect.getfile(function)), inspect.getsourcelines(function)[1] - 1)
-        if cursor.inside == ("group",) and said not in (cursor.data.get("groups") or {}):
-            found = find_file(f"{said}.group.yaml", file.parent, shipped_groups())
-            return Spot(found) if found else None
+        if cursor.inside == ("group",) and word not in (cursor.data.get("groups") or {}):
+            group_file = find_file(f"{word}.group.yaml", file.parent, shipped_groups())
+            return Spot(group_file) if group_file else None
     except InputError:
         return None
-    return _of_name(said.removeprefix("previous."), scope_at(cursor, file, graph))
+    return _of_name(word.removeprefix("previous."), scope_at(cursor, file, graph))
 
 
 def _of_name(name: str, scope: Scope) -> Spot | None:

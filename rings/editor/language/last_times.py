@@ -40,7 +40,7 @@ def _last_times(name: str, folders: list[Path]) -> dict[str, float]:
     }
     for file in sorted(files, key=lambda each: each.stat().st_mtime, reverse=True):
         with suppress(OSError, ValueError, KeyError, TypeError):
-            said = json.loads(file.read_text(encoding="utf-8"))
-            if said["graph"]["name"] == name:
-                return {node["node"]: float(node["ms"]) for node in said["nodes"]}
+            timings = json.loads(file.read_text(encoding="utf-8"))
+            if timings["graph"]["name"] == name:
+                return {node["node"]: float(node["ms"]) for node in timings["nodes"]}
     return {}

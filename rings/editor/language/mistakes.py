@@ -39,45 +39,45 @@ def check(text: str, file: Path) -> Checked:
     """
     if not (_FORMAT_KEY.search(text) and _GRAPH_KEY.search(text)):
         return Checked(None, [])
-    told: dict[str, None] = {}
+    messages: dict[str, None] = {}
     graphs: list[Graph] = []
-    with _gathered(told):
+    with _gathered(messages):
         graphs = graphs_of(parse_yaml(text, str(file)), file)
     for graph in graphs:
-        with _gathered(told):
+        with _gathered(messages):
             verified(graph)
     lines = text.splitlines()
-    return Checked(graphs[0] if graphs else None, [_placed(each, lines, file) for each in told])
+    return Checked(graphs[0] if graphs else None, [_placed(each, lines, file) for each in messages])
 
 
 @contextmanager
-def _gathered(told: dict[str, None]) -> Iterator[None]:
+def _gathered(messages: dict[str, None]) -> Iterator[None]:
     try:
         yield
     except GraphError as error:
-        told |= dict.fromkeys([str(error), *error.others])
+        messages |= dict.fromkeys([str(error), *error.others])
     except TactographError as error:
-        told[str(error)] = None
+        messages[str(error)] = None
 
 
-def _placed(said: str, lines: list[str], file: Path) -> Mistake:
+def _placed(message: str, lines: list[str], file: Path) -> Mistake:
     """An error at its place in this file, or at the top where it is in another."""
-    found = re.search(rf"{re.escape(str(file))}:(\d+):(\d+): ", said)
-    row, column = (int(n) - 1 for n in found.groups()) if found else (0, 0)
-    if found and not found.start():
-        said = said[found.end() :]
-    meant = _MEANT_WORDS.search(said)
+    place = re.search(rf"{re.escape(str(file))}:(\d+):(\d+): ", message)
+    row, column = (int(n) - 1 for n in place.groups()) if place else (0, 0)
+    if place and not place.start():
+        message = message[place.end() :]
+    meant = _MEANT_WORDS.search(message)
     wrong = meant[1] if meant else ""
     row, column, word = _of_word(wrong, lines, row, column)
     words = tuple(_QUOTED_WORD.findall(meant[2])) if meant and word == wrong else ()
-    return Mistake(row, column, column + max(len(word), 1), said, words)
+    return Mistake(row, column, column + max(len(word), 1), message, words)
 
 
 def _of_word(wrong: str, lines: list[str], row: int, column: int) -> tuple[int, int, str]:
     """Where a wrong word stands, at a place or in its line; else the word at the place."""
     line = lines[row] if row < len(lines) else ""
-    found = wrong and re.compile(rf"(?<![\w.]){re.escape(wrong)}(?!\w)").search(line, column)
-    if found:
-        return row, found.start(), wrong
+    place = wrong and re.compile(rf"(?<![\w.]){re.escape(wrong)}(?!\w)").search(line, column)
+    if place:
+        return row, place.start(), wrong
     word = re.compile(r"[\w.$-]*").match(line, column)
     return row, column, word[0] if word else ""

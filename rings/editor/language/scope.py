@@ -45,7 +45,9 @@ class Scope:
             if len(declared.outputs) < 2 or self.graph is None:
                 ports[name] = next(iter(declared.outputs.values()), "")
             if len(declared.outputs) > 1:
-                ports |= {f"{name}.{port}": said for port, said in declared.outputs.items()}
+                ports |= {
+                    f"{name}.{port}": port_name for port, port_name in declared.outputs.items()
+                }
         return ports
 
     def declared(self, name: str) -> Declared:

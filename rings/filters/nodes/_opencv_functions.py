@@ -105,7 +105,7 @@ def call_opencv(plane: F4, call: Mapping[str, Mapping[str, Any]]) -> F4:
     """
     if len(call) != 1:
         raise InputError(f"name one function of OpenCV, not {', '.join(call) or 'none'}")
-    ((name, given),) = call.items()
+    ((name, arguments),) = call.items()
     if name not in FUNCTION_ARGUMENTS:
         raise InputError(
             f"'{name}' is not on the list of OpenCV's functions"
@@ -114,7 +114,7 @@ def call_opencv(plane: F4, call: Mapping[str, Mapping[str, Any]]) -> F4:
                 or f"; it has {', '.join(FUNCTION_ARGUMENTS)}"
             )
         )
-    keywords = _keywords(name, given)
+    keywords = _keywords(name, arguments)
     if name in WITH_DEPTH:
         keywords["ddepth"] = cv2.CV_32F
     try:
@@ -123,16 +123,16 @@ def call_opencv(plane: F4, call: Mapping[str, Mapping[str, Any]]) -> F4:
         raise InputError(f"'{name}' of OpenCV refuses these arguments: {error.err}") from None
 
 
-def _keywords(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
+def _keywords(name: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
     """A function's arguments as OpenCV takes them, defaults filled in."""
-    for argument in given:
+    for argument in arguments:
         if argument not in FUNCTION_ARGUMENTS[name]:
             raise InputError(
                 f"'{name}' has no argument '{argument}'; it has "
                 + ", ".join(FUNCTION_ARGUMENTS[name])
             )
     try:
-        model = ARGUMENT_MODELS[name].model_validate(dict(given))
+        model = ARGUMENT_MODELS[name].model_validate(dict(arguments))
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])

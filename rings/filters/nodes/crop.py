@@ -27,10 +27,10 @@ def _rows(rows: int, window: Window | None) -> int:
     return rows if window is None else _inside(window[1], window[3], rows, "rows")
 
 
-def _inside(start: int, size: int, there: int, unit: str) -> int:
-    if start + size > there:
+def _inside(start: int, size: int, whole: int, unit: str) -> int:
+    if start + size > whole:
         raise InputError(
-            f"crop: a window of {size} {unit} from {start} on ends beyond the image's {there}"
+            f"crop: a window of {size} {unit} from {start} on ends beyond the image's {whole}"
         )
     return size
 

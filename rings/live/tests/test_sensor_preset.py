@@ -72,7 +72,7 @@ def test_a_preset_says_how_leds_that_flash_are_seen(tmp_path: Path) -> None:
     rig = open_rig(CameraParams("simulated"), "none", (None, None), leds=4, preset=preset)
     with closing(rig):
         assert rig.camera.shots(2.0)[0].data.shape == (120, 160)
-    wanted = with_preset(CameraParams(0).wanted(160, 120), preset)
+    wanted = with_preset(CameraParams(0).settings_for(160, 120), preset)
     assert (wanted.gain, wanted.view) == (3, View(0, (0, 0, 1, 1), (160, 120)))
 
 

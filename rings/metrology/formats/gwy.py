@@ -24,11 +24,11 @@ def write(file: Path, height: Height, pixel: float, error: HeightError | None) -
     container.filename = file.name
     for number, (title, data) in enumerate((("Height", height), (ERROR_TITLE, error))):
         if data is not None:
-            known = np.isfinite(data)
-            container[f"/{number}/data"] = _field(gwy, np.where(known, data, 0), pixel)
+            is_known = np.isfinite(data)
+            container[f"/{number}/data"] = _field(gwy, np.where(is_known, data, 0), pixel)
             container[f"/{number}/data/title"] = title
-            if not known.all():
-                container[f"/{number}/mask"] = _field(gwy, ~known, pixel)
+            if not is_known.all():
+                container[f"/{number}/mask"] = _field(gwy, ~is_known, pixel)
     container.tofile(str(file))
 
 
@@ -64,10 +64,10 @@ def _channels(file: Path) -> Sequence[Any]:
     field = container[f"/{first}/data"]
     width, length = field.xreal / field.data.shape[1], field.yreal / field.data.shape[0]
     numbers = first, *(number for number, title in titles.items() if title == ERROR_TITLE)
-    return width, length, *(_known(container, number, file) for number in numbers[:2])
+    return width, length, *(_measured(container, number, file) for number in numbers[:2])
 
 
-def _known(container: Any, number: int, file: Path) -> Any:
+def _measured(container: Any, number: int, file: Path) -> Any:
     """A channel, NaN where it is masked."""
     field, mask = container[f"/{number}/data"], container.get(f"/{number}/mask")
     if any(unit is None or unit.unitstr != "m" for unit in (field.si_unit_xy, field.si_unit_z)):

@@ -29,8 +29,8 @@ def write(file: Path, height: Height, pixel: float, error: HeightError | None) -
     """
     # First, so that a missing library is reported whatever the heights are.
     surfalize()
-    known = height[np.isfinite(height)]
-    if not known.size or known.min() == known.max():
+    known_heights = height[np.isfinite(height)]
+    if not known_heights.size or known_heights.min() == known_heights.max():
         raise InputError(
             f"{file.name}: all heights are the same, which a .sur file cannot hold; write tmd or "
             "tiff"

@@ -39,12 +39,12 @@ def read(file: Path) -> HeightFile:
 
 
 def _layers(file: Path) -> Sequence[Any]:
-    found = _read(file)
-    layers = found.layers
+    content = _read(file)
+    layers = content.layers
     if not layers or np.asarray(getattr(layers[0], "z", 0)).ndim != 2:
         raise InputError(f"{file}: holds no surface, but a profile or points")
-    known = 2 if found.metadata and found.metadata.instrument.model == SOFTWARE_NAME else 1
-    return *layers[0].spacing, *(one.z for one in layers[:known])
+    count = 2 if content.metadata and content.metadata.instrument.model == SOFTWARE_NAME else 1
+    return *layers[0].spacing, *(one.z for one in layers[:count])
 
 
 def _read(file: Path) -> Any:

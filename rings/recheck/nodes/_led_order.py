@@ -30,11 +30,11 @@ def other_order(then: F4, now: F4, pixel: float) -> list[int] | None:
     alike = _shape(after.logarithm) @ _shape(before.logarithm).T
     image, led = linear_sum_assignment(-alike)
     other = image != led
-    matched, own = alike[image, led][other], alike[image, image][other]
+    matched, unmatched = alike[image, led][other], alike[image, image][other]
     if (
         not other.any()
         or matched.min() < MIN_CORRELATION
-        or (matched - own).min() < MIN_CORRELATION_GAIN
+        or (matched - unmatched).min() < MIN_CORRELATION_GAIN
     ):
         return None
     return [int(k) + 1 for k in led]

@@ -49,14 +49,14 @@ def advise_recalibration(
     """
     strength = change.strength
     height, slope = _dent(change.dent, pixel)
-    kept = {name: before[name] for name in REFERENCE_FIGURES if name in before}
-    full = next(iter(kept.values()), None)
+    reference = {name: before[name] for name in REFERENCE_FIGURES if name in before}
+    full = next(iter(reference.values()), None)
     reasons = _reasons(strength, slope, refitted, full)
     quality = (
         refitted
         | {f"light_percent/led{k}": 100 * float(s) for k, s in enumerate(strength, start=1)}
         | {"dent_um": 1e3 * height, "dent_slope": slope}
-        | kept
+        | reference
         | {"full_calibration_due": float(bool(reasons))}
     )
     return Advice(quality, _sentence(reasons, refitted, full))

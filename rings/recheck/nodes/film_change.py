@@ -96,13 +96,13 @@ def film_change(
     safe = np.maximum(start, MIN_FLAT_LIGHT).astype(np.float64)
     # Under an LED that lights the film elsewhere, black pixels are cut off.
     lights_film = np.median(now, axis=(1, 2)) > MIN_FLAT_LIGHT
-    known = _known(start, moved) & ~(now[lights_film] < MIN_LIGHT).any(axis=0)
+    is_known = _lit_pixels(start, moved) & ~(now[lights_film] < MIN_LIGHT).any(axis=0)
     ratio = now / safe
-    strength, smooth, ambient, shift = _smooth_part(ratio, safe, known, new_film)
-    known &= (smooth > MIN_REMAINING_LIGHT * strength[:, None, None]).all(axis=0)
-    left = np.where(known, ratio / np.maximum(smooth, 1e-3) - 1, 0)
-    left = np.stack([cv2.GaussianBlur(plane, (0, 0), SMOOTHING_PX) for plane in left])
-    albedo, slope = _local_part(left, tilt)
+    strength, smooth, ambient, shift = _smooth_part(ratio, safe, is_known, new_film)
+    is_known &= (smooth > MIN_REMAINING_LIGHT * strength[:, None, None]).all(axis=0)
+    rough = np.where(is_known, ratio / np.maximum(smooth, 1e-3) - 1, 0)
+    rough = np.stack([cv2.GaussianBlur(plane, (0, 0), SMOOTHING_PX) for plane in rough])
+    albedo, slope = _local_part(rough, tilt)
     dent = integrate_dct(slope.astype(np.float32), pixel)
     if factor > 1:
         size = (columns, rows)
@@ -155,41 +155,41 @@ def _shifted(image: F4, by: NDArray[np.intp]) -> F4:
     return image[:, y[:, None], x]
 
 
-def _known(flat: F4, moved: F8) -> NDArray[np.bool_]:
+def _lit_pixels(flat: F4, moved: F8) -> NDArray[np.bool_]:
     """Flags of pixels that every LED lights, then and now."""
-    known: NDArray[np.bool_] = np.asarray((flat > MIN_FLAT_LIGHT).all(axis=0))
+    is_known: NDArray[np.bool_] = np.asarray((flat > MIN_FLAT_LIGHT).all(axis=0))
     dx, dy = moved.astype(int)
-    rows, columns = known.shape
-    known[: max(dy, 0)] = known[rows + min(dy, 0) :] = False
-    known[:, : max(dx, 0)] = known[:, columns + min(dx, 0) :] = False
-    return known
+    rows, columns = is_known.shape
+    is_known[: max(dy, 0)] = is_known[rows + min(dy, 0) :] = False
+    is_known[:, : max(dx, 0)] = is_known[:, columns + min(dx, 0) :] = False
+    return is_known
 
 
 def _smooth_part(
-    ratio: F8, flat: F8, known: NDArray[np.bool_], new_film: bool
+    ratio: F8, flat: F8, is_known: NDArray[np.bool_], new_film: bool
 ) -> tuple[F8, F8, float, F8]:
     """The strengths K, the fitted ratio K x H x W, the ambient light, and the shift."""
     count, rows, columns = ratio.shape
     step = columns // MAX_FIT_WIDTH_PX + 1
     place = terms(np.arange(rows), np.arange(columns), (rows, columns)).astype(np.float64)
-    strength = np.median(ratio[:, known], axis=1) if known.any() else np.ones(count)
+    strength = np.median(ratio[:, is_known], axis=1) if is_known.any() else np.ones(count)
     if new_film:  # six smooth terms for each LED
         each = np.eye(count)[:, None, :, None, None] * place[None, :, None]
         basis = each.reshape(-1, count, rows, columns)
     else:
         basis = _basis(place, flat, strength)
-    some = np.zeros_like(known)
-    some[::step, ::step] = known[::step, ::step]
+    some = np.zeros_like(is_known)
+    some[::step, ::step] = is_known[::step, ::step]
     doubted = np.arange(len(basis)) >= len(basis) - (0 if new_film else 3)
     coefficients = _robust(
         basis[:, :, some].reshape(len(basis), -1), ratio[:, some].ravel(), doubted.astype(float)
     )
     fitted = np.tensordot(coefficients, basis, axes=1)
     if new_film:
-        levels = fitted[:, known].mean(axis=1) if known.any() else strength
+        levels = fitted[:, is_known].mean(axis=1) if is_known.any() else strength
         return np.asarray(levels), fitted, 0.0, np.zeros(2)
-    own, (ambient, *shift) = coefficients[:count], coefficients[count + 5 :]
-    return own * strength, fitted, float(ambient), -np.array(shift)
+    by_led, (ambient, *shift) = coefficients[:count], coefficients[count + 5 :]
+    return by_led * strength, fitted, float(ambient), -np.array(shift)
 
 
 def _basis(place: F8, flat: F8, strength: F8) -> F8:
@@ -198,11 +198,11 @@ def _basis(place: F8, flat: F8, strength: F8) -> F8:
     All but ambient light are scaled by a rough estimate of the LED's strength.
     """
     rough = strength[:, None, None]
-    own = np.eye(len(flat))[:, :, None, None] * rough * np.ones_like(flat)
+    by_led = np.eye(len(flat))[:, :, None, None] * rough * np.ones_like(flat)
     slope_y, slope_x = np.gradient(np.log(flat), axis=(1, 2))
     shared = rough * place[1:, None]
     return np.concatenate(
-        [own, shared, 1 / flat[None], (rough * slope_x)[None], (rough * slope_y)[None]]
+        [by_led, shared, 1 / flat[None], (rough * slope_x)[None], (rough * slope_y)[None]]
     )
 
 
@@ -213,20 +213,20 @@ def _robust(basis: F8, ratio: F8, doubted: F8) -> F8:
     for _ in range(REWEIGHTING_ROUNDS):
         weighted = basis * weight
         normal = weighted @ basis.T
-        held = 1e-9 * np.trace(normal) / len(basis) + AMBIENT_RIDGE * np.diag(normal) * doubted
+        ridge = 1e-9 * np.trace(normal) / len(basis) + AMBIENT_RIDGE * np.diag(normal) * doubted
         coefficients = np.asarray(
-            np.linalg.solve(normal + np.diag(held), weighted @ ratio), np.float64
+            np.linalg.solve(normal + np.diag(ridge), weighted @ ratio), np.float64
         )
-        left = ratio - coefficients @ basis
-        spread = DEVIATIONS_PER_MAD * np.median(np.abs(left)) + 1e-9
-        weight = 1 / (1 + (left / (CAUCHY_DEVIATIONS * spread)) ** 2)
+        residual = ratio - coefficients @ basis
+        spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual)) + 1e-9
+        weight = 1 / (1 + (residual / (CAUCHY_DEVIATIONS * spread)) ** 2)
     return np.asarray(coefficients)
 
 
-def _local_part(left: F8, tilt: F4) -> tuple[F8, F8]:
+def _local_part(rough: F8, tilt: F4) -> tuple[F8, F8]:
     """Least squares over the LEDs of each pixel: albedo H x W and slope 2 x H x W."""
-    design = np.concatenate([np.ones_like(left)[:, None], tilt], axis=1).astype(np.float64)
+    design = np.concatenate([np.ones_like(rough)[:, None], tilt], axis=1).astype(np.float64)
     normal = np.einsum("kaij,kbij->ijab", design, design)
-    right = np.einsum("kaij,kij->ija", design, left)
+    right = np.einsum("kaij,kij->ija", design, rough)
     solution = np.linalg.solve(normal + 1e-9 * np.eye(3), right[..., None])[..., 0]
     return solution[..., 0], np.moveaxis(solution[..., 1:], -1, 0)

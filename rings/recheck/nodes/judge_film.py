@@ -137,10 +137,10 @@ def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
 def _of_leds(strength: F4) -> str:
     usual = float(np.median(strength))
     k = int(np.abs(strength / usual - 1).argmax())
-    own = 100 * float(strength[k]) / usual
-    if abs(own - 100) > 100 * MAX_LED_CHANGE:
+    percent = 100 * float(strength[k]) / usual
+    if abs(percent - 100) > 100 * MAX_LED_CHANGE:
         return (
-            f"LED {k + 1} has {own:.0f} % of the light that the others have: check it and its "
+            f"LED {k + 1} has {percent:.0f} % of the light that the others have: check it and its "
             "wire, then recalibrate"
         )
     if abs(usual - 1) > MAX_LED_CHANGE:

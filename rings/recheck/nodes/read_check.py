@@ -38,17 +38,17 @@ def read_check(
     if folder is None:
         radius, known = np.full(1, NO_BALL_MM, np.float32), np.zeros((1, 3), np.float32)
         return BallPresses(flat, flat, radius, known, [])
-    taken = read_balls(
+    balls = read_balls(
         folder=folder,
         radius_mm=radius_mm,
         center_px=center_px,
         contact_px=contact_px,
         **layout._asdict(),
     )
-    if taken.first.shape != flat.shape:
-        k, rows, columns = taken.first.shape
+    if balls.first.shape != flat.shape:
+        k, rows, columns = balls.first.shape
         raise InputError(
             f"{folder}: is {k} lights of {columns} x {rows} pixels, but the calibration is for "
             f"{flat.shape[0]} lights of {flat.shape[2]} x {flat.shape[1]}"
         )
-    return taken
+    return balls

@@ -87,10 +87,10 @@ def touch_columns(
     columns = {height_column(sensor): height}
     leds = len(touch.image)
     for first in range(1, leds + 1, PICTURE_CHANNELS):
-        shown = list(range(first, min(first + PICTURE_CHANNELS, leds + 1)))
+        numbers = list(range(first, min(first + PICTURE_CHANNELS, leds + 1)))
         picture = lights_picture(touch.image[first - 1 : first - 1 + PICTURE_CHANNELS])
         columns[f"observation.images.{sensor}_lights{first}"] = Column(
-            picture, info={"lights": shown}
+            picture, info={"lights": numbers}
         )
     if contacts:
         names = [f"{name}_c{n}" for n in range(1, contacts + 1) for name in figures]
@@ -121,11 +121,13 @@ def contact_figures(metrics: Mapping[str, Any], figures: list[str], contacts: in
     """
     values = np.zeros((contacts, len(figures)), np.float32)
     for number in range(1, contacts + 1):
-        own = {key for key in metrics if key.startswith("contact_") and key.endswith(f"/c{number}")}
-        for column, name in enumerate(figures if own else ()):
-            if (key := f"contact_{name}/c{number}") not in own:
-                known = ", ".join(sorted(key[len("contact_") : key.index("/")] for key in own))
-                raise InputError(f"figures: '{name}' is not measured here; {known} are")
+        keys = {
+            key for key in metrics if key.startswith("contact_") and key.endswith(f"/c{number}")
+        }
+        for column, name in enumerate(figures if keys else ()):
+            if (key := f"contact_{name}/c{number}") not in keys:
+                names = ", ".join(sorted(key[len("contact_") : key.index("/")] for key in keys))
+                raise InputError(f"figures: '{name}' is not measured here; {names} are")
             values[number - 1, column] = metrics[key]
     return values.ravel()
 

@@ -172,8 +172,8 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
         graph = {"format": 1, "extends": config.graph}
         graph["outputs"] = {"picture": PICTURE_SOURCES[config.picture]}
         try:
-            given = {"calibration": config.calibration, **config.params}
-            with load(graph, given, outputs=["picture"]) as pipeline:
+            params = {"calibration": config.calibration, **config.params}
+            with load(graph, params, outputs=["picture"]) as pipeline:
                 for touch in pipeline.items():
                     if self._ended.is_set():
                         break

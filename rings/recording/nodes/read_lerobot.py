@@ -77,9 +77,11 @@ def read_lerobot(
     offset = time.time_ns() - time.monotonic_ns()
     step, zero, unknown = (float(about[name]) for name in ("step", "offset", "unknown_level"))
     begin = f"observation.images.{sensor}_lights"
-    shown = {n: f["info"]["lights"] for n, f in rows.features.items() if n.startswith(begin)}
+    lights_by_name = {
+        n: f["info"]["lights"] for n, f in rows.features.items() if n.startswith(begin)
+    }
     # The lights in each picture, by column, in order.
-    lights = dict(sorted(shown.items(), key=lambda column: column[1]))
+    lights = dict(sorted(lights_by_name.items(), key=lambda column: column[1]))
     for number in range(len(rows)):
         row = rows[number]
         of, at = int(row["episode_index"]), int(row["frame_index"])

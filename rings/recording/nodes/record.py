@@ -105,8 +105,8 @@ class _Recording:
 
 def _sensor(state: LiveState | None, provenance: Provenance) -> dict[str, str]:
     """Return the sensor, by the camera's serial number if it has one, and its calibration."""
-    known = identity_from(provenance)
-    serial = str((state.settings if state else {}).get("serial") or known.serial)
+    identity = identity_from(provenance)
+    serial = str((state.settings if state else {}).get("serial") or identity.serial)
     inputs = json.dumps(provenance.inputs) if provenance.inputs else ""
-    header = {"sensor": known.name, "serial": serial, "inputs": inputs}
+    header = {"sensor": identity.name, "serial": serial, "inputs": inputs}
     return {name: text for name, text in header.items() if text}

@@ -112,19 +112,19 @@ class _Episode:
         features = {name: column.feature for name, column in columns.items()}
         if not self._folder.exists():
             name = f"local/{self._folder.resolve().name}"
-            made = lerobot_dataset().create(
+            dataset = lerobot_dataset().create(
                 name, self._rate, features, self._folder, "tactograph", use_videos=False
             )
         else:
-            made = open_lerobot(self._folder)
-            self._check(made, features)
-        made.start_image_writer(num_threads=WRITER_THREADS)
-        return made
+            dataset = open_lerobot(self._folder)
+            self._check(dataset, features)
+        dataset.start_image_writer(num_threads=WRITER_THREADS)
+        return dataset
 
-    def _check(self, there: Any, features: dict[str, Any]) -> None:
+    def _check(self, dataset: Any, features: dict[str, Any]) -> None:
         """Refuse a dataset whose rows are of another kind."""
-        has = {name: there.features.get(name) for name in features}
-        rows = {*there.features} - {*features}
+        has = {name: dataset.features.get(name) for name in features}
+        rows = {*dataset.features} - {*features}
         as_text = partial(json.dumps, sort_keys=True)
         unlike = sorted(n for n in features if as_text(has[n]) != as_text(features[n]))
         unlike += sorted(name for name in rows if "." in name)
@@ -133,8 +133,8 @@ class _Episode:
                 f"{self._folder}: its episodes differ in {', '.join(unlike)}: another sensor, "
                 "calibration or graph; write into another folder"
             )
-        if there.fps != self._rate:
-            raise InputError(f"{self._folder}: has {there.fps} rows per second, not {self._rate}")
+        if dataset.fps != self._rate:
+            raise InputError(f"{self._folder}: has {dataset.fps} rows per second, not {self._rate}")
 
     def close(self) -> None:
         """Save the episode."""

@@ -76,11 +76,11 @@ def union(solids: Sequence[Solid], blend: float = 0.0) -> Solid:
     return distance
 
 
-def without(solid: Solid, taken: Solid, blend: float) -> Solid:
+def without(solid: Solid, removed: Solid, blend: float) -> Solid:
     """A solid with another one cut out of it; the rim is rounded over `blend`."""
 
     def distance(at: Points) -> F8:
-        return -_smooth_minimum(-solid(at), taken(at), blend)
+        return -_smooth_minimum(-solid(at), removed(at), blend)
 
     return distance
 
@@ -116,17 +116,17 @@ def relief(solid: Solid, x: F8, y: F8, top: float, accuracy: float) -> F8:
     """
     x, y = np.broadcast_arrays(x, y)
     height = np.zeros(x.shape)
-    left = np.arange(x.size)
+    open = np.arange(x.size)
     at = Points(x.ravel(), y.ravel(), np.full(x.size, top))
     for _ in range(WALK_STEPS):
         distance = solid(at)
         landed = distance < accuracy
-        height.flat[left[landed]] = np.maximum(at.z[landed], 0.0)
+        height.flat[open[landed]] = np.maximum(at.z[landed], 0.0)
         z = at.z - WALK_SHARE * distance
         falling = ~landed & (z > 0)
-        left = left[falling]
-        if left.size == 0:
+        open = open[falling]
+        if open.size == 0:
             break
         at = Points(at.x[falling], at.y[falling], z[falling])
-    height.flat[left] = at.z if left.size else 0.0
+    height.flat[open] = at.z if open.size else 0.0
     return height

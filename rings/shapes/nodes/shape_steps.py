@@ -36,8 +36,8 @@ def shape_steps(
     along, across = turned(x, y, angle_deg)
     if wall_deg == 90:
         tread = np.floor(along / tread_mm + count / 2)
-        there = (tread >= 0) & (tread < count) & (np.abs(across) <= breadth_mm / 2)
-        return shape(np.where(there, (tread + 1) * step_mm, 0.0), image.pixel_size_mm)
+        on_stairs = (tread >= 0) & (tread < count) & (np.abs(across) <= breadth_mm / 2)
+        return shape(np.where(on_stairs, (tread + 1) * step_mm, 0.0), image.pixel_size_mm)
     top = count * step_mm
     starts = (np.arange(count) - count / 2) * tread_mm
     stairs = sum(risen(along - start, step_mm, wall_deg) for start in starts)

@@ -73,8 +73,8 @@ def genicam_cameras() -> list[NamedCamera]:
     """
     with _lock:
         devices = _updated().device_info_list
-        found = [(f"{each.vendor} {each.model}", str(each.serial_number)) for each in devices]
-    return [NamedCamera(GENICAM_PREFIX + serial, name, serial) for name, serial in found]
+        names = [(f"{each.vendor} {each.model}", str(each.serial_number)) for each in devices]
+    return [NamedCamera(GENICAM_PREFIX + serial, name, serial) for name, serial in names]
 
 
 def check_genicam(camera: str) -> None:

@@ -114,11 +114,13 @@ class Camera:
             )
         height, width = first.data.shape[:2]
         view = self._wanted.view
-        wanted = view.size if view else (self._wanted.width or width, self._wanted.height or height)
-        if (width, height) != wanted:
+        size_px = (
+            view.size if view else (self._wanted.width or width, self._wanted.height or height)
+        )
+        if (width, height) != size_px:
             raise InputError(
                 f"`camera`={name}: delivers {width} x {height} pixels, but the calibration is for "
-                f"{wanted[0]} x {wanted[1]}; calibrate with this camera"
+                f"{size_px[0]} x {size_px[1]}; calibrate with this camera"
             )
 
     def close(self) -> None:
@@ -180,10 +182,10 @@ class Camera:
                 if not capture.grab():
                     return
                 come = time.monotonic()
-                there, frame = capture.retrieve()
+                arrived, frame = capture.retrieve()
             except cv2.error:
                 return
-            if not there or frame is None or stop.is_set():
+            if not arrived or frame is None or stop.is_set():
                 return
             self._alive = time.monotonic()
             self._put(

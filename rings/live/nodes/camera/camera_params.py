@@ -46,7 +46,7 @@ class CameraParams(NamedTuple):
     timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5
     sensor: str | None = None
 
-    def wanted(
+    def settings_for(
         self, width: int | None, height: int | None, *, colour: bool = False
     ) -> CameraSettings:
         """Return the size to request for frames of a size; None keeps the driver's."""
@@ -70,10 +70,10 @@ class CameraParams(NamedTuple):
         return serial_of(str(self.camera))
 
     @property
-    def noted(self) -> dict[str, Any]:
+    def stored(self) -> dict[str, Any]:
         """The settings that a recording keeps."""
-        kept = self._asdict() | {"camera": str(self.camera), "serial": self.serial}
-        return {name: value for name, value in kept.items() if name != "timeout_s"}
+        params = self._asdict() | {"camera": str(self.camera), "serial": self.serial}
+        return {name: value for name, value in params.items() if name != "timeout_s"}
 
     def check_calibration(self, used: UsedCalibration) -> None:
         """Refuse the calibration of a camera of another serial number, as far as both are known.
@@ -83,5 +83,5 @@ class CameraParams(NamedTuple):
         InputError
             If it is another's and not taken on purpose.
         """
-        here = SensorIdentity(serial=self.serial)
-        check_sensor(f"`camera`={self.camera}", here, *used)
+        identity = SensorIdentity(serial=self.serial)
+        check_sensor(f"`camera`={self.camera}", identity, *used)

@@ -115,7 +115,7 @@ def open_capture(
     return cv2.VideoCapture(text)
 
 
-def settle(capture: Capture, wanted: CameraSettings) -> list[str]:
+def settle(capture: Capture, settings: CameraSettings) -> list[str]:
     """Fix size, rate, exposure, gain and white balance; return the settings that the driver
     refused.
 
@@ -126,18 +126,18 @@ def settle(capture: Capture, wanted: CameraSettings) -> list[str]:
         return []
     automatic = [
         (cv2.CAP_PROP_AUTO_EXPOSURE, _manual(capture), "automatic exposure off", True),
-        (cv2.CAP_PROP_AUTO_WB, 0.0, "automatic white balance off", wanted.colour),
+        (cv2.CAP_PROP_AUTO_WB, 0.0, "automatic white balance off", settings.colour),
         (cv2.CAP_PROP_AUTOFOCUS, 0.0, "automatic focus off", False),
     ]
-    code = None if wanted.format is None else float(cv2.VideoWriter.fourcc(*wanted.format))
+    code = None if settings.format is None else float(cv2.VideoWriter.fourcc(*settings.format))
     chosen = [
         (cv2.CAP_PROP_FOURCC, code, "pixel format", False),
-        (cv2.CAP_PROP_FRAME_WIDTH, wanted.width, "width", True),
-        (cv2.CAP_PROP_FRAME_HEIGHT, wanted.height, "height", True),
-        (cv2.CAP_PROP_FPS, wanted.rate, "frames per second", True),
-        (cv2.CAP_PROP_EXPOSURE, wanted.exposure, "exposure", True),
-        (cv2.CAP_PROP_GAIN, wanted.gain, "gain", True),
-        (cv2.CAP_PROP_WB_TEMPERATURE, wanted.white_balance, "white balance", True),
+        (cv2.CAP_PROP_FRAME_WIDTH, settings.width, "width", True),
+        (cv2.CAP_PROP_FRAME_HEIGHT, settings.height, "height", True),
+        (cv2.CAP_PROP_FPS, settings.rate, "frames per second", True),
+        (cv2.CAP_PROP_EXPOSURE, settings.exposure, "exposure", True),
+        (cv2.CAP_PROP_GAIN, settings.gain, "gain", True),
+        (cv2.CAP_PROP_WB_TEMPERATURE, settings.white_balance, "white balance", True),
     ]
     if capture.getBackendName() == "SIMULATED":
         automatic = []
@@ -146,9 +146,9 @@ def settle(capture: Capture, wanted: CameraSettings) -> list[str]:
         if value is None:
             continue
         capture.set(prop, float(value))
-        kept = capture.get(prop)
-        if matters and abs(kept - value) > 0.02 * max(abs(value), 1):
-            refused.append(f"the camera keeps {name} at {kept:g} instead of {value:g}")
+        actual = capture.get(prop)
+        if matters and abs(actual - value) > 0.02 * max(abs(value), 1):
+            refused.append(f"the camera keeps {name} at {actual:g} instead of {value:g}")
     return refused
 
 

@@ -39,7 +39,7 @@ def film_of(preset: SensorPreset | None) -> dict[str, float]:
     return {"width_px": width, "height_px": height, "pixel_size_mm": preset.pixel_size_mm}
 
 
-def with_preset(wanted: CameraSettings, preset: SensorPreset) -> CameraSettings:
+def with_preset(settings: CameraSettings, preset: SensorPreset) -> CameraSettings:
     """The settings to request from the driver, and the view of its pictures.
 
     Raises
@@ -47,21 +47,23 @@ def with_preset(wanted: CameraSettings, preset: SensorPreset) -> CameraSettings:
     InputError
         If the requested size differs from the preset's.
     """
-    size = wanted.width or preset.size[0], wanted.height or preset.size[1]
+    size = settings.width or preset.size[0], settings.height or preset.size[1]
     if size != preset.size:
         raise InputError(
             f"sensor: gives {preset.size[0]} x {preset.size[1]} pixels, but the calibration is for "
             f"{size[0]} x {size[1]}; calibrate with this `sensor` or change its file"
         )
-    asked = preset.camera
+    usual = preset.camera
     return replace(
-        wanted,
-        width=asked.width,
-        height=asked.height,
-        rate=asked.rate or wanted.rate,
-        format=asked.format,
-        exposure=asked.exposure if wanted.exposure is None else wanted.exposure,
-        gain=asked.gain if wanted.gain is None else wanted.gain,
-        white_balance=asked.white_balance if wanted.white_balance is None else wanted.white_balance,
+        settings,
+        width=usual.width,
+        height=usual.height,
+        rate=usual.rate or settings.rate,
+        format=usual.format,
+        exposure=usual.exposure if settings.exposure is None else settings.exposure,
+        gain=usual.gain if settings.gain is None else settings.gain,
+        white_balance=usual.white_balance
+        if settings.white_balance is None
+        else settings.white_balance,
         view=View(preset.turn_deg, preset.crop, size),
     )

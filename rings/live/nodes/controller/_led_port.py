@@ -49,8 +49,8 @@ def no_controller() -> InputError:
         for p in sorted(list_ports.comports())
         if p.vid is not None
     ]
-    there = "serial ports on USB: " + ", ".join(names) if names else "no serial port on USB at all"
-    return InputError(f"no LED controller found; {there}; plug it in, or give `port`=NAME")
+    ports = "serial ports on USB: " + ", ".join(names) if names else "no serial port on USB at all"
+    return InputError(f"no LED controller found; {ports}; plug it in, or give `port`=NAME")
 
 
 def holder(port: str) -> str | None:

@@ -415,9 +415,9 @@ class LedController:
 
     def _does_what_it_should(self) -> bool:
         status = self.status()
-        wanted = self._wish.split()
-        state = "off" if wanted == ["set", "0"] else wanted[0]
-        if status.state == state and (state != "set" or status.led == int(wanted[1])):
+        words = self._wish.split()
+        state = "off" if words == ["set", "0"] else words[0]
+        if status.state == state and (state != "set" or status.led == int(words[1])):
             return True
         self._note_reset()
         return False

@@ -82,17 +82,17 @@ def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, 
         for led in (0, *leds, leds[0]):
             rig.lamps.hold(led)
             means.append(_mean_of_frames(rig.camera, time.monotonic() + SETTLE_S, bits))
-        taken = [mean for mean in means if mean is not None]
-        if len(taken) < len(means):
+        frames = [mean for mean in means if mean is not None]
+        if len(frames) < len(means):
             continue
-        dark, image = taken[0], np.stack(taken[1:-1])
+        dark, image = frames[0], np.stack(frames[1:-1])
         for led, plane in zip(leds, image, strict=True):
             if float((plane - dark).mean()) < MIN_LED_LIGHT:
                 raise InputError(
                     f"LED {led} gives no light on the film; look at its wires and at the "
                     "exposure ('tactograph run check_leds' lights each in turn)"
                 )
-        one, later = (cells(plane) - cells(dark) for plane in (image[0], taken[-1]))
+        one, later = (cells(plane) - cells(dark) for plane in (image[0], frames[-1]))
         if _change(one, later, one) < MIN_MOTION:
             return image, dark
     raise InputError(_restless(patience_s))
@@ -144,10 +144,10 @@ def _mean_of_frames(camera: Camera, settled: float, bits: int | None) -> F4 | No
                 continue
             full = 2**bits - 1 if bits else np.iinfo(shot.data.dtype).max
             plane = shot.data * np.float32(1 / full)
-            seen = cells(plane)
+            light = cells(plane)
             if first is None or total is None:
-                first, total = seen, np.zeros_like(plane)
-            if _change(seen, first, first) > MIN_MOTION:
+                first, total = light, np.zeros_like(plane)
+            if _change(light, first, first) > MIN_MOTION:
                 return None
             total += plane
             count += 1

@@ -119,8 +119,8 @@ def guide_presses(
             _save_press(pressed / f"{count:02}", frames, _about(radius_mm, ball, driver.bits))
             tell(f"Press {count} is taken: let go.")
             image, first, radius, known, names, *_ = read_balls(folder=pressed)
-            taken = GuidedPresses(image, first, radius, known, names, *film)
-            yield taken._replace(serial=driver.serial or None)
+            presses = GuidedPresses(image, first, radius, known, names, *film)
+            yield presses._replace(serial=driver.serial or None)
         if not count:
             raise InputError(
                 f"the film was not pressed within {guide.patience_s:g} s; press the ball into it "

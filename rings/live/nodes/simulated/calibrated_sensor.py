@@ -89,10 +89,10 @@ class CalibratedSensor(SimulatedSensor):
     def _see(self, moment: float) -> _Seen:
         """Render the film; a pipeline belongs to one thread."""
         if self._pipeline is None:
-            wanted = "image", "height"
-            self._pipeline = load(self._graph, calibration=self._calibration, outputs=wanted)
-        made = self._pipeline(height=super().true_height(moment))
-        return _Seen(made["image"].copy(), made["height"].copy())
+            outputs = "image", "height"
+            self._pipeline = load(self._graph, calibration=self._calibration, outputs=outputs)
+        rendered = self._pipeline(height=super().true_height(moment))
+        return _Seen(rendered["image"].copy(), rendered["height"].copy())
 
 
 def calibrated_sensor(
@@ -104,8 +104,8 @@ def calibrated_sensor(
     """
     if {name for name, _ in parse_qsl(camera.partition("?")[2])} - PRESS_FIELDS:
         return None
-    known, usual = read_either(calibration), Scene()
-    pixel, (height, width) = float(known.pixel_size), known.flat.shape[1:]
+    sensor, usual = read_either(calibration), Scene()
+    pixel, (height, width) = float(sensor.pixel_size), sensor.flat.shape[1:]
     scale = min(height, width) * pixel / (usual.height_px * usual.pixel_size_mm)
     film = {"width_px": width, "height_px": height, "pixel_size_mm": pixel}
     for name in ("radius_mm", "depth_mm", "path_mm"):

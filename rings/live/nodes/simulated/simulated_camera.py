@@ -80,13 +80,13 @@ class SimulatedCamera:
         """Size, rate and the end of the last frame's exposure in ms of time.monotonic()."""
         scene = self.sensor.scene
         width, height = self.sensor.size or (scene.width_px, scene.height_px)
-        known = {
+        values = {
             cv2.CAP_PROP_FRAME_WIDTH: float(width),
             cv2.CAP_PROP_FRAME_HEIGHT: float(height),
             cv2.CAP_PROP_FPS: self.rate,
             cv2.CAP_PROP_POS_MSEC: 1e3 * self._time,
         }
-        return known.get(prop, 0.0)
+        return values.get(prop, 0.0)
 
     def grab(self) -> bool:
         """Wait for the next frame to be exposed and read out; False if there will be none."""

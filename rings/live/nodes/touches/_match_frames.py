@@ -178,7 +178,7 @@ class Matcher:
             self.film = replace(self.film, dark=light)
             return Verdict(0)
         recent = 2 * len(self.cycle) / self.rate
-        shining = [led for led, seen in self._lit.items() if led != due and time - seen < recent]
+        shining = [led for led, last in self._lit.items() if led != due and time - last < recent]
         if len(shining) < 3:
             return Verdict(None, "covered")
         self._dark[due] += 1

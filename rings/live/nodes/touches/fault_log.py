@@ -113,7 +113,7 @@ class FaultLog:
         """Forget the time of the last frame, because the camera was reconnected."""
         self._before = self._pace = None
 
-    def _check_pace(self, shot: Shot, wanted: float) -> None:
+    def _check_pace(self, shot: Shot, pace: float) -> None:
         """Compare the camera's rate with the LEDs' every few seconds."""
         if self._pace is None:
             self._pace = shot
@@ -122,7 +122,7 @@ class FaultLog:
             return
         rate = (shot.number - self._pace.number) / since
         self._pace = shot
-        if abs(rate / wanted - 1) > MAX_PACE_ERROR:
+        if abs(rate / pace - 1) > MAX_PACE_ERROR:
             self.state.faults["wrong rate"] += 1
             delivered = f"the camera delivers {rate:.1f} frames per second"
-            self.add(f"{delivered}, but the LEDs change {wanted:g} times")
+            self.add(f"{delivered}, but the LEDs change {pace:g} times")

@@ -79,14 +79,17 @@ def see(frame: Plane, film: RestFilm, full: float = 0.0, light: F4 | None = None
         return Sight("wrong size")
     if np.count_nonzero(frame >= top_of(frame, full)) > MAX_SATURATED_SHARE * frame.size:
         return Sight("saturated")
-    seen = (light_of(frame, full) if light is None else light) - film.dark
+    light_above_dark = (light_of(frame, full) if light is None else light) - film.dark
     patterns = film.scale.reshape(len(film.scale), -1)
-    ratio = seen.ravel() / patterns
+    ratio = light_above_dark.ravel() / patterns
     brightness = upper_median(ratio)
     if brightness.max() < MAX_DARK_LIGHT:
         return Sight("off")
     best, gain, certain, target = _closest(ratio, brightness, film)
-    bands = [_fit(target[band], patterns[:, band], best, gain) for band in _bands(*seen.shape)]
+    bands = [
+        _fit(target[band], patterns[:, band], best, gain)
+        for band in _bands(*light_above_dark.shape)
+    ]
     at_rest = float(np.mean([band.at_rest for band in bands]))
     mixed = [band.weights for band in bands if band.mixed]
     if mixed:

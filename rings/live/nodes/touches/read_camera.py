@@ -116,7 +116,7 @@ def read_camera(
             whole,
             motion_limit,
             motion == "skip",
-            LiveState(settings=driver.noted | cycle),
+            LiveState(settings=driver.stored | cycle),
         )
         yield from stream.touches(driver.timeout_s / 2, seconds, items)
 
@@ -140,7 +140,7 @@ def _colour_stream(
     sensor = open_colour_sensor(
         driver, (width, height), preset=preset, queue=queue, calibration=calibration, order=order
     )
-    state = LiveState(settings=driver.noted | {"lights": order})
+    state = LiveState(settings=driver.stored | {"lights": order})
     return ColourStream(sensor, film, order, driver.full_scale, state)
 
 

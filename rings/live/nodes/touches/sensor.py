@@ -241,7 +241,7 @@ def open_rig(
             port, lit_between = str(link), board.lit_between
         lamps = open_lamps(port, cycle, driver.rate)
         undo.callback(lamps.close)
-        camera = _open_camera(driver, driver.wanted(*size), preset, queue, table, lit_between)
+        camera = _open_camera(driver, driver.settings_for(*size), preset, queue, table, lit_between)
         undo.callback(camera.close)
         return Rig(camera, table, lamps, cycle, driver.rate, board, undo.pop_all())
 
@@ -275,8 +275,8 @@ def open_colour_sensor(
         the preset's frames have another size.
     """
     table = _simulated(driver, preset, calibration, order)
-    wanted = driver.wanted(*size, colour=True)
-    return Sensor(_open_camera(driver, wanted, preset, queue, table), table)
+    settings = driver.settings_for(*size, colour=True)
+    return Sensor(_open_camera(driver, settings, preset, queue, table), table)
 
 
 def _simulated(
@@ -289,9 +289,9 @@ def _simulated(
     if not driver.is_simulated:
         return None
     text = str(driver.camera)
-    seen = calibrated_sensor(text, calibration, order or "bgr") if calibration else None
-    if seen is not None:
-        return seen
+    sensor = calibrated_sensor(text, calibration, order or "bgr") if calibration else None
+    if sensor is not None:
+        return sensor
     if order is None:
         return SimulatedSensor(read_scene(text, Scene, film_of(preset)))
     return SimulatedColourSensor(read_scene(text, ColourScene, film_of(preset)))
@@ -299,7 +299,7 @@ def _simulated(
 
 def _open_camera(
     driver: CameraParams,
-    wanted: CameraSettings,
+    settings: CameraSettings,
     preset: SensorPreset | None,
     queue: int,
     table: SimulatedSensor | None,
@@ -311,9 +311,9 @@ def _open_camera(
     if table is not None:
         connect = partial(SimulatedCamera, table, lit_between)
     else:
-        connect = partial(open_capture, driver.camera, driver.library, colour=wanted.colour)
-        wanted = wanted if preset is None else with_preset(wanted, preset)
-    camera = Camera(connect, wanted, queue=queue, timeout=driver.timeout_s, once=once)
+        connect = partial(open_capture, driver.camera, driver.library, colour=settings.colour)
+        settings = settings if preset is None else with_preset(settings, preset)
+    camera = Camera(connect, settings, queue=queue, timeout=driver.timeout_s, once=once)
     try:
         camera.check(START_S, driver.camera)
     except BaseException:

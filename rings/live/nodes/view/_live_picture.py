@@ -148,11 +148,11 @@ def _drawn(layer: Layer | None, grey: Picture, lights: Lights) -> tuple[Picture,
 def colour_height(height: Height, top: float) -> Picture:
     """Heights as colours from dark (0) to light (`top`, mm); grey where not finite."""
     # The mean shows faster than a mask whether there is any NaN.
-    known = np.isfinite(height) if not np.isfinite(height.mean()) else None
-    finite = height if known is None else np.where(known, height, 0)
+    is_known = np.isfinite(height) if not np.isfinite(height.mean()) else None
+    finite = height if is_known is None else np.where(is_known, height, 0)
     coloured = _colours()[cv2.convertScaleAbs(np.maximum(finite, 0), alpha=255 / top)]
-    if known is not None:
-        coloured[~known] = UNKNOWN_RGB
+    if is_known is not None:
+        coloured[~is_known] = UNKNOWN_RGB
     return coloured
 
 

@@ -64,12 +64,12 @@ def preview(
         If a window is requested but impossible, the folder cannot be written when the preview
         begins, or the touch has no such layer.
     """
-    shown = session.keep(lambda: _Preview(_open_screen(where, folder), 1 / rate_hz))
-    shown.count(touch)
-    if shown.is_due():
-        top = top_mm or shown.top_of(touch.height)
-        picture = draw_touch(touch, top, shown.footer(touch.state), lights, layer)
-        shown.show(picture)
+    screen = session.keep(lambda: _Preview(_open_screen(where, folder), 1 / rate_hz))
+    screen.count(touch)
+    if screen.is_due():
+        top = top_mm or screen.top_of(touch.height)
+        picture = draw_touch(touch, top, screen.footer(touch.state), lights, layer)
+        screen.show(picture)
 
 
 class _Window:
@@ -84,20 +84,20 @@ class _Window:
     def show(self, picture: Picture) -> bool:
         """Draw a picture; return False once the user has closed the window."""
         if self._began and cv2.getWindowProperty(self.title, cv2.WND_PROP_VISIBLE) < 1:
-            return self._gone()
+            return self._window_closed()
         if not self._began:
             cv2.resizeWindow(self.title, picture.shape[1], picture.shape[0])
             self._began = True
         cv2.imshow(self.title, picture[..., ::-1])
         if cv2.waitKey(1) & 0xFF in CLOSING_KEYS:
             cv2.destroyWindow(self.title)
-            return self._gone()
+            return self._window_closed()
         return True
 
     def close(self) -> None:
         cv2.destroyAllWindows()
 
-    def _gone(self) -> bool:
+    def _window_closed(self) -> bool:
         warn("preview: the window was closed; the stream goes on without it")
         return False
 

@@ -82,8 +82,8 @@ def calibrate_force(
         If results and forces do not match, a press shows no contact, or presses are too few or too
         alike, or the modulus is not that of a gel.
     """
-    told = _forces(results, forces, force_n)
-    presses, known = _presses(results, told), np.array([*told.values()])
+    by_name = _forces(results, forces, force_n)
+    presses, newtons = _presses(results, by_name), np.array([*by_name.values()])
     if thickness_mm is None and len(presses) < MIN_PRESSES:
         raise InputError(
             f"{results}: {len(presses)} presses do not tell modulus and thickness apart: measure "
@@ -91,7 +91,7 @@ def calibrate_force(
         )
 
     def moduli(thickness: float) -> F8:
-        return known / np.array([_force(press, thickness, poisson).newtons for press in presses])
+        return newtons / np.array([_force(press, thickness, poisson).newtons for press in presses])
 
     def spread_at(log: float) -> float:
         return float(np.std(np.log(moduli(float(np.exp(log))))))
@@ -135,7 +135,7 @@ def calibrate_force(
     if len(each) > 1:
         others = (each.sum() - each) / (len(each) - 1)
         off = others / each - 1
-        figures["held_out_n"] = float(np.sqrt(np.mean((off * known) ** 2)))
+        figures["held_out_n"] = float(np.sqrt(np.mean((off * newtons) ** 2)))
         figures["held_out_percent"] = 100 * float(np.sqrt(np.mean(off**2)))
         errs = np.array([force.deviation / force.newtons for force in at])
         fitted = thickness_mm is None
@@ -171,12 +171,12 @@ def _forces(
     if (forces is None) == (force_n is None):
         raise InputError("give `forces`=CSV or `force_n`=NUMBERS, one of both")
     if forces is not None:
-        told = _read_forces(forces)
-        missing = [name for name in told if name not in names]
-        if missing or not told:
+        by_name = _read_forces(forces)
+        missing = [name for name in by_name if name not in names]
+        if missing or not by_name:
             what = f"no result is called {missing[0]}" if missing else "names no force"
             raise InputError(f"{forces}: {what}; {results} holds {len(names)} results")
-        return told
+        return by_name
     assert force_n is not None
     if len(names) != len(force_n):
         raise InputError(
@@ -200,10 +200,10 @@ def _read_forces(file: Path) -> dict[str, float]:
             f"{file}: needs the columns name and {FORCE_COLUMN}, and a number of newtons in each "
             "row"
         ) from None
-    told = dict(rows)
-    if len(told) < len(rows) or not all(0 < newtons < np.inf for newtons in told.values()):
+    by_name = dict(rows)
+    if len(by_name) < len(rows) or not all(0 < newtons < np.inf for newtons in by_name.values()):
         raise InputError(f"{file}: each name needs one row, with a force above 0 N")
-    return told
+    return by_name
 
 
 def _presses(results: Path, names: Iterable[str]) -> Sequence[tuple[F4, Contacts, float]]:
@@ -234,9 +234,9 @@ def _force(press: tuple[F4, Contacts, float], thickness: float, poisson: float) 
     gel = {"modulus_kpa": 1.0, "thickness_mm": thickness, "poisson": poisson}
     wider = cv2.dilate(contact, np.ones((2 * CELL_PX + 1,) * 2, np.uint8))
     exact = np.zeros_like(height)
-    known = {"cell_px": CELL_PX, "most": MAX_CONTACTS}
-    figures = press_to_pressure(height, contact, pixel, exact, **gel, **known).figures
-    farther = press_to_pressure(height, wider, pixel, **gel, **known).figures
+    settings = {"cell_px": CELL_PX, "most": MAX_CONTACTS}
+    figures = press_to_pressure(height, contact, pixel, exact, **gel, **settings).figures
+    farther = press_to_pressure(height, wider, pixel, **gel, **settings).figures
     total, deviation = (_total(figures, each) for each in ("n", "sd_n"))
     return _Force(total, deviation, _total(farther, "n") - total)
 

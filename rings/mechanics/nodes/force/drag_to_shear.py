@@ -108,16 +108,16 @@ def drag_to_shear(
     ``contact_shear_sd_x_n/c1`` and so on.
     """
     markers = marker_places(height, tracks, pixel, view)
-    seen = (tracks.seen > 0) & markers.inside
+    is_tracked = (tracks.seen > 0) & markers.inside
     largest = largest_contacts(contact, most)
-    count = np.bincount(contact[markers.pixel][seen], minlength=256)
+    count = np.bincount(contact[markers.pixel][is_tracked], minlength=256)
     count[0] = 0
     contact = np.where(count[contact] >= MIN_MARKERS, contact, np.uint8(0))
     if not contact.any():
         return ShearForce(np.zeros((2, *height.shape), np.float32), {})
     side_px = int(np.ceil(np.sqrt(np.count_nonzero(contact) / MAX_CELLS)))
     cells = _cells(height, contact, pressure, pixel, view or View(), side_px)
-    place, rest = markers.place[seen, :2], markers.rest[seen]
+    place, rest = markers.place[is_tracked, :2], markers.rest[is_tracked]
     table = _table(thickness_mm, poisson, side_px * pixel, pixel * float(np.hypot(*height.shape)))
     by_shear, by_pressure = _moved(place, cells, table)
     drag = (place - rest).T.ravel() - by_pressure @ cells.pressure / modulus_kpa
@@ -227,9 +227,9 @@ def _likeliest(answer: F8, drag: F8, cells: _Cells, sums: F8, error: float) -> t
     # A shear below the noise is indistinguishable from none.
     size = max(drag @ drag - noise, noise * np.sqrt(2 / len(drag))) / np.trace(spread)
     factor = cho_factor(size * spread + error**2 * np.eye(len(drag)), overwrite_a=True)
-    known = size * carried @ summed.T
-    solved = cho_solve(factor, np.column_stack([drag, known]))
+    cross_covariance = size * carried @ summed.T
+    solved = cho_solve(factor, np.column_stack([drag, cross_covariance]))
     misfit = max(1.0, float(drag @ solved[:, 0]) / len(drag))
-    residual = size * np.sum(summed**2, axis=1) - np.sum(known * solved[:, 1:], axis=0)
+    residual = size * np.sum(summed**2, axis=1) - np.sum(cross_covariance * solved[:, 1:], axis=0)
     shear = size * (solved[:, 0] @ carried).reshape(2, -1) @ root.T
     return shear.ravel(), np.sqrt(misfit * residual)

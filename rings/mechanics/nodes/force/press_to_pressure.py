@@ -108,8 +108,8 @@ def press_to_pressure(
     by_cell = layer.pressure(place.cells(height, cell_px), place.cells(contact > 0, cell_px))
     size = by_cell.shape[1] * cell_px, by_cell.shape[0] * cell_px
     enlarged = np.asarray(cv2.resize(by_cell, size, interpolation=cv2.INTER_LINEAR), np.float32)
-    seen = place.seen(enlarged[: height.shape[0], : height.shape[1]])
-    pressure = np.where(contact > 0, seen, np.float32(0))
+    in_view = place.as_seen(enlarged[: height.shape[0], : height.shape[1]])
+    pressure = np.where(contact > 0, in_view, np.float32(0))
     figures = _figures(pressure, contact, numbers, pixel**2 * place.areas)
     if error is not None:
         cells = place.cells(height, cell_px), by_cell, place.cells(error, cell_px)
@@ -137,7 +137,7 @@ class _Place:
             )
         return in_cells(np.nan_to_num(plane), side)
 
-    def seen(self, plane: F4) -> F4:
+    def as_seen(self, plane: F4) -> F4:
         """A map on an even grid, as seen."""
         if self._places is None:
             return plane
@@ -168,7 +168,7 @@ def _deviations(
     inside, wide_in = place.cells(contact > 0, side), place.cells(wider > 0, side)
     wide = layer.pressure(height, wide_in)
     strayed = layer.strayed(height, inside * pressure)
-    found: Metrics = {}
+    deviations: Metrics = {}
     for name in [name for name in figures if name.startswith("contact_force_n/")]:
         number = int(name.rpartition("/c")[2])
         part = place.cells(contact == number, side)
@@ -177,10 +177,10 @@ def _deviations(
         chance = force_deviation(by_height * stated, layer.k)
         causes = [edge, chance, *(float((by_height * each).sum()) for each in strayed)]
         of_modulus = modulus_error * figures[name]
-        found[f"contact_force_sd_n/c{number}"] = float(
+        deviations[f"contact_force_sd_n/c{number}"] = float(
             np.hypot(cell_n * np.linalg.norm(causes), of_modulus)
         )
-    return found
+    return deviations
 
 
 def _figures(

@@ -37,21 +37,21 @@ def fill_masked(
     radius_px : radius of the surroundings; pixels with nothing known there stay, too
     """
     away, taps = _taps(radius_px)
-    known = (mask > 0).astype(np.float32)
-    total = _spread(known, taps, taps)
+    unmasked = (mask > 0).astype(np.float32)
+    total = _spread(unmasked, taps, taps)
     empty = (mask == 0) & (total > MIN_KNOWN_SHARE)
     near = np.maximum(total, MIN_KNOWN_SHARE)
 
     def mean(plane: F4, in_x: F4, in_y: F4) -> F4:
-        weighted = _spread(plane * known, taps * in_x, taps * in_y)
+        weighted = _spread(plane * unmasked, taps * in_x, taps * in_y)
         return np.asarray(weighted / near, np.float32)
 
     one, square = np.ones_like(away), away * away
-    plain = np.ones_like(known)
+    plain = np.ones_like(unmasked)
     x, y = mean(plain, away, one), mean(plain, one, away)
-    held = np.float32(TILT_REGULARISATION * (radius_px / 2) ** 2)
-    xx = mean(plain, square, one) - x * x + held
-    yy = mean(plain, one, square) - y * y + held
+    ridge = np.float32(TILT_REGULARISATION * (radius_px / 2) ** 2)
+    xx = mean(plain, square, one) - x * x + ridge
+    yy = mean(plain, one, square) - y * y + ridge
     xy = mean(plain, away, away) - x * y
     inverse = np.float32(1) / (xx * yy - xy * xy)
     filled = light.copy()
@@ -84,5 +84,5 @@ def _launch(run: Launch) -> None:
     taps = run.keep(weights.tobytes(), lambda: run.put(weights))
     sizes = tuple(run.sizes[symbol] for symbol in "KHW")
     planes = run.inputs["light"], run.inputs["mask"], taps, run.outputs["fill_masked"]
-    held = TILT_REGULARISATION * (radius / 2) ** 2
-    run.kernel("fill_masked", sizes, *planes, *sizes, radius, float(MIN_KNOWN_SHARE), held)
+    ridge = TILT_REGULARISATION * (radius / 2) ** 2
+    run.kernel("fill_masked", sizes, *planes, *sizes, radius, float(MIN_KNOWN_SHARE), ridge)

@@ -42,9 +42,9 @@ def find_markers(
     )
     left, top, wide, high, area = stats[:, :5].T
     inside = (left > 0) & (top > 0) & (left + wide < columns) & (top + high < rows)
-    kept = inside & (area >= smallest_px) & (area <= largest_px)
-    kept[0] = False
-    spots = np.flatnonzero(kept)
+    is_marker = inside & (area >= smallest_px) & (area <= largest_px)
+    is_marker[0] = False
+    spots = np.flatnonzero(is_marker)
     # The skirt of a spot counts, too: if it is cut off at the threshold, the centroid jumps.
     grown = np.asarray(cv2.dilate(labels.astype(np.uint16), np.ones((3, 3), np.uint8)), np.intp)
     places = np.reshape(center_of_mass(darkness.astype(np.float64), grown, spots), (-1, 2))

@@ -41,10 +41,10 @@ def _launch(run: Launch) -> None:
     """Highest along rows and columns, then lowest, then the ratio."""
     sizes = tuple(run.sizes[symbol] for symbol in "KHW")
     light, radius = run.inputs["light"], (int(run.settings["width_px"]) | 1) // 2
-    here, there = run.scratch(sizes), run.scratch(sizes)
-    run.kernel("extreme_along", sizes, light, here, *sizes, radius, 1, 1)
-    run.kernel("extreme_along", sizes, here, there, *sizes, radius, 0, 1)
-    run.kernel("extreme_along", sizes, there, here, *sizes, radius, 1, 0)
-    run.kernel("extreme_along", sizes, here, there, *sizes, radius, 0, 0)
+    first, second = run.scratch(sizes), run.scratch(sizes)
+    run.kernel("extreme_along", sizes, light, first, *sizes, radius, 1, 1)
+    run.kernel("extreme_along", sizes, first, second, *sizes, radius, 0, 1)
+    run.kernel("extreme_along", sizes, second, first, *sizes, radius, 1, 0)
+    run.kernel("extreme_along", sizes, first, second, *sizes, radius, 0, 0)
     out = run.outputs["marker_darkness"]
-    run.kernel("darkness", sizes[1:], light, there, out, *sizes, float(MIN_LIGHT))
+    run.kernel("darkness", sizes[1:], light, second, out, *sizes, float(MIN_LIGHT))

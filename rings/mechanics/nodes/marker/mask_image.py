@@ -18,10 +18,10 @@ def mask_image(light: Light, mask: Mask, *, outside: float = 1.0) -> Light:
     mask : H x W; any value but 0 keeps the pixel
     outside : the light elsewhere; 1 is the film at rest, once divided by the flat field
     """
-    kept = np.full_like(light, outside)
-    for plane, masked in zip(light, kept, strict=True):
+    masked_light = np.full_like(light, outside)
+    for plane, masked in zip(light, masked_light, strict=True):
         cv2.copyTo(plane, mask, masked)
-    return kept
+    return masked_light
 
 
 mask_image.opencl(grid="K H W")

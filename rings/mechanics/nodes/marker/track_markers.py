@@ -70,16 +70,18 @@ def track_markers(
     distances = np.asarray(cKDTree(places).query(places, 2)[0])
     pitch = float(np.median(distances[:, 1]))
     start = None if before is None or before.shape != (len(places), 2) else before.astype(float)
-    shift, seen = _follow(places, spots, pitch, farthest * pitch, start)
-    tracks = MarkerTracks(markers, shift.astype(np.float32), seen)
-    return Tracks(tracks, _figures(shift, seen, pixel))
+    shift, matched = _follow(places, spots, pitch, farthest * pitch, start)
+    tracks = MarkerTracks(markers, shift.astype(np.float32), matched)
+    return Tracks(tracks, _figures(shift, matched, pixel))
 
 
-def _figures(shift: F8 | F4, seen: NDArray[np.generic], pixel: float) -> Metrics:
-    length = np.hypot(shift[:, 0], shift[:, 1])[np.asarray(seen) > 0] * pixel
+def _figures(shift: F8 | F4, matched: NDArray[np.generic], pixel: float) -> Metrics:
+    length = np.hypot(shift[:, 0], shift[:, 1])[np.asarray(matched) > 0] * pixel
     return {
         "markers": float(len(shift)),
-        "markers_seen_percent": 100 * float(np.mean(np.asarray(seen) > 0)) if len(shift) else 0.0,
+        "markers_seen_percent": 100 * float(np.mean(np.asarray(matched) > 0))
+        if len(shift)
+        else 0.0,
         "marker_shift_mm": float(length.max()) if length.size else 0.0,
         "marker_shift_mean_mm": float(length.mean()) if length.size else 0.0,
     }
@@ -89,36 +91,36 @@ def _follow(
     places: F8, spots: F8, pitch: float, farthest: float, before: F8 | None
 ) -> tuple[F8, U1]:
     """Match markers with spots, proceeding from sure markers to their neighbours."""
-    tree, taken = cKDTree(spots), np.zeros(len(spots), bool)
+    tree, is_assigned = cKDTree(spots), np.zeros(len(spots), bool)
     pairs = cKDTree(places).query_pairs(NEIGHBOUR_PITCHES * pitch, output_type="ndarray")
     near = np.zeros((len(places), len(places)), bool)
     near[pairs[:, 0], pairs[:, 1]] = near[pairs[:, 1], pairs[:, 0]] = True
-    shift, known = np.zeros_like(places), np.zeros(len(places), bool)
-    seen = np.zeros(len(places), np.uint8)
+    shift, is_settled = np.zeros_like(places), np.zeros(len(places), bool)
+    matched = np.zeros(len(places), np.uint8)
 
     def settle(i: int, expected: F8, most: float) -> None:
         away, spot = tree.query(places[i] + expected)
-        seen[i] = away < most and not taken[spot]
-        shift[i] = spots[spot] - places[i] if seen[i] else expected
-        taken[spot] |= bool(seen[i])
+        matched[i] = away < most and not is_assigned[spot]
+        shift[i] = spots[spot] - places[i] if matched[i] else expected
+        is_assigned[spot] |= bool(matched[i])
 
     if before is None:
         inwards = np.minimum(places - places.min(axis=0), places.max(axis=0) - places).min(axis=1)
         for i in np.flatnonzero(inwards < RIM_PITCHES * pitch).tolist():
             settle(i, np.zeros(2), MAX_RIM_SHIFT_PITCHES * pitch)
-        known |= seen > 0
-    if not known.any():
+        is_settled |= matched > 0
+    if not is_settled.any():
         # The whole film has moved: the nearest spots are the only start.
         for i, expected in enumerate(np.zeros_like(places) if before is None else before):
             settle(i, expected, farthest)
-        known[:] = True
-    sure = near[:, known].sum(axis=1)
-    while not known.all():
-        i = int(np.where(known, -1, sure).argmax())
-        settle(i, _expected(places, shift, i, np.flatnonzero(near[i] & known)), farthest)
-        known[i] = True
+        is_settled[:] = True
+    sure = near[:, is_settled].sum(axis=1)
+    while not is_settled.all():
+        i = int(np.where(is_settled, -1, sure).argmax())
+        settle(i, _expected(places, shift, i, np.flatnonzero(near[i] & is_settled)), farthest)
+        is_settled[i] = True
         sure += near[i]
-    return shift, seen
+    return shift, matched
 
 
 def _expected(places: F8, shift: F8, i: int, sure: NDArray[np.intp]) -> F8:

@@ -59,15 +59,15 @@ class Spectra:
     ) -> list[Match]:
         """Match this surface, turned step by step, with each of the others."""
         turns = int(turn_deg / STEP_DEG)
-        found: list[list[tuple[float, F8]]] = [[] for _ in others]
+        candidates_by_surface: list[list[tuple[float, F8]]] = [[] for _ in others]
         for turn in np.arange(-turns, turns + 1) * STEP_DEG if others else ():
             turned = [plane.conj() for plane in self._turned(float(turn))]
-            for other, candidates in zip(others, found, strict=True):
+            for other, candidates in zip(others, candidates_by_surface, strict=True):
                 least = least_overlap * min(self.inner, other.inner)
                 score, (x, y) = self._shift(turned, other, max(least, 1))
                 motion = small_motion(np.array([x, y, 0, 0, 0, np.radians(turn)]))
                 candidates.append((score, motion))
-        return [self._likeliest(candidates) for candidates in found]
+        return [self._likeliest(candidates) for candidates in candidates_by_surface]
 
     def _shift(
         self, turned: list[NDArray[Any]], other: Spectra, least: float
@@ -108,10 +108,10 @@ def _inner(surface: Surface) -> F4:
 def _transforms(surface: Surface, turn: float, size: list[int]) -> list[NDArray[Any]]:
     """Spectra of the mask of touched cells, their curvature, and its square, turned about the
     middle."""
-    seen = surface.touched.astype(np.float32)
+    touched = surface.touched.astype(np.float32)
     height, share = (
         cv2.GaussianBlur(plane, (0, 0), SMOOTH_CELLS)
-        for plane in (np.nan_to_num(surface.height), seen)
+        for plane in (np.nan_to_num(surface.height), touched)
     )
     curved = cv2.Laplacian(height / np.maximum(share, np.float32(0.1)), cv2.CV_32F)
     inner = _inner(surface)

@@ -54,14 +54,14 @@ def solve_poses(count: int, pairs: list[Pair]) -> Poses:
     pairs = list(pairs)
     while True:
         poses = _chained(count, pairs)
-        kept = [pair for pair in pairs if pair.first in poses]
+        connected = [pair for pair in pairs if pair.first in poses]
         if len(poses) < 2:
-            return Poses(poses, {}, {}, kept)
-        poses, covariances, leans = _adjusted(poses, kept)
-        apart = [float(np.linalg.norm(_missed(poses, pair)[0])) / np.sqrt(6) for pair in kept]
+            return Poses(poses, {}, {}, connected)
+        poses, covariances, leans = _adjusted(poses, connected)
+        apart = [float(np.linalg.norm(_missed(poses, pair)[0])) / np.sqrt(6) for pair in connected]
         if max(apart) < MAX_APART:
-            return Poses(poses, covariances, leans, kept)
-        pairs.remove(kept[int(np.argmax(apart))])
+            return Poses(poses, covariances, leans, connected)
+        pairs.remove(connected[int(np.argmax(apart))])
 
 
 def _chained(count: int, pairs: list[Pair]) -> dict[int, F8]:

@@ -150,7 +150,7 @@ def _to_middle(place: tuple[F4, F4, F4], touched: NDArray[np.bool_]) -> F8:
     return carried(middle) @ np.diag([1, 1, 1, *[1 / (TURN_COST * reach)] * 3])
 
 
-class _Seen(NamedTuple):
+class _Misfit(NamedTuple):
     """Differences between the first surface and the second, moved back."""
 
     overlap: NDArray[np.bool_]
@@ -175,7 +175,7 @@ class _Seen(NamedTuple):
         )
 
 
-def _see(key: _Key, now: Surface, motion: F8, levels: F8 | None) -> _Seen | None:
+def _misfit(key: _Key, now: Surface, motion: F8, levels: F8 | None) -> _Misfit | None:
     """Compare; slopes far beyond the deviations `levels` of their rings lose weight."""
     residual = pulled_back(now, motion, *key.place, key.steepness)
     residual[~key.touched] = np.nan
@@ -197,13 +197,13 @@ def _see(key: _Key, now: Surface, motion: F8, levels: F8 | None) -> _Seen | None
     )
     # Film that hangs beside the contact does not move with it.
     inward = sums[:, ::-1].cumsum(axis=1)[:, ::-1]
-    found = np.sqrt(np.max([s[0] / np.maximum(s[1], 1e-9) for s in (sums, inward)], axis=0)) + 1e-9
+    rms = np.sqrt(np.max([s[0] / np.maximum(s[1], 1e-9) for s in (sums, inward)], axis=0)) + 1e-9
     stated = (key.surface.variance or 0.0) + (now.variance or 0.0)
-    variance = np.maximum(stated, SLOPE_VARIANCE_RATIO * found**2)
+    variance = np.maximum(stated, SLOPE_VARIANCE_RATIO * rms**2)
     least = sums[1].sum() / (sums[1] / variance).sum()
     # What it errs by is alike along a ring: no number of cells averages it.
     sure = (np.minimum(least / variance, 1) ** 2 / variance).astype(np.float32)
-    return _Seen(np.isfinite(residual), residual, slope, weight * sure[key.ring], found)
+    return _Misfit(np.isfinite(residual), residual, slope, weight * sure[key.ring], rms)
 
 
 def fit_motion(
@@ -251,28 +251,28 @@ def _fitted(key: _Key, now: Surface, guess: F8, pressed: float) -> Fit | None:
         descent = _descend(key, now, guess, still)
         if descent is None:
             return None
-        motion, seen = descent
-        covariance, is_open = _told(key, seen)
+        motion, misfit = descent
+        covariance, is_open = _observability(key, misfit)
         if still.size or not is_open.size:
             break
         still = is_open
     spread = carried(motion) @ key.to_middle
-    overlap = float(np.count_nonzero(seen.overlap) / np.count_nonzero(key.touched))
+    overlap = float(np.count_nonzero(misfit.overlap) / np.count_nonzero(key.touched))
     covariance = spread @ (covariance + _held_back(key, motion, pressed)) @ spread.T
-    likeness = _likeness(key, seen)
+    likeness = _likeness(key, misfit)
     alike = likeness > SURE_LIKENESS
     sure = (alike and _is_near(key, motion, guess)) or (
-        (alike or overlap > SURE_OVERLAP) and _is_noise(key, now, seen)
+        (alike or overlap > SURE_OVERLAP) and _is_noise(key, now, misfit)
     )
     return Fit(motion, covariance, is_open, overlap, likeness, sure)
 
 
-def _is_noise(key: _Key, now: Surface, seen: _Seen) -> bool:
+def _is_noise(key: _Key, now: Surface, misfit: _Misfit) -> bool:
     """Return whether the residual is about as large as the stated errors of both surfaces."""
     if key.surface.variance is None or now.variance is None:
         return False
     stated = key.surface.variance + now.variance
-    level = float(np.median(seen.levels[key.ring[seen.overlap]]))
+    level = float(np.median(misfit.levels[key.ring[misfit.overlap]]))
     return SLOPE_VARIANCE_RATIO * level**2 < SURE_VARIANCES * stated
 
 
@@ -290,60 +290,60 @@ def _held_back(key: _Key, motion: F8, pressed: float) -> F8:
     return np.outer(lean, lean)
 
 
-def _descend(key: _Key, now: Surface, motion: F8, still: F8) -> tuple[F8, _Seen] | None:
+def _descend(key: _Key, now: Surface, motion: F8, still: F8) -> tuple[F8, _Misfit] | None:
     """Gauss-Newton without the motions `still`, 6 x k and orthonormal."""
-    seen, free = None, null_space(still.T) if still.size else np.eye(6)
+    misfit, free = None, null_space(still.T) if still.size else np.eye(6)
     # No residual is known yet: all slopes count alike.
     deviations = None
     for _ in range(MAX_STEPS):
-        seen = _see(key, now, motion, deviations)
-        if seen is None:
+        misfit = _misfit(key, now, motion, deviations)
+        if misfit is None:
             return None
-        matrix, gradient = seen.equations(key)
+        matrix, gradient = misfit.equations(key)
         matrix += np.eye(6) / OPEN_MM**2
         step = free @ np.linalg.solve(free.T @ matrix @ free, free.T @ gradient)
         motion = motion @ small_motion(key.to_middle @ step)
         if deviations is not None and step @ gradient < MIN_STEP_VARIANCE:
             break
-        deviations = seen.levels
-    return None if seen is None else (motion, seen)
+        deviations = misfit.levels
+    return None if misfit is None else (motion, misfit)
 
 
-def _told(key: _Key, seen: _Seen) -> tuple[F8, F8]:
+def _observability(key: _Key, misfit: _Misfit) -> tuple[F8, F8]:
     """Covariance of the motions that the shape tells, and those that it leaves open (R2)."""
-    matrix, _ = seen.equations(key)
-    shares, motions = eigh(_noise_information(key, seen), matrix + np.eye(6) / OPEN_MM**2)
+    matrix, _ = misfit.equations(key)
+    shares, motions = eigh(_noise_information(key, misfit), matrix + np.eye(6) / OPEN_MM**2)
     is_open = shares > OPEN_SHARE
     # What noise tells is in the matrix, but moves nothing.
-    told = motions[:, ~is_open] / (1 - shares[~is_open])
+    axes = motions[:, ~is_open] / (1 - shares[~is_open])
     still = np.linalg.qr(motions[:, is_open])[0]
-    moved = (np.eye(6) - still @ still.T) @ told
-    return moved @ _scatter(key, seen, told) @ moved.T + OPEN_MM**2 * still @ still.T, still
+    moved = (np.eye(6) - still @ still.T) @ axes
+    return moved @ _scatter(key, misfit, axes) @ moved.T + OPEN_MM**2 * still @ still.T, still
 
 
-def _noise_information(key: _Key, seen: _Seen) -> F8:
+def _noise_information(key: _Key, misfit: _Misfit) -> F8:
     """The normal equations' matrix of a Jacobian that is noise alone.
 
     The residual holds the noise of two surfaces, the Jacobian that of one.
     """
     side = key.surface.side
-    noise = _jacobian(key.place, normals(seen.residual, side), 0.0, key.to_middle)
+    noise = _jacobian(key.place, normals(misfit.residual, side), 0.0, key.to_middle)
     slopes = _slopes(noise, side).reshape(6, -1)
-    known = np.isfinite(slopes[0]) & (seen.weight.ravel() > 0)
-    share = np.count_nonzero(known) / np.count_nonzero(seen.weight)
-    slopes = np.where(known, slopes, 0)
-    matrix = (seen.weight.ravel() * slopes) @ slopes.T
+    counted = np.isfinite(slopes[0]) & (misfit.weight.ravel() > 0)
+    share = np.count_nonzero(counted) / np.count_nonzero(misfit.weight)
+    slopes = np.where(counted, slopes, 0)
+    matrix = (misfit.weight.ravel() * slopes) @ slopes.T
     return np.asarray(matrix / (2 * max(share, 1e-9)), np.float64)
 
 
-def _scatter(key: _Key, seen: _Seen, told: F8) -> F8:
-    """Covariance of the motions `told` in units of the stated one, by the gradients of blocks; at
+def _scatter(key: _Key, misfit: _Misfit, observable: F8) -> F8:
+    """Covariance of `observable` motions in units of the stated one, by the gradients of blocks; at
     least 1 in any direction.
 
     What the film's model leaves is alike over many cells, and weighs more than the same noise.
     Half of a noise is curl, which integration has taken out.
     """
-    each = (told.T.astype(np.float32) @ key.slopes) * (seen.weight * seen.slope).ravel()
+    each = (observable.T.astype(np.float32) @ key.slopes) * (misfit.weight * misfit.slope).ravel()
     blocks = each.reshape(-1, 2, *key.touched.shape).sum(axis=1)
     for axis, size in enumerate(key.touched.shape, start=1):
         blocks = np.add.reduceat(blocks, np.arange(0, size, BLOCK_CELLS), axis)
@@ -354,11 +354,11 @@ def _scatter(key: _Key, seen: _Seen, told: F8) -> F8:
     return np.asarray((axes * np.maximum(spread, 1)) @ axes.T)
 
 
-def _likeness(key: _Key, seen: _Seen) -> float:
+def _likeness(key: _Key, misfit: _Misfit) -> float:
     """Share of the variance of the first surface's slopes that the second one has, too."""
-    pairs = seen.weight > 0
+    pairs = misfit.weight > 0
     rise = _slopes(key.place[2], key.surface.side)
     varied = sum(
         float(np.var(plane[mask])) for plane, mask in zip(rise, pairs, strict=True) if mask.any()
     )
-    return 1 - 2 * float(np.mean(seen.slope[pairs] ** 2)) / max(varied, 1e-12)
+    return 1 - 2 * float(np.mean(misfit.slope[pairs] ** 2)) / max(varied, 1e-12)

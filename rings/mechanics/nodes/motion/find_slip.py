@@ -140,8 +140,8 @@ def _slide(
     renewed = slips | rests | (judged & (lost | (state == STATE_FREE)))
     slides[judged & (state == STATE_FREE) | rests, COLUMN_STATE] = STATE_HELD
     slides[slips, COLUMN_STATE] = STATE_SLIPPING
-    held = np.column_stack([on_object[:, :2], variance])[renewed]
-    slides[renewed, : COLUMN_VARIANCE + 1] = held
+    anchor = np.column_stack([on_object[:, :2], variance])[renewed]
+    slides[renewed, : COLUMN_VARIANCE + 1] = anchor
 
 
 def _on_object(place: F8, moved: ObjectPose) -> tuple[F8, F8]:

@@ -78,36 +78,36 @@ def follow_contacts(
     Contacts H x W, tracks 254 x 6, and figures: ``contact_age/c1`` in frames;
     ``contact_speed_x_mm/c1``, ``contact_speed_y_mm/c1`` in mm per frame.
     """
-    known = np.zeros((MAX_CONTACTS, 6), np.float32) if tracks is None else tracks.copy()
+    rows = np.zeros((MAX_CONTACTS, 6), np.float32) if tracks is None else tracks.copy()
     numbers = np.unique(contact[contact > 0])
-    alive = np.flatnonzero(known[:, COLUMN_AGE] > 0)
+    alive = np.flatnonzero(rows[:, COLUMN_AGE] > 0)
     places = np.array(center_of_mass(contact > 0, contact, numbers)).reshape(-1, 2)[:, ::-1]
     earlier = np.zeros_like(contact) if before is None else before
     both = np.bincount(contact.ravel() * np.intp(256) + earlier.ravel(), minlength=256**2)
-    cost = _costs(both.reshape(256, 256), numbers, places, known[alive], alive + 1, reach)
+    cost = _costs(both.reshape(256, 256), numbers, places, rows[alive], alive + 1, reach)
     pairs = zip(*linear_sum_assignment(cost), strict=True)
     number_of = {
         int(now): int(alive[then]) for now, then in pairs if cost[now, then] < FORBIDDEN_COST
     }
-    known[alive, COLUMN_UNSEEN] += 1
-    free = iter(np.flatnonzero(known[:, COLUMN_AGE] == 0).tolist())
+    rows[alive, COLUMN_UNSEEN] += 1
+    free = iter(np.flatnonzero(rows[:, COLUMN_AGE] == 0).tolist())
     lasting = np.zeros(256, np.uint8)
     for now, number in enumerate(numbers):
         row = number_of[now] if now in number_of else next(free, None)
         if row is not None:
-            _go_on(known[row], places[now])
+            _go_on(rows[row], places[now])
             lasting[number] = row + 1
-    known[known[:, COLUMN_UNSEEN] > patience] = 0
+    rows[rows[:, COLUMN_UNSEEN] > patience] = 0
     followed = lasting[contact]
     figures: Metrics = {}
     for lasts in largest_contacts(followed, most):
-        age, _, x, y, *speed = known[lasts - 1].tolist()
+        age, _, x, y, *speed = rows[lasts - 1].tolist()
         _, stretch = seen_from_above(lens, contact.shape, x, y)
         speed_x, speed_y = pixel * stretch @ speed
         figures[f"contact_age/c{lasts}"] = age
         figures[f"contact_speed_x_mm/c{lasts}"] = float(speed_x)
         figures[f"contact_speed_y_mm/c{lasts}"] = float(speed_y)
-    return FollowedContacts(followed, known, figures)
+    return FollowedContacts(followed, rows, figures)
 
 
 def _costs(

@@ -154,24 +154,24 @@ def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
 def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
     """Heights of a recording's frames, at most twice `most` at a time; one warning of each kind."""
     graph = "replay_oneshot" if calibrated_film(calibration).one_shot else "replay"
-    given = {"recording": str(folder), "calibration": str(calibration), "speed": 0.0}
+    params = {"recording": str(folder), "calibration": str(calibration), "speed": 0.0}
     if graph == "replay":
-        given["refresh"] = "cycle"
+        params["refresh"] = "cycle"
     heights, stride, pixel = dict[int, F4](), 1, 0.0
     lens, camera = calibrated_view(calibration)
     warnings_by_kind = dict[str, str]()
-    with load(graph, given, outputs=["height", "pixel"]) as pipeline:
+    with load(graph, params, outputs=["height", "pixel"]) as pipeline:
         for number, result in enumerate(pipeline.items()):
             for line in result.warnings:
                 warnings_by_kind.setdefault(warning_kind(line), line)
             if number % stride == 0:
-                seen, pixel = result["height"].copy(), float(result["pixel"])
-                heights[number], _ = on_even_grid(seen, [], lens, camera or 0.0)
+                height_as_seen, pixel = result["height"].copy(), float(result["pixel"])
+                heights[number], _ = on_even_grid(height_as_seen, [], lens, camera or 0.0)
             if len(heights) > 2 * most:
                 stride *= 2
                 heights = {n: height for n, height in heights.items() if n % stride == 0}
     for line in warnings_by_kind.values():
         warn(line)
-    taken = [[*heights][n] for n in _spread(len(heights), most, folder, "record more touches")]
-    chosen = np.stack([heights[n] for n in taken])
-    return Touches(chosen, np.full_like(chosen, np.nan), pixel, [f"{n:05d}" for n in taken])
+    frames = [[*heights][n] for n in _spread(len(heights), most, folder, "record more touches")]
+    chosen = np.stack([heights[n] for n in frames])
+    return Touches(chosen, np.full_like(chosen, np.nan), pixel, [f"{n:05d}" for n in frames])

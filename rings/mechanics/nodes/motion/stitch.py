@@ -167,11 +167,11 @@ def stitch(
 
 def _touched(height: F4, error: F4, margin_px: int) -> NDArray[np.bool_]:
     """Mask of film that touches the object: contacts without their rims."""
-    known = np.isfinite(height)
-    stated = np.nan_to_num(error) if np.isfinite(error[known]).all() else None
+    is_known = np.isfinite(height)
+    stated = np.nan_to_num(error) if np.isfinite(error[is_known]).all() else None
     contact = find_contact(np.nan_to_num(height), stated)
     rim = np.ones((2 * margin_px + 1,) * 2, np.uint8)
-    inside = ((contact > 0) & known).view(np.uint8)
+    inside = ((contact > 0) & is_known).view(np.uint8)
     return np.asarray(cv2.erode(inside, rim, borderValue=0) > 0)
 
 
@@ -205,17 +205,17 @@ def _matched(
         likely += [(match, first, second) for match, second in zip(matches, later, strict=True)]
     likely.sort(key=lambda each: -each[0].score)
     most, partners = MIN_PARTNERS + math.ceil(math.log2(len(cells))), [0] * len(cells)
-    tried: list[tuple[Match, int, int]] = []
+    candidates: list[tuple[Match, int, int]] = []
     for each in likely:
         if min(partners[n] for n in each[1:]) < most:
-            tried.append(each)
+            candidates.append(each)
             for n in each[1:]:
                 partners[n] += 1
     pairs: list[Pair] = []
-    for number, (match, first, second) in enumerate(tried):
+    for number, (match, first, second) in enumerate(candidates):
         if time.monotonic() > end:
-            return pairs, len(tried) - number
-        tell_progress(f"pair {number + 1} of {len(tried)}, {len(pairs)} fit")
+            return pairs, len(candidates) - number
+        tell_progress(f"pair {number + 1} of {len(candidates)}, {len(pairs)} fit")
         least = least_overlap * min(sizes[first], sizes[second]) / sizes[first]
         # Contacts of a few cells, as of small balls, have no ring that is sure.
         fits = [fit_motion(cells[first], cells[second], [m], rings=False) for m in match.motions]
@@ -246,7 +246,7 @@ def _fused(
     """
     weights, total, square, astray = (np.zeros(grid.height.shape) for _ in range(4))
     heaviest, source = np.zeros_like(weights), np.zeros(weights.shape, np.uint8)
-    seen = np.zeros(weights.shape, np.int64)
+    touch_count = np.zeros(weights.shape, np.int64)
     for number, pose in poses.items():
         height, weight = _turned(
             surfaces[number], deviations[number], np.asarray(np.linalg.inv(pose)), grid
@@ -255,17 +255,17 @@ def _fused(
         total += weight * height
         square += weight * height**2
         astray += weight * _height_deviation(height, leans[number], grid)
-        seen += weight > 0
+        touch_count += weight > 0
         source[weight > heaviest] = number + 1
         heaviest = np.maximum(heaviest, weight)
-    known = weights > 0
-    mean = np.divide(total, weights, out=np.full_like(total, np.nan), where=known)
-    error = np.divide(1, weights, out=np.full_like(total, np.nan), where=known) ** 0.5
-    several = seen > 1
+    is_covered = weights > 0
+    mean = np.divide(total, weights, out=np.full_like(total, np.nan), where=is_covered)
+    error = np.divide(1, weights, out=np.full_like(total, np.nan), where=is_covered) ** 0.5
+    several = touch_count > 1
     apart = square[several] - weights[several] * mean[several] ** 2
-    freedom = max(int((seen[several] - 1).sum()), 1)
+    freedom = max(int((touch_count[several] - 1).sum()), 1)
     difference = float(np.sqrt(max(float(apart.sum()), 0.0) / freedom))
-    astray = np.divide(astray, weights, out=np.zeros_like(total), where=known)
+    astray = np.divide(astray, weights, out=np.zeros_like(total), where=is_covered)
     fused, deviation, of_poses = (p.astype(np.float32) for p in (mean, error, astray))
     return fused, deviation, of_poses, source, difference
 

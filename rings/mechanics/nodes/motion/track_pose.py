@@ -132,10 +132,10 @@ def track_pose(
     counts = memory[ROW_COUNTS] + np.array([1, 0, 0, 0, 0, 0], np.float32)
     if shared < least_overlap:
         counts[1:3] = counts[1] + 1, stated
-        kept = _memory(covariance, six_numbers(pose), np.zeros(6), counts)
+        new_memory = _memory(covariance, six_numbers(pose), np.zeros(6), counts)
         key = heights
     else:
-        kept = _memory(memory[:6], memory[ROW_KEY], six_numbers(fit.motion), counts)
+        new_memory = _memory(memory[:6], memory[ROW_KEY], six_numbers(fit.motion), counts)
     if pressed < TIGHT_SHARE:
         warn(
             "track_pose: the film is tight and hangs between few tops of what touches it (figure "
@@ -147,7 +147,7 @@ def track_pose(
             "where the figure 'pose_sure' is 0 the pose may be wrong"
         )
     figures = {"pose_overlap": shared, "pose_sure": float(fit.sure), "pose_pressed": pressed}
-    return _tracked(pose, covariance, key, kept, fit.open, figures)
+    return _tracked(pose, covariance, key, new_memory, fit.open, figures)
 
 
 def _fit(
@@ -199,7 +199,7 @@ def _begin(heights: F4, stated: float, pressed: float) -> TrackedPose:
 
 
 def _tracked(
-    motion: F8, covariance: F8, key: F4, memory: F4, is_open: F8, told: Metrics
+    motion: F8, covariance: F8, key: F4, memory: F4, is_open: F8, further: Metrics
 ) -> TrackedPose:
     """The pose in mm and degrees, what is told of it as figures, and a warning of open motions."""
     pose = IN_DEGREES * six_numbers(motion)
@@ -215,7 +215,7 @@ def _tracked(
     for axis, share in zip(POSE_AXES, np.square(is_open).sum(axis=1), strict=True):
         if share > OPEN_SHARE:
             figures[f"pose_open/{axis.rpartition('_')[0]}"] = 1.0
-    figures |= told
+    figures |= further
     figures["pose_frames"], figures["pose_keys"] = (float(n) for n in memory[ROW_COUNTS, :2])
     if is_open.size:
         # The same words in each frame, so that a stream says it once.

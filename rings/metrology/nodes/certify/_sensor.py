@@ -28,13 +28,13 @@ def certified_sensor(calibration: Path) -> CertifiedSensor:
     InputError
         If it is none, or its film is no plane at rest.
     """
-    known = read_either(calibration)
-    film = known.flat, float(known.pixel_size), known.lens
-    if isinstance(known, Calibration):
-        if known.rest is not None and known.rest.any():
+    sensor = read_either(calibration)
+    film = sensor.flat, float(sensor.pixel_size), sensor.lens
+    if isinstance(sensor, Calibration):
+        if sensor.rest is not None and sensor.rest.any():
             raise InputError(
                 f"{calibration}: its film is no plane at rest; balls, grids and ripples are "
                 "compared on planes alone"
             )
-        return CertifiedSensor(*film, float(known.blur), "precise", "drawn_ripples")
+        return CertifiedSensor(*film, float(sensor.blur), "precise", "drawn_ripples")
     return CertifiedSensor(*film, None, "gelsight_mini", "drawn_ripples_oneshot")

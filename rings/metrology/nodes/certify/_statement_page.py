@@ -48,11 +48,11 @@ def _characteristics(entries: Sequence[Mapping[str, Any]]) -> str:
     head = "<tr><th>characteristic</th><th></th><th>unit</th><th>by</th><th>what it is</th></tr>"
     lines = []
     for entry in entries:
-        known = entry["value"] is not None
-        value = f"{entry['value']:.4g}" if known else "not measured"
+        has_value = entry["value"] is not None
+        value = f"{entry['value']:.4g}" if has_value else "not measured"
         cells = (entry["name"], value, entry["unit"], entry["how"] or "", entry["meaning"])
         name, number, *others = (escape(cell) for cell in cells)
-        kind = "number" if known else "blank"
+        kind = "number" if has_value else "blank"
         rest = "".join(f"<td>{cell}</td>" for cell in others)
         lines.append(f'<tr><td>{name}</td><td class="{kind}">{number}</td>{rest}</tr>')
     return f"<table>{head}{''.join(lines)}</table>"
@@ -82,9 +82,9 @@ def _budget(rows: Sequence[BudgetRow], figures: Metrics) -> str:
             f"({figures['uncertainty_relative']:.3g} z)^2). By drawing (GUM S1) "
             f"{figures['monte_carlo_um']:.3g} um, which {agrees} to two digits of u.</p>"
         )
-    if (held := figures.get("held_out_percent")) is not None:
+    if (percent := figures.get("held_out_percent")) is not None:
         text += (
-            f"<p>Of points of shapes that were held out {held:.1f} % (standard uncertainty "
+            f"<p>Of points of shapes that were held out {percent:.1f} % (standard uncertainty "
             f"{figures['held_out_error_percent']:.1f} %, as shapes differ) lie within the "
             "intervals of the budget that the others give.</p>"
         )

@@ -74,13 +74,13 @@ def compare_shapes(
     if height is None or pixel is None:
         return Compared()
     parts: list[tuple[F8, ...]] = []
-    for number, found in enumerate(height):
-        stated = np.full(found.shape, np.nan) if error is None else error[number]
-        known = None if truth is None else truth[number]
-        if known is not None and np.isfinite(known).any():
-            shapes = [_by_truth(found, stated, known, zero)]
+    for number, measured in enumerate(height):
+        stated = np.full(measured.shape, np.nan) if error is None else error[number]
+        truth_of_touch = None if truth is None else truth[number]
+        if truth_of_touch is not None and np.isfinite(truth_of_touch).any():
+            shapes = [_by_truth(measured, stated, truth_of_touch, zero)]
         elif ball_radius_mm is not None:
-            shapes = list(_by_balls(found, stated, ball_radius_mm / float(pixel), float(pixel)))
+            shapes = list(_by_balls(measured, stated, ball_radius_mm / float(pixel), float(pixel)))
         else:
             raise InputError(
                 "the captures hold no truth_height_mm.npy, so their shape is not known; of balls "
@@ -100,26 +100,28 @@ def compare_shapes(
     return Compared(true, points, doubt, shape.astype(np.int32), touch.astype(np.int32))
 
 
-def _by_truth(found: F4, stated: F4, truth: F4, zero: str) -> Pairs:
+def _by_truth(measured: F4, stated: F4, truth: F4, zero: str) -> Pairs:
     """Where something touches, or all of an object that fills the frame."""
-    known = np.isfinite(truth) & np.isfinite(found)
-    true, height = truth.astype(np.float64), found.astype(np.float64)
+    is_known = np.isfinite(truth) & np.isfinite(measured)
+    true, height = truth.astype(np.float64), measured.astype(np.float64)
     if zero == "plane":
-        terms = np.stack(np.broadcast_arrays(*plane_terms(*found.shape)), axis=-1)[known]
-        height[known] -= terms @ weighted_plane(terms, (height - true)[known], np.ones(len(terms)))
+        terms = np.stack(np.broadcast_arrays(*plane_terms(*measured.shape)), axis=-1)[is_known]
+        height[is_known] -= terms @ weighted_plane(
+            terms, (height - true)[is_known], np.ones(len(terms))
+        )
     if zero == "rest":
-        known &= truth > 0
-        return true[known], height[known], stated[known].astype(np.float64)
-    return _above_mean(true[known], height[known], stated[known])
+        is_known &= truth > 0
+        return true[is_known], height[is_known], stated[is_known].astype(np.float64)
+    return _above_mean(true[is_known], height[is_known], stated[is_known])
 
 
-def _above_mean(true: F8, found: F8, stated: F4) -> Pairs:
-    return true - true.mean(), found - found.mean(), stated.astype(np.float64)
+def _above_mean(true: F8, measured: F8, stated: F4) -> Pairs:
+    return true - true.mean(), measured - measured.mean(), stated.astype(np.float64)
 
 
-def _by_balls(found: F4, stated: F4, radius: float, pixel: float) -> Iterator[Pairs]:
+def _by_balls(measured: F4, stated: F4, radius: float, pixel: float) -> Iterator[Pairs]:
     """The caps of all balls that lie whole in the frame; `radius` in px."""
-    height = found.astype(np.float64) / pixel
+    height = measured.astype(np.float64) / pixel
     smooth = gaussian_filter(height, SMOOTH_SHARE * radius)
     tops = smooth == maximum_filter(smooth, size=2 * int(radius / 2) + 1)
     tops &= smooth > TOP_SHARE * smooth.max()
@@ -127,7 +129,7 @@ def _by_balls(found: F4, stated: F4, radius: float, pixel: float) -> Iterator[Pa
         reach = TOUCHED_SHARE * radius * min(1.0, np.sqrt(smooth[row, column] / radius))
         if (inside := _cap(height, column, row, radius, reach)) is not None:
             at, shape = inside
-            yield _above_mean(pixel * shape, found[at].astype(np.float64), stated[at])
+            yield _above_mean(pixel * shape, measured[at].astype(np.float64), stated[at])
 
 
 def _cap(

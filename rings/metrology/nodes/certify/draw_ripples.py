@@ -55,8 +55,8 @@ def _rippled(rng: np.random.Generator, size: tuple[int, ...], pixel: float) -> F
     rows, columns = (2 * side + 1 for side in size)
     u, v = np.fft.rfftfreq(columns), np.fft.fftfreq(rows)[:, None]
     cycles = np.hypot(u, v)  # per half pixel
-    shown = (cycles > 2 / min(rows, columns)) & (cycles <= 1 / 4)
-    wave = np.where(shown, 1 / np.maximum(cycles, 1e-12), 0.0)
+    resolved = (cycles > 2 / min(rows, columns)) & (cycles <= 1 / 4)
+    wave = np.where(resolved, 1 / np.maximum(cycles, 1e-12), 0.0)
     height = np.fft.irfft2(
         np.fft.rfft2(rng.standard_normal((rows, columns))) * wave, s=(rows, columns)
     )

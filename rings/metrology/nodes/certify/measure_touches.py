@@ -50,21 +50,23 @@ def measure_touches(
     """
     if captures is None:
         return Touches()
-    given: dict[str, Any] = {"capture": str(captures), "calibration": str(calibration)}
+    params: dict[str, Any] = {"capture": str(captures), "calibration": str(calibration)}
     outputs = {"truth": "truth", "pixel": "cal.pixel_size"}
     chosen = graph or certified_sensor(calibration).graph
-    asked = {"format": 1, "extends": [chosen], "outputs": outputs}
-    with load(asked, given | ({"crop": crop} if crop else {})) as pipeline:
-        found = [result.outputs for result in pipeline.items()]
-    heights = [touch["height"] for touch in found]
+    graph_text = {"format": 1, "extends": [chosen], "outputs": outputs}
+    with load(graph_text, params | ({"crop": crop} if crop else {})) as pipeline:
+        touches = [result.outputs for result in pipeline.items()]
+    heights = [touch["height"] for touch in touches]
     if len({height.shape for height in heights}) > 1:
         raise InputError(f"{captures}: holds captures of several sizes; certify each by itself")
 
     def stacked(name: str) -> F4 | None:
-        known = [touch.get(name) for touch in found]
-        if all(each is None for each in known):
+        arrays = [touch.get(name) for touch in touches]
+        if all(each is None for each in arrays):
             return None
         nothing = np.full(heights[0].shape, np.nan, np.float32)
-        return np.stack([nothing if each is None else each for each in known])
+        return np.stack([nothing if each is None else each for each in arrays])
 
-    return Touches(np.stack(heights), stacked("error"), stacked("truth"), float(found[0]["pixel"]))
+    return Touches(
+        np.stack(heights), stacked("error"), stacked("truth"), float(touches[0]["pixel"])
+    )

@@ -56,14 +56,14 @@ def response_curve(compared: Compared) -> Response:
         ``height_range_um``, over which these hold; ``known_shapes``, ``known_touches``;
         of two touches or more ``reproducibility_percent`` of a height.
     """
-    true, found, _, shape, touch = compared
-    if true is None or found is None or shape is None or touch is None:
+    true, measured, _, shape, touch = compared
+    if true is None or measured is None or shape is None or touch is None:
         return Response({})
-    parts = response_parts(true, found, shape)
+    parts = response_parts(true, measured, shape)
     figures: Metrics = {
         "amplification_coefficient": parts.amplification,
         "linearity_deviation_um": UM_PER_MM * parts.linearity,
-        "topography_fidelity_um": UM_PER_MM * float(np.sqrt(np.mean(np.square(found - true)))),
+        "topography_fidelity_um": UM_PER_MM * float(np.sqrt(np.mean(np.square(measured - true)))),
         "height_range_um": UM_PER_MM * float(np.ptp(true)),
         "known_shapes": float(len(parts.shapes)),
         "known_touches": float(len(np.unique(touch))),
@@ -76,12 +76,12 @@ def response_curve(compared: Compared) -> Response:
     return Response(figures, parts.curve)
 
 
-def response_parts(true: F8, found: F8, shape: NDArray[np.int32]) -> Parts:
+def response_parts(true: F8, measured: F8, shape: NDArray[np.int32]) -> Parts:
     """Amplification, linearity and residuals of points; shapes need not be numbered from 0."""
     _, of = np.unique(shape, return_inverse=True)
-    apart = found - true
-    amplification = float(true @ found / (true @ true))
-    by_shape = np.bincount(of, true * found) / np.bincount(of, true * true)
+    apart = measured - true
+    amplification = float(true @ measured / (true @ true))
+    by_shape = np.bincount(of, true * measured) / np.bincount(of, true * true)
     edges = np.quantile(true, np.linspace(0, 1, LEVEL_COUNT + 1))
     level = np.clip(np.searchsorted(edges, true, side="right") - 1, 0, LEVEL_COUNT - 1)
     count = np.maximum(np.bincount(level, minlength=LEVEL_COUNT), 1)
@@ -89,7 +89,7 @@ def response_parts(true: F8, found: F8, shape: NDArray[np.int32]) -> Parts:
     spread = np.sqrt(np.bincount(level, np.square(apart - mean[level]), LEVEL_COUNT) / count)
     line = np.polynomial.Polynomial.fit(middle, mean, 1)
     linearity = float(np.abs(mean - line(middle)).max())
-    residual = found - by_shape[of] * true
+    residual = measured - by_shape[of] * true
     curve = np.stack([middle, mean, spread])
     return Parts(amplification, by_shape, of, curve, linearity, residual)
 

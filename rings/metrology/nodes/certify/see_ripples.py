@@ -34,10 +34,10 @@ def see_ripples(
     if not count:
         return Touches()
     sensor = certified_sensor(calibration)
-    given: dict[str, Any] = {"calibration": str(calibration), "count": count, "seed": seed}
-    given["blur_px"] = sensor.blur or 0.0
-    asked = {"format": 1, "extends": [graph or sensor.graph, sensor.ripples]}
-    with load(asked, given, outputs=["height", "truth"]) as pipeline:
-        found = [result.outputs for result in pipeline.items()]
-    height, truth = (np.stack([each[name] for each in found]) for name in ("height", "truth"))
+    params: dict[str, Any] = {"calibration": str(calibration), "count": count, "seed": seed}
+    params["blur_px"] = sensor.blur or 0.0
+    graph_text = {"format": 1, "extends": [graph or sensor.graph, sensor.ripples]}
+    with load(graph_text, params, outputs=["height", "truth"]) as pipeline:
+        touches = [result.outputs for result in pipeline.items()]
+    height, truth = (np.stack([each[name] for each in touches]) for name in ("height", "truth"))
     return Touches(height, None, truth, sensor.pixel)

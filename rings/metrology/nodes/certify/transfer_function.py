@@ -46,13 +46,13 @@ def transfer_function(
         return Transfer({})
     rows, columns = truth.shape[1:]
     window = np.outer(np.hanning(rows), np.hanning(columns))
-    found, true = (_spectrum(each, window) for each in (height, truth))
+    measured, true = (_spectrum(each, window) for each in (height, truth))
     u, v = np.fft.rfftfreq(columns), np.fft.fftfreq(rows)[:, None]
     side = min(rows, columns)
     ring = np.rint(np.hypot(u, v) * side).astype(int)
     inside = (ring > 1) & (ring <= NYQUIST_FREQUENCY * side)
     power = np.bincount(ring[inside], np.square(np.abs(true)).sum(0)[inside])
-    shared = np.bincount(ring[inside], (true.conj() * found).real.sum(0)[inside])
+    shared = np.bincount(ring[inside], (true.conj() * measured).real.sum(0)[inside])
     numbers = np.flatnonzero(power > 0)
     response, cycles = shared[numbers] / power[numbers], numbers / side
     lower = np.flatnonzero(response < CUT_OFF_SHARE)

@@ -88,8 +88,8 @@ def uncertainty_budget(
     """
     reference = radius_error_um / UM_PER_MM / radius_mm if radius_error_um and radius_mm else None
     rows = _rows(compared, noise, flatness, reference)
-    true, found, stated, shape, _ = compared
-    if true is None or found is None or shape is None:
+    true, measured, stated, shape, _ = compared
+    if true is None or measured is None or shape is None:
         return Budget(rows, {})
     top = UM_PER_MM * float(np.abs(true).max())
     constant, relative = (float(np.sqrt(_variances(rows, z).sum())) for z in (0.0, 1.0))
@@ -107,12 +107,15 @@ def uncertainty_budget(
         "monte_carlo_um": drawn,
         "monte_carlo_agrees": abs(drawn - expanded) <= factor * _last_digit(standard) / 2,
     }
-    held = _held_out(compared, noise, flatness, reference)
-    if held is not None:
-        figures["held_out_percent"], figures["held_out_error_percent"] = held
+    held_out = _held_out(compared, noise, flatness, reference)
+    if held_out is not None:
+        figures["held_out_percent"], figures["held_out_error_percent"] = held_out
     if stated is not None and np.isfinite(stated).any():
-        known = stated > 0
-        within = np.abs(found - true)[known] <= norm.ppf((1 + COVERED_SHARE) / 2) * stated[known]
+        is_stated = stated > 0
+        within = (
+            np.abs(measured - true)[is_stated]
+            <= norm.ppf((1 + COVERED_SHARE) / 2) * stated[is_stated]
+        )
         figures["stated_error_percent"] = 100 * float(within.mean())
     return Budget(rows, figures)
 
@@ -123,15 +126,15 @@ def _rows(
     n, f = noise.get("measurement_noise_um"), flatness.get("flatness_rms_um")
     amplification = linearity = fidelity = None
     shapes = np.inf
-    true, found, _, shape, _ = compared
-    if true is not None and found is not None and shape is not None:
-        parts = response_parts(true, found, shape)
+    true, measured, _, shape, _ = compared
+    if true is not None and measured is not None and shape is not None:
+        parts = response_parts(true, measured, shape)
         shapes = float(len(parts.shapes))
         amplification = float(np.sqrt(np.mean(np.square(parts.shapes - 1))))
         linearity = UM_PER_MM * parts.linearity / np.sqrt(3)
         square = UM_PER_MM**2 * float(np.mean(np.square(parts.left)))
-        known = (n or 0.0) ** 2 + (f or 0.0) ** 2 + linearity**2
-        fidelity = float(np.sqrt(max(square - known, 0.0)))
+        independent = (n or 0.0) ** 2 + (f or 0.0) ** 2 + linearity**2
+        fidelity = float(np.sqrt(max(square - independent, 0.0)))
     return [
         BudgetRow("measurement noise", n, "um", "normal", "1"),
         BudgetRow("residual flatness", f, "um", "normal", "1"),
@@ -180,24 +183,24 @@ def _last_digit(value: float) -> float:
 
 def _held_out(compared: Compared, *others: Any) -> tuple[float, float] | None:
     """Per cent of points within intervals of the budget that other shapes give, and its doubt."""
-    true, found, _, shape, _ = compared
+    true, measured, _, shape, _ = compared
     assert true is not None
-    assert found is not None
+    assert measured is not None
     assert shape is not None
     numbers = np.unique(shape)
     if len(numbers) <= MIN_KEPT:
         return None
-    inside, folds = np.zeros(len(true), bool), min(FOLD_COUNT, len(numbers))
-    for fold in range(folds):
-        out = np.isin(shape, numbers[fold::folds])
-        kept = Compared(true[~out], found[~out], None, shape[~out], None)
-        inside[out] = _within(true[out], found[out], _rows(kept, *others))
+    inside, fold_count = np.zeros(len(true), bool), min(FOLD_COUNT, len(numbers))
+    for fold in range(fold_count):
+        out = np.isin(shape, numbers[fold::fold_count])
+        fitted = Compared(true[~out], measured[~out], None, shape[~out], None)
+        inside[out] = _within(true[out], measured[out], _rows(fitted, *others))
     by_shape = np.array([inside[shape == number].mean() for number in numbers])
     return 100 * float(inside.mean()), 100 * float(by_shape.std(ddof=1) / np.sqrt(len(numbers)))
 
 
-def _within(true: F8, found: F8, rows: list[BudgetRow]) -> NDArray[np.bool_]:
+def _within(true: F8, measured: F8, rows: list[BudgetRow]) -> NDArray[np.bool_]:
     height = UM_PER_MM * np.abs(true)
     at = np.linspace(0, height.max(), CURVE_POINTS)
     half = np.interp(height, at, [np.prod(_standard(rows, float(z))) for z in at])
-    return np.asarray(UM_PER_MM * np.abs(found - true) <= half)
+    return np.asarray(UM_PER_MM * np.abs(measured - true) <= half)

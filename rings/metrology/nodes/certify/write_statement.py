@@ -70,9 +70,13 @@ def write_statement(
     InputError
         If the folder cannot be written.
     """
-    known = {**noise, **flatness, **response.metrics, **transfer.metrics, **xy}
+    figures = {**noise, **flatness, **response.metrics, **transfer.metrics, **xy}
     entries = [
-        {**each._asdict(), "value": known.get(each.name), "how": each.how * (each.name in known)}
+        {
+            **each._asdict(),
+            "value": figures.get(each.name),
+            "how": each.how * (each.name in figures),
+        }
         for each in STATED_FIGURES
     ]
     curves = {"response": response.curve, "transfer": transfer.curve}
@@ -83,12 +87,12 @@ def write_statement(
         "not_measured": [entry["name"] for entry in entries if entry["value"] is None],
         "budget": [row._asdict() for row in budget.rows],
         "uncertainty": budget.metrics,
-        "counts": {name: value for name, value in known.items() if name.startswith("known_")},
+        "counts": {name: value for name, value in figures.items() if name.startswith("known_")},
         "curves": {name: None if at is None else at.tolist() for name, at in curves.items()},
         "made": provenance.as_dict(),
     }
     with atomic_files(folder, last=JSON_FILE) as target:
-        title, about = "What this sensor measures", _about(known, provenance)
+        title, about = "What this sensor measures", _about(figures, provenance)
         text = page(title, about, entries, budget.rows, budget.metrics, curves)
         (target / PAGE_FILE).write_text(text, encoding="utf-8")
         (target / JSON_FILE).write_text(
@@ -96,14 +100,14 @@ def write_statement(
         )
 
 
-def _about(known: Metrics, made: Provenance) -> list[str]:
+def _about(figures: Metrics, provenance: Provenance) -> list[str]:
     """What the statement is of, and what it holds for."""
-    of = made.inputs.get("calibration", {})
+    of = provenance.inputs.get("calibration", {})
     identity = [f"{name} {text}" for name, text in sorted(of.items())]
     lines = [f"Calibration: {', '.join(identity)}." if identity else ""]
-    if "known_shapes" in known:
-        shapes, touches = int(known["known_shapes"]), int(known["known_touches"])
-        reach = known["height_range_um"]
+    if "known_shapes" in figures:
+        shapes, touches = int(figures["known_shapes"]), int(figures["known_touches"])
+        reach = figures["height_range_um"]
         lines.append(
             f"Compared with {shapes} known shapes in {touches} touches, over {reach:.0f} um of "
             "height. It holds for shapes, depths and slopes such as these."

@@ -55,16 +55,16 @@ def xy_mapping(
         raise InputError(f"{grid}: is not as large as the calibration's images")
     marks = find_grid(image)
     half = float(half_diagonal(size))
-    seen = (marks.place - (np.array(size[::-1]) - 1) / 2) / half
-    ideal = seen + np.stack(ideal_offset(sensor.lens, *seen.T), axis=1)
-    found = sensor.pixel * half * (ideal @ [1, 1j])
+    mark_places = (marks.place - (np.array(size[::-1]) - 1) / 2) / half
+    ideal = mark_places + np.stack(ideal_offset(sensor.lens, *mark_places.T), axis=1)
+    measured = sensor.pixel * half * (ideal @ [1, 1j])
     true = pitch_mm * (marks.cell @ [1, 1j])
-    found, true = found - found.mean(), true - true.mean()
-    turn = np.vdot(true, found) / np.vdot(true, true).real
-    mirrored = np.vdot(true.conj(), found) / np.vdot(true, true).real
+    measured, true = measured - measured.mean(), true - true.mean()
+    turn = np.vdot(true, measured) / np.vdot(true, true).real
+    mirrored = np.vdot(true.conj(), measured) / np.vdot(true, true).real
     if abs(mirrored) > abs(turn):
         turn, true = mirrored, true.conj()
-    residual = UM_PER_MM * np.abs(found - turn * true)
+    residual = UM_PER_MM * np.abs(measured - turn * true)
     return {
         "xy_amplification_coefficient": float(abs(turn)),
         "xy_mapping_deviation_um": float(residual.max()),

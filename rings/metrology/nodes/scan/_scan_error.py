@@ -77,10 +77,12 @@ def _parts(residual: F4, single: F4, leds: int, cell: int) -> tuple[F4, float]:
     square, of_cell = (per_led * np.square(each) for each in (single, residual))
     flat = (of_cell < square).astype(np.float32)
     excess = flat * (square - of_cell)
-    variance, shown = (cv2.GaussianBlur(each, (0, 0), NOISE_MEAN_CELLS) for each in (excess, flat))
-    noise = np.sqrt(variance / np.maximum(shown, MIN_SHOWN)) / cell
-    left = np.median(of_cell) / CHI_MEDIAN - np.median(noise) ** 2
-    return noise.astype(np.float32), float(np.sqrt(max(left, 0)))
+    variance, flat_mean = (
+        cv2.GaussianBlur(each, (0, 0), NOISE_MEAN_CELLS) for each in (excess, flat)
+    )
+    noise = np.sqrt(variance / np.maximum(flat_mean, MIN_SHOWN)) / cell
+    misfit = np.median(of_cell) / CHI_MEDIAN - np.median(noise) ** 2
+    return noise.astype(np.float32), float(np.sqrt(max(misfit, 0)))
 
 
 def _root(by_light: F4) -> F4:

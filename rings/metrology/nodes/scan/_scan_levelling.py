@@ -93,12 +93,12 @@ class ScanLevelling:
 
     def _drift_weights(self, slope: F4) -> F8 | None:
         """Weights of level film, whose slopes agree on a drift; None if it shows too little."""
-        known = np.ones(self.shape, bool) if self._marked is None else self._marked
-        if not _is_wide(known):
+        is_usable = np.ones(self.shape, bool) if self._marked is None else self._marked
+        if not _is_wide(is_usable):
             return None
         weights = np.zeros(self.shape)
-        slopes = slope[:, known].T.astype(float)
-        weights[known] = plane_weights(self.terms[:, known].T, slopes, MIN_DEVIATION)
+        slopes = slope[:, is_usable].T.astype(float)
+        weights[is_usable] = plane_weights(self.terms[:, is_usable].T, slopes, MIN_DEVIATION)
         return weights
 
 

@@ -54,7 +54,7 @@ def judge_light_model(
         its range, or if the LEDs in another order explain the light, unless `force`.
     """
     bright = float(np.median(found.brightness))
-    residual = _left(found)
+    residual = _unexplained(found)
     if light is not None and model is not None and residual > TRIED_RESIDUAL:
         _compare_orders(light, model, force)
     usual = BRIGHTNESS_RANGE[0] < bright < BRIGHTNESS_RANGE[1]
@@ -74,7 +74,7 @@ def judge_light_model(
     return {"model_residual": residual, "model_brightness": bright}
 
 
-def _left(found: ModelSlope) -> float:
+def _unexplained(found: ModelSlope) -> float:
     return float(np.median(found.residual)) / max(float(np.median(found.brightness)), 1e-6)
 
 
@@ -83,10 +83,14 @@ def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
     every = np.s_[..., ::TRIED_EVERY, ::TRIED_EVERY]
     gain = None if model.gain is None else np.ascontiguousarray(model.gain[every])
     some = model._replace(u=model.u[::TRIED_EVERY], v=model.v[::TRIED_EVERY], gain=gain)
-    given = np.arange(len(light))
-    orders = [np.roll(each, by) for each in (given, given[::-1]) for by in given]
-    tried = (light_model_slope(np.ascontiguousarray(light[each][every]), some) for each in orders)
-    misfits = [(_left(found), _curl(found.slope)) for found in tried]
+    stated_order = np.arange(len(light))
+    orders = [
+        np.roll(each, by) for each in (stated_order, stated_order[::-1]) for by in stated_order
+    ]
+    slopes_by_order = (
+        light_model_slope(np.ascontiguousarray(light[each][every]), some) for each in orders
+    )
+    misfits = [(_unexplained(found), _curl(found.slope)) for found in slopes_by_order]
     product = np.prod(misfits, axis=1)
     best = int(np.argmin(product))
     if product[best] < MAX_ORDER_RATIO * product[0] and misfits[best][0] < MAX_RESIDUAL:

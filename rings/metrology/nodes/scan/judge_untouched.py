@@ -44,11 +44,11 @@ def judge_untouched(
     """
     if folder is None:
         return {}
-    (taken,) = read_capture(folder=folder, crop=crop, single=True)
-    check_frame(taken.image, model, f"{folder}")
-    found = light_model_slope(coarsen(taken.image, factor=cell), on_cells(model, cell))
-    lean = float(np.sqrt(np.mean(np.sum(np.square(found.slope), axis=0))))
-    bright = float(np.median(found.brightness))
+    (capture,) = read_capture(folder=folder, crop=crop, single=True)
+    check_frame(capture.image, model, f"{folder}")
+    solved = light_model_slope(coarsen(capture.image, factor=cell), on_cells(model, cell))
+    lean = float(np.sqrt(np.mean(np.sum(np.square(solved.slope), axis=0))))
+    bright = float(np.median(solved.brightness))
     if lean > MAX_LEAN:
         warn(
             f"{folder}: the light model takes untouched film for tilted by {lean:.2g}, and "

@@ -84,18 +84,20 @@ def known_step(
     """
     if folder is None or known_um is None:
         raise InputError("a known step needs both: `folder`=SCAN `known_um`=DEPTH,UNCERTAINTY")
-    shown = np.ascontiguousarray(cropped(height, crop, folder))
+    shown_height = np.ascontiguousarray(cropped(height, crop, folder))
     cells = parts_within(parts, crop, height.shape)
     try:
-        found = measure_step(shown, pixel, 0 * shown, along=along, edges=edges, known_um=known_um)
-        depth, *others = depths_with(cells, shown, pixel, along, edges)
+        step = measure_step(
+            shown_height, pixel, 0 * shown_height, along=along, edges=edges, known_um=known_um
+        )
+        depth, *others = depths_with(cells, shown_height, pixel, along, edges)
     except InputError as error:
         raise InputError(f"{folder}: {error}") from None
-    scale = found["step_scale"], found["step_scale_error"]
+    scale = step["step_scale"], step["step_scale_error"]
     ratio = max(scale[0], 1 / scale[0])
     if ratio > USUAL_STEP_SCALE:
         message = (
-            f"{folder}: its step is {abs(found['step_depth_um']):.3g} um deep, not "
+            f"{folder}: its step is {abs(step['step_depth_um']):.3g} um deep, not "
             f"{known_um[0]:g}: check `known_um`, and that `crop` shows this step alone"
         )
         if ratio > MAX_STEP_SCALE:

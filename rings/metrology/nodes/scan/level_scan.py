@@ -144,9 +144,9 @@ def level_scan(
     parts = np.concatenate([errors, [NOMINAL_GROWTH * growth]]).astype(np.float32)
     factor, settled = 1.0, None
     figures: Metrics = {"level_bow_um": bow}
-    said = scale if known is None else known.scale
-    if said is not None:
-        factor, uncertain = said
+    stated_scale = scale if known is None else known.scale
+    if stated_scale is not None:
+        factor, uncertain = stated_scale
         if known is not None:
             errors = parts - np.float32(known.errors[:, None, None] * height)
             errors[-1] *= abs(factor - 1) * GROWTH_OF_SCALE / NOMINAL_GROWTH

@@ -51,10 +51,10 @@ def monomials(u: F4, v: F4, degree: int) -> F4:
 
 def coefficients(model: F4, powers: F4) -> F4:
     """The coefficients at positions: T x K x N of a model K x T x 15."""
-    there = np.zeros((model.shape[1], len(model), *powers.shape[1:]), np.float32)
+    summed = np.zeros((model.shape[1], len(model), *powers.shape[1:]), np.float32)
     for column, power in zip(model.T, powers, strict=False):
-        there += column.reshape(*column.shape, *(1,) * power.ndim) * power
-    return there
+        summed += column.reshape(*column.shape, *(1,) * power.ndim) * power
+    return summed
 
 
 def modelled_light(c: F4, n: F4) -> tuple[F4, F4]:

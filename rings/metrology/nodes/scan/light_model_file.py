@@ -105,8 +105,8 @@ def read_light_model_file(file: Path) -> LightModelFile:
     ):
         rows, columns, count = matrix.rows, matrix.cols, len(matrix.values)
         if rows not in DEGREE_BY_ROWS:
-            known = ", ".join(map(str, DEGREE_BY_ROWS))
-            raise InputError(f"{file}: {name}: has {rows} rows; known are {known}")
+            counts = ", ".join(map(str, DEGREE_BY_ROWS))
+            raise InputError(f"{file}: {name}: has {rows} rows; known are {counts}")
         if (
             columns not in (entries.leds * terms, entries.leds * (terms + 1))
             or count != rows * columns

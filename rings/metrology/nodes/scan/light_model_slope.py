@@ -82,8 +82,8 @@ def light_model_slope(
     def solve(part: slice) -> None:
         at = np.arange(part.start, part.stop)
         u, v = model.u[at % columns], model.v[at // columns]
-        seen = image[:, part] if gain is None else image[:, part] * gain[:, part]
-        out[:, part], shadow[part] = _solution(seen, u, v, model, steps)
+        rows_of_image = image[:, part] if gain is None else image[:, part] * gain[:, part]
+        out[:, part], shadow[part] = _solution(rows_of_image, u, v, model, steps)
 
     in_blocks(solve, rows * columns)
     p, q, brightness, residual = out.reshape(4, rows, columns)

@@ -56,26 +56,30 @@ def read_light_model(
         If a file is missing, is no light model, or is damaged.
     """
     file = find_light_model(file) if is_scan(file) else file
-    said = read_light_model_file(file)
-    x0, y0, x1, y1 = crop or (0, 0, said.width, said.height)
-    cropped(np.broadcast_to(np.uint8(0), (said.height, said.width)), crop, file)
+    model_file = read_light_model_file(file)
+    x0, y0, x1, y1 = crop or (0, 0, model_file.width, model_file.height)
+    cropped(np.broadcast_to(np.uint8(0), (model_file.height, model_file.width)), crop, file)
     u, v = (
         np.arange(first, last, dtype=np.float32) + (1 - size) / 2
-        for first, last, size in ((x0, x1, said.width), (y0, y1, said.height))
+        for first, last, size in ((x0, x1, model_file.width), (y0, y1, model_file.height))
     )
-    short = np.float32(min(said.width, said.height))
-    degree = max(DEGREE_BY_ROWS[said.linear.rows], DEGREE_BY_ROWS[said.quadratic.rows])
-    gain = None if said.flat is None else _gain(said.flat, file, (said.width, said.height), crop)
+    short = np.float32(min(model_file.width, model_file.height))
+    degree = max(DEGREE_BY_ROWS[model_file.linear.rows], DEGREE_BY_ROWS[model_file.quadratic.rows])
+    gain = (
+        None
+        if model_file.flat is None
+        else _gain(model_file.flat, file, (model_file.width, model_file.height), crop)
+    )
     model = LightModel(
-        _by_term(said.quadratic, said.leds, MODEL_NUMBERS),
-        _by_term(said.linear, said.leds, 4)[:, :3],
+        _by_term(model_file.quadratic, model_file.leds, MODEL_NUMBERS),
+        _by_term(model_file.linear, model_file.leds, 4)[:, :3],
         u / short,
         v / short,
         float(degree),
-        np.array(said.black or said.leds * [0], np.float32),
+        np.array(model_file.black or model_file.leds * [0], np.float32),
         gain,
     )
-    return ScanLight(model if cell == 1 else on_cells(model, cell), cell * said.pixel_size)
+    return ScanLight(model if cell == 1 else on_cells(model, cell), cell * model_file.pixel_size)
 
 
 def on_cells(model: LightModel, factor: int) -> LightModel:
@@ -95,26 +99,31 @@ def check_frame(image: Light, model: LightModel, of: str) -> None:
     InputError
         If there are other LEDs, or pixels.
     """
-    known = len(model.linear), len(model.v), len(model.u)
-    if image.shape != known:
+    size = len(model.linear), len(model.v), len(model.u)
+    if image.shape != size:
         raise InputError(
-            f"the light model describes {known[0]} lights of {known[2]} x {known[1]} pixels, but "
+            f"the light model describes {size[0]} lights of {size[2]} x {size[1]} pixels, but "
             f"{of} has {lights_of(image)}"
         )
 
 
-def _by_term(said: Matrix, leds: int, terms: int) -> F4:
+def _by_term(stored: Matrix, leds: int, terms: int) -> F4:
     """K x terms x 15 from the file's rows, whose highest degree comes first.
 
     A last term that the file lacks scales the others by 1.
     """
-    matrix, degree = np.reshape(said.values, (said.rows, said.cols)), DEGREE_BY_ROWS[said.rows]
+    matrix, degree = (
+        np.reshape(stored.values, (stored.rows, stored.cols)),
+        DEGREE_BY_ROWS[stored.rows],
+    )
     falling = np.repeat(np.arange(degree, -1, -1), np.arange(degree + 1, 0, -1))
     ascending = np.argsort(falling, kind="stable")
     by_term = np.zeros((leds, terms, MAX_MONOMIALS), np.float32)
-    given = said.cols // leds
-    by_term[:, :given, : said.rows] = matrix[ascending].T.reshape(leds, given, said.rows)
-    if given < terms:
+    term_count = stored.cols // leds
+    by_term[:, :term_count, : stored.rows] = matrix[ascending].T.reshape(
+        leds, term_count, stored.rows
+    )
+    if term_count < terms:
         by_term[:, -1, 0] = 1
     return by_term
 

@@ -30,5 +30,5 @@ def read_single(*, folder: Path | None = None, layout: Layout) -> SingleCapture:
     """
     if folder is None:
         raise InputError("no capture was given; give one")
-    (taken,) = read_capture(folder=folder, single=True, **layout._asdict())
-    return SingleCapture(taken.image, taken.pixel_size)
+    (capture,) = read_capture(folder=folder, single=True, **layout._asdict())
+    return SingleCapture(capture.image, capture.pixel_size)

@@ -78,9 +78,9 @@ def read_start(
     slants = towards[:, :2] / np.maximum(towards[:, 2:], MIN_LIGHT_TOWARDS)
     figures: Metrics = {}
     if len(image) > PIXEL_UNKNOWNS:
-        seen = coarsen(image, factor=CELL_PX), on_cells(model, CELL_PX)
-        found = light_model_slope(*seen)
-        figures = judge_light_model(found, *seen, force=True)
+        on_coarse_cells = coarsen(image, factor=CELL_PX), on_cells(model, CELL_PX)
+        solved = light_model_slope(*on_coarse_cells)
+        figures = judge_light_model(solved, *on_coarse_cells, force=True)
         figures |= judge_untouched(model, folder=flat, crop=crop, cell=CELL_PX)
     rest = rest if model.gain is None else rest / model.gain
     return Start(figures, rest, slants, scan_pixel_size(of_model, stated))

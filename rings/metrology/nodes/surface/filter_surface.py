@@ -75,10 +75,10 @@ def filter_surface(
 def gaussian_mean(height: F4, nesting_px: float) -> F4:
     """The mean weighted by exp(-pi (x / (GAUSSIAN_ALPHA nesting index))^2); NaN stays NaN."""
     sigma = GAUSSIAN_ALPHA * nesting_px / np.sqrt(2 * np.pi)
-    known = np.isfinite(height)
-    shares = gaussian_filter(known.astype(float), sigma, mode="constant")
-    sums = gaussian_filter(np.where(known, height, 0).astype(float), sigma, mode="constant")
-    return np.where(known, sums / np.maximum(shares, np.finfo(float).tiny), np.nan).astype(
+    is_known = np.isfinite(height)
+    shares = gaussian_filter(is_known.astype(float), sigma, mode="constant")
+    sums = gaussian_filter(np.where(is_known, height, 0).astype(float), sigma, mode="constant")
+    return np.where(is_known, sums / np.maximum(shares, np.finfo(float).tiny), np.nan).astype(
         np.float32
     )
 
@@ -93,8 +93,8 @@ def form(height: F4, degree: int) -> F4:
         )
     every = slice(None, None, max(1, len(x) // MAX_FITTED))
     v, u = (np.linspace(-1, 1, side) for side in height.shape)
-    kept = np.add.outer(*2 * [np.arange(degree + 1)]) <= degree
-    columns = polyvander2d(v[y[every]], u[x[every]], [degree, degree])[:, kept.ravel()]
-    fitted = np.zeros(kept.shape)
-    fitted[kept] = np.linalg.lstsq(columns, height[y[every], x[every]], rcond=None)[0]
+    in_degree = np.add.outer(*2 * [np.arange(degree + 1)]) <= degree
+    columns = polyvander2d(v[y[every]], u[x[every]], [degree, degree])[:, in_degree.ravel()]
+    fitted = np.zeros(in_degree.shape)
+    fitted[in_degree] = np.linalg.lstsq(columns, height[y[every], x[every]], rcond=None)[0]
     return polygrid2d(v, u, fitted).astype(np.float32)

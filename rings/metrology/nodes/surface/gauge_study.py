@@ -108,8 +108,8 @@ def _variances(values: NDArray[np.float64]) -> tuple[float, float, float]:
     mean, cell = values.mean(), values.mean(axis=2)
     by_part, by_operator = cell.mean(axis=1), cell.mean(axis=0)
     trial = np.square(values - cell[..., None]).sum() / (parts * operators * (trials - 1))
-    left, free = cell - by_part[:, None] - by_operator + mean, (parts - 1) * (operators - 1)
-    within = trials * np.square(left).sum() / free if free else trial
+    interaction, free = cell - by_part[:, None] - by_operator + mean, (parts - 1) * (operators - 1)
+    within = trials * np.square(interaction).sum() / free if free else trial
     mixed = max((within - trial) / trials, 0.0)
     of_operator = np.square(by_operator - mean).sum() / max(operators - 1, 1)
     operator = max(of_operator - within / (parts * trials), 0.0)

@@ -45,18 +45,21 @@ def plot_step(
     if file is None:
         return
     profiles = step_profiles(height, pixel, None, along, edges)
-    shown = sorted(profiles, key=lambda profile: profile.depth)[len(profiles) // 2]
-    x, z = pixel * shown.x, UM_PER_MM * shown.z
+    median_profile = sorted(profiles, key=lambda profile: profile.depth)[len(profiles) // 2]
+    x, z = pixel * median_profile.x, UM_PER_MM * median_profile.z
     figure = Figure(figsize=(9, 4), dpi=100, layout="constrained")
     axes = figure.subplots()
     axes.plot(x, z, color=GREY, linewidth=1)
-    half = UM_PER_MM * shown.depth / 2
-    for part, level, colour in ((shown.upper, half, BLUE), (shown.lower, -half, ORANGE)):
+    half = UM_PER_MM * median_profile.depth / 2
+    for part, level, colour in (
+        (median_profile.upper, half, BLUE),
+        (median_profile.lower, -half, ORANGE),
+    ):
         shaded = axes.fill_between(x, 0, 1, where=part, color=colour, alpha=0.15, linewidth=0)
         shaded.set_transform(axes.get_xaxis_transform())
         axes.axhline(level, color=colour, linewidth=1, linestyle="--")
         axes.plot(np.where(part, x, np.nan), z, color=colour, linewidth=2)
-    middle = float(np.mean(x[shown.lower]))
+    middle = float(np.mean(x[median_profile.lower]))
     axes.annotate("", (middle, -half), (middle, half), arrowprops={"arrowstyle": "<->"})
     axes.set(xlabel=f"{along} / mm", ylabel="height without the levels' slope / µm")
     depth, doubt = figures["step_depth_um"], figures["step_uncertainty_um"]

@@ -60,12 +60,12 @@ def surface_texture(
     InputError
         If surfalize is not installed (``pip install 'tactograph[metrology]'``).
     """
-    known = np.isfinite(height)
+    is_known = np.isfinite(height)
     if contact is None:
-        return _texture(height, known, pixel, form_degree, "the height map")
+        return _texture(height, is_known, pixel, form_degree, "the height map")
     figures: Metrics = {}
     for number in largest_contacts(contact, most):
-        inside = _without_edge((contact == number).astype(np.uint8), edge_px) & known
+        inside = _without_edge((contact == number).astype(np.uint8), edge_px) & is_known
         texture = _texture(height, inside, pixel, form_degree, f"contact {number}")
         figures |= {f"{name}/c{number}": figure for name, figure in texture.items()}
     return figures

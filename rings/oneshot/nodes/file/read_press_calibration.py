@@ -55,9 +55,9 @@ def read_press_calibration(
     quality, size, reflectance = about.quality, arrays["pixel_size"], arrays["reflectance"]
     error = quality.get("residual_percent", 0.0) / 100
     misfit = np.array([error, 0, error, 0, 0], np.float32)
-    said = quality, about.doubts, arrays["area"], lens, about.serial, arrays["ranks"]
+    details = quality, about.doubts, arrays["area"], lens, about.serial, arrays["ranks"]
     walls, matt = quality.get("wall_gain", 0.0), matt_deviation(quality, error)
-    return PressCalibration(film, dark, size, reflectance, misfit, *said, walls, matt)
+    return PressCalibration(film, dark, size, reflectance, misfit, *details, walls, matt)
 
 
 def _fresh(flat: Path, lights: Lights, crop: Crop | None, film: Light) -> Light:

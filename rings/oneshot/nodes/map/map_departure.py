@@ -38,13 +38,13 @@ def map_departure(
     reflectance : K x 9 x 15, as `fit_reflectance_map` gives it
     misfit : length 5, the calibration's misfit
     """
-    shown = mapped_light(slope, height, reflectance)
-    residual = light - shown
+    model_light = mapped_light(slope, height, reflectance)
+    residual = light - model_light
     freedom = np.float32(len(light) - 2)
     error = max(float(misfit[2]), MIN_MAP_ERROR)
     scale = np.float32(1 / error**2) / freedom
     departs = np.asarray((residual * residual).sum(axis=0) * scale, np.float32)
-    return LightDeparture(departs, excess(light, shown))
+    return LightDeparture(departs, excess(light, model_light))
 
 
 map_departure.opencl(grid="H W", lanes="rows")

@@ -59,8 +59,8 @@ def map_error(
     doubt = _uphill_doubt(slope, reflectance, max(float(misfit[2]), MIN_MAP_ERROR))
     walls = rest_at_border(integrate_dct(doubt, pixel))
     rest = _film_at_rest(light, height.shape)
-    known = height[rest] if rest.any() else height
-    usual = np.float32(DEVIATIONS_PER_MAD * np.median(np.abs(known)))
+    heights_at_rest = height[rest] if rest.any() else height
+    usual = np.float32(DEVIATIONS_PER_MAD * np.median(np.abs(heights_at_rest)))
     at_rest = np.where(rest, np.maximum(np.abs(height), usual), usual)
     return np.asarray(np.hypot(at_rest, walls), np.float32)
 
@@ -69,13 +69,13 @@ def _uphill_doubt(slope: Slope, reflectance: F4, departure: float) -> Slope:
     """The standard deviation of the slope along itself, as a slope."""
     steep, direction = np.hypot(*slope), uphill(slope)
     _, normal, by_p, by_q = normal_by_slope(*slope)
-    told = np.zeros_like(steep)
+    information = np.zeros_like(steep)
     for c in maps_over_film(reflectance, steep.shape):
         _, gradient = shading(normal, c)
         along = dot(gradient, by_p) * direction[0] + dot(gradient, by_q) * direction[1]
-        told += along * along
-    own = np.square(np.maximum(steep, MIN_SLOPE))
-    variance = 1 / (told / np.float32(departure**2) + 1 / own)
+        information += along * along
+    slope_variance = np.square(np.maximum(steep, MIN_SLOPE))
+    variance = 1 / (information / np.float32(departure**2) + 1 / slope_variance)
     spread = edge_variance(np.stack([variance, variance]), slope, BLUR_PX, factor=1.0)
     return np.asarray(direction * np.sqrt(spread), np.float32)
 

@@ -29,8 +29,8 @@ def mapped_light(slope: Slope, height: Height, reflectance: ReflectanceMap) -> L
     """
     normal = normal_by_slope(*slope)[1]
     maps = maps_over_film(reflectance, height.shape)
-    shown = [shading(normal, c)[0] + c[SHADE_COUNT - 1] * height for c in maps]
-    return np.asarray(shown, np.float32) + 1
+    planes = [shading(normal, c)[0] + c[SHADE_COUNT - 1] * height for c in maps]
+    return np.asarray(planes, np.float32) + 1
 
 
 mapped_light.opencl(grid="K H W", lanes="rows")

@@ -77,8 +77,8 @@ def matt_deviation(quality: Metrics, residual: float) -> float:
 def _departure(rests: list[F4], maps: F4, slope: F4) -> F4:
     """Light less that of a slope: K x N."""
     _, normal, _, _ = normal_by_slope(*slope)
-    shown = [shading(normal, c)[0] for c in maps]
-    return np.asarray(np.stack(rests) - np.stack(shown), np.float32)
+    model_light = [shading(normal, c)[0] for c in maps]
+    return np.asarray(np.stack(rests) - np.stack(model_light), np.float32)
 
 
 def _nearer_to_neighbours(

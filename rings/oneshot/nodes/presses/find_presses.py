@@ -104,8 +104,8 @@ def find_presses(
             balls.append((0.0, 0.0, 0.0, 0.0))
         else:
             balls.append((*ball.center, ball.contact, ball.goodness))
-    found = np.asarray(balls, np.float32)
-    ball_count = int(np.count_nonzero(found[:, 3]))
+    circles = np.asarray(balls, np.float32)
+    ball_count = int(np.count_nonzero(circles[:, 3]))
     if ball_count < fewest:
         where = f": none in {', '.join(missed)}" if missed else ""
         raise InputError(
@@ -116,4 +116,4 @@ def find_presses(
         )
     for name in missed:
         warn(f"press {name} is left out: no ball of radius {radius_mm:g} mm in it")
-    return FoundPresses(found[:, :3].copy(), found[:, 3].copy(), every, names)
+    return FoundPresses(circles[:, :3].copy(), circles[:, 3].copy(), every, names)

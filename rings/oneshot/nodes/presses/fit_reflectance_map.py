@@ -152,13 +152,13 @@ def fit_reflectance_map(
         reflectance, circles = fit_presses(bench, circles, kept, rim, 1)
         rim = measure_rim(bench, reflectance, circles, kept)
     reflectance, circles = fit_presses(bench, circles, kept, rim, 1)
-    left = _residuals(bench, reflectance, circles, kept, rim)
+    residuals = _residuals(bench, reflectance, circles, kept, rim)
     return MapFit(
         reflectance.astype(np.float32),
         circles.astype(np.float32),
         kept.astype(np.uint8),
         rim,
-        np.sqrt(np.mean(np.square(left[kept]), axis=0)).astype(np.float32),
+        np.sqrt(np.mean(np.square(residuals[kept]), axis=0)).astype(np.float32),
     )
 
 
@@ -173,20 +173,20 @@ def make_bench(
 ) -> Bench:
     """Return the inputs of the fit's steps; the light is relative to the film at rest."""
     light = [press / np.maximum(flat, MIN_FLAT_LIGHT) for press in image]
-    seen = light if of is None else [light[press] for press in of]
-    return Bench(seen, flat, radius_mm / pixel, pixel, degree)
+    press_light = light if of is None else [light[press] for press in of]
+    return Bench(press_light, flat, radius_mm / pixel, pixel, degree)
 
 
 def fit_presses(
-    bench: Bench, circles: F8, kept: np.ndarray, rim: float, rounds: int
+    bench: Bench, circles: F8, is_used: np.ndarray, rim: float, rounds: int
 ) -> tuple[F8, F8]:
     """Update map and centres in turn; return both."""
     circles = circles.copy()
     for _ in range(rounds):
-        reflectance = _fit_map(bench, circles, kept, rim)
-        for press in np.flatnonzero(kept).tolist():
+        reflectance = _fit_map(bench, circles, is_used, rim)
+        for press in np.flatnonzero(is_used).tolist():
             circles[press] = refine_center(bench, reflectance, circles[press], press, rim)
-    return _fit_map(bench, circles, kept, rim), circles
+    return _fit_map(bench, circles, is_used, rim), circles
 
 
 def refine_center(
@@ -198,15 +198,15 @@ def refine_center(
     place = terms(pixels.x, pixels.y, bench.shape)
     nudge = 0.1
     for _ in range(steps):
-        left, by_x, by_y = (
-            _left(bench, reflectance, circle + nudge * np.array(d), pixels, place, rim)
+        residual, by_x, by_y = (
+            _misfit(bench, reflectance, circle + nudge * np.array(d), pixels, place, rim)
             for d in ((0, 0, 0), (1, 0, 0), (0, 1, 0))
         )
-        jacobian = np.stack([by_x - left, by_y - left]) / nudge
-        weighted = jacobian * robust_weights(left, pixels.weight)
+        jacobian = np.stack([by_x - residual, by_y - residual]) / nudge
+        weighted = jacobian * robust_weights(residual, pixels.weight)
         normal = np.einsum("akn,bkn->ab", weighted, jacobian)
         move = -np.linalg.solve(
-            normal + 1e-9 * np.trace(normal) * np.eye(2), np.einsum("akn,kn->a", weighted, left)
+            normal + 1e-9 * np.trace(normal) * np.eye(2), np.einsum("akn,kn->a", weighted, residual)
         )
         circle[:2] += move * min(1.0, MAX_CENTRE_STEP_PX / max(float(np.hypot(*move)), 1e-9))
     return circle
@@ -214,13 +214,13 @@ def refine_center(
 
 def reconstruct(bench: Bench, reflectance: F8, press: int, deviation: float = 0.0) -> tuple[F4, F4]:
     """Return slope and height of a press, as the graph `gelsight_mini` computes them."""
-    light, known = bench.light[press], reflectance.astype(np.float32)
+    light, coefficients = bench.light[press], reflectance.astype(np.float32)
     light_c, flat_c, pixel_c = coarsen(light), coarsen(bench.flat), coarsen_pixel(bench.pixel)
     height = np.zeros(light_c.shape[1:], np.float32)
     for _ in range(ROUGH_PASSES):
-        slope = _slope(light_c, flat_c, height, known, deviation)
+        slope = _slope(light_c, flat_c, height, coefficients, deviation)
         height = rest_at_border(integrate_dct(slope, pixel_c))
-    slope = _slope(light, bench.flat, enlarge_height(height, light), known, deviation)
+    slope = _slope(light, bench.flat, enlarge_height(height, light), coefficients, deviation)
     slope = smooth_slope(slope)
     return slope, rest_at_border(integrate_dct(slope, bench.pixel))
 
@@ -230,9 +230,9 @@ def _slope(light: F4, flat: F4, height: F4, reflectance: F4, deviation: float) -
     return slope_in_shadow(slope, light, flat, height, reflectance, deviation)
 
 
-def measure_rim(bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray) -> float:
+def measure_rim(bench: Bench, reflectance: F8, circles: F8, is_used: np.ndarray) -> float:
     """Return the median height in mm by which the film lifts the rims of some presses."""
-    some = np.flatnonzero(kept)[:: int(kept.sum()) // MAX_RIM_PRESSES + 1]
+    some = np.flatnonzero(is_used)[:: int(is_used.sum()) // MAX_RIM_PRESSES + 1]
     return float(np.median([_rim_of(bench, reflectance, circles[i], i) for i in some]))
 
 
@@ -250,16 +250,16 @@ def _shades(bench: Bench, circle: F8, pixels: Pixels, rim: float) -> F8:
     return shades(slope, rise + rim)
 
 
-def _left(bench: Bench, reflectance: F8, circle: F8, pixels: Pixels, place: F8, rim: float) -> F8:
+def _misfit(bench: Bench, reflectance: F8, circle: F8, pixels: Pixels, place: F8, rim: float) -> F8:
     """Residual of a press's light under the map: K x N."""
     return pixels.light - predicted(reflectance, _shades(bench, circle, pixels, rim), place)
 
 
-def _fit_map(bench: Bench, circles: F8, kept: np.ndarray, rim: float) -> F8:
+def _fit_map(bench: Bench, circles: F8, is_used: np.ndarray, rim: float) -> F8:
     """Robust least squares over all kept presses: K x 9 x 15."""
     used = (bench.degree + 1) * (bench.degree + 2) // 2
     rows, light, weight = [], [], []
-    for press in np.flatnonzero(kept).tolist():
+    for press in np.flatnonzero(is_used).tolist():
         pixels = ball_pixels(bench.light[press], bench.flat, circles[press])
         place = terms(pixels.x, pixels.y, bench.shape)[:used]
         shade = _shades(bench, circles[press], pixels, rim)
@@ -268,11 +268,11 @@ def _fit_map(bench: Bench, circles: F8, kept: np.ndarray, rim: float) -> F8:
         weight.append(pixels.weight)
     basis, lights = np.concatenate(rows, axis=1), np.concatenate(light, axis=1)
     weights = np.concatenate(weight, axis=1)
-    steep = _steep_film(bench, circles[kept], used)
+    steep = _steep_film(bench, circles[is_used], used)
     reflectance = np.zeros((len(lights), SHADE_COUNT, PLACE_TERMS))
     for k, (plane, even) in enumerate(zip(lights, weights, strict=True)):
-        known = _lamberts_law(basis, plane, even, steep)
-        fitted = _robust_fit(basis, plane, even / even.mean(), steep, known)
+        lambertian = _lamberts_law(basis, plane, even, steep)
+        fitted = _robust_fit(basis, plane, even / even.mean(), steep, lambertian)
         reflectance[k, :, :used] = fitted.reshape(SHADE_COUNT, used)
     return reflectance
 
@@ -305,48 +305,48 @@ def _lamberts_law(basis: F8, light: F8, even: F8, steep: F8) -> F8:
     return np.maximum(steep[2 * used] + direction @ steep[: 2 * used], NO_LIGHT)
 
 
-def _robust_fit(basis: F8, light: F8, even: F8, steep: F8, known: F8) -> F8:
+def _robust_fit(basis: F8, light: F8, even: F8, steep: F8, lambertian: F8) -> F8:
     """Iteratively reweighted least squares: columns x N, N, N; and of steep film, which is held.
 
     A pixel's light errs by the residual's spread, that of steep film by `LAMBERT_DEVIATION`.
     """
-    weight, held = even, np.zeros(1)
+    weight, steep_weight = even, np.zeros(1)
     for _ in range(FIT_ROUNDS + 1):
-        weighted, told = basis * weight, steep * held
-        normal = weighted @ basis.T + told @ steep.T
+        weighted, weighted_steep = basis * weight, steep * steep_weight
+        normal = weighted @ basis.T + weighted_steep @ steep.T
         ridge = RIDGE_SHARE * np.diag(np.diag(normal) + 1e-12)
-        seen = weighted @ light + told @ known
-        coefficients: F8 = np.asarray(np.linalg.solve(normal + ridge, seen), np.float64)
-        shown = coefficients @ basis
-        left = light - np.maximum(shown, NO_LIGHT)
-        weight = robust_weights(left, even * (shown > NO_LIGHT))
-        spread = np.square(DEVIATIONS_PER_MAD * np.median(np.abs(left)) / LAMBERT_DEVIATION)
-        held = spread * ((coefficients @ steep > NO_LIGHT) | (known > NO_LIGHT))
+        product = weighted @ light + weighted_steep @ lambertian
+        coefficients: F8 = np.asarray(np.linalg.solve(normal + ridge, product), np.float64)
+        model_light = coefficients @ basis
+        residual = light - np.maximum(model_light, NO_LIGHT)
+        weight = robust_weights(residual, even * (model_light > NO_LIGHT))
+        spread = np.square(DEVIATIONS_PER_MAD * np.median(np.abs(residual)) / LAMBERT_DEVIATION)
+        steep_weight = spread * ((coefficients @ steep > NO_LIGHT) | (lambertian > NO_LIGHT))
     return coefficients
 
 
-def _residuals(bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray, rim: float) -> F8:
+def _residuals(bench: Bench, reflectance: F8, circles: F8, is_used: np.ndarray, rim: float) -> F8:
     """Root mean square residuals of the presses under the map, P x K; 0 where left out."""
     residuals = np.zeros((len(circles), len(bench.flat)))
-    for i in np.flatnonzero(kept).tolist():
+    for i in np.flatnonzero(is_used).tolist():
         pixels = ball_pixels(bench.light[i], bench.flat, circles[i])
         place = terms(pixels.x, pixels.y, bench.shape)
-        left = _left(bench, reflectance, circles[i], pixels, place, rim)
-        residuals[i] = np.sqrt(np.mean(left**2, axis=1))
+        residual = _misfit(bench, reflectance, circles[i], pixels, place, rim)
+        residuals[i] = np.sqrt(np.mean(residual**2, axis=1))
     return residuals
 
 
 def _outliers(
-    bench: Bench, reflectance: F8, circles: F8, kept: np.ndarray, rim: float
+    bench: Bench, reflectance: F8, circles: F8, is_used: np.ndarray, rim: float
 ) -> np.ndarray:
     """Flag the remaining presses that the map explains far worse than the rest."""
-    squares = np.square(_residuals(bench, reflectance, circles, kept, rim))
+    squares = np.square(_residuals(bench, reflectance, circles, is_used, rim))
     residual = np.zeros(len(circles))
-    for i in np.flatnonzero(kept).tolist():
+    for i in np.flatnonzero(is_used).tolist():
         # Dim, noisy lights count less.
         y, x = np.clip(circles[i, 1::-1].round().astype(int), 0, np.subtract(bench.shape, 1))
         residual[i] = np.sqrt(np.average(squares[i], weights=bench.flat[:, y, x]))
-    middle = np.median(residual[kept])
-    spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual[kept] - middle))
+    middle = np.median(residual[is_used])
+    spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual[is_used] - middle))
     high = max(middle + MAX_DEVIATIONS * spread, MAX_MEDIANS * middle)
-    return np.asarray(kept & (residual > high))
+    return np.asarray(is_used & (residual > high))

@@ -64,8 +64,8 @@ def judge_press_radius(
     """
     used = np.flatnonzero(kept)
     used = used[:: used.size // MAX_PRESSES + 1]
-    seen = image[used if of is None else of[used]]
-    sheet = np.concatenate(list(seen / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
+    press_image = image[used if of is None else of[used]]
+    sheet = np.concatenate(list(press_image / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
     radius = np.full(used.size, radius_mm, np.float32)
     # A matt film throws no light on itself, wherever its lights are.
     matt = matt_film(np.ones((len(flat), 3), np.float32))
@@ -76,10 +76,10 @@ def judge_press_radius(
     strength = np.ones(len(flat), np.float32)
     # The film at rest of such sensors is not lit by points.
     flat = np.ones_like(flat)
-    found = explain(balls, flat, pixel, _directions(balls), strength, camera=None)
-    doubts, _ = doubts_of(found, radius_mm, which=RADIUS_INPUTS)
-    is_open = "" if doubts else unconfirmed(found, radius_mm, which=RADIUS_INPUTS)
-    plain, scale = found.by_name[AS_TOLD], scale_error(found)
+    explained = explain(balls, flat, pixel, _directions(balls), strength, camera=None)
+    doubts, _ = doubts_of(explained, radius_mm, which=RADIUS_INPUTS)
+    is_open = "" if doubts else unconfirmed(explained, radius_mm, which=RADIUS_INPUTS)
+    plain, scale = explained.by_name[AS_TOLD], scale_error(explained)
     quality = {"diffuse_percent": 100 * plain.diffuse, "scale_error_percent": 100 * scale}
     if plain.departure <= MATT_NOISE_RATIO * _noise(sheet):
         quality["matt"] = 1.0

@@ -64,13 +64,13 @@ def judge_punches(
     """
     if not names:
         return Judged({}, [])
-    given = np.asarray(depth_mm or (), float)
-    if given.size not in (1, len(names)):
+    stated = np.asarray(depth_mm or (), float)
+    if stated.size not in (1, len(names)):
         raise InputError(
-            f"{given.size} depths for {len(names)} punches: give `depth_mm`=MM, one for all or "
+            f"{stated.size} depths for {len(names)} punches: give `depth_mm`=MM, one for all or "
             "one each in order of the folders' names"
         )
-    depths = np.broadcast_to(given, len(names))
+    depths = np.broadcast_to(stated, len(names))
     bench = make_bench(image, flat, 1.0, pixel, 0)
     departure = float(residual.max())
     misfit = np.array([0, 0, departure, 0, 0], np.float32)

@@ -52,6 +52,6 @@ def plot_presses(
     )
     errors.bar(np.flatnonzero(used) + 1, heldout_deg[used], color=BLUE)
     errors.set(title="normal, held out / degrees", xlabel="contact, by number")
-    said = [textwrap.fill(line, TITLE_LETTERS) for line in (verdict, advice)]
-    figure.suptitle("\n".join(said), fontsize=9)
+    title_lines = [textwrap.fill(line, TITLE_LETTERS) for line in (verdict, advice)]
+    figure.suptitle("\n".join(title_lines), fontsize=9)
     write_picture(figure, file.with_suffix(".png"))

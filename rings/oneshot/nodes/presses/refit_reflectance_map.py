@@ -89,17 +89,17 @@ def refit_reflectance_map(
     normals on the check press with the old and the new map; ``check_um``, the error of the height
     there; ``gain_percent/...`` of each light.
     """
-    kept = circle[:, 2] > 0
-    if not names or radius_mm is None or not kept.any():
+    is_used = circle[:, 2] > 0
+    if not names or radius_mm is None or not is_used.any():
         return MapRefit(reflectance, {})
-    bench = make_bench(image[kept], flat, radius_mm, pixel, PLACE_DEGREE)
-    circles, old = circle[kept].astype(np.float64), reflectance.astype(np.float64)
-    best, before, microns = _judged(bench, old, circles, ())
+    bench = make_bench(image[is_used], flat, radius_mm, pixel, PLACE_DEGREE)
+    circles, old = circle[is_used].astype(np.float64), reflectance.astype(np.float64)
+    best, before, microns = _held_out(bench, old, circles, ())
     errors = before
     for parts in MAP_CHANGES:
-        tried, degrees, height = _judged(bench, old, circles, parts)
+        candidates, degrees, height = _held_out(bench, old, circles, parts)
         if pays(errors, degrees):
-            best, errors, microns = tried, degrees, height
+            best, errors, microns = candidates, degrees, height
     now, then = best[:, :HEIGHT_SHADE], old[:, :HEIGHT_SHADE]
     gains = (now * then).sum((1, 2)) / np.square(then).sum((1, 2))
     figures = {"check_deg/before": float(np.mean(before)), "check_um": microns}
@@ -108,7 +108,7 @@ def refit_reflectance_map(
     return MapRefit(best.astype(np.float32), figures)
 
 
-def _judged(
+def _held_out(
     bench: Bench, old: F8, circles: F8, parts: tuple[str, ...]
 ) -> tuple[F8, list[float], float]:
     """The map fitted to all quarters, each held-out error in degrees, and their mean in um."""
@@ -122,8 +122,8 @@ def _judged(
         refitted, placed = _fit(bench, old, circles, parts, number != fold)
         for press, circle in enumerate(placed):
             slope, height = reconstruct(bench, refitted, press)
-            here = circle, bench.radius, bench.pixel, number[press] == fold
-            off, um, _ = judge_contact(slope, height, *here)
+            ball_and_fold = circle, bench.radius, bench.pixel, number[press] == fold
+            off, um, _ = judge_contact(slope, height, *ball_and_fold)
             degrees.append(off)
             microns.append(um)
     return whole, degrees, float(np.mean(microns))
@@ -139,11 +139,11 @@ def _fit(
         for press, circle in enumerate(placed):
             placed[press] = refine_center(bench, reflectance, circle, press, rim)
         rim = measure_rim(bench, reflectance, placed, every)
-        reflectance = _changed(bench, old, placed, rim, parts, used)
+        reflectance = _refitted(bench, old, placed, rim, parts, used)
     return reflectance, placed
 
 
-def _changed(
+def _refitted(
     bench: Bench,
     old: F8,
     circles: F8,
@@ -171,21 +171,21 @@ def _changed(
 
 def _of_one(c: F8, shade: F8, place: F8, light: F8, even: F8, parts: tuple[str, ...]) -> F8:
     """The coefficients of one light, 9 x 15, after robust ridge regression of the changes."""
-    known = (c @ place) * shade
+    shared = (c @ place) * shade
     columns: dict[str, F8] = {
-        "gain": np.stack([known[:HEIGHT_SHADE].sum(0), known[HEIGHT_SHADE]]),
-        "shades": known[:HEIGHT_SHADE],
+        "gain": np.stack([shared[:HEIGHT_SHADE].sum(0), shared[HEIGHT_SHADE]]),
+        "shades": shared[:HEIGHT_SHADE],
         "offsets": shade[:HEIGHT_SHADE],
     }
-    basis, left = np.concatenate([columns[part] for part in parts]), light - known.sum(0)
-    held = np.concatenate([[PRIOR_DEVIATIONS[part]] * len(columns[part]) for part in parts])
+    basis, residual = np.concatenate([columns[part] for part in parts]), light - shared.sum(0)
+    ridge = np.concatenate([[PRIOR_DEVIATIONS[part]] * len(columns[part]) for part in parts])
     thinned = min(1.0, MAX_INDEPENDENT / max(light.size, 1))
     weight, change = even / even.mean(), np.zeros(len(basis))
     for _ in range(FIT_ROUNDS):
         weighted = basis * (weight * thinned / MAP_DEVIATION**2)
-        normal = weighted @ basis.T + np.diag(held**-2)
-        change = np.linalg.solve(normal, weighted @ left)
-        weight = robust_weights(left - change @ basis, even / even.mean())
+        normal = weighted @ basis.T + np.diag(ridge**-2)
+        change = np.linalg.solve(normal, weighted @ residual)
+        weight = robust_weights(residual - change @ basis, even / even.mean())
     new = c.copy()
     new[:HEIGHT_SHADE] *= 1 + change[0]
     new[HEIGHT_SHADE] *= 1 + change[1]
