@@ -40,9 +40,13 @@ from tactograph.nodes.optics.near_light import (
 )
 
 MIN_DETERMINANT_SHARE = np.float32(1e-4)
+"""Share of the product of two directions' weights below which LEDs lie in line."""
 MIN_VARIANCE = np.float32(1e-10)
+"""Smallest variance of light that is divided by."""
 MIN_NOISE = np.float32(1e-12)
+"""Smallest square of a slope's noise that is divided by."""
 MAX_SLOPE = np.float32(3)
+"""Largest error of a slope."""
 LEVEL_BOUNCE_ERROR, COATED_LEVEL_BOUNCE_ERROR = np.float32(0.03), np.float32(0.3)
 """Share by which the light that a touch throws on level film is wrong, LED by LED, without and
 with a coat, whose mirror images are narrow.  No press is fitted there: around ray-traced touches
