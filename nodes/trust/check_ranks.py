@@ -36,24 +36,14 @@ TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)
 
 
 class Figure(NamedTuple):
-    """A figure that grows with what contradicts a touch: its check, what it can tell, its cause."""
+    """A figure that grows with what contradicts a touch: its check, its cause, what it can tell."""
 
     check: str
-    resolution: float
-    """Error with which it is measured, the least scale of its tail."""
     cause: str
+    resolution: float = MIN_ERROR
+    """Error with which it is measured, the least scale of its tail."""
 
 
-NO_SURFACE = (
-    "the slopes are those of no surface (check the order of the images, that none is mirrored or "
-    "turned, that frames are whole and all of one touch, and that nothing moved while the LEDs "
-    "flashed)"
-)
-LIGHT_OF_NO_SURFACE = (
-    "the light of the touch is that of no surface under this calibration (check the order of the "
-    "images, that all are of this touch and this sensor, and that the camera's gamma, contrast and "
-    "white balance are off{rims})"
-)
 # The unit normal that light of two surfaces adds up to is too short: film that is dark under all
 # LEDs.  So is that of gamma, of other light, and of images that are alike.
 WRONG_BRIGHTNESS = (
@@ -62,65 +52,73 @@ WRONG_BRIGHTNESS = (
     "others, that gamma and contrast are off, and that other light is kept out)"
 )
 CHECK_FIGURES = {
-    "curl": Figure("curl", QUANTILE_ERROR, NO_SURFACE),
+    "curl": Figure(
+        "curl",
+        "the slopes are those of no surface (check the order of the images, that none is mirrored "
+        "or turned, that frames are whole and all of one touch, and that nothing moved while the "
+        "LEDs flashed)",
+        QUANTILE_ERROR,
+    ),
     "dirty_cells": Figure(
         "light",
-        1.0,
         "in places the film is darker under all LEDs than any slope makes it (check the film and "
         "the lens for dirt and hairs)",
+        1.0,
     ),
     "lines": Figure(
         "light",
-        QUANTILE_ERROR,
         "rows of the image differ from those beside them as no surface does (check that frames are "
         "whole and not interlaced, and that no row is dead)",
+        QUANTILE_ERROR,
     ),
     "dark_share": Figure(
         "rest",
-        SHARE_ERROR,
         "parts of the image are without light (crop the images to the film, in the calibration "
         "too, and check that frames are whole)",
+        SHARE_ERROR,
     ),
     "level": Figure(
         "rest",
-        MIN_ERROR,
         "{led} {sense} than in the calibration (check exposure, gain and LED, and that other light "
         "is kept out)",
     ),
     "moved": Figure(
         "rest",
-        MIN_ERROR,
         "the film at rest does not lie where the flat frame shows it: {moved} (check that camera, "
         "lens, zoom and crop are those of the calibration; else calibrate again)",
     ),
-    "brighter": Figure("light", MIN_ERROR, WRONG_BRIGHTNESS),
-    "darker": Figure("light", MIN_ERROR, WRONG_BRIGHTNESS),
+    "brighter": Figure("light", WRONG_BRIGHTNESS),
+    "darker": Figure("light", WRONG_BRIGHTNESS),
     "shape": Figure(
         "rest",
-        MIN_ERROR,
         "the light of the film at rest is spread otherwise than in the calibration (check the "
         "order of the images, and that other light is kept out)",
     ),
     "light_at_rest": Figure(
         "light",
-        QUANTILE_ERROR,
         "the light of the film at rest departs from pixel to pixel (check the exposure, and that "
         "the images are neither compressed nor of fewer gray levels than those of the calibration)",
+        QUANTILE_ERROR,
     ),
     "lit_shadows": Figure(
         "light",
-        MIN_ERROR,
         "shadows are not dark (check the focus, and keep other light out, or take the calibration "
         "and a dark image under it)",
     ),
-    "light": Figure("light", QUANTILE_ERROR, LIGHT_OF_NO_SURFACE),
+    "light": Figure(
+        "light",
+        "the light of the touch is that of no surface under this calibration (check the order of "
+        "the images, that all are of this touch and this sensor, and that the camera's gamma, "
+        "contrast and white balance are off{rims})",
+        QUANTILE_ERROR,
+    ),
     "touched_share": Figure(
         "rest",
-        SHARE_ERROR,
         "hardly any film is at rest, so that zero and tilt of the height are unknown (an object "
         "that fills the frame is for reconstruct_filled; or another sensor or light)",
+        SHARE_ERROR,
     ),
-    "left_as_matt": Figure("cause", MIN_ERROR, ""),
+    "left_as_matt": Figure("cause", ""),
 }
 """All figures of a touch, by name; the more causes change one, the later it stands.  The last
 belongs to no check: it tells mistakes that explain a doubted touch from those that do not

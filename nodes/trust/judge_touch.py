@@ -3,7 +3,6 @@
 Long because the mistakes that explain a doubted touch are tried one by one.
 """
 
-from functools import partial
 from typing import Annotated
 
 import numpy as np
@@ -100,12 +99,16 @@ def judge_touch(
         if trust < false_alarms:
             likely = ""
             if light is not None and flat is not None:
-                has_moved = motion is not None and bool(motion.any())
-                law = partial(share_left, known), false_alarms
                 likely = (
                     other_colours(light * flat, flat)
                     if lights is None
-                    else likely_cause(light, flat, lights, *law, has_moved=has_moved)
+                    else likely_cause(
+                        light,
+                        flat,
+                        lights,
+                        lambda left: share_left(known, left) >= false_alarms,
+                        has_moved=motion is not None and bool(motion.any()),
+                    )
                 )
             causes = likely or _said(why, evidence, motion, on_rims)
             if max(alone) < false_alarms and not force:

@@ -46,8 +46,7 @@ def likely_cause(
     light: CoarseLight,
     flat: CoarseLight,
     lights: LightPositions,
-    share_of: Callable[[float], float],
-    false_alarms: float,
+    fits: Callable[[float], bool],
     *,
     has_moved: bool = False,
 ) -> str:
@@ -58,8 +57,7 @@ def likely_cause(
     light : K x h x w, relative to the film at rest
     flat : K x h x w, the film at rest
     lights : K x 3, in mm
-    share_of : the share of right touches that leave as much, or more (`left_as_matt`)
-    false_alarms : share from which on a touch is doubted
+    fits : whether right touches leave as much (`left_as_matt`)
     has_moved : whether the camera has (`film_motion`)
     """
     raw = light * flat
@@ -70,14 +68,13 @@ def likely_cause(
     small, rest = few_cells(raw), _divisor(flat)
 
     def first_of(mistakes: Iterable[_Mistake]) -> str:
-        """The first mistake that leaves least, if right touches leave as much."""
+        """The first mistake that leaves least, if it fits."""
         tried = [(_left(m.light / rest[m.leds], lights[m.leds]), m.words) for m in mistakes]
         least = min(left for left, _ in tried)
-        if share_of(least) < false_alarms:
-            return ""
-        return next(words for left, words in tried if left <= least + MIN_ERROR)
+        simplest = next(words for left, words in tried if left <= least + MIN_ERROR)
+        return simplest if fits(least) else ""
 
-    if share_of(_left(small / rest, lights)) >= false_alarms:
+    if fits(_left(small / rest, lights)):
         return _at_border(small, rest)
     # Fewer LEDs fit anything better, and so do they if the camera has moved.
     may_be_foreign = len(raw) > MIN_LEDS and not has_moved

@@ -12,7 +12,6 @@ from tactograph.nodes.trust.likely_cause import left_as_matt, likely_cause
 ROWS, COLUMNS = 60, 80
 LIGHTS = np.array([[-40, -30, 40], [42, -31, 40], [38, 33, 40], [-39, 30, 40]], np.float32)
 Change = Callable[[F4], F4]
-Law = tuple[Callable[[float], float], float]
 
 
 def flat() -> F4:
@@ -88,7 +87,7 @@ MISTAKES: dict[str, Change] = {
 def cause(light: F4) -> str:
     """What explains a touch of a sensor whose right touches leave half as much again as this."""
     usual = 1.5 * left_as_matt(touch() / flat(), flat(), LIGHTS)
-    return likely_cause(light, flat(), LIGHTS, lambda left: float(left < usual), 0.01)
+    return likely_cause(light, flat(), LIGHTS, lambda left: left < usual)
 
 
 @pytest.mark.parametrize("words", MISTAKES)
@@ -100,8 +99,7 @@ def test_images_of_a_square_sensor_are_named_as_transposed() -> None:
     raw, rest = touch()[:, :, 10:70], flat()[:, :, 10:70]
     usual = 1.5 * left_as_matt(raw / rest, rest, LIGHTS)
     turned = raw.transpose(0, 2, 1) / rest
-    law: Law = lambda left: float(left < usual), 0.01
-    assert "are transposed" in likely_cause(turned, rest, LIGHTS, *law)
+    assert "are transposed" in likely_cause(turned, rest, LIGHTS, lambda left: left < usual)
 
 
 def test_a_frame_that_is_cut_off_does_not_flicker() -> None:
