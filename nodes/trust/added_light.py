@@ -8,7 +8,7 @@ from tactograph.nodes.trust.checked_cells import DARK_LIGHT
 
 
 def added_share(light: F4, flat: F4) -> float:
-    """Return the light that was added everywhere, over that of the film at rest; 0: none.
+    """Return the light that was added everywhere, over that of the film at rest (T3); 0: none.
 
     Dim film then departs more than bright film.
 

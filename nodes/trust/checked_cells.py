@@ -21,9 +21,9 @@ MAX_CELLS = 2500
 """More cells tell no more of medians; of larger images every n-th is looked at."""
 
 
-def quarter_of(values: F4, quarter: int, least: int = MIN_CELLS) -> float:
-    """Return the value that a quarter, two or three of them lie below; 0 of less than `least`."""
-    if values.size < least:
+def quarter_of(values: F4, quarter: int) -> float:
+    """Return the value that a quarter, two or three of them lie below; 0 of too few."""
+    if values.size < MIN_CELLS:
         return 0.0
     place = quarter * values.size // 4
     return float(np.partition(values, place)[place])
