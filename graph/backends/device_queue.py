@@ -7,7 +7,6 @@ an in-order queue the next owner cannot overtake.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -200,13 +199,6 @@ class Queue:
         buffer: Any = cl.Buffer.from_int_ptr(array.buffer.int_ptr)
         buffer.memory = array.memory
         return _array_class()(self.queue, array.shape, array.dtype, data=buffer)
-
-    def stacked(self, arrays: Sequence[Array]) -> Array:
-        """Arrays of pyopencl's, put together along a first axis on the device."""
-        from pyopencl.array import stack
-
-        made: Array = stack(arrays, queue=self.queue)
-        return made
 
     def mapped(self, array: Array, name: str) -> NDArray[Any]:
         """An array of pyopencl's for the host, which on a CPU reads it where it lies.
