@@ -25,7 +25,7 @@
 
 // Where the figures of the film and of the light begin, behind those of the curl.
 #define OF_FILM 1
-#define OF_LIGHT 5
+#define OF_LIGHT 6
 
 // Cells of h x w, every step-th of every step-th row of H x W.
 #define EACH_CELL(y, x, count)                                                                   \
@@ -214,7 +214,8 @@ static ONCE void look_at_rest(
     film[0] = shape;
     film[1] = rest / (float)size;
     film[2] = black / (float)size;
-    film[3] = top - bottom;
+    film[3] = bottom;
+    film[4] = top;
 }
 
 // By a group each: what the light of a touch tells, and the film at rest.

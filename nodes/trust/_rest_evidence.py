@@ -24,14 +24,15 @@ class FilmFigures(NamedTuple):
     """Share of the image at rest."""
     dark: float
     """Share of the image without any light, however dim the touch is as a whole."""
-    rise: float
-    """Height of the highest place above the lowest, in mm."""
+    lowest: float
+    """Height in mm."""
+    highest: float
 
 
 def rest_evidence(
     light: CoarseLight, height: Height, drift: Drift | None = None
 ) -> tuple[RestLevel, FilmFigures]:
-    """Return the light of the film at rest, how much of it there is, and the height's rise (T3).
+    """Return the light of the film at rest, how much of it there is, and the height's range (T3).
 
     Without a drift, or if none was found, the median of the frame's border is each LED's light.
     """
@@ -44,4 +45,4 @@ def rest_evidence(
         even = cells / np.maximum(level, DARK_LIGHT)[:, None, None]
     dark = (even < DARK_LIGHT).all(axis=0).mean()
     calm = (np.abs(even - 1) < CALM_DEPARTURE).all(axis=0).mean()
-    return level, FilmFigures(shape, calm, dark, np.ptp(height))
+    return level, FilmFigures(shape, calm, dark, height.min(), height.max())

@@ -32,6 +32,8 @@ RANK_COUNT = 100
 """Quantiles that are kept: half a per cent, one and a half, ..."""
 QUANTILE_ERROR, SHARE_ERROR = 0.1, 0.01
 """Error of a quantile of some hundred cells, over their deviation; error of a share of cells."""
+MIN_HEIGHT_MM = 0.15
+"""Height that a depth below the film at rest is compared with at least."""
 TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)
 
 
@@ -112,6 +114,12 @@ CHECK_FIGURES = {
         "contrast and white balance are off{rims})",
         QUANTILE_ERROR,
     ),
+    "depth": Figure(
+        "rest",
+        "most of the touch lies below the film at rest (check the order of the images, and that "
+        "they are neither mirrored nor turned)",
+        SHARE_ERROR,
+    ),
     "touched_share": Figure(
         "rest",
         "hardly any film is at rest, so that zero and tilt of the height are unknown (an object "
@@ -124,7 +132,7 @@ CHECK_FIGURES = {
 belongs to no check: it tells mistakes that explain a doubted touch from those that do not
 (`likely_cause`)."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
-CheckRanks = Annotated[F4, Port("3 15 100", "1", low=0, high=3)]
+CheckRanks = Annotated[F4, Port("3 16 100", "1", low=0, high=3)]
 """Quantiles of the figures of right touches, in ascending order, and last of their least p-values:
 by `Ranked`.  Below 0: none were drawn."""
 
@@ -155,7 +163,8 @@ def figures_of(
     rows = 0.0 if lines is None else _worst_line(lines)
     moved = 0.0 if motion is None else motion_size(motion)
     sure = curl, light.dirty, rows, film.dark, level, moved, light.brighter, -light.brighter
-    vague = film.shape, light.at_rest, light.dim, light.of_touch, 1 - film.calm
+    deep = -film.lowest / max(film.highest, MIN_HEIGHT_MM)
+    vague = film.shape, light.at_rest, light.dim, light.of_touch, deep, 1 - film.calm
     return np.array([*sure, *vague, left])
 
 
@@ -176,8 +185,8 @@ def ranked(drawn: F8, own: F8 | None = None) -> F8:
 
     Parameters
     ----------
-    drawn : N x 14, the figures of touches drawn from the calibration
-    own : P x 14, those of its presses; P may be 0
+    drawn : N x 15, the figures of touches drawn from the calibration
+    own : P x 15, those of its presses; P may be 0
     """
     levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
     quantiles, both = np.quantile(drawn, levels, axis=0), drawn

@@ -25,13 +25,13 @@ class TouchEvidence(NamedTuple):
     """What `judge_touch` judges: little, in arrays as few as can be read back from a device."""
 
     level: RestLevel
-    figures: Annotated[F4, Port("10", "1", low=0, high=5)]
+    figures: Annotated[F4, Port("11", "1", low=0, high=5)]
     """Those of the curl, of the film and of the light, one behind the other."""
 
     def read(self) -> tuple[float, FilmFigures, LightFigures]:
         """How much the slopes curl, what the film at rest is like, and how the light departs."""
         figures = self.figures.tolist()
-        return figures[0], FilmFigures(*figures[1:5]), LightFigures(*figures[5:])
+        return figures[0], FilmFigures(*figures[1:6]), LightFigures(*figures[6:])
 
 
 @node(

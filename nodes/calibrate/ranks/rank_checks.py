@@ -123,7 +123,7 @@ def _kept(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:
 def _own(
     graph: str, presses: list[Light], calibration: Path, more: dict[str, str] | None = None
 ) -> tuple[F8, F8]:
-    """The figures of the calibration's presses, P x 14, and how much of each hangs on rims."""
+    """The figures of the calibration's presses, P x 15, and how much of each hangs on rims."""
     figures, rims = [], []
     if presses:
         given = {"calibration": str(calibration), "accept_contradictions": True}
@@ -140,7 +140,7 @@ def _own(
 def _drawn(
     graph: str, overlay: str, given: dict[str, Any], more: dict[str, str] | None = None
 ) -> F8:
-    """The figures of drawn touches whose height the graph finds, N x 14.
+    """The figures of drawn touches whose height the graph finds, N x 15.
 
     It is found where its error, over the image's width, is that of slopes which err by `MIN_ERROR`.
     At least half of them count as found: a graph may be no better than that.  Walls are what

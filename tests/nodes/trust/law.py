@@ -10,7 +10,7 @@ from tactograph.nodes.trust.touch_evidence import TouchEvidence
 SIZES = dict.fromkeys(CHECK_FIGURES, 0.0) | {
     "curl": 0.3, "light_at_rest": 0.5, "light": 0.8,
     "darker": 0.001, "brighter": 0.001, "level": 0.02,
-    "shape": 0.01, "moved": 0.002, "touched_share": 0.2, "lines": 0.5,
+    "shape": 0.01, "moved": 0.002, "touched_share": 0.2, "depth": 0.1, "lines": 0.5,
 }  # fmt: skip
 
 

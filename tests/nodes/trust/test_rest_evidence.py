@@ -19,9 +19,9 @@ def pressed(noise: float = 0.003) -> F4:
     return light.astype(np.float32)
 
 
-def risen() -> F4:
-    height = np.zeros(SHAPE, np.float32)
-    height[TOUCHED[1:]] = 1.0
+def risen(lowest: float = 0.0, highest: float = 1.0) -> F4:
+    height = np.full(SHAPE, lowest, np.float32)
+    height[TOUCHED[1:]] = highest
     return height
 
 
@@ -38,8 +38,8 @@ def scaled(light: F4, *levels: float) -> F4:
 UNTESTED = np.full(SHAPE, -1, np.float32)
 
 
-def figures(light: F4, drift: F4 | None = None) -> dict[str, float]:
-    return by_name(touch_evidence(UNTESTED, light, risen(), drift))
+def figures(light: F4, drift: F4 | None = None, height: F4 | None = None) -> dict[str, float]:
+    return by_name(touch_evidence(UNTESTED, light, risen() if height is None else height, drift))
 
 
 def added_light(light: F4, flat: F4) -> float:
@@ -79,6 +79,12 @@ def test_a_surface_touched_everywhere_leaves_no_film_at_rest() -> None:
     wave = 1 + 0.7 * np.sin(np.arange(SHAPE[1]) * 0.9)
     assert figures((np.ones((4, *SHAPE)) * wave).astype(np.float32))["touched_share"] > 0.8
     assert figures(pressed())["touched_share"] < 0.3
+
+
+def test_a_touch_below_the_film_is_as_deep_as_it_is_high() -> None:
+    assert figures(pressed(), height=risen(-0.3, 1.0))["depth"] == pytest.approx(0.3)
+    assert figures(pressed(), height=risen(0.0, -1.0))["depth"] > 5
+    assert figures(pressed(), height=risen(0.0, -0.02))["depth"] < 0.2, "untouched film"
 
 
 FALLING = np.linspace(0.25, 0.7, SHAPE[1], dtype=np.float32)
