@@ -98,8 +98,9 @@ CHECK_FIGURES = {
     ),
     "light_at_rest": Figure(
         "light",
-        "the light of the film at rest departs from pixel to pixel (check the exposure, and that "
-        "the images are neither compressed nor of fewer gray levels than those of the calibration)",
+        "the light of the film at rest departs from pixel to pixel (check the exposure, that "
+        "local contrast (CLAHE) is off, and that the images are neither compressed nor of fewer "
+        "gray levels than those of the calibration)",
         QUANTILE_ERROR,
     ),
     "lit_shadows": Figure(
