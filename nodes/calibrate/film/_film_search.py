@@ -16,21 +16,21 @@ from tactograph.nodes.calibrate.film._film_misfit import Held
 from tactograph.nodes.calibrate.film.ball_samples import lights_itself, moved_with, thinned
 from tactograph.nodes.calibrate.film.film_fit import (
     MAX_INDEPENDENT_SAMPLES,
+    MAX_ROUNDS,
     add_harmonics,
     fit,
     place_balls,
 )
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.calibrate.rating.verdict import log_odds, pays
+from tactograph.nodes.calibrate.rating.verdict import grows, pays
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
 
 FINAL_SAMPLES = 15000
 """Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
 a ball's height, the coat's index and the albedo uncertain by some per cent."""
-MAX_ROUNDS, MAX_CHANGE = 4, 0.004
-"""Most rounds that find the balls' positions and the light from film to film in turn, and the
-relative change of albedo and contact radius below which they end."""
+MAX_CHANGE = 0.004
+"""Relative change of albedo and contact radius below which rounds end (`MAX_ROUNDS`)."""
 MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
 """Number of balls from which on, and multiple of the median residual above which, a ball is left
 out."""
@@ -165,12 +165,10 @@ def grow(
         first = int(np.argmin([normal_error(trial.balls, fit).degrees for fit in fitted]))
         better = judge(trial, wider[first], fitted[first])
         errors[f"film_heldout_deg/{better}"] = better.error
-        more, values = (
-            len(PART_UNKNOWNS[left[first]]),
-            min(trial.balls.u.size, MAX_INDEPENDENT_SAMPLES),
-        )
-        odds = log_odds(best.fitted.scale, better.fitted.scale, more, values)
-        alone = odds > 0 and pays(best.errors, better.errors)
+        scales = best.fitted.scale, better.fitted.scale
+        more, values = len(PART_UNKNOWNS[left[first]]), trial.balls.u.size
+        values = min(values, MAX_INDEPENDENT_SAMPLES)
+        alone = grows(best.errors, better.errors, scales, more, values)
         if not alone and not set(left) >= SHINING_PARTS:
             break
         if not alone:
