@@ -11,8 +11,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tactograph.graph.compare.compare import Row
-from tactograph.graph.compare.comparison_record import read_rows
 from tactograph.graph.compare.stored_views import load_views
+from tactograph.graph.compare.tables import read_rows
 from tactograph.graph.show.views import View
 
 SHAPES = ("ball", "teapot", "cat")

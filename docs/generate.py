@@ -10,7 +10,7 @@ from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph, shipped_titles
 from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.graph.show.draw_mermaid import to_mermaid
+from tactograph.graph.show.draw_svg import to_svg
 from tactograph.graph.show.sketch import fold
 
 
@@ -37,7 +37,7 @@ def write_pipelines() -> None:
             graph = read_graph(name)
             lines += [f"### {name}", "", f"{graph.title}.", "", *_params(graph), ""]
             plan = open_pipeline(graph, graph.placeholders, backend="numpy").plan
-            lines += ["```mermaid", to_mermaid(fold(sketch_of(plan))).rstrip(), "```", ""]
+            lines += ["<div>", to_svg(fold(sketch_of(plan))).rstrip(), "</div>", ""]
     lines += [f"## {heading}", "", *(f"- `{name}`: {title}" for name, title in overlays.items())]
     with mkdocs_gen_files.open("pipelines.md", "w") as page:
         page.write("\n".join(lines))

@@ -37,7 +37,7 @@ from tactograph.graph.errors import (
 
 if TYPE_CHECKING:
     from tactograph.graph.backends import parity
-    from tactograph.graph.batch.batch_maps import BatchMaps, ShuffledBatches
+    from tactograph.graph.batch.batch_maps import BatchMaps
     from tactograph.graph.cache.cache import Cache
     from tactograph.graph.run.open_pipeline import load
     from tactograph.graph.run.pipeline import Pipeline
@@ -62,7 +62,6 @@ __all__ = [
     "Port",
     "Provenance",
     "Session",
-    "ShuffledBatches",
     "SizeLimit",
     "SizeRule",
     "TactographError",
@@ -77,7 +76,6 @@ __all__ = [
 
 _LATE_MODULES = {
     "BatchMaps": "batch.batch_maps",
-    "ShuffledBatches": "batch.batch_maps",
     "Cache": "cache.cache",
     "Pipeline": "run.pipeline",
     "load": "run.open_pipeline",

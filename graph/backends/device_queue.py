@@ -7,9 +7,6 @@ an in-order queue the next owner cannot overtake.
 from __future__ import annotations
 
 import itertools
-import time
-from collections.abc import Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -183,14 +180,6 @@ class Queue:
             self._fractions[size] = Kernel(cl.Kernel(program, "fraction"))
         return self._fractions[size]
 
-    @cached_property
-    def clock_ahead(self) -> float:
-        """Seconds by which the device's clock is ahead of `time.perf_counter`."""
-        marker = cl.enqueue_marker(self.queue)
-        marker.wait()
-        ended: Any = marker.get_profiling_info(cl.profiling_info.END)
-        return 1e-9 * float(ended) - time.perf_counter()
-
     def copied(self, source: DeviceArray) -> DeviceArray:
         """Copy an array on the device."""
         target = self.empty(source.shape, source.dtype)
@@ -210,13 +199,6 @@ class Queue:
         buffer: Any = cl.Buffer.from_int_ptr(array.buffer.int_ptr)
         buffer.memory = array.memory
         return _array_class()(self.queue, array.shape, array.dtype, data=buffer)
-
-    def stacked(self, arrays: Sequence[Array]) -> Array:
-        """Arrays of pyopencl's, put together along a first axis on the device."""
-        from pyopencl.array import stack
-
-        made: Array = stack(arrays, queue=self.queue)
-        return made
 
     def mapped(self, array: Array, name: str) -> NDArray[Any]:
         """An array of pyopencl's for the host, which on a CPU reads it where it lies.
@@ -287,13 +269,6 @@ class Queue:
             return any(event.command_execution_status < 0 for event in timer)
         except cl.Error:
             return True
-
-    def span(self, timer: Timer) -> tuple[float, float]:
-        """Start and end, in seconds of the device's clock."""
-        first, last = timer
-        start: Any = first.get_profiling_info(cl.profiling_info.START)
-        end: Any = last.get_profiling_info(cl.profiling_info.END)
-        return 1e-9 * start, 1e-9 * end
 
     def milliseconds(self, timer: Timer) -> float:
         """The time between the start of the first event and the end of the last, on the device."""

@@ -24,6 +24,7 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
+from tactograph.graph.backends.pocl_builtins import with_builtins
 from tactograph.graph.disk.disk_cache import KEPT_SUFFIX, cache_folder, read_cached, write_cached
 
 Recipe = tuple[str, tuple[str, ...]]
@@ -60,7 +61,7 @@ def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Prog
     """
     file = _kept(context.devices[0], source, options)
     if file is None:
-        return _built(cl.Program(context, source), options)
+        return _compiled(context, source, options)
     while (known := _from_disk(context, file, options)) is None:
         with suppress(BlockingIOError), _alone(file, wait=not ahead):
             return _from_disk(context, file, options) or _onto_disk(context, source, options, file)
@@ -84,7 +85,7 @@ def build_if_free(context: cl.Context, source: str, options: tuple[str, ...]) ->
 
 def start_compiler(context: cl.Context) -> None:
     """Have PoCL read what it compiles with: as long as a program takes, once a process."""
-    _built(cl.Program(context, "__kernel void nothing(void) {}"), ())
+    _compiled(context, "__kernel void nothing(void) {}", ())
 
 
 def is_ready(device: cl.Device, source: str, options: tuple[str, ...]) -> bool:
@@ -104,7 +105,7 @@ def _from_disk(context: cl.Context, file: Path, options: tuple[str, ...]) -> cl.
 def _onto_disk(
     context: cl.Context, source: str, options: tuple[str, ...], file: Path
 ) -> cl.Program:
-    program = _built(cl.Program(context, source), options)
+    program = _compiled(context, source, options)
     binaries: Any = program.get_info(cl.program_info.BINARIES)
     write_cached(file, binaries[0], MAX_PROGRAM_BYTES)
     return program
@@ -132,6 +133,14 @@ def _alone(file: Path, *, wait: bool = True) -> Iterator[None]:
             except OSError:  # a folder that cannot be written; two may build the same then
                 pass
         yield
+
+
+def _compiled(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Program:
+    is_pocl = context.devices[0].platform.name == POCL_PLATFORM
+    if is_pocl and (declared := with_builtins(source)):
+        with suppress(cl.RuntimeError):  # another version's file may say it otherwise
+            return _built(cl.Program(context, declared[0]), (*options, *declared[1]))
+    return _built(cl.Program(context, source), options)
 
 
 def _built(program: cl.Program, options: tuple[str, ...]) -> cl.Program:

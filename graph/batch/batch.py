@@ -17,7 +17,7 @@ MAX_TRIED_CAPTURES = 20
 
 
 class Workers(Protocol):
-    """Processes, threads or machines that do the chunks."""
+    """This process, or several, that do the chunks."""
 
     name: str
 

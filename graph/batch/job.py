@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
-from tactograph.graph.batch.captures import absolute, content_of, is_url
+from tactograph.graph.batch.captures import absolute
 from tactograph.graph.cache.result_origin import Origin, named_files
 from tactograph.graph.declare.check_settings import NOT_GIVEN
+from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.disk.file_identity import identities
 from tactograph.graph.disk.text_names import refuse_other_names
 from tactograph.graph.errors import InputError, did_you_mean
@@ -79,7 +81,7 @@ def make_job(
         name=graph.name,
         hash=graph.hash,
         given={**fixed, CAPTURE_PARAM: "."},
-        inputs={name: content_of(place) for name, place in {**read, **named}.items()},
+        inputs={name: content_hash(Path(place)) for name, place in {**read, **named}.items()},
         maps=() if folders else kept,
         backend=backend,
         device=device,
@@ -110,10 +112,10 @@ def _folders(graph: Graph, out: str) -> str | None:
     if out.rstrip("/").endswith(".zarr"):
         return None
     folders = absolute(out)
-    if is_url(folders) or "out" not in graph.params:
+    if "out" not in graph.params:
         raise InputError(
-            f"--out {out}: folders are written by the graph's sinks, to a local "
-            "place, through its parameter 'out'; else give a store, NAME.zarr"
+            f"--out {out}: folders are written by the graph's sinks, through its parameter 'out'; "
+            "else give a store, NAME.zarr"
         )
     return folders
 

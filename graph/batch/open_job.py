@@ -5,7 +5,6 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from tactograph.graph.batch.captures import kept_at_hand
 from tactograph.graph.batch.job import Job
 from tactograph.graph.disk.strict_yaml import parse_yaml
 from tactograph.graph.errors import TactographError
@@ -51,14 +50,9 @@ def forget_pipeline() -> None:
 
 
 def _open(job: Job, graph: Graph) -> Pipeline:
-    paths = {name for name, param in graph.params.items() if param.kind == "path"}
-    given = {
-        name: kept_at_hand(value) if name in paths and value is not None else value
-        for name, value in job.given.items()
-    }
     return open_pipeline(
         graph,
-        given,
+        job.given,
         backend=job.backend,
         device=job.device,
         strict=job.strict,

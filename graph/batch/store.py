@@ -22,8 +22,8 @@ import numpy as np
 import zarr
 from numpy.typing import NDArray
 from zarr.codecs import BloscCodec
+from zarr.storage import LocalStore
 
-from tactograph.graph.batch.captures import is_url
 from tactograph.graph.batch.entry import DONE, PENDING, Entry, read_figures
 from tactograph.graph.batch.job import Job, identity_of
 from tactograph.graph.batch.map_types import (
@@ -53,8 +53,7 @@ _CAPTURE_COLUMNS: dict[str, tuple[Any, Any, Callable[[Entry], Any]]] = {
 """What an array by capture holds of an entry: type, fill value, cell.  The status is written last,
 so that only whole captures count as done."""
 _OPEN_ERRORS = (OSError, ValueError, ImportError, TypeError, AttributeError, OverflowError)
-"""Errors of opening a store; TypeError comes from file systems that need more than a URL, the last
-two from Zarr at descriptions that it did not write."""
+"""Errors of opening a store; the last three are Zarr's, at descriptions that it did not write."""
 _DECODE_ERRORS = (ValueError, RuntimeError, TypeError, EOFError, KeyError, IndexError)
 """Errors of the codecs at bytes that they did not write."""
 
@@ -320,7 +319,7 @@ def create_store(
     and `overwrite` is False.
     """
     try:
-        group = zarr.create_group(_at(place), zarr_format=3, overwrite=overwrite)
+        group = zarr.create_group(LocalStore(place), zarr_format=3, overwrite=overwrite)
         columns = {name: (dtype, fill) for name, (dtype, fill, _) in _CAPTURE_COLUMNS.items()}
         for name, (dtype, fill) in {"capture": (str, ""), **columns}.items():
             group.create_array(
@@ -346,10 +345,10 @@ def open_store(place: str) -> Store | None:
     """
     try:
         # Arrays of version 2 may say that they are pickled, which runs code.
-        return Store(zarr.open_group(_at(place), mode="r+", zarr_format=3))
+        return Store(zarr.open_group(LocalStore(place), mode="r+", zarr_format=3))
     except FileNotFoundError:
         try:
-            zarr.open(_at(place), mode="r", zarr_format=2)
+            zarr.open(LocalStore(place), mode="r", zarr_format=2)
         except FileNotFoundError:
             return None
         except _OPEN_ERRORS:
@@ -357,7 +356,3 @@ def open_store(place: str) -> Store | None:
         raise InputError(f"{place}: no store of a batch, but of Zarr version 2") from None
     except _OPEN_ERRORS as error:
         raise InputError(f"{place}: no store of a batch: {error}") from None
-
-
-def _at(place: str) -> Any:
-    return place if is_url(place) else zarr.storage.LocalStore(place)

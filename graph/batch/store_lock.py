@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from tactograph.graph.batch.captures import is_url
 from tactograph.graph.disk.folder_lock import lock_folder
 from tactograph.graph.errors import InputError
 
@@ -18,9 +17,6 @@ def alone_in(place: str) -> Iterator[None]:
 
     Raises InputError if another batch is at work there, or its folder cannot be made.
     """
-    if is_url(place):
-        yield
-        return
     try:
         Path(place).mkdir(parents=True, exist_ok=True)
         lock = lock_folder(Path(place))

@@ -5,14 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from tactograph.graph.batch.captures import at_hand
 from tactograph.graph.batch.entry import DONE, FAILED, Entry
 from tactograph.graph.batch.job import Job
 from tactograph.graph.batch.map_types import MapType
@@ -71,12 +69,11 @@ def do_chunks(chunks: Iterable[Chunk]) -> Iterator[Tally]:
             pipeline = pipeline_of(store.job)
             if turn.coming is not None:
                 types = types if entries else store.map_types()
-                with (ready := turn.coming.result()).kept:
-                    entries[turn.number] = _attempt(pipeline, ready, types)
+                entries[turn.number] = _attempt(pipeline, turn.coming.result(), types)
             if turn.is_last:
                 if written is not None:
                     yield written.result()
-                fallbacks = tuple(pipeline.plan.brief_fallbacks)
+                fallbacks = tuple(pipeline.plan.fallbacks)
                 written = writer.submit(_write, store, turn.chunk, entries, fallbacks)
                 entries = {}
         if written is not None:
@@ -133,8 +130,7 @@ class Serial:
 def find_map_types(job: Job, place: str) -> dict[str, MapType]:
     """The types of a job's maps, from a capture.  Raises TactographError if it cannot be done."""
     pipeline = pipeline_of(job)
-    with (ready := _read(pipeline, job, place)).kept:
-        result = _run(pipeline, ready)
+    result = _run(pipeline, _read(pipeline, job, place))
     return {name: _type_of(result, name) for name in job.maps}
 
 
@@ -159,37 +155,31 @@ def store_of(out: str, stamp: str) -> Store:
 
 
 class _Ready(NamedTuple):
-    """A capture that was read, with values of the graph's params, or why it was not.
-
-    The files in `kept` are given back when its block ends.
-    """
+    """A capture that was read, with values of the graph's params, or why it was not."""
 
     place: str
-    kept: ExitStack
     aims: dict[str, Any]
     stream: SourceStream | None
-    error: TactographError | MemoryError | None
+    error: TactographError | MemoryError | None = None
 
 
 def _read(pipeline: Pipeline, job: Job, place: str) -> _Ready:
-    """Fetch and read a capture, in any thread, while the one before it is computed."""
-    with ExitStack() as kept:
-        try:
-            folder = kept.enter_context(at_hand(place))
-            aims = {CAPTURE_PARAM: folder}
-            if job.folders is not None:
-                aims["out"] = str(Path(job.folders) / folder_name(place, job.below))
-            stream = pipeline.begin(**aims)
-            if stream is not None and stream.reads_two():
-                # Before any is computed, or written.
-                stream.close()
-                raise InputError(
-                    f"{place}: holds several captures; let --over match each of them, as in "
-                    f"--over '{place}/*'"
-                )
-        except (TactographError, MemoryError) as error:
-            return _Ready(place, ExitStack(), {}, None, error)
-        return _Ready(place, kept.pop_all(), aims, stream, None)
+    """Read a capture, in any thread, while the one before it is computed."""
+    aims = {CAPTURE_PARAM: place}
+    if job.folders is not None:
+        aims["out"] = str(Path(job.folders) / folder_name(place, job.below))
+    try:
+        stream = pipeline.begin(**aims)
+        if stream is not None and stream.reads_two():
+            # Before any is computed, or written.
+            stream.close()
+            raise InputError(
+                f"{place}: holds several captures; let --over match each of them, as in "
+                f"--over '{place}/*'"
+            )
+    except (TactographError, MemoryError) as error:
+        return _Ready(place, {}, None, error)
+    return _Ready(place, aims, stream)
 
 
 def _attempt(pipeline: Pipeline, ready: _Ready, types: dict[str, MapType]) -> Entry:
@@ -228,8 +218,7 @@ def _run(pipeline: Pipeline, ready: _Ready) -> Result:
 
 def folder_name(place: str, below: str) -> str:
     """The folder of a capture's results in the batch's folder: its path without the common part."""
-    inside = place.removeprefix(below) if below else place.partition("://")[2] or place
-    return inside.lstrip("/")
+    return place.removeprefix(below).lstrip("/")
 
 
 def _type_of(result: Result, name: str) -> MapType:

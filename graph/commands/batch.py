@@ -6,7 +6,6 @@ import csv
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +13,7 @@ import click
 
 from tactograph.graph.commands import RunOptions, graph_command, run_options, say
 from tactograph.graph.commands.progress_line import ProgressLine
-from tactograph.graph.errors import InputError, a_few, printable
+from tactograph.graph.errors import a_few, printable
 
 if TYPE_CHECKING:
     from tactograph.graph.batch.batch import Workers
@@ -31,11 +30,11 @@ MAX_FAILURES = 10
 @graph_command("batch", short_help="Run a graph over many captures, into one store.")
 @click.option(
     "--over", multiple=True, required=True, metavar="PATTERN",
-    help="Captures, such as 'recordings/**/capture_*' (quoted), a folder of them, or URLs.",
+    help="Captures, such as 'recordings/**/capture_*' (quoted), or a folder of them.",
 )  # fmt: skip
 @click.option(
     "--out", required=True, metavar="PLACE",
-    help="NAME.zarr, a path or URL, for one store; else a folder of result folders.",
+    help="NAME.zarr for one store; else a folder of result folders.",
 )  # fmt: skip
 @click.option("--maps", metavar="A,B", help="Outputs to store.  [default: all H x W maps]")
 @click.option(
@@ -45,10 +44,6 @@ MAX_FAILURES = 10
 @click.option(
     "--workers", type=click.IntRange(1),
     help="Processes on this machine.  [default: one a core, if each has enough to do]",
-)  # fmt: skip
-@click.option(
-    "--scheduler", metavar="ADDRESS|FILE",
-    help="A Dask scheduler, tcp://host:port, or the file that it wrote.",
 )  # fmt: skip
 @click.option("--retry-failed", is_flag=True, help="Do those again that failed before.")
 @run_options
@@ -60,7 +55,6 @@ def command(
     maps: str | None,
     chunk: int | None,
     workers: int | None,
-    scheduler: str | None,
     retry_failed: bool,
     options: RunOptions,
 ) -> None:
@@ -78,11 +72,9 @@ def command(
     # A shell does not expand ~ within quotes, as of patterns, or after --out=.
     out = at_home(out)
     captures, below, passed_over = find_captures([at_home(pattern) for pattern in over])
-    cluster = _cluster(workers, scheduler)
     with ExitStack() as closing:
         # Slow imports follow here, while the processes import and open.
-        if cluster is None:
-            _start_importing(workers, len(captures))
+        _start_importing(workers, len(captures))
         read = options.read(graph)
         from tactograph.graph.batch.job import make_job, store_place
         from tactograph.graph.files.typed_values import read_words
@@ -103,7 +95,7 @@ def command(
             read_places = filter(None, (below, *captures))
             refuse_to_write_over(f"--out {out}", out, {f"--over {p}": p for p in read_places})
         place = store_place(out, job)
-        who = cluster or _here(workers, read, job, len(captures), place, closing)
+        who = _here(workers, read, job, len(captures), place, closing)
         from tactograph.graph.batch.batch import (
             lies_in,
             open_batch,
@@ -143,16 +135,6 @@ def _before(store: Store, *, retry_failed: bool) -> str:
     if not failed:
         return line
     return f"{line}, {failed} failed ({'' if retry_failed else 'not '}done again)"
-
-
-def _cluster(number: int | None, scheduler: str | None) -> Workers | None:
-    if scheduler is None:
-        return None
-    if number is not None:
-        raise InputError("give one of --workers and --scheduler")
-    from tactograph.graph.batch.cluster import Cluster
-
-    return Cluster(scheduler, tell=partial(say, err=True))
 
 
 def _start_importing(number: int | None, captures: int) -> None:
@@ -210,7 +192,6 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
 
 def _conclude(store: Store, out: str) -> int:
     """Write the table beside the store, print a summary, and return the number of failures."""
-    from tactograph.graph.batch.captures import is_url
     from tactograph.graph.batch.entry import DONE, FAILED
     from tactograph.graph.show.warning_lines import first_lines, warning_lines
 
@@ -222,10 +203,9 @@ def _conclude(store: Store, out: str) -> int:
     failed = first_lines([f"failed: {reason}" for reason in reasons], MAX_FAILURES, "failed")
     for line in (*failed, *warning_lines(warnings)):
         say(line, err=True)
-    if not is_url(out):
-        table = Path(out.rstrip("/").removesuffix(".zarr") + ".csv")
-        _write_table(table, captures, entries)
-        say(f"table: {table}")
+    table = Path(out.rstrip("/").removesuffix(".zarr") + ".csv")
+    _write_table(table, captures, entries)
+    say(f"table: {table}")
     finished = sum(entry.status == DONE for entry in entries)
     warned = sum(bool(entry.warnings) for entry in entries)
     say(

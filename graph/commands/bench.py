@@ -45,7 +45,7 @@ def command(
         pipeline = place.open(read, given, sinks=False)
         if pipeline.endless:
             raise InputError(f"{read.name}: its stream has no end; bench needs a stream that ends")
-        for line in pipeline.plan.brief_fallbacks:
+        for line in pipeline.plan.fallbacks:
             say(f"fallback: {line}", err=True)
         results: list[Result] = []
         for result in pipeline.items(repeats):

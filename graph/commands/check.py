@@ -51,7 +51,6 @@ def verified(read: Graph) -> Plan:
 
 def _check(read: Graph, own_params: Container[str]) -> None:
     from tactograph.graph.files.groups import alike, uses_of
-    from tactograph.graph.show.sketch import use_of
 
     plan = verified(read)
     say(f"{read.name}: {read.title or 'no title'} [{read.hash}]")
@@ -60,7 +59,7 @@ def _check(read: Graph, own_params: Container[str]) -> None:
         say(f"writes: {line}")
     for unused in plan.unused:
         # A use may leave outputs unread, and a graph what a group of another file makes.
-        use = read.uses.get(use_of(unused))
+        use = read.uses.get(unused.rpartition(".")[0])
         shared = use and read.definition(use).body.places[""].file != read.places[""].file
         if not shared and not any(node in plan.tasks for node in alike(read, unused)):
             say(f"not used by any output: {unused}")

@@ -17,7 +17,6 @@ from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
     from tactograph.graph.compare.compare import Row, Study
-    from tactograph.graph.compare.comparison_record import Record
 
 
 @click.command("compare", short_help="Run variants side by side, into tables and a report.")
@@ -43,50 +42,20 @@ if TYPE_CHECKING:
     help="Runs with different seeds, for 95 % confidence intervals.",
 )  # fmt: skip
 @click.option(
-    "--again", "former_report", metavar="REPORT", type=FOLDER_PATH,
-    help="Repeat the comparison in this folder, into REPORT_again.",
-)  # fmt: skip
-@click.option(
     "--columns", metavar="LIST",
     help="Figures to print, such as height_rmse_um,ms; default: all.  The files hold all.",
 )  # fmt: skip
 @click.option(
-    "--out", type=FOLDER_PATH, help="Folder for results, tables and report.  [default: report]"
-)
-def command(
-    words: tuple[str, ...],
-    former_report: Path | None,
-    out: Path | None,
-    columns: str | None,
-    repeats: int,
-    **choices: Any,
-) -> None:
+    "--out", type=FOLDER_PATH, default="report", show_default=True,
+    help="Folder for results, tables and report.",
+)  # fmt: skip
+def command(words: tuple[str, ...], out: Path, columns: str | None, **choices: Any) -> None:
     """Run every GRAPH on every capture on every back end; of a STUDY, its base and variants.
 
     NAME=VALUE and --with go to every graph.  Folders among the words, as a shell makes them from
     DIR/*, are further captures.  What was finished before is not run again.
     """
-    from tactograph.graph.compare.comparison_record import (
-        deviation,
-        read_record,
-        read_rows,
-        study_again,
-        what_changed,
-    )
-
-    if former_report is None:
-        out = out or Path("report")
-        _compare(_read_study(words, out, repeats=repeats, **choices), out, columns)
-        return
-    if words or any(choices.values()) or repeats > 1:
-        raise InputError("--again repeats what was recorded; it goes with --out and --columns only")
-    then = read_record(former_report)
-    former = read_rows(former_report)
-    folder = out or former_report.with_name(f"{former_report.resolve().name}_again")
-    rows, now = _compare(study_again(then, former_report), folder, columns)
-    for line in what_changed(then, now):
-        say(f"changed: {line}")
-    say(deviation(former, rows))
+    _compare(_read_study(words, out, **choices), out, columns)
 
 
 def _read_study(
@@ -138,7 +107,7 @@ def _read_backends(text: str | None) -> list[str | None]:
     return [*names]
 
 
-def _compare(study: Study, out: Path, columns: str | None) -> tuple[list[Row], Record]:
+def _compare(study: Study, out: Path, columns: str | None) -> None:
     from tactograph.graph.extras import need
 
     need("report", "the report of a comparison", "jinja2")
@@ -157,7 +126,6 @@ def _compare(study: Study, out: Path, columns: str | None) -> tuple[list[Row], R
     say(f"tables: {out / 'table.csv'}, .json, .md, .tex; report: {page}")
     if all(row.error for row in rows):
         raise InputError("every run failed; the reasons are above")
-    return rows, record
 
 
 def _run_all(study: Study, out: Path) -> list[Row]:

@@ -35,7 +35,7 @@ calibration=OUT/cal.npz --out OUT/report
 def command(out: Path) -> None:
     """Simulate a sensor, calibrate it and reconstruct a touch; show each command that does it."""
     from tactograph.graph.command import run_command
-    from tactograph.graph.compare.comparison_record import read_rows
+    from tactograph.graph.compare.tables import read_rows
     from tactograph.graph.extras import need
 
     need("report", "the report of the demo", "jinja2")

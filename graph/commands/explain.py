@@ -1,38 +1,24 @@
-"""``tactograph explain``: what would run where and why, how long it took, and what is kept."""
+"""``tactograph explain``: what would run where and why, and what may be taken from disk."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
-from pathlib import Path
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
 from tactograph.graph.commands import RunOptions, graph_command, run_options, say
-from tactograph.graph.errors import InputError, a_few
 
 if TYPE_CHECKING:
     from tactograph.graph.plan.draft import Task
     from tactograph.graph.plan.plan import Plan, Step
-    from tactograph.graph.run.last_times import LastTimes
 
 
-@graph_command("explain", short_help="Say what would run, where, why and how long.")
+@graph_command("explain", short_help="Say what would run, where and why.")
 @click.option("--all", "every", is_flag=True, help="Every node of the groups, and transfers.")
-@click.option(
-    "--times", "place", type=click.Path(exists=True, path_type=Path),
-    help="An earlier result, or what 'bench --out' wrote.  [default: the results in out=]",
-)  # fmt: skip
 @run_options
-def command(
-    graph: str,
-    values: tuple[str, ...],
-    every: bool,
-    place: Path | None,
-    options: RunOptions,
-) -> None:
-    """Print the plan of GRAPH, how long its steps took before, and what may be kept on disk.
+def command(graph: str, values: tuple[str, ...], every: bool, options: RunOptions) -> None:
+    """Print the plan of GRAPH, and what of it may be taken from disk.
 
     A group that is used is one line.
     Params that are not given do not matter to the plan.  No node runs.
@@ -44,12 +30,9 @@ def command(
     plan = options.open(read, given).plan
     moves = [step for step in plan.steps if step.is_transfer]
     title = f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}"
-    last = _last_times(plan, place)
-    known = last.ms if last else {}
     shown = [step for step in plan.steps if every or not step.is_transfer]
-    rows = [_row(plan, step, known) for step in shown]
+    rows = [_row(plan, step) for step in shown]
     _print(title, rows if every else _by_box(rows, plan))
-    say(_duration(plan, last))
     if moves and not every:
         each = sum(step.stream for step in moves)
         click.echo(
@@ -64,47 +47,18 @@ def command(
         say(f"fallback: {line}")
 
 
-def _last_times(plan: Plan, place: Path | None) -> LastTimes | None:
-    """The times at a place, or those of the last result in the graph's own folder."""
-    from tactograph.graph.run.last_times import find_last_times
-
-    if place is not None:
-        return find_last_times(plan, place, same_graph=False)
-    param = plan.graph.params.get("out")
-    out = plan.given.get("out", param.default if param else None)
-    with suppress(InputError):
-        if isinstance(out, str | Path):
-            return find_last_times(plan, Path(out), same_graph=True)
-    return None
-
-
-def _duration(plan: Plan, last: LastTimes | None) -> str:
-    """Time of an item, in one line."""
-    if last is None or not last.ms:
-        return "how long: not known; run it, or give an earlier result or bench with --times"
-    each, once = (
-        sum(last.ms.get(step.name, 0.0) for step in plan.steps if step.stream == stream)
-        for stream in (True, False)
-    )
-    unknown = [name for name in plan.tasks if name not in last.ms]
-    rest = f"; not known: {a_few(unknown, 3)}" if unknown else ""
-    return f"how long: {each:.1f} ms an item and {once:.1f} ms once, as {last.file} says{rest}"
-
-
 class _Row(NamedTuple):
     node: str
     op: str
     backend: str
     when: str
-    ms: float | None
     why: str
 
 
-def _row(plan: Plan, step: Step, known: Mapping[str, float]) -> _Row:
+def _row(plan: Plan, step: Step) -> _Row:
     task = plan.tasks.get(step.name)
     op = task.node.name if task else step.kind
-    when = _when(step, task)
-    return _Row(step.name, op, step.backend, when, known.get(step.name), step.why)
+    return _Row(step.name, op, step.backend, _when(step, task), step.why)
 
 
 def _by_box(rows: Iterable[_Row], plan: Plan) -> Iterator[_Row]:
@@ -118,7 +72,6 @@ def _by_box(rows: Iterable[_Row], plan: Plan) -> Iterator[_Row]:
         if name not in plan.graph.uses:
             yield from inside
             continue
-        took = [row.ms for row in inside if row.ms is not None]
         backend, why = (
             ", ".join(dict.fromkeys(each))
             for each in zip(*((row.backend, row.why) for row in inside), strict=True)
@@ -126,7 +79,7 @@ def _by_box(rows: Iterable[_Row], plan: Plan) -> Iterator[_Row]:
         whens = ("if needed" if row.when.startswith("if ") else row.when for row in inside)
         when = "; ".join(dict.fromkeys(whens))
         op = f"{plan.graph.uses[name].group}: {len(inside)} nodes"
-        yield _Row(name, op, backend, when, sum(took) if took else None, why)
+        yield _Row(name, op, backend, when, why)
 
 
 def _print(title: str, rows: Iterable[_Row]) -> None:
@@ -134,11 +87,10 @@ def _print(title: str, rows: Iterable[_Row]) -> None:
     from rich.table import Table
 
     table = Table(title=title)
-    for heading in ("node", "op", "back end", "when", "last ms", "why"):
+    for heading in ("node", "op", "back end", "when", "why"):
         table.add_column(heading, overflow="fold")
     for row in rows:
-        took = "-" if row.ms is None else f"{row.ms:.2f}"
-        table.add_row(row.node, row.op, row.backend, row.when, took, row.why)
+        table.add_row(*row)
     console = Console(markup=False)
     if not console.is_terminal:
         console.width = 120

@@ -1,24 +1,18 @@
-"""A line on a terminal, from two seconds on: the present stage, and the time that is left.
+"""A line on a terminal, from two seconds on: the present stage, and the time since the start.
 
-Where standard error is a file or a pipe, a line every ten seconds says the same.
-
-Of many captures or runs, the time left follows from the share that is done.  That of one graph is
-the time of its last run from this stage on, by the disk cache.  If the graph has not run yet, takes
-longer than before, or a run has several items, the time since the start is shown instead.
+Where standard error is a file or a pipe, a line every ten seconds says the same.  Of many captures
+or runs it is the time that is left, by the share that is done.
 """
 
 from __future__ import annotations
 
-import json
 import sys
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from tactograph.graph.commands import say
-from tactograph.graph.disk.disk_cache import KEPT_SUFFIX, cache_folder, read_cached, write_cached
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -27,9 +21,6 @@ MIN_SHOWN_S = 2.0
 """Shorter runs show nothing."""
 REDRAW_INTERVAL_S = 0.2
 PRINT_INTERVAL_S = 10.0
-TIMES_FOLDER = "times"
-"""The cache folder: by graph, the start of each stage in s; under END_STAGE, the end."""
-END_STAGE = ""
 
 
 class ProgressLine:
@@ -41,9 +32,6 @@ class ProgressLine:
         self._is_terminal = sys.stderr.isatty()
         self._printed = 0.0
         self._start = time.monotonic()
-        self._begun: dict[str, float] = {}
-        self._before: dict[str, float] = {}
-        self._end: float | None = None
         self._share = 0.0
         self._bar: Progress | None = None
         self._lock = threading.Lock()
@@ -53,24 +41,6 @@ class ProgressLine:
     def at(self, stage: str, share: float) -> None:
         """Show a stage; this share of the whole work is done."""
         self.stage_of, self._share = lambda: stage, share
-
-    def recall(self, key: str) -> None:
-        """Read the times of the last run of this key."""
-        folder = cache_folder()
-        body = folder and read_cached(folder / TIMES_FOLDER / f"{key}{KEPT_SUFFIX}")
-        with suppress(ValueError):
-            self._before = json.loads(body or "{}")
-
-    def keep(self, key: str) -> None:
-        """Keep the times of this run for the next one of this key."""
-        folder, taken = cache_folder(), time.monotonic() - self._start
-        if folder is not None and self._shown and taken > MIN_SHOWN_S:
-            body = json.dumps({**self._begun, END_STAGE: taken}).encode()
-            write_cached(folder / TIMES_FOLDER / f"{key}{KEPT_SUFFIX}", body)
-
-    def forget_times(self) -> None:
-        """Show no time left, since this run differs from the last."""
-        self._before, self._end = {}, None
 
     def say(self, text: str, *, err: bool = False) -> None:
         """Print text in place of the line."""
@@ -85,19 +55,13 @@ class ProgressLine:
             self._thread.join()
         self._hide()
 
-    def left(self, stage: str, now: float) -> float | None:
-        """Seconds to the end of the run, `now` after its start; None if unknown."""
-        if self._share:
-            return now / self._share - now
-        if stage in self._before and END_STAGE in self._before:
-            self._end = self._begun.get(stage, now) + self._before[END_STAGE] - self._before[stage]
-        return self._end - now if self._end is not None and self._end > now else None
+    def left(self, now: float) -> float | None:
+        """Seconds to the end of the work, `now` after its start; None if unknown."""
+        return now / self._share - now if self._share else None
 
     def _watch(self) -> None:
         while not self._over.wait(REDRAW_INTERVAL_S):
             now, stage = time.monotonic() - self._start, self.stage_of()
-            if not self._share:
-                self._begun.setdefault(stage, now)
             with self._lock:
                 if not self._is_terminal:
                     self._print(stage, now)
@@ -110,14 +74,14 @@ class ProgressLine:
         """Print a line if the last one is old enough."""
         if stage and now - self._printed > PRINT_INTERVAL_S:
             self._printed = now
-            say(f"{stage}: {self._time(stage, now)}", err=True)
+            say(f"{stage}: {self._time(now)}", err=True)
 
-    def _time(self, stage: str, now: float) -> str:
-        left = self.left(stage, now)
+    def _time(self, now: float) -> str:
+        left = self.left(now)
         return f"{now:.0f} s" if left is None else f"{left:.0f} s left"
 
     def _draw(self, stage: str, now: float) -> None:
-        left = self.left(stage, now)
+        left = self.left(now)
         if self._bar is None:
             self._bar = _make_bar()
         self._bar.update(
@@ -125,7 +89,7 @@ class ProgressLine:
             description=stage,
             total=None if left is None else now + left,
             completed=now,
-            left=self._time(stage, now),
+            left=self._time(now),
         )
         self._bar.start()
         self._bar.refresh()

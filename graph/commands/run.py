@@ -15,15 +15,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tactograph import ctrl_c
-from tactograph.graph.commands import FILE_PATH, RunOptions, graph_command, run_options, say
-from tactograph.graph.errors import InputError, TactographError
+from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
     from types import FrameType
 
-    from tactograph.graph.cache.cache import Cache
     from tactograph.graph.commands.progress_line import ProgressLine
-    from tactograph.graph.files.flat_graph import Graph
     from tactograph.graph.run.pipeline import Pipeline
     from tactograph.graph.run.result import Result
 
@@ -36,25 +34,10 @@ WARNING_INTERVAL_S = 10.0
 @graph_command("run", short_help="Run a graph.")
 @run_options
 @click.option(
-    "--repeats",
-    type=click.IntRange(1),
-    default=1,
-    help="Compute each item so often; the times are then medians of all but the first.",
-)
-@click.option(
-    "--trace",
-    "trace_file",
-    metavar="FILE",
-    type=FILE_PATH,
-    help="Write what ran when, for ui.perfetto.dev.",
-)
-@click.option(
     "--keep",
     metavar="PORTS",
     help="Write values from inside, such as label.misfit,light, into OUT/kept.",
 )
-@click.option("--until", metavar="NODE", help="Stop when NODE has run; write no results.")
-@click.option("--watch", is_flag=True, help="Run again when the graph or what it reads changes.")
 @click.option(
     "--all", "every", is_flag=True, expose_value=False,
     help="With --help after a graph: list the parameters of its nodes, too.",
@@ -63,23 +46,20 @@ WARNING_INTERVAL_S = 10.0
     "--figures", is_flag=True, help="Print all figures, also where a sentence says the main ones."
 )
 @click.option("--quiet", is_flag=True, help="Print nothing but warnings and errors.")
-def command(*, watch: bool, **words: Any) -> None:
+def command(**words: Any) -> None:
     """Run GRAPH, a graph file or the name of a pipeline that ships.
 
     Its params are given as NAME=VALUE; 'tactograph check GRAPH' lists them.
     """
-    wanted = _Wanted(**words)
-    if not watch:
-        _run(wanted)
-        return
-    from tactograph.graph.cache.cache import Cache
+    from tactograph.graph.commands.progress_line import ProgressLine
 
-    cache = Cache()
-    try:
-        while True:
-            _run_and_wait(wanted, cache)
-    except KeyboardInterrupt:
-        say("stopped", err=True)
+    wanted = _Wanted(**words)
+    with ExitStack() as closing:
+        line = closing.enter_context(ProgressLine(wanted=not wanted.quiet))
+        if wanted.quiet:  # without the output of nodes, such as live figures
+            nowhere = closing.enter_context(Path(os.devnull).open("w"))
+            closing.enter_context(redirect_stdout(nowhere))
+        _run_all(wanted, line)
 
 
 @dataclass(frozen=True)
@@ -89,86 +69,42 @@ class _Wanted:
     graph: str
     values: tuple[str, ...]
     options: RunOptions
-    repeats: int
-    trace_file: Path | None
     keep: str | None
-    until: str | None
     figures: bool
     quiet: bool
 
 
-def _run_and_wait(wanted: _Wanted, cache: Cache) -> None:
-    """Run once, print any error, and wait until a file changes."""
-    from tactograph.graph.files.read_graph import graph_file
-    from tactograph.graph.files.typed_values import read_words
-    from tactograph.graph.files.watch import files_of, stamp, wait_for_change
-
-    files = {graph_file(wanted.graph)}
-    before = stamp(files)
-    try:
-        read = wanted.options.read(wanted.graph)
-        files |= files_of(read, read_words(read, wanted.values))
-        before = stamp(files)
-        _run(wanted, cache)
-    except TactographError as error:
-        say(f"tactograph: {' '.join(str(error).split())}", err=True)
-    say(f"watching {len(files)} files and folders; Ctrl-C ends", err=True)
-    wait_for_change(files, before)
-
-
-def _run(wanted: _Wanted, cache: Cache | None = None) -> None:
-    """Run the graph over all its items; if quiet, without output of nodes, such as live figures."""
-    from tactograph.graph.commands.progress_line import ProgressLine
-
-    with ExitStack() as closing:
-        line = closing.enter_context(ProgressLine(wanted=not wanted.quiet))
-        if wanted.quiet:
-            nowhere = closing.enter_context(Path(os.devnull).open("w"))
-            closing.enter_context(redirect_stdout(nowhere))
-        _run_all(wanted, line, cache)
-
-
-def _run_all(wanted: _Wanted, line: ProgressLine, cache: Cache | None) -> None:
-    from tactograph.graph.cache.keys import key_of
+def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
     from tactograph.graph.files.typed_values import read_words
     from tactograph.graph.run.keep_values import read_kept
 
     read = wanted.options.read(wanted.graph)
     given = read_words(read, wanted.values)
     kept = read_kept(wanted.keep, read) if wanted.keep is not None else {}
-    outputs = read.outputs if wanted.until is None else _ports_of(read, wanted.until)
-    pipeline = wanted.options.open(
-        read, given, sinks=wanted.until is None, cache=cache, outputs={**outputs, **kept}
-    )
-    trace = pipeline.trace() if wanted.trace_file is not None else None
+    pipeline = wanted.options.open(read, given, outputs={**read.outputs, **kept})
     report = _Report(line, pipeline, figures=wanted.figures, quiet=wanted.quiet)
-    report.plan(strict=wanted.options.strict)
-    times = key_of(read.hash, wanted.until, wanted.repeats, pipeline.plan.device)
-    line.recall(times)
+    for fallback in pipeline.plan.fallbacks:
+        line.say(f"fallback: {fallback}", err=True)
     line.stage_of = lambda: pipeline.stage
     try:
-        count = _run_items(pipeline, report, wanted.repeats, kept)
+        _run_items(pipeline, report, kept)
     finally:
         report.warnings(pipeline.closing_warnings)
     line.end()
-    if count == 1:
-        line.keep(times)
-    if trace is not None and wanted.trace_file is not None:
-        trace.write(wanted.trace_file)
-    ending = _ending(pipeline, report.told) if wanted.until is None else ""
+    ending = _ending(pipeline, report.told)
     if ending and not wanted.quiet:
         say(ending)
 
 
-def _run_items(pipeline: Pipeline, report: _Report, repeats: int, kept: Mapping[str, str]) -> int:
-    """Run all items, write the values that are to be kept, and return how many items came."""
+def _run_items(pipeline: Pipeline, report: _Report, kept: Mapping[str, str]) -> None:
+    """Run all items, and write the values that are to be kept."""
     from tactograph.graph.run.keep_values import write_kept
 
     folder = _out_folder(pipeline) / "kept"
     count = 0
     try:
         with pipeline, _stoppable(pipeline) as stop_if_asked:
-            for count, result in enumerate(pipeline.items(repeats), start=1):
+            for count, result in enumerate(pipeline.items(), start=1):
                 if kept:
                     write_kept(result, kept, folder / str(count))
                 report.item(count, result)
@@ -181,7 +117,6 @@ def _run_items(pipeline: Pipeline, report: _Report, repeats: int, kept: Mapping[
         if error.item and not pipeline.endless:
             error.args = (f"{error}; 'tactograph batch' goes on past a capture that fails",)
         raise
-    return count
 
 
 def _out_folder(pipeline: Pipeline) -> Path:
@@ -204,15 +139,6 @@ class _Report:
         self.told: dict[str, float] = {}
         self._said = ""
 
-    def plan(self, *, strict: bool) -> None:
-        """Print where nodes run, if that is not where the graph prefers."""
-        plan = self._pipeline.plan
-        for fallback in plan.brief_fallbacks:
-            self._line.say(f"fallback: {fallback}", err=True)
-        if strict and not self._quiet and plan.without_kernel:
-            nodes = ", ".join(plan.without_kernel)
-            self._line.say(f"written for the host alone, so no fallback: {nodes}", err=True)
-
     def item(self, number: int, result: Result) -> None:
         """Print the warnings and the figures of an item.
 
@@ -230,8 +156,6 @@ class _Report:
         news, self._said = number == 1 or said != self._said, said
         if not self._quiet and (not endless or news):
             self._line.say(_summary(number, result, figures=self._figures))
-        if number > 1:
-            self._line.forget_times()
         if endless:
             self._line.end()
 
@@ -252,20 +176,6 @@ class _Report:
             if now - self.told.get(kind, -math.inf) > WARNING_INTERVAL_S:
                 self._line.say(f"warning: {warning}", err=True)
             self.told[kind] = now
-
-
-def _ports_of(graph: Graph, node: str) -> dict[str, str]:
-    """All outputs of a node, by reference."""
-    from tactograph.graph.declare.find_node import find_node
-    from tactograph.graph.files.groups import outputs_of
-
-    node = graph.in_full(node)
-    if node in graph.uses:
-        return {f"{node}.{made}": f"{node}.{made}" for made in outputs_of(graph, node)}
-    outputs = find_node(graph.entry(node).op, graph.own).outputs
-    if not outputs:
-        raise InputError(f"--until {node}: it only writes; name a node that makes something")
-    return {f"{node}.{port}" if len(outputs) > 1 else node: f"{node}.{port}" for port in outputs}
 
 
 def _ending(pipeline: Pipeline, told: Collection[str]) -> str:

@@ -9,7 +9,6 @@ from tactograph.graph.commands import backend_option, device_option, graph_comma
 
 
 @graph_command("tune", short_help="Change a graph in the browser, and see what it gives.")
-@click.option("--beside", metavar="GRAPH", help="Another graph to compare with.")
 @backend_option
 @device_option
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Default: a free one.")
@@ -17,7 +16,6 @@ from tactograph.graph.commands import backend_option, device_option, graph_comma
 def command(
     graph: str,
     values: tuple[str, ...],
-    beside: str | None,
     backend: str | None,
     device: str | None,
     port: int,
@@ -38,7 +36,7 @@ def command(
 
     number = port or _free_port()
     token = secrets.token_urlsafe(24)
-    tuning = Tuning(graph, given, beside=beside, backend=backend, device=device)
+    tuning = Tuning(graph, given, backend=backend, device=device)
     say(f"http://127.0.0.1:{number}/?token={token}")
     say("only this machine reaches the page; Ctrl-C ends it", err=True)
     serve(tuning, port=number, token=token, show=not no_browser)

@@ -84,7 +84,6 @@ class Row:
     error: str = ""
     given: dict[str, str] = field(default_factory=dict)
     fallbacks: list[str] = field(default_factory=list)
-    brief_fallbacks: list[str] = field(default_factory=list)
     sweep: dict[str, Any] = field(default_factory=dict)
     seed: int | None = None
     inputs: dict[str, str] = field(default_factory=dict)
@@ -209,7 +208,6 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
     row.backends = {step.name: step.backend for step in _computing(first)}
     row.device = first.plan.device
     row.fallbacks = first.plan.fallbacks
-    row.brief_fallbacks = first.plan.brief_fallbacks
     return first
 
 

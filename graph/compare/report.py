@@ -78,7 +78,6 @@ def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -
     page = environment.from_string(source.read_text("utf-8")).render(
         title=", ".join(graph.name for graph in study.graphs),
         record=record,
-        out=out.name or out.resolve().name,
         graphs=[_variant(graph, study) for graph in study.graphs],
         table=_table(lines),
         details=_table(lines, details=True) if columns(lines) != columns(lines, True) else None,

@@ -142,6 +142,11 @@ def write_tables(rows: Sequence[Row], out: Path) -> None:
         (stage / "table.tex").write_text(_latex(lines))
 
 
+def read_rows(out: Path) -> list[Row]:
+    """Read the runs that `write_tables` wrote into ``table.json``."""
+    return [Row(**row) for row in json.loads((out / "table.json").read_text())]
+
+
 def print_table(
     rows: Sequence[Row], echo: Callable[[str], None], width: int, wanted: Sequence[str] = ()
 ) -> None:
@@ -187,7 +192,7 @@ def fallback_lines(rows: Iterable[Row]) -> list[str]:
     """Each fallback once, after the names of the graphs that it concerns."""
     variants: dict[str, dict[str, None]] = {}
     for row in rows:
-        for text in row.brief_fallbacks:
+        for text in row.fallbacks:
             variants.setdefault(text, {})[row.variant] = None
     return [f"{', '.join(names)}: {text}" for text, names in variants.items()]
 

@@ -1,6 +1,5 @@
-"""Wait for a change of a graph's files, or of the files that it reads."""
+"""A graph's files, and a stamp that tells whether one has changed."""
 
-import time
 from collections.abc import Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -8,7 +7,6 @@ from typing import Any
 
 from tactograph.graph.files.flat_graph import Graph
 
-POLL_INTERVAL_S = 0.25
 Stamp = tuple[tuple[str, int, int], ...]
 
 
@@ -36,15 +34,3 @@ def stamp(files: Collection[Path]) -> Stamp:
                     stat = file.stat()
                     stamps.append((str(file), stat.st_mtime_ns, stat.st_size))
     return tuple(stamps)
-
-
-def wait_for_change(files: Collection[Path], before: Stamp) -> None:
-    """Return after a change, once nothing has changed for a moment."""
-    while stamp(files) == before:
-        time.sleep(POLL_INTERVAL_S)
-    now = stamp(files)
-    while True:
-        time.sleep(POLL_INTERVAL_S)
-        settled, now = now, stamp(files)
-        if settled == now:
-            return

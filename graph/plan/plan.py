@@ -14,7 +14,7 @@ from tactograph.graph.plan.draft import Draft, Value
 from tactograph.graph.plan.sizes import SizeClasses
 
 MAX_NAMED_NODES = 6
-"""The most nodes with one fallback that a terminal names."""
+"""The most nodes with one fallback that are named."""
 
 
 @dataclass(frozen=True)
@@ -118,51 +118,22 @@ class Plan(Draft):
 
     @property
     def fallbacks(self) -> list[str]:
-        """The nodes that fell back to another back end, a line for each reason."""
-        return [
-            f"{', '.join(ids)} {'run' if len(ids) > 1 else 'runs'} on {place.backend}: {place.why}"
-            for place, ids in self._fallen().items()
-        ]
-
-    @property
-    def brief_fallbacks(self) -> list[str]:
-        """The fallbacks for a terminal, where many nodes are counted instead of named."""
-        fallen = self._fallen()
+        """The nodes that fell back to another back end, a line a reason; many are counted."""
+        fallen: dict[Placement, list[str]] = {}
+        for node_id, placement in self.placements.items():
+            if placement.fallback:
+                fallen.setdefault(placement, []).append(node_id)
         everywhere = len({placement.backend for placement in self.placements.values()}) == 1
         lines = []
-        for line, (place, ids) in zip(self.fallbacks, fallen.items(), strict=True):
+        for place, ids in fallen.items():
+            on = f"on {place.backend}: {place.why}"
             if everywhere and len(ids) > 1 and len(fallen) == 1:
-                lines.append(f"every node runs on {place.backend}: {place.why}")
+                lines.append(f"every node runs {on}")
             elif len(ids) <= MAX_NAMED_NODES:
-                lines.append(line)
+                lines.append(f"{', '.join(ids)} {'run' if len(ids) > 1 else 'runs'} {on}")
             else:
                 first = ", ".join(ids[:3])
                 lines.append(
-                    f"{len(ids)} nodes ({first}, …) run on {place.backend}: {place.why}; "
-                    "'tactograph explain' lists them"
+                    f"{len(ids)} nodes ({first}, …) run {on}; 'tactograph explain' lists them"
                 )
         return lines
-
-    @property
-    def without_kernel(self) -> list[str]:
-        """The nodes without a kernel for the preferred back end, sources and sinks left out.
-
-        They run on the host by design, which is no fallback.
-        """
-        preferred = self.graph.prefer[0]
-        if preferred == "numpy":
-            return []
-        made = {
-            node_id: task.node
-            for node_id, task in self.tasks.items()
-            if not (task.stand_in or task.filled or task.node.source or task.node.sink)
-        }
-        return [node_id for node_id, node in made.items() if preferred not in node.implementations]
-
-    def _fallen(self) -> dict[Placement, list[str]]:
-        """The nodes that fell back, by placement."""
-        alike: dict[Placement, list[str]] = {}
-        for node_id, placement in self.placements.items():
-            if placement.fallback:
-                alike.setdefault(placement, []).append(node_id)
-        return alike

@@ -204,12 +204,6 @@ class DeviceValues:
         times = {name: self._device.milliseconds(timer) for name, timer in self._timers.items()}
         return {**times, **dict.fromkeys(self._idle, 0.0)}
 
-    def spans(self) -> list[tuple[str, float, float]]:
-        """Step, start and end of all timed steps, as times of `time.perf_counter`."""
-        ahead = self._device.clock_ahead
-        spans = ((name, *self._device.span(timer)) for name, timer in self._timers.items())
-        return [(name, start - ahead, end - ahead) for name, start, end in spans]
-
     def failed(self) -> list[str]:
         """The steps that failed, which a device reports long after they began."""
         return [name for name, timer in self._timers.items() if self._device.has_failed(timer)]

@@ -51,7 +51,7 @@ def load(
         A part of the name of the OpenCL device to use.
     strict
         Refuse to run if a node would fall back to another back end.  Nodes that are written for
-        the host alone are no fallback; ``pipeline.plan.without_kernel`` names them.
+        the host alone are no fallback.
     changes
         ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
     outputs
@@ -105,7 +105,7 @@ def load(
         outputs=None if outputs is None else _chosen_outputs(graph, outputs),
         stays=to == "device",
     )
-    for line in pipeline.plan.brief_fallbacks:
+    for line in pipeline.plan.fallbacks:
         warnings.warn(f"fallback: {line}", stacklevel=2)
     return pipeline
 
@@ -144,7 +144,7 @@ def open_pipeline(
         outputs=outputs, stays=stays,
     )  # fmt: skip
     if strict and plan.fallbacks:
-        raise InputError(f"--strict: {'; '.join(plan.brief_fallbacks)}")
+        raise InputError(f"--strict: {'; '.join(plan.fallbacks)}")
     anew = partial(
         open_pipeline, backend=backend, device=device, strict=strict, sinks=sinks,
         stand_ins=stand_ins, outputs=outputs, stays=stays,

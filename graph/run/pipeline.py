@@ -5,7 +5,6 @@ Long because this class is all that a program sees of a running graph.
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack
-from itertools import repeat
 from typing import Any, Self
 
 import numpy as np
@@ -26,10 +25,9 @@ from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.one_thread import Turn
 from tactograph.graph.run.ownership import own
 from tactograph.graph.run.raise_warnings import raise_warnings
-from tactograph.graph.run.result import Result, joined
+from tactograph.graph.run.result import Result
 from tactograph.graph.run.source_stream import SourceStream, in_thread
-from tactograph.graph.run.stand_ins import Given, HandedIn, StandIns
-from tactograph.graph.run.trace import Trace
+from tactograph.graph.run.stand_ins import HandedIn, StandIns
 from tactograph.graph.show.draw_svg import to_svg
 from tactograph.graph.show.sketch import fold
 
@@ -77,8 +75,6 @@ class Pipeline:
         """Run one item on arrays that stand in for source nodes, and return its outputs.
 
         The arrays may be refilled afterwards: neither the result nor the pipeline holds them.
-        A batch, of one more dimension, runs item after item; the outputs are then stacked
-        (see `joined`).
 
         Parameters
         ----------
@@ -120,8 +116,7 @@ class Pipeline:
     def _call(self, handed_in: HandedIn) -> Result:
         with self._turn:
             self._items.prepare()
-            results = [*map(self._on_arrays, handed_in.items, repeat(handed_in.told))]
-            return joined(results, self._device) if handed_in.batch else results[0]
+            return self._on_arrays(handed_in)
 
     def _refuse_own_stream(self) -> None:
         if self._source is not None:
@@ -130,13 +125,12 @@ class Pipeline:
                 "go through items()"
             )
 
-    def _on_arrays(self, given: Mapping[str, Given], told: list[str]) -> Result:
-        arrays, there = self._stand_ins.split(given)
+    def _on_arrays(self, handed_in: HandedIn) -> Result:
+        arrays, there = self._stand_ins.split(handed_in.arrays)
         if self._items.keeps:  # what is kept must not change with the caller's arrays
             arrays, there = {name: own(array) for name, array in arrays.items()}, {}
         self._items.begin()
-        self._runner.notes += told
-        told.clear()
+        self._runner.notes += handed_in.told
         self._has_run = False
         try:
             result = self._items.item(self._stand_ins.item(arrays), there=there)
@@ -214,9 +208,7 @@ class Pipeline:
                 if item is None:
                     self.closing_warnings += self._items.new_warnings
                     return
-                spent = self._runner.times[source.id] = 1e3 * (stream.end - stream.start)
-                if self._runner.trace is not None:
-                    self._runner.trace.on_host(source.id, stream.end, spent, stream.thread)
+                self._runner.times[source.id] = stream.milliseconds
                 self._has_run = False
                 try:
                     result = self._items.item({source.id: item}, repeats)
@@ -336,12 +328,6 @@ class Pipeline:
         if not self._has_run:
             why = "no item has run since results are kept; run one now, or load with cache=Cache()"
             raise InputError(f"{self.plan.graph.name}: {method}: {why}")
-
-    def trace(self) -> Trace:
-        """Record when steps run, from now on; ``.write(path)`` writes the record."""
-        with self._turn:
-            self._runner.trace = Trace(self.plan)
-            return self._runner.trace
 
     def _repr_svg_(self) -> str:
         return to_svg(fold(sketch_of(self.plan)), self._runner.times)

@@ -19,13 +19,11 @@ _NO_ITEM: Any = object()
 
 
 class _Read(NamedTuple):
-    """An item, None after the last; its warnings; when it was read, and by whom; its error."""
+    """An item, None after the last; its warnings; how long it took to read; its error."""
 
     item: Any
     notes: list[str]
-    start: float
-    end: float
-    thread: str
+    milliseconds: float
     error: Exception | None = None
 
 
@@ -33,8 +31,7 @@ class SourceStream:
     """The stream of a source node, begun with settings of its own.
 
     Where the node reads `ahead`, a thread reads the next item while the last one is in use.
-    `start` and `end` are the times of `time.perf_counter` at which the last item's reading began
-    and ended; `thread` is the name of the thread that read it.
+    `milliseconds` is the time that it took to read the last item.
     """
 
     def __init__(
@@ -43,7 +40,7 @@ class SourceStream:
         self._plan, self._source = plan, source
         self._ahead: list[_Read] = []
         self._in_thread = ahead and source.node.ahead
-        self.start, self.end, self.thread = 0.0, 0.0, ""
+        self.milliseconds = 0.0
         with Blaming(plan, source):
             self._iterator: Iterator[Any] = iter(source.node(**keywords))
 
@@ -65,7 +62,7 @@ class SourceStream:
             read = self._reader.next() if self._in_thread else self._read()
         for note in read.notes:
             warn(note)
-        self.start, self.end, self.thread = read.start, read.end, read.thread
+        self.milliseconds = read.milliseconds
         if read.error is not None:
             raise read.error
         return read.item
@@ -92,8 +89,7 @@ class SourceStream:
                     item = next(self._iterator, None)
             except Exception as raised:
                 error = raised
-        end, thread = time.perf_counter(), threading.current_thread().name
-        return _Read(item, notes, start, end, thread, error)
+        return _Read(item, notes, 1e3 * (time.perf_counter() - start), error)
 
 
 class ReadAhead(Generic[Item]):

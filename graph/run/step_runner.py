@@ -1,6 +1,5 @@
 """Run the steps of a plan one by one, on host and device, with their sizes and times."""
 
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -15,7 +14,6 @@ from tactograph.graph.run.device_values import DeviceValues
 from tactograph.graph.run.host_values import HostValues
 from tactograph.graph.run.make_provenance import make_provenance
 from tactograph.graph.run.progress import progress_told, tell_progress
-from tactograph.graph.run.trace import Trace
 
 
 class StepRunner:
@@ -36,7 +34,6 @@ class StepRunner:
         self.times: dict[str, float] = {}
         self.notes: list[str] = []
         self.stage = ""
-        self.trace: Trace | None = None
         self._sized: dict[str, Sized] = {}
 
     @property
@@ -166,8 +163,6 @@ class StepRunner:
             provenance = make_provenance(self.plan, self.times, sized.derived, self.notes)
             keywords[task.node.provenance] = provenance
         made, self.times[task.id] = self.host.run(task, step, sized.sizes, keywords)
-        if self.trace is not None:
-            self.trace.on_host(task.id, time.perf_counter(), self.times[task.id])
         return self.host.enter(task, step, made)
 
     def _wait_for_device(self) -> None:
@@ -176,9 +171,6 @@ class StepRunner:
             return
         self.stage = "waiting for the device"
         self.times.update(device.finish())
-        if self.trace is not None:
-            for name, start, end in device.spans():
-                self.trace.on_device(name, start, end)
 
     def _device_error(self, error: Exception, doing: str) -> DeviceError:
         """Name the steps that failed: a device reports them long after they began."""

@@ -11,9 +11,10 @@ from html import escape
 
 import numpy as np
 
-from tactograph.graph.show.draw_mermaid import BACKEND_COLOURS
+from tactograph.graph.backends import BACKENDS
 from tactograph.graph.show.sketch import Box, Edge, Sketch
 
+BACKEND_COLOURS: dict[str, str] = {**dict.fromkeys(BACKENDS, "#fbe3c5"), "numpy": "#dbe9f6"}
 WIDTH_PX, HEIGHT_PX = 150, 34
 """Size of a box."""
 MAX_LETTERS = 21
@@ -60,7 +61,9 @@ def to_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
     for a, b, port in sketch.recalls:
         lines.append(_drawn_recall((a, layer[a]), (b, layer[b]), port, centre))
     for box in sketch.boxes:
-        lines += _drawn_box(box, centre[box.name, layer[box.name]], layer[box.name], times or {})
+        spot = box.name, layer[box.name]
+        is_use = box.name in sketch.groups
+        lines += _drawn_box(box, centre[spot], spot[1], times or {}, is_use=is_use)
     return _drawing(sketch.title, right, bottom, lines)
 
 
@@ -179,21 +182,21 @@ def _drawn_recall(start: Spot, end: Spot, port: str, centre: Mapping[Spot, float
     return _drawn_edge(way, f"previous {port}", DASHED_LINE + ARROW_TIP)
 
 
-def _drawn_box(box: Box, centre: float, layer: int, times: Mapping[str, float]) -> list[str]:
+def _drawn_box(
+    box: Box, centre: float, layer: int, times: Mapping[str, float], *, is_use: bool
+) -> list[str]:
     """A box, coloured by back end, with its time.  A folded use has a broad rim."""
     inside = [ms for node, ms in times.items() if f"{node}.".startswith(f"{box.name}.")]
-    title, words = box.name, box.label
-    if box.is_transfer:
-        title, _, words = box.name.partition(" ")
-    words = f"{words}, {sum(inside):.2g} ms" if any(inside) else words
-    rim = ' stroke-width="2.5"' if box.kind == "use" else ""
+    name, label = escape(box.name), box.label
+    words = f"{label}, {sum(inside):.2g} ms" if any(inside) else label
+    rim = ' stroke-width="2.5"' if is_use else ""
     x, top = round(centre - WIDTH_PX / 2, 1), _top(layer)
     middle = f'x="{centre:.1f}" text-anchor="middle"'
     return [
-        f'<g data-node="{escape(box.name)}">',
+        f'<g data-node="{name}">',
         f'<rect x="{x}" y="{top}" width="{WIDTH_PX}" height="{HEIGHT_PX}" rx="5" '
         f'fill="{BACKEND_COLOURS[box.backend]}" stroke="#555"{rim}/>',
-        f'<text {middle} y="{top + 14}" font-weight="bold"{_within(title)}>{escape(title)}</text>',
+        f'<text {middle} y="{top + 14}" font-weight="bold"{_within(box.name)}>{name}</text>',
         f'<text {middle} y="{top + 27}"{_within(words)}>{escape(words)}</text>',
         "</g>",
     ]

@@ -11,17 +11,11 @@ Edge = tuple[str, str, str]
 
 @dataclass(frozen=True)
 class Box:
-    """A step, or a folded use; `use` is the use of a group that it is drawn in."""
+    """A node, or a folded use."""
 
     name: str
     label: str
-    kind: str
     backend: str
-    use: str = ""
-
-    @property
-    def is_transfer(self) -> bool:
-        return self.kind in ("upload", "download")
 
 
 @dataclass(frozen=True)
@@ -33,11 +27,6 @@ class Sketch:
     edges: list[Edge]
     recalls: list[Edge]
     groups: Mapping[str, str] = field(default_factory=dict)
-
-
-def use_of(node: str) -> str:
-    """The use of a group that a node is in: the part of its name before the last dot."""
-    return node.rpartition(".")[0]
 
 
 def fold(sketch: Sketch, opened: Iterable[str] = ()) -> Sketch:
@@ -74,7 +63,7 @@ def _folded(sketch: Sketch, name: str, members: list[Box]) -> Box:
     if members[0].name == name:
         return members[0]
     backend = next((b.backend for b in members if b.backend != "numpy"), "numpy")
-    return Box(name, f"{sketch.groups[name]}: {len(members)} nodes", "use", backend, use_of(name))
+    return Box(name, f"{sketch.groups[name]}: {len(members)} nodes", backend)
 
 
 def _renamed(joined: list[Edge], box_of: Mapping[str, str], *, loops: bool = False) -> list[Edge]:

@@ -5,8 +5,7 @@ from collections.abc import Callable
 from nicegui import ui
 
 from tactograph.graph.plan.sketch import sketch_of
-from tactograph.graph.show.draw_mermaid import BACKEND_COLOURS
-from tactograph.graph.show.draw_svg import to_svg
+from tactograph.graph.show.draw_svg import BACKEND_COLOURS, to_svg
 from tactograph.graph.show.sketch import box_around, fold
 from tactograph.graph.tune.tuning import Tuning
 
@@ -61,14 +60,15 @@ class GraphView:
     def draw(self) -> None:
         """Draw the plan with the times of the last result, and mark the chosen node."""
         shown = self._tuning.shown
-        if shown.plan is None or shown.result is None:
+        if shown.result is None:
             return
+        plan = shown.result.plan
         self.drawn = shown.number
         if not self._finder.options:
-            self._finder.set_options(sorted(shown.plan.tasks))
-        chosen, uses = self._tuning.asked.node, shown.plan.graph.uses
+            self._finder.set_options(sorted(plan.tasks))
+        chosen, uses = self._tuning.asked.node, plan.graph.uses
         while chosen and (around := box_around(chosen, uses, self._opened)) != chosen:
             self._opened.add(around)
-        svg = to_svg(fold(sketch_of(shown.plan), self._opened), shown.result.times)
+        svg = to_svg(fold(sketch_of(plan), self._opened), shown.result.times)
         mark = f'<style>[data-node="{chosen}"] rect{{stroke:#d1495b;stroke-width:3}}</style>'
         self._drawing.set_content(f"{svg}{mark if chosen else ''}")

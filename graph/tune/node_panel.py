@@ -49,11 +49,11 @@ class NodePanel:
     def draw(self, shown: Shown) -> None:
         """Draw the output of the node that is looked at."""
         name = self._tuning.asked.node
-        if name is None or shown.plan is None or (shown.asked and shown.asked.node != name):
+        if name is None or shown.result is None or (shown.asked and shown.asked.node != name):
             return
         if self._shows is None or self._shows[1] != name:
             return  # another browser has chosen it: the panel follows
-        if self._inside is not None and name in shown.plan.tasks:
+        if self._inside is not None and name in shown.result.plan.tasks:
             self._inside.draw(shown)
 
     def build(self) -> None:
@@ -214,19 +214,20 @@ class _Inside:
     def draw(self, shown: Shown) -> None:
         """Draw the chosen port, unless it is drawn already."""
         port = str(self._ports.value)
-        if shown.plan is None or self._name not in shown.plan.tasks:
+        if shown.result is None or self._name not in shown.result.plan.tasks:
             return
+        plan = shown.result.plan
         if port == self._port and shown.inspected is self._values:
             return
         self._port, self._values = port, shown.inspected
-        declared, value = shown.plan.tasks[self._name].node.outputs[port], shown.inspected.get(port)
+        declared, value = plan.tasks[self._name].node.outputs[port], shown.inspected.get(port)
         planes = planes_of(declared, value)
         self._picture.set_visibility(bool(planes))
         if planes:
             side = planes[0] if len(planes) == 1 else np.concatenate(planes[:MAX_PLANES], axis=1)
             self._picture.show(draw(side, declared.unit), "", height_vh=26)
-        took = shown.result.times.get(self._name, 0.0) if shown.result is not None else 0.0
-        where = shown.plan.placements[self._name]
+        took = shown.result.times.get(self._name, 0.0)
+        where = plan.placements[self._name]
         head = f"{declared} · {took:.2f} ms on {where.backend} ({where.why})"
         self._text.set_text(head if planes else f"{head}\n{_described(value)}")
 

@@ -2,13 +2,10 @@
 
 from html import escape
 from importlib import resources
-from typing import Any
 
-from nicegui import app, events, ui
+from nicegui import app, ui
 
-from tactograph.graph.files.read_graph import shipped_names
 from tactograph.graph.run.result import Result
-from tactograph.graph.tune.attempt import attempt
 from tactograph.graph.tune.follow import Follow
 from tactograph.graph.tune.graph_view import GraphView
 from tactograph.graph.tune.guard import Guard
@@ -75,7 +72,7 @@ class Page:
         self._seen = shown.number
         self._error.set_text(shown.error)
         self._error.set_visibility(bool(shown.error))
-        if shown.result is None or shown.plan is None:
+        if shown.result is None:
             return
         if self._graph.drawn < 0:
             self._graph.draw()
@@ -113,15 +110,6 @@ class Page:
             ui.space()
             self._figures = ui.html("", sanitize=False).classes("row no-wrap")
             self._figures.props("data-testid=figures")
-            beside = {"": "no graph beside", **{name: name for name in shipped_names()}}
-            now = tuning.asked.beside
-            if now is not None:
-                beside.setdefault(now.name, now.name)
-            self._beside = ui.select(
-                beside, value=now.name if now else "", on_change=self._beside_chosen
-            )
-            self._beside.props("dark dense options-dense borderless data-testid=beside")
-            self._beside.style("min-width: 150px")
             ui.button("Save", icon="save", on_click=lambda: ask_where_to_save(tuning)).props(
                 "unelevated dense no-caps data-testid=save"
             ).style("padding: 4px 12px")
@@ -156,17 +144,8 @@ class Page:
         self.tuning.play(not self.tuning.playing)
         self._follow_others()
 
-    def _beside_chosen(self, event: events.ValueChangeEventArguments[Any]) -> None:
-        if event.value != self._name_beside():
-            attempt(self.tuning.put_beside, event.value or None)
-
-    def _name_beside(self) -> str:
-        beside = self.tuning.asked.beside
-        return beside.name if beside is not None else ""
-
     def _follow_others(self) -> None:
         """Take up changes by the file, another browser or the stream's end."""
         self._panel.follow_others()
-        self._beside.set_value(self._name_beside())
         if not self.tuning.captures:
             self._playing.set_icon("pause" if self.tuning.playing else "play_arrow")

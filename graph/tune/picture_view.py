@@ -59,12 +59,11 @@ class ScaledPicture:
         width, height = picture.size
         self._follow.picture(self._view, picture.uri, picture.size, lines)
         self._view.style(f"max-width: calc({height_vh}vh * {width / height:.3f})")
-        if picture.kind == "labels":
+        if not picture.is_map:
             self._follow.background(self._bar, "none")
             marks: tuple[str, ...] = (picture.unit,)
         else:
-            colours = "RdBu_r" if picture.kind == "difference" else "viridis"
-            self._follow.background(self._bar, f"linear-gradient(to top, {gradient(colours)})")
+            self._follow.background(self._bar, f"linear-gradient(to top, {gradient()})")
             middle = (picture.low + picture.high) / 2
             marks = f"{picture.high:.4g} {picture.unit}", f"{middle:.4g}", f"{picture.low:.4g}"
         self._follow.html(self._scale, "".join(f"<span>{escape(mark)}</span>" for mark in marks))

@@ -23,7 +23,7 @@ class Picture(NamedTuple):
     low: float
     high: float
     unit: str
-    kind: str
+    is_map: bool
     array: NDArray[Any]
 
     @property
@@ -40,26 +40,17 @@ def planes_of(port: PortType, array: Any) -> list[NDArray[Any]]:
     return [array] if array.ndim == 2 else list(array)
 
 
-def draw(array: NDArray[Any], unit: str, scale: tuple[float, float] | None = None) -> Picture:
-    """Draw a plane on its own or a given scale, or labels in their colours."""
+def draw(array: NDArray[Any], unit: str) -> Picture:
+    """Draw a plane on its own scale, or labels in their colours."""
     if array.dtype.kind in "iub":
         return _labels(array, unit)
     finite = np.isfinite(array)
-    if scale is None:
-        known = array[finite]
-        scale = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-    low, high = scale
-    return Picture(_coloured(array, finite, low, high, "viridis"), low, high, unit, "map", array)
-
-
-def draw_difference(array: NDArray[Any], unit: str) -> Picture:
-    """Draw a difference, white where there is none; 1 in 200 pixels exceeds its scale."""
-    finite = np.isfinite(array)
-    known = np.abs(array[finite])
-    end = float(np.percentile(known, 99.5)) if known.size else 1.0
-    end = end or float(known.max(initial=0)) or 1.0
-    uri = _coloured(array, finite, -end, end, "RdBu_r")
-    return Picture(uri, -end, end, unit, "difference", array)
+    known = array[finite]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    last = NAN_LEVEL - 1
+    levels = np.clip((array - low) * (last / ((high - low) or 1.0)), 0, last)
+    levels[~finite] = NAN_LEVEL
+    return Picture(_uri(levels.astype(np.uint8), _table()), low, high, unit, True, array)
 
 
 def _labels(array: NDArray[Any], unit: str) -> Picture:
@@ -69,30 +60,21 @@ def _labels(array: NDArray[Any], unit: str) -> Picture:
     for bit in range(min(count, 8)):
         table[1 << bit] = ImageColor.getrgb(BIT_COLOURS[bit])
     uri = _uri(np.minimum(array, 255).astype(np.uint8), table)
-    return Picture(uri, 0, count, unit, "labels", array)
+    return Picture(uri, 0, count, unit, False, array)
 
 
-def _coloured(
-    array: NDArray[Any], finite: NDArray[np.bool_], low: float, high: float, colours: str
-) -> str:
-    last = NAN_LEVEL - 1
-    levels = np.clip((array - low) * (last / ((high - low) or 1.0)), 0, last)
-    levels[~finite] = NAN_LEVEL
-    return _uri(levels.astype(np.uint8), _table(colours))
-
-
-def gradient(colours: str) -> str:
+def gradient() -> str:
     """The colours as a CSS gradient from bottom to top."""
-    stops = _table(colours)[:NAN_LEVEL:15]
+    stops = _table()[:NAN_LEVEL:15]
     return ", ".join(f"rgb({r},{g},{b})" for r, g, b in stops.tolist())
 
 
 @cache
-def _table(colours: str) -> NDArray[np.uint8]:
+def _table() -> NDArray[np.uint8]:
     """The colours of levels 0 to 254, and grey for NaN."""
     from matplotlib import colormaps
 
-    rgb = colormaps[colours](np.linspace(0, 1, NAN_LEVEL))[:, :3]
+    rgb = colormaps["viridis"](np.linspace(0, 1, NAN_LEVEL))[:, :3]
     known = (255 * rgb).round().astype(np.uint8)
     return np.concatenate([known, np.full((1, 3), 128, np.uint8)])
 

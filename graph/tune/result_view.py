@@ -1,4 +1,4 @@
-"""The result on the page: one output as a picture, beside another graph's, with a section."""
+"""The result on the page: one output as a picture, with a section through it."""
 
 from html import escape
 from typing import Any
@@ -11,11 +11,10 @@ from tactograph.graph.run.result import Result
 from tactograph.graph.show.views import kind_of
 from tactograph.graph.tune.follow import Follow
 from tactograph.graph.tune.picture_view import Pointed, ScaledPicture
-from tactograph.graph.tune.pictures import Picture, draw, draw_difference
+from tactograph.graph.tune.pictures import draw
 from tactograph.graph.tune.tuning import Tuning
 
-VIEW_MODES = ("result", "beside", "wipe", "difference")
-LINE_COLOURS = ("#1f5fa8", "#d1495b")
+LINE_COLOUR = "#1f5fa8"
 
 
 class ResultView:
@@ -24,17 +23,10 @@ class ResultView:
     def __init__(self, tuning: Tuning, follow: Follow) -> None:
         self._tuning, self._follow = tuning, follow
         self._output = ""
-        self._mode = "result"
-        self._row = self._column = 0.5
+        self._row = 0.5
         with ui.column().classes("t-card gap-2").style("width: 57%; min-width: 0"):
-            with ui.row().classes("w-full items-center gap-3 no-wrap"):
-                self._outputs = ui.select([], on_change=self._output_chosen)
-                self._outputs.props("dense options-dense borderless data-testid=output")
-                ui.space()
-                modes = {mode: mode for mode in VIEW_MODES}
-                ui.toggle(modes, value=self._mode, on_change=self._mode_chosen).props(
-                    "dense no-caps unelevated data-testid=view"
-                )
+            self._outputs = ui.select([], on_change=self._output_chosen)
+            self._outputs.props("dense options-dense borderless data-testid=output")
             with ui.row().classes("w-full gap-2 no-wrap items-stretch"):
                 self._image = ScaledPicture(follow, "picture", self._pressed)
                 with ui.column().classes("gap-1").style("flex: 1 1 150px; min-width: 150px"):
@@ -43,27 +35,20 @@ class ResultView:
                     self._section.props("data-testid=section")
 
     def draw(self) -> None:
-        """Draw the current view."""
+        """Draw the chosen output."""
         shown = self._tuning.shown
         if shown.result is None:
             return
         self._offer_outputs(shown.result)
-        mine, other = _plane(shown.result, self._output), _plane(shown.beside, self._output)
-        if mine is None:
+        array = _plane(shown.result, self._output)
+        if array is None:
             return
-        if other is not None and other.shape != mine.shape:
-            other = None
         unit = shown.result.plan.port(self._output).unit
-        picture = self._composed(mine, other, unit)
-        width, height = picture.size
-        row, column = int(self._row * (height - 1)), int(self._column * (width - 1))
+        height, width = array.shape
+        row = int(self._row * (height - 1))
         dashed = f'x1="0" x2="{width}" y1="{row}" y2="{row}" stroke-dasharray="6 4"'
-        line = f'<line {dashed} stroke="white"/>'
-        if self._mode == "wipe":
-            line += f'<line x1="{column}" x2="{column}" y2="{height}" stroke="white"/>'
-        self._image.show(picture, line, height_vh=42)
-        lines = [mine[row], *([other[row]] if other is not None else [])]
-        self._follow.html(self._section, _section_svg(lines, unit, row))
+        self._image.show(draw(array, unit), f'<line {dashed} stroke="white"/>', height_vh=42)
+        self._follow.html(self._section, _section_svg(array[row], unit, row))
 
     def _offer_outputs(self, result: Result) -> None:
         names = [name for name in result if _plane(result, name) is not None]
@@ -72,23 +57,9 @@ class ResultView:
             self._outputs.set_options(names, value=chosen)
             self._output = self._tuning.output = self._outputs.value
 
-    def _composed(self, mine: NDArray[Any], other: NDArray[Any] | None, unit: str) -> Picture:
-        """The picture of the chosen mode; that of the result where there is nothing beside."""
-        if other is None or self._mode == "result":
-            return draw(mine, unit)
-        if self._mode == "beside":
-            return draw(other, unit)
-        if self._mode == "difference" and mine.dtype.kind == "f":
-            return draw_difference(mine - other, unit)
-        joined = mine.copy()
-        column = int(self._column * (mine.shape[1] - 1))
-        joined[:, column:] = other[:, column:]
-        return draw(joined, unit)
-
     def _pressed(self, mouse: Pointed) -> None:
         assert self._image.picture is not None
-        width, height = self._image.picture.size
-        self._column = min(max(mouse.x / max(width - 1, 1), 0.0), 1.0)
+        height, _ = self._image.picture.array.shape
         self._row = min(max(mouse.y / max(height - 1, 1), 0.0), 1.0)
         self.draw()
 
@@ -96,38 +67,29 @@ class ResultView:
         self._output = self._tuning.output = event.value
         self.draw()
 
-    def _mode_chosen(self, event: events.ValueChangeEventArguments[Any]) -> None:
-        self._mode = event.value
-        self.draw()
 
-
-def _plane(result: Result | None, name: str) -> NDArray[Any] | None:
+def _plane(result: Result, name: str) -> NDArray[Any] | None:
     """An output as one plane, if it is one."""
-    if result is None or name not in result.outputs:
+    if name not in result.outputs:
         return None
     array = result.outputs[name]
     is_plane = kind_of(result.plan.port(name)) in ("map", "labels")
     return array if isinstance(array, np.ndarray) and is_plane else None
 
 
-def _section_svg(lines: list[NDArray[Any]], unit: str, row: int) -> str:
-    """One row of each result as a curve."""
-    known = np.concatenate([line[np.isfinite(line)] for line in lines])
+def _section_svg(line: NDArray[Any], unit: str, row: int) -> str:
+    """One row of the output as a curve."""
+    known = line[np.isfinite(line)]
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     span = (high - low) or 1.0
-    curves = []
-    for colour, line in zip(LINE_COLOURS, lines, strict=False):
-        step = max(1, line.size // 600)
-        xs = np.arange(0, line.size, step) * (1000 / max(line.size - 1, 1))
-        ys = 112 - 104 * (np.nan_to_num(line[::step].astype(float), nan=low) - low) / span
-        points = " ".join(f"{x:.0f},{y:.1f}" for x, y in zip(xs, ys, strict=True))
-        curves.append(
-            f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="1.6" '
-            'vector-effect="non-scaling-stroke"/>'
-        )
+    step = max(1, line.size // 600)
+    xs = np.arange(0, line.size, step) * (1000 / max(line.size - 1, 1))
+    ys = 112 - 104 * (np.nan_to_num(line[::step].astype(float), nan=low) - low) / span
+    points = " ".join(f"{x:.0f},{y:.1f}" for x, y in zip(xs, ys, strict=True))
     return (
         f'<div class="t-help">section along y = {row}, {low:.4g} to {high:.4g} {escape(unit)}; '
         "press in the picture and drag to move it</div>"
         '<svg viewBox="0 0 1000 120" preserveAspectRatio="none">'
-        f'<rect width="1000" height="120" fill="#f7f8fa"/>{"".join(curves)}</svg>'
+        f'<rect width="1000" height="120" fill="#f7f8fa"/><polyline points="{points}" fill="none" '
+        f'stroke="{LINE_COLOUR}" stroke-width="1.6" vector-effect="non-scaling-stroke"/></svg>'
     )

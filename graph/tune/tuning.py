@@ -23,7 +23,6 @@ from tactograph.graph.files.variant import Change, changes_between, write_varian
 from tactograph.graph.files.watch import Stamp, files_of, stamp
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.names import settings_of
-from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.result import Result
 from tactograph.graph.tune.runner import Runner, captures_of
 
@@ -37,7 +36,6 @@ class Asked:
     """A request of the page."""
 
     graph: Graph
-    beside: Graph | None
     capture: int
     item: int
     node: str | None
@@ -51,14 +49,12 @@ class Shown:
     number: int = 0
     asked: Asked | None = None
     result: Result | None = None
-    beside: Result | None = None
     inspected: Mapping[str, Any] = field(default_factory=dict)
-    plan: Plan | None = None
     error: str = ""
 
 
 class Tuning:
-    """A graph, by its name or path, that a user changes, and another `beside` it to compare with.
+    """A graph, by its name or path, that a user changes.
 
     The `output` that is looked at is made and shown first; figures and all else follow if no newer
     change waits.  With `every`, a change to a node of a group changes that node in every use.
@@ -69,22 +65,19 @@ class Tuning:
         source: str,
         given: Mapping[str, Any],
         *,
-        beside: str | None = None,
         backend: str | None = None,
         device: str | None = None,
     ) -> None:
         self.source, self.given = source, dict(given)
         self.base = read_graph(source)
         self.captures = captures_of(self.base, given)
-        other = read_graph(beside) if beside else None
-        self.asked = Asked(self.base, other, 0, 0, None)
+        self.asked = Asked(self.base, 0, 0, None)
         self.shown = Shown()
         self.rates: deque[float] = deque()
         self.playing = False
         self.output: str | None = None
         self.every = False
-        self._cache = Cache()
-        self._runners = [Runner(given, self._cache, backend, device) for _ in range(2)]
+        self._runner = Runner(given, Cache(), backend, device)
         self._files = files_of(self.base, {}) | {graph_file(source)}
         self._stamp: Stamp = stamp(self._files)
         self._saved: dict[Path, Stamp] = {}
@@ -147,13 +140,6 @@ class Tuning:
         """Choose the node whose outputs are shown."""
         self._ask(node=node)
 
-    def put_beside(self, source: str | None) -> None:
-        """Choose the graph to compare with; None for none.
-
-        Raises InputError if it cannot be read.
-        """
-        self._ask(beside=read_graph(source) if source else None)
-
     def go(self, steps: int) -> None:
         """Go to the next capture or item, or, among captures, to one before."""
         with self._changed:  # a stream that plays goes on meanwhile
@@ -177,19 +163,14 @@ class Tuning:
         }
         return changes_between(self.base, self.graph, defaults)
 
-    def is_of_others(self, file: Path) -> bool:
-        """Return whether the file exists and `save` did not write it."""
-        return file.exists() and self._saved.get(file.resolve()) != stamp([file.resolve()])
+    def save(self, file: Path) -> Path:
+        """Write the variant and check it.
 
-    def save(self, file: Path, *, over_others: bool = False) -> Path:
-        """Write the variant and check it; `over_others` lets it replace any file.
-
-        Raises InputError if nothing was changed, or the file would replace the one it extends, or
-        another's.
+        Raises InputError if nothing was changed, or a file is there that was not saved here.
         """
         if file.resolve() in {read.resolve() for read in self._files}:
             raise InputError(f"{file}: is the graph that is tuned, or extended; give another name")
-        if not over_others and self.is_of_others(file):
+        if file.exists() and self._saved.get(file.resolve()) != stamp([file.resolve()]):
             raise InputError(f"{file}: is there already, and was not saved here; give another name")
         title = f"{self.base.title or self.base.name}, tuned"
         saved = write_variant(file, self.source, self.changes(), title)
@@ -270,20 +251,15 @@ class Tuning:
                     self.asked = replace(self.asked, item=self.asked.item + 1)
                 last = self.asked
             self._run(last)
-        for runner in self._runners:
-            runner.close()
+        self._runner.close()
 
     def _run(self, asked: Asked) -> None:
         capture = self.captures[asked.capture] if self.captures else None
         try:
-            main, other = self._runners
             is_quick = self._show_first(asked, capture)
             if is_quick and not self._rests(asked):
                 return
-            result = main.run(asked.graph, capture, asked.item)
-            beside = None
-            if asked.beside is not None:
-                beside = other.run(asked.beside, capture, asked.item)
+            result = self._runner.run(asked.graph, capture, asked.item)
             inspected = self._inspect(asked.node)
         except Exception as error:  # a bad edit must not take the page down
             self.playing = False
@@ -293,22 +269,21 @@ class Tuning:
             return
         if not is_quick:
             self._count()
-        self._publish(Shown(0, asked, result, beside, inspected, result.plan))
+        self._publish(Shown(0, asked, result, inspected))
 
     def _show_first(self, asked: Asked, capture: Path | None) -> bool:
         """Make and show the output that is looked at, if only settings changed."""
         last, before = self.shown.asked or self._last, self.shown.result
         if self.output is None or last is None or before is None:
             return False
-        place = (asked.capture, asked.item, asked.beside)
-        if place != (last.capture, last.item, last.beside) or self.output not in before:
+        place = (asked.capture, asked.item)
+        if place != (last.capture, last.item) or self.output not in before:
             return False
-        first = self._runners[0].run(asked.graph, capture, asked.item, [self.output])
+        first = self._runner.run(asked.graph, capture, asked.item, [self.output])
         self._last = last
         merged = replace(first, outputs={**before.outputs, **first.outputs})
-        shown = replace(self.shown, asked=None, result=merged, plan=first.plan, error="")
         self._count()
-        self._publish(shown)
+        self._publish(replace(self.shown, asked=None, result=merged, error=""))
         return True
 
     def _rests(self, asked: Asked) -> bool:
@@ -327,7 +302,7 @@ class Tuning:
 
     def _inspect(self, node: str | None) -> dict[str, Any]:
         """The values of a node's outputs."""
-        pipeline = self._runners[0].pipeline
+        pipeline = self._runner.pipeline
         if node is None or pipeline is None or node not in pipeline.plan.tasks:
             return {}
         ports = pipeline.plan.tasks[node].node.outputs

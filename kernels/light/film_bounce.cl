@@ -32,7 +32,16 @@ LANED __kernel void lay_out(
     const int columns = w + 2 * rim, N = columns * (h + 2 * rim);
     GRID_PARTS_OF_ROWS(row, column, count, h + 2 * rim, columns)
     const Side down = side(row, H, h, rim, factor, pixel);
+    __global float *cell = table + row * columns + column;
+    __global float *sent = sources + row * columns + column;
     const floats j = (float)column + LANE_NUMBERS, none = 0.0f;
+    // No step ends beyond these cells, but a sweep may read them.
+    if (row < MARGIN_CELLS || row >= h + 2 * rim - MARGIN_CELLS ||
+        column + LANES <= MARGIN_CELLS || column >= columns - MARGIN_CELLS) {
+        for (int k = 0; k < CELL_ROWS; ++k) store_floats(none, cell + k * N, count);
+        for (int k = 0; COATED && k < SOURCE_ROWS; ++k) store_floats(none, sent + k * N, count);
+        return;
+    }
     const floats u = middles(j, W, rim, factor, pixel);
     const floats v = middles((float)row + none, H, rim, factor, pixel);
     float heights[LANES], rises[LANES], falls[LANES], lit[LANES];
@@ -58,7 +67,7 @@ LANED __kernel void lay_out(
         q /= scale;
     }
     const floats nearer = 1.0f / (1.0f + pupil * seen), upright = 1.0f / sqrt(1.0f + p * p + q * q);
-    __global float *cell = table + row * columns + column;
+    const Film film = COATED_FILM;
     store_floats(u * nearer, cell + CELL_X * N, count);
     store_floats(v * nearer, cell + (CELL_X + 1) * N, count);
     store_floats(seen * nearer, cell + (CELL_X + 2) * N, count);
@@ -70,19 +79,13 @@ LANED __kernel void lay_out(
         __global const float *led = lights + 3 * k;
         const floats dx = led[0] - u, dy = led[1] - v;
         const floats share = led[2] * led[2] / (dx * dx + dy * dy + led[2] * led[2]);
-        const floats rest = share * sqrt(share);
+        floats rest = share * sqrt(share);
+        if (COATED) rest *= reflectance_at_rest(&film, k, u, v);
         means_of(light + k * H * W, column, down, W, w, rim, factor, 1.0f, lit);
         store_floats(rest * LOAD_LANES(lit), cell + (CELL_LIGHT + k) * N, count);
         store_floats(rest, cell + (CELL_REST + k) * N, count);
     }
-    if (!COATED) return;
-    // No step ends beyond these cells, but a sweep may read them.
-    const int sends = row >= MARGIN_CELLS && row < h + 2 * rim - MARGIN_CELLS &&
-                      column + LANES > MARGIN_CELLS && column < columns - MARGIN_CELLS;
-    __global float *sent = sources + row * columns + column;
-    const Film film = COATED_FILM;
-    if (sends) emit(&film, cell, sent, N, count);
-    else for (int k = 0; k < SOURCE_ROWS; ++k) store_floats(none, sent + k * N, count);
+    if (COATED) emit(&film, cell, sent, N, count);
 }
 
 // The light of cells interpolated at pixels, and relaxed from the previous result by `share`; without

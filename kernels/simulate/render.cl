@@ -153,10 +153,10 @@ float coated(const Spot spot, const Ray ray, const float n_l, const Coat coat)
         fmax((hz - spot.p * hx - spot.q * hy) / (spot.norm * length_), MIN_COAT_COSINE);
     const float between = (vx * hx + vy * hy + vz * hz) / length_;
     const float mirrored = beckmann(upright, coat.alpha) * fresnel(between, coat.index)
-        * masking(lit, coat.alpha) * masking(seen, coat.alpha);
+        * lit * unhidden_by(lit, coat.alpha) * unhidden_by(seen, coat.alpha);
     const float matt = n_l * let_in_by(coat.let_in, fmax(lit, MIN_COSINE))
         * let_in_by(coat.let_in, fmax(seen, MIN_COSINE));
-    return matt + mirrored * PI_ / (4.0f * coat.albedo * seen);
+    return matt + mirrored * PI_ / (4.0f * coat.albedo);
 }
 
 // Blinn-Phong; h lies half-way between the light and the camera above.

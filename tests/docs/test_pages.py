@@ -1,8 +1,8 @@
 """Every command and code block of the documentation works.
 
 Blocks marked sh, python and yaml are run, page by page, each page in a folder of its own.
-Commands in other blocks are examples that need a sensor, a cluster or hours: of them the
-graphs, parameters, options and scripts must be there.
+Commands in other blocks are examples that need a sensor or hours: of them the graphs, parameters,
+options and scripts must be there.
 """
 
 import os

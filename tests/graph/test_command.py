@@ -100,7 +100,6 @@ def test_every_command_has_help(tactograph: Command, name: str) -> None:
         (("check",), "--help')"),
         (("run", "paper", "--backend", "cuda"), "--help')"),
         (("run", "paper", "--no-such-option"), "--help')"),
-        (("run", "paper", "--repeats", "0"), "--help')"),
         (("run",), "'tactograph graphs'"),
         (("check",), "'tactograph graphs'"),
         (("compare",), "'tactograph graphs'"),
@@ -122,7 +121,10 @@ def test_a_command_that_is_typed_wrong_exits_with_2_and_says_where_to_look(
         (("run", "paper", "capture=x", "calibration=x", "crop=1,2"), "needed (x0,y0,x1,y1), not ["),
         (("run", "nowhere.yaml"), "nowhere.yaml: there is no such graph file"),
         (("run", "paper", "capture"), "'capture': write values as name=value"),
-        (("run", "paper", "--capture", "a"), "'--capture'; a param is written capture=VALUE"),
+        (("run", "paper", "--capture", "a"), "'--capture'; a param is written capture=a (see"),
+        (("run", "paper", "--capture=a"), "'--capture'; a param is written capture=a (see"),
+        (("run", "paper", "--capture", "flat=a"), "a param is written capture=VALUE (see"),
+        (("run", "paper", "--quiett"), "written quiett=VALUE (Did you mean one of: '--quiet'"),
         (("run", "paper", "captur=x"), "has no parameter 'captur'; did you mean 'capture'?"),
         (("run", "paper", "zzz=x"), "paper has no parameter 'zzz' (it takes: capture, "),
         (("run", "paper", "capture=a", "capture=b"), "capture is given twice"),
@@ -148,7 +150,7 @@ def test_a_command_that_is_typed_wrong_exits_with_2_and_says_where_to_look(
         (("resolve", "papre"), "did you mean 'paper'?"),
         (("explain", "paper", "x=1"), "has no parameter 'x'"),
         (("explain", "paper", "--device", "abacus"), "no OpenCL device's name contains 'abacus'"),
-        (("draw", "paper", "--out", "x.pdf"), "the name has to end in .mmd or .svg"),
+        (("draw", "paper", "--out", "x.pdf"), "the name has to end in .svg"),
         (("nodes", "flat_feild"), "did you mean 'flat_field'?"),
     ],
 )
@@ -240,12 +242,9 @@ def test_a_fallback_is_one_line_on_the_terminal(about: Command, no_device: None)
     assert "--backend opencl: no" in one_line(about("run", STREAM, "--backend", "opencl"))
 
 
-def test_strict_names_what_has_no_kernel_and_runs_it(about: Command) -> None:
+def test_strict_runs_what_has_no_kernel(about: Command) -> None:
     done = about("run", STREAM, "--strict")
-    assert done.code == 0
-    assert done.err == "written for the host alone, so no fallback: score\n"
-    assert about("run", STREAM, "--strict", "--quiet").err == ""
-    assert about("run", STREAM, "--strict", "--backend", "numpy").err == ""
+    assert (done.code, done.err) == (0, "")
 
 
 def test_a_result_holds_where_everything_ran_and_every_fallback(
@@ -357,7 +356,7 @@ def test_each_shipped_graph_is_verified_explained_and_drawn(tactograph: Command,
     explained = tactograph("explain", name, "--backend", "numpy")
     assert explained.code == 0, explained.err
     assert read_graph(name).hash in explained.out
-    assert tactograph("draw", name, "--backend", "numpy").out.startswith("flowchart TB\n")
+    assert tactograph("draw", name, "--backend", "numpy").out.startswith("<svg ")
 
 
 @each("name", shipped_names())
@@ -475,12 +474,11 @@ def test_explain_prints_brackets_as_such(about: Command, monkeypatch: pytest.Mon
     assert "tactograph[vkfft]" in " ".join(about("explain", SLOPES).out.split())
 
 
-@pytest.mark.parametrize(("suffix", "start"), [(".mmd", "flowchart TB"), (".svg", "<svg ")])
-def test_draw_writes_a_file(tactograph: Command, tmp_path: Path, suffix: str, start: str) -> None:
-    file = tmp_path / f"plan{suffix}"
+def test_draw_writes_a_file(tactograph: Command, tmp_path: Path) -> None:
+    file = tmp_path / "plan.svg"
     done = tactograph("draw", "paper", "--out", file)
     assert (done.code, done.out) == (0, ""), done.err
-    assert file.read_text().startswith(start)
+    assert file.read_text().startswith("<svg ")
 
 
 def test_nodes_lists_every_node_and_shows_the_page_of_one(tactograph: Command) -> None:

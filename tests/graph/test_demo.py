@@ -10,7 +10,7 @@ from tactograph.graph.commands.demo import DEMO_STEPS
 from tactograph.graph.files.read_graph import read_graph
 from tests.graph.conftest import Command
 
-RECORD = "tactograph.graph.compare.comparison_record"
+TABLES = "tactograph.graph.compare.tables"
 LINES = [shlex.split(line) for line in DEMO_STEPS.splitlines() if line.startswith("tactograph")]
 
 
@@ -19,7 +19,7 @@ def test_each_command_is_shown_and_run(
 ) -> None:
     ran: list[list[str]] = []
     monkeypatch.setattr("tactograph.graph.command.run_command", ran.append)
-    monkeypatch.setattr(f"{RECORD}.read_rows", lambda _: [])
+    monkeypatch.setattr(f"{TABLES}.read_rows", lambda _: [])
     folder = tmp_path / "my demo"
     done = tactograph("demo", "--out", folder)
     assert done.code == 0
@@ -36,7 +36,7 @@ def test_a_graph_that_fails_fails_the_demo(
         SimpleNamespace(variant="precise", error="E"),
     ]
     monkeypatch.setattr("tactograph.graph.command.run_command", lambda _: None)
-    monkeypatch.setattr(f"{RECORD}.read_rows", lambda _: rows)
+    monkeypatch.setattr(f"{TABLES}.read_rows", lambda _: rows)
     done = tactograph("demo", "--out", tmp_path)
     assert (done.code, done.err) == (1, "tactograph: demo: precise failed: E\n")
 

@@ -36,7 +36,6 @@ def hide(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], Non
     [
         ("zarr", "batch", BATCH),
         ("numcodecs", "batch", BATCH),
-        ("fsspec", "batch", BATCH),
         ("jinja2", "report", COMPARE),
         ("jinja2", "report", ["demo"]),
         ("jinja2", "report", ["new-ring", "mine"]),
@@ -83,7 +82,7 @@ def test_every_extra_that_a_message_names_is_one() -> None:
 def test_every_node_is_read_without_an_extra(tmp_path: Path) -> None:
     script = (
         "import sys\n"
-        "extras = 'zarr numcodecs fsspec trimesh jinja2 mcap rerun surfalize harvesters nicegui'\n"
+        "extras = 'zarr numcodecs trimesh jinja2 mcap rerun surfalize harvesters nicegui'\n"
         "sys.modules.update(dict.fromkeys(extras.split()))\n"
         "from tactograph.graph.command import run_command\n"
         "run_command(['nodes'])\n"

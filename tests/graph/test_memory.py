@@ -10,7 +10,7 @@ from tactograph.graph.files.read_graph import Source
 from tactograph.graph.plan.sketch import sketch_of
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.pipeline import Pipeline
-from tactograph.graph.show.draw_mermaid import to_mermaid
+from tactograph.graph.show.draw_svg import to_svg
 from tactograph.graph.show.sketch import fold
 from tests.graph.conftest import STREAM, Command, Write, added, graph_of, lit_by
 
@@ -93,7 +93,7 @@ def test_a_node_that_only_its_successor_recalls_is_run() -> None:
 
 def test_a_memory_is_drawn_as_a_dashed_edge() -> None:
     sketch = fold(sketch_of(opened(graph_of(SUMMED)).plan))
-    assert "-.->|previous summed|" in to_mermaid(sketch)
+    assert "<title>previous summed</title>" in to_svg(sketch)
 
 
 def test_what_a_node_keeps_is_opened_once_and_closed_with_the_stream(toys: list[str]) -> None:

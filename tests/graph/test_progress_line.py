@@ -3,7 +3,6 @@
 import io
 import sys
 import threading
-from pathlib import Path
 
 import pytest
 
@@ -33,54 +32,24 @@ class Terminal(io.StringIO):
 
 
 @pytest.fixture(autouse=True)
-def _at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress_line, "MIN_SHOWN_S", 0.0)
     monkeypatch.setattr(progress_line, "REDRAW_INTERVAL_S", 0.001)
-    monkeypatch.setenv("TACTOGRAPH_CACHE", str(tmp_path / "cache"))
 
 
-def shown(monkeypatch: pytest.MonkeyPatch, line_of: str, word: str, key: str = "one") -> str:
-    """The output of a run in one stage on a terminal, once a word had come."""
-    terminal = Terminal(word, behind=line_of)
+def test_a_run_shows_its_stage_and_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal(" 0 s", behind="model (fit_film)")
     monkeypatch.setattr(sys, "stderr", terminal)
     with ProgressLine() as line:
-        line.recall(key)
-        line.stage_of = lambda: line_of
+        line.stage_of = lambda: "model (fit_film)"
         assert terminal.came.wait(60)
-        line.end()
-        line.keep(key)
-    return terminal.getvalue()
-
-
-def test_a_first_run_shows_its_stage_and_time_and_a_second_one_the_time_left(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    first = shown(monkeypatch, "model (fit_film)", " 0 s")
-    assert "model (fit_film)" in first
-    assert "s left" not in first
-    assert "model (fit_film)" in shown(monkeypatch, "model (fit_film)", "s left")
-
-
-def test_another_graph_s_times_say_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown(monkeypatch, "model", "model", key="one")
-    assert "s left" not in shown(monkeypatch, "model", "model", key="another")
-
-
-def test_the_time_left_is_what_the_last_run_took_from_this_stage_on() -> None:
-    line = ProgressLine(wanted=False)
-    line._before = {"read": 0.0, "fit": 4.0, "": 10.0}
-    line._begun = {"read": 0.0, "fit": 5.0}
-    assert line.left("fit", 7.0) == pytest.approx(4)
-    assert line.left("a stage that was too short to be seen", 8.0) == pytest.approx(3)
-    assert line.left("fit", 20.0) is None
-    line.forget_times()
-    assert line.left("fit", 7.0) is None
+    assert "s left" not in terminal.getvalue()
 
 
 def test_of_many_captures_the_time_left_follows_from_the_share_that_is_done() -> None:
     line = ProgressLine(wanted=False)
     line.at("1 of 4 captures", 1 / 4)
-    assert line.left(line.stage_of(), 5.0) == pytest.approx(15)
+    assert line.left(5.0) == pytest.approx(15)
 
 
 @pytest.mark.parametrize("quiet", [False, True])

@@ -32,7 +32,8 @@ NO_FILM_LIGHT = 0.1
 """Light beside the balls, under all LEDs, up to which there is no film."""
 _TAKEN_FLAT = (
     "the flat frame",
-    "take both with one sensor and the same exposure, gain, gamma and LED currents",
+    "take both with one sensor and the same exposure, gain, gamma and LED currents, none of them "
+    "automatic",
 )
 _MODELLED_FLAT = (
     "a plain film under the LEDs that were found, as no flat frame was given",
@@ -118,9 +119,10 @@ def rate_exposure(
         motion = film_motion(cells[0], fall_off(cells[1]))
         moved = motion_in_words(motion) if motion_size(motion) > MAX_MOTION else ""
         # Light that was added evens the film's fall-off, as a zoom does.
-        or_moved = f"; or is it another zoom or crop ({moved})?" if moved else ""
+        or_moved = "; or is it another zoom or crop" + (f" ({moved})?" if moved else "?")
         added = added_share(*(a[:, far] for a in cells))
-        if abs(added) > MAX_ADDED:
+        # Other light brightens, so film that has moved and is darker has moved alone.
+        if abs(added) > MAX_ADDED and not (moved and added < 0):
             doubts.append(
                 f"{where}under all LEDs the film beside the ball is {abs(added):.1%} "
                 f"{'brighter' if added > 0 else 'darker'} than {compared}, the dimmer the more: "

@@ -71,8 +71,8 @@ def of_heldout_error(degrees: float | None) -> list[str]:
         return []
     return [
         f"normals of what was held out are {degrees:.1f} degrees off, more than "
-        f"{MAX_ERROR_DEG:g}: check the ball's radius, the pixel size, the order of the images and "
-        "dirt on the ball"
+        f"{MAX_ERROR_DEG:g}: check the ball's radius, the pixel size, the order of the images, "
+        "dirt on the ball, and that gamma and local contrast are off"
     ]
 
 

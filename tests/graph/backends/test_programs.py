@@ -1,6 +1,7 @@
 """Programs that one pipeline has built serve the next."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -10,9 +11,10 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from tactograph.graph.backends import build_ahead
+from tactograph.graph.backends import build_ahead, pocl_builtins
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
+from tactograph.graph.backends.pocl_builtins import with_builtins
 from tactograph.graph.backends.programs import POCL_PLATFORM, _kept, ahead, build, context_of
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk import disk_cache
@@ -199,3 +201,20 @@ def test_nothing_is_kept_where_that_is_not_wanted(
     monkeypatch.setenv(name, value)
     assert seven(device) == 7
     assert not folder.exists()
+
+
+def test_a_program_brings_all_overloads_of_what_it_names_and_nothing_else(device: OpenCL) -> None:
+    made = with_builtins("float root(float x) { return sqrt(x); }")
+    if made is None:
+        pytest.skip("PoCL's declarations are not beside its library")
+    assert {"sqrt(float);", "sqrt(float16);", "sqrt(double);"} <= set(re.split(r"[ \n]", made[0]))
+    assert "acosh" not in made[0]
+
+
+def test_a_program_is_built_as_ever_where_what_it_brings_does_not_compile(
+    folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(pocl_builtins, "_declarations", lambda: [(None, "#error")])
+    assert seven(device) == 7
+    monkeypatch.setattr(pocl_builtins, "_declarations", list)
+    assert seven(device, 8) == 8

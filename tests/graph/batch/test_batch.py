@@ -1,7 +1,6 @@
 """Batches: every capture once and as if it were alone, whatever fails, stops or dies."""
 
 import csv
-import json
 import multiprocessing
 import os
 import re
@@ -17,19 +16,16 @@ from typing import Any, NamedTuple
 from unittest.mock import MagicMock
 
 import cv2
-import fsspec
 import numpy as np
 import pyopencl as cl
 import pytest
 import zarr
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.batch import worker
 from tactograph.graph.batch.batch import Workers, open_batch, open_chunks, run_batch
 from tactograph.graph.batch.captures import _common_start, find_captures
-from tactograph.graph.batch.cluster import Cluster
 from tactograph.graph.batch.entry import DONE, FAILED, PENDING, Entry
 from tactograph.graph.batch.job import identity_of, make_job
 from tactograph.graph.batch.processes import Processes
@@ -406,8 +402,6 @@ def test_files_alone_are_captures_and_a_folder_with_files_is_one(captures: list[
         (["/a/../b/*", "/a/../b/c/*"], "/a/../b"),
         (["/a/../b/*", "/a/c/*"], ""),
         (["/*"], ""),
-        (["memory://lab/day1/*"], "memory:///lab/day1"),
-        (["memory://lab/day1/*", "/a/*"], ""),
     ],
 )
 def test_captures_lie_below_what_their_patterns_begin_with(patterns: list[str], below: str) -> None:
@@ -516,51 +510,19 @@ def test_folders_of_results_lie_where_the_first_batch_put_them(
     assert len(opened(out / "batch.zarr")) == 7
 
 
-@pytest.mark.parametrize("over", ["memory://lab_2/*", "day/../day/*", "day/"])
+@pytest.mark.parametrize("over", ["day/../day/*", "day/"])
 def test_folders_of_results_are_called_as_the_captures_however_these_are_reached(
     batch: Batch, saving: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, over: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for capture in batch.captures:
-        fsspec.filesystem("memory").put(str(capture), f"/lab_2/{capture.name}", recursive=True)
     out = tmp_path / "folders"
     assert batch(graph=saving, over=over, out=out) == (0, "")
     assert {f.parent for f in out.glob("**/image.npy")} == {out / c.name for c in batch.captures}
 
 
-def test_a_batch_of_an_earlier_version_goes_on_in_folders_of_whole_paths(
-    batch: Batch, saving: str, tmp_path: Path
-) -> None:
-    out = tmp_path / "folders"
-    assert batch(graph=saving, over=str(batch.captures[0]), out=out) == (0, "")
-    about = out / "batch.zarr" / "zarr.json"
-    document = json.loads(about.read_text())
-    del document["attributes"]["tactograph"]["job"]["below"]
-    document["attributes"]["tactograph"]["stamp"] = "earlier"  # this process knows the other
-    about.write_text(json.dumps(document))
-    whole = out / str(batch.captures[0]).lstrip("/")
-    whole.parent.mkdir(parents=True)
-    (out / batch.captures[0].name).rename(whole)
-    assert batch(graph=saving, over=str(tmp_path / "day" / "*"), out=out) == (0, "")
-    assert {f.parent.name for f in whole.parent.glob("*/image.npy")} == {
-        c.name for c in batch.captures
-    }
-
-
 def test_folders_need_a_graph_that_writes(batch: Batch, write: Write, tmp_path: Path) -> None:
     graph = write(LIT.replace("  out:     {kind: path, default: out}\n", ""), "lit.yaml")
     assert "else give a store, NAME.zarr" in refusal(batch(graph=graph, out=tmp_path / "folders"))
-
-
-def test_captures_and_store_may_lie_elsewhere(graph: str, captures: list[Path]) -> None:
-    system = fsspec.filesystem("memory")
-    for capture in captures[:2]:
-        system.put(str(capture), f"/lab/{capture.name}", recursive=True)
-    out = "memory://results.zarr"
-    store = begin(graph, "memory://lab/*", out)
-    list(run_batch(store, open_chunks(out, store, retry_failed=False), Serial()))
-    assert store.captures == ["memory:///lab/capture_00", "memory:///lab/capture_01"]
-    np.testing.assert_array_equal(lit(store, 1), expected(captures[1]))
 
 
 def test_what_is_no_store_is_not_written_into(batch: Batch, tmp_path: Path) -> None:
@@ -600,7 +562,6 @@ def test_a_batch_does_not_take_its_own_store_for_a_capture(batch: Batch, tmp_pat
         (["--over", "none*"], "--over none*: nothing is there"),
         (["--out", " "], "--out is empty"),
         (["--chunk", "1000000000"], "is not in the range"),
-        (["--scheduler", "nowhere.json"], "there is no such file"),
     ],
 )
 def test_what_a_batch_cannot_mean_is_refused_before_a_store_is_made(
@@ -610,13 +571,6 @@ def test_what_a_batch_cannot_mean_is_refused_before_a_store_is_made(
     assert code == 2
     assert told in err
     assert not batch.place.exists()
-
-
-@pytest.mark.parametrize("content", ["{", "[]", '{"a": 1}'])
-def test_what_is_no_scheduler_file_is_refused_at_once(tmp_path: Path, content: str) -> None:
-    (tmp_path / "file.json").write_text(content)
-    with pytest.raises(InputError, match="--scheduler"):
-        Cluster(str(tmp_path / "file.json"))
 
 
 @pytest.fixture
@@ -796,17 +750,6 @@ def test_a_name_that_is_not_text_is_refused_before_there_is_a_store(
     assert "the name is not UTF-8; rename it" in refusal(
         batch(over=str(batch.captures[0]), out=out)
     )
-
-
-@pytest.mark.parametrize("option", ["--over", "--out"])
-def test_a_file_system_that_needs_more_than_a_url_is_refused(
-    tactograph: Command, graph: str, captures: list[Path], tmp_path: Path, option: str
-) -> None:
-    given = {"--over": str(captures[0]), "--out": str(tmp_path / "out.zarr")}
-    given[option] = "github://x/out.zarr"
-    said = one_line(tactograph("batch", graph, *(word for pair in given.items() for word in pair)))
-    assert "github://x/out.zarr: " in said
-    assert "internal error" not in said
 
 
 def test_a_store_that_speaks_of_endless_captures_is_refused_unread(batch: Batch) -> None:

@@ -188,7 +188,7 @@ def test_the_page_is_not_blank(report: Path, tmp_path: Path) -> None:
 def test_the_page_says_what_was_ablated_and_how_it_was_made(report: Path, write: Write) -> None:
     page = (report / "report.html").read_text(encoding="utf-8")
     graphs = write(ONE, "one.yaml"), write(TWO, "two.yaml")
-    told = ("integrate_frankot_chellappa", "--again report", "&lt;under&gt; four lights &amp; noi")
+    told = ("integrate_frankot_chellappa", "How it was made", "&lt;under&gt; four lights &amp; noi")
     for text in (*told, *(read_graph(graph).hash for graph in graphs)):
         assert text in page
 
@@ -216,30 +216,9 @@ def test_what_was_done_is_not_done_again_until_something_changes(
     assert after[1] == before[1]
 
 
-def test_again_repeats_what_was_recorded(tactograph: Command, swept: Path, tmp_path: Path) -> None:
-    """The names in a folder that holds a report alone."""
-    again = tactograph("compare", "--again", swept)
-    assert again.code == 0
-    assert re.search(r"all \d+ figures are the same as before", again.out)
-    assert len(rows_of(tmp_path / "report_again")) == len(rows_of(swept))
-
-
-def test_again_says_what_changed(
-    tactograph: Command, write: Write, captures: list[Path], tmp_path: Path
-) -> None:
-    out = tmp_path / "r"
-    tactograph("compare", write(OVER), "--over", captures[0], "--out", out)
-    change_truth(captures[0])
-    again = tactograph("compare", "--again", out, "--out", tmp_path / "s")
-    assert "changed: capture left was" in again.out
-    assert "the largest change is" in again.out
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--again", "nowhere"), "--again wants a report's folder"),
-        (("simulate", "--again", "nowhere"), "it goes with --out and --columns only"),
         (("paper",), "give --over DIR"),
         (("paper", "--over", "nowhere"), "'nowhere' does not exist"),
         (("table1", "--repeats", 3), "--repeats needs --seed node.param"),
@@ -253,12 +232,6 @@ def test_a_wrong_comparison_is_refused_in_one_line(
     tactograph: Command, words: tuple[object, ...], said: str
 ) -> None:
     assert said in one_line(tactograph("compare", *words))
-
-
-def test_a_graph_that_was_tampered_with_is_not_run_again(tactograph: Command, report: Path) -> None:
-    file = report / "graphs" / "one.yaml"
-    file.write_text(file.read_text().replace("0.8", "0.7"))
-    assert "was changed since" in one_line(tactograph("compare", "--again", report))
 
 
 def test_differences_are_told_box_by_box() -> None:

@@ -1,4 +1,4 @@
-"""Pictures of a plan: Mermaid and SVG."""
+"""Pictures of a plan."""
 
 import re
 from collections.abc import Callable
@@ -12,85 +12,37 @@ from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.plan.sketch import sketch_of
-from tactograph.graph.show.draw_mermaid import to_mermaid
 from tactograph.graph.show.draw_svg import to_svg
-from tactograph.graph.show.sketch import Edge, Sketch, fold
+from tactograph.graph.show.sketch import Sketch, fold
 from tests.each import each
 from tests.graph.conftest import SLOPES, Write
 from tests.graph.plan.plans import planned
 
 
-def every_step(plan: Plan) -> Sketch:
-    return sketch_of(plan, transfers=True)
-
-
-def edges(plan: Plan) -> list[Edge]:
-    return every_step(plan).edges
+def whole(plan: Plan) -> Sketch:
+    return sketch_of(plan)
 
 
 def folded(plan: Plan) -> Sketch:
     return fold(sketch_of(plan))
 
 
-def test_every_step_and_every_edge_is_drawn_once(write: Write, device: OpenCL) -> None:
+def test_every_node_and_every_edge_is_drawn_once(write: Write, device: OpenCL) -> None:
     plan = planned(write(SLOPES), device)
-    mermaid = to_mermaid(every_step(plan))
-    assert len(re.findall(r"^  n\d+[\[(]", mermaid, re.MULTILINE)) == len(plan.steps)
-    for step in plan.steps:
-        assert mermaid.count(f'"{step.name}<br/>') == 1
-    assert mermaid.count(" -->|") == len(edges(plan))
-
-
-def grouped() -> Plan:
-    """A use of a group whose own node reads one of a use inside it."""
-    noted = {"op": "rest_at_border", "in": {"height": "height"}}
-    groups = {
-        "one": {"inputs": {"height": {}}, "nodes": {"n": noted}, "outputs": {"height": "n"}},
-        "two": {
-            "inputs": {"height": {}},
-            "nodes": {
-                "a": {"group": "one", "in": {"height": "height"}},
-                "b": {"op": "rest_at_border", "in": {"height": "a.height"}},
-            },
-            "outputs": {"height": "b"},
-        },
-    }
-    use = {"group": "two", "in": {"height": "ball"}}
-    ball = {"op": "shape_ball", "with": {"width_px": 32, "height_px": 24}}
-    graph = {"format": 1, "groups": groups, "outputs": {"height": "use.height"}}
-    nodes = {"shape": ball, "ball": {**noted, "in": {"height": "shape.height"}}, "use": use}
-    return make_plan(read_graph({**graph, "nodes": nodes}), {}, device=None)
-
-
-def test_the_nodes_of_a_use_are_drawn_together() -> None:
-    plan = grouped()
-    mermaid = to_mermaid(every_step(plan))
-    assert re.findall(r"subgraph (\S+)|(\bend)$", mermaid, re.MULTILINE) == [
-        ('use_use["use"]', ""), ('use_use_a["use.a"]', ""), ("", "end"), ("", "end"),
-    ]  # fmt: skip
-
-
-def test_an_edge_runs_through_its_transfer(write: Write, device: OpenCL) -> None:
-    drawn = edges(planned(write(SLOPES), device))
-    assert ("height", "upload height.read_height", "read_height") in drawn
-    assert ("upload height.read_height", "slope", "read_height") in drawn
-    direct = ("height", "slope", "read_height")
-    assert direct not in drawn
-    assert direct in edges(planned(write(SLOPES), None)), "where nothing is transferred"
+    svg = to_svg(whole(plan))
+    assert sorted(re.findall(r'data-node="(\S+)"', svg)) == sorted(plan.tasks)
+    assert svg.count('marker-end="url(#tip)"') == len({(a, b) for a, b, _ in whole(plan).edges})
 
 
 def test_the_back_ends_have_colours_of_their_own(write: Write, device: OpenCL) -> None:
-    mermaid = to_mermaid(folded(planned(write(SLOPES), device)))
-    used = {*re.findall(r":::(\w+)", mermaid)}
-    colours = dict(re.findall(r"classDef (\w+) fill:(#\w+)", mermaid))
-    assert len({colours[backend] for backend in used}) == 2
+    svg = to_svg(folded(planned(write(SLOPES), device)))
+    assert len({*re.findall(r'fill="(#\w+)" stroke="#555"', svg)}) == 2
 
 
 @each("name", shipped_names())
-def test_every_edge_joins_two_steps(name: str, device: OpenCL) -> None:
+def test_every_edge_joins_two_nodes(name: str, device: OpenCL) -> None:
     plan = planned(name, device)
-    steps = {step.name for step in plan.steps}
-    assert all({a, b} <= steps for a, b, _ in edges(plan))
+    assert all({a, b} <= plan.tasks.keys() for a, b, _ in whole(plan).edges)
 
 
 class Box(NamedTuple):
@@ -115,22 +67,17 @@ class Box(NamedTuple):
 
 
 def test_the_svg_is_well_formed_whatever_the_file_is_called(write: Write) -> None:
-    svg = to_svg(every_step(planned(write(SLOPES, "a<b&c.yaml"), None)))
+    svg = to_svg(whole(planned(write(SLOPES, "a<b&c.yaml"), None)))
     assert ElementTree.fromstring(svg)[0].text == "a<b&c"
 
 
-def test_a_use_of_a_group_is_one_box_and_transfers_are_none(device: OpenCL) -> None:
+def test_a_use_of_a_group_is_one_box(device: OpenCL) -> None:
     plan = planned("reconstruct", device)
     boxes = {box.name: box for box in folded(plan).boxes}
     assert boxes["rough"].label == "4 x rough_pass: 31 nodes"
     assert not [name for name in boxes if "." in name]
-    assert not [name for name in boxes if name.split()[0] in ("upload", "download")]
     assert boxes.keys() == {name.partition(".")[0] for name in plan.tasks}
-    for drawn_as in (
-        to_mermaid(folded(plan)),
-        to_svg(folded(plan)),
-    ):
-        assert "4 x rough_pass: 31 nodes" in drawn_as
+    assert "4 x rough_pass: 31 nodes" in to_svg(folded(plan))
 
 
 def test_a_use_that_reads_what_was_made_of_its_own_values_stays_open(device: OpenCL) -> None:
@@ -155,7 +102,7 @@ def test_an_opened_use_shows_the_uses_in_it(device: OpenCL) -> None:
     assert not {"rough", "rough.2", "rough.1.label"} & names
 
 
-@pytest.mark.parametrize(("sketched", "widest"), [(folded, 1500), (every_step, 4000)])
+@pytest.mark.parametrize(("sketched", "widest"), [(folded, 1500), (whole, 4000)])
 @pytest.mark.parametrize("name", ["paper", "reconstruct", "precise", "calibrate"])
 def test_a_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
     name: str, sketched: Callable[[Plan], Sketch], widest: float, device: OpenCL

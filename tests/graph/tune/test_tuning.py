@@ -82,7 +82,6 @@ def test_the_latest_of_many_changes_is_what_is_shown(tuning: Tuning) -> None:
         (lambda t: t.set("high", "abov", 1.0), "has no parameter 'abov'"),
         (lambda t: t.set_backend("twice", "opencl"), "'doubled' has no OpenCL kernel"),
         (lambda t: t.set_neutral("twice", True), "'doubled' has no neutral value"),
-        (lambda t: t.put_beside("papre"), "did you mean 'paper'"),
         (lambda t: t.save(Path("v.yaml")), "nothing was changed"),
     ],
 )
@@ -112,10 +111,10 @@ def test_a_node_can_be_looked_into(tuning: Tuning) -> None:
 
 def test_a_back_end_is_switched_and_taken_back(tuning: Tuning) -> None:
     tuning.set_backend("high", "numpy")
-    assert settled(tuning).plan.placements["high"].backend == "numpy"
+    assert settled(tuning).result.plan.placements["high"].backend == "numpy"
     assert tuning.changes() == [{"backend": "high", "to": "numpy"}]
     tuning.set_backend("high", None)
-    assert settled(tuning).plan.placements["high"].backend == "opencl"
+    assert settled(tuning).result.plan.placements["high"].backend == "opencl"
     assert tuning.changes() == []
 
 
@@ -156,14 +155,6 @@ def test_a_stream_runs_while_its_parameters_change(opened: Open) -> None:
     assert tuning.asked.item > 3
 
 
-def test_two_graphs_run_side_by_side(opened: Open, write: Write) -> None:
-    text = GRAPH.replace("op: bright, in: {image: twice}", "op: bright, in: {image: seen}")
-    other = write(text.replace("seen}}\n  fail", "seen}, with: {above: 3}}\n  fail"), "other.yaml")
-    tuning = opened(beside=other)
-    shown = settled(tuning)
-    assert (shown.result["high"].size, shown.beside["high"].size) == (20, 0)
-
-
 def test_what_is_saved_reads_back_as_what_is_shown(tuning: Tuning, tmp_path: Path) -> None:
     tuning.set("high", "above", 5.0)
     tuning.set_backend("high", "numpy")
@@ -172,16 +163,13 @@ def test_what_is_saved_reads_back_as_what_is_shown(tuning: Tuning, tmp_path: Pat
     assert len(file.read_text().splitlines()) == 8
 
 
-def test_a_file_of_others_is_replaced_only_if_that_was_said(tuning: Tuning, tmp_path: Path) -> None:
+def test_a_file_of_others_is_not_replaced(tuning: Tuning, tmp_path: Path) -> None:
     tuning.set("high", "above", 5.0)
     theirs = tmp_path / "theirs.yaml"
     theirs.write_text("site_name: of others\n")
-    assert tuning.is_of_others(theirs)
     with pytest.raises(InputError, match="is there already"):
         tuning.save(theirs)
     assert theirs.read_text() == "site_name: of others\n"
-    tuning.save(theirs, over_others=True)
-    assert read_graph(theirs).nodes == tuning.graph.nodes
 
 
 def test_a_file_that_was_saved_here_is_saved_again_unless_it_was_changed_since(
@@ -202,7 +190,7 @@ def test_no_graph_is_replaced_by_its_extension(opened: Open, write: Write, tmp_p
     tuning.set("high", "above", 5.0)
     for file in (base, Path(tuning.source), tmp_path / "." / "base.yaml"):
         with pytest.raises(InputError, match="is the graph that is tuned, or extended"):
-            tuning.save(file, over_others=True)
+            tuning.save(file)
     assert base.read_text() == GRAPH
 
 

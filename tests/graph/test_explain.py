@@ -1,0 +1,19 @@
+"""``explain`` says what may be taken from disk."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.graph.conftest import SLOPES, Command
+
+
+def test_a_step_that_may_be_taken_from_disk_is_marked(
+    about: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    graph = SLOPES.replace("nodes:", "prefer: [numpy]\nnodes:")
+    monkeypatch.setenv("TACTOGRAPH_CACHE", str(tmp_path / "cache"))
+    assert "unless on disk" not in about("explain", graph).out
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "cache" / "height_slopes-0.kept").touch()
+    marked = [line for line in about("explain", graph).out.splitlines() if "unless" in line]
+    assert [line.split()[1] for line in marked] == ["slope"]
