@@ -21,7 +21,7 @@ from tactograph.nodes.calibrate.film.film_fit import (
     fit,
     place_balls,
 )
-from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS
+from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, surprise, unknowns_of
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.verdict import grows, pays
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
@@ -67,6 +67,18 @@ class Trial(NamedTuple):
         direct = balls.direct(fitted.shifts, film)
         weight = lit_share(film, direct, np.array(film.contact))
         return fit(balls, self.rest, TOUCHED_PARTS, fitted, *given, start.film.uneven, weight)
+
+    def prefers(self, larger: "Model", model: "Model") -> bool:
+        """Return whether a larger model is the better one (`grows`)."""
+        both = model, larger
+        scales = model.fitted.scale, larger.fitted.scale
+        names = [unknowns_of(each.parts) for each in both]
+        usual, unusual = (
+            surprise(each.fitted, own, self.width_mm) for each, own in zip(both, names, strict=True)
+        )
+        more = len(names[1]) - len(names[0])
+        values = min(self.balls.u.size, MAX_INDEPENDENT_SAMPLES)
+        return grows(model.errors, larger.errors, scales, more, values, unusual - usual)
 
     def folds(self, balls: Balls) -> list[NDArray[np.bool_]]:
         """The samples to hold out in turn: some of the balls, or quarters of a single ball."""
@@ -151,7 +163,8 @@ def grow(
 ) -> tuple[Trial, Model, Metrics]:
     """Add parts to a model one by one, or coat and bounce at once, as long as that pays.
 
-    A part pays that is likelier than none, and lowers the held-out error.  Once the film has a
+    A part pays that is likelier than none, as usual as its values are, and lowers the held-out
+    error.  Once the film has a
     coat or an albedo, the samples are renewed: then the light that it reflects from film to film
     is known.
     """
@@ -165,10 +178,7 @@ def grow(
         first = int(np.argmin([normal_error(trial.balls, fit).degrees for fit in fitted]))
         better = judge(trial, wider[first], fitted[first])
         errors[f"film_heldout_deg/{better}"] = better.error
-        scales = best.fitted.scale, better.fitted.scale
-        more, values = len(PART_UNKNOWNS[left[first]]), trial.balls.u.size
-        values = min(values, MAX_INDEPENDENT_SAMPLES)
-        alone = grows(best.errors, better.errors, scales, more, values)
+        alone = trial.prefers(better, best)
         if not alone and not set(left) >= SHINING_PARTS:
             break
         if not alone:
@@ -184,7 +194,7 @@ def grow(
         explains_all = "bounce" in better.parts or "bounce" not in parts
         if explains_all and pays(better.errors, best.errors):
             break
-        if not alone and not pays(best.errors, better.errors):
+        if not alone and not trial.prefers(better, best):
             break
         trial, best = resampled, better
     return trial, best, errors | {"film_heldout_deg": best.error}

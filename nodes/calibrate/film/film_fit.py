@@ -29,6 +29,7 @@ from tactograph.nodes.calibrate.film.film_unknowns import (
     numbered,
     opened,
     priors,
+    surprise,
     unknowns_of,
 )
 from tactograph.nodes.calibrate.lights.descend import DERIVATIVE_STEP, descend, huber, huber_weight
@@ -347,8 +348,7 @@ def _cost(problem: _Problem, now: Fitted, left: _Left) -> float:
     total = float(np.square(now.shifts / deviations).sum())
     total += problem.each * huber(problem.normed(left.light)) + huber(left.flat / problem.certain)
     total += float(now.leds[:, 3].mean() ** 2)
-    held = priors(now, problem.names, problem.width_mm)
-    return total + sum((away / sure) ** 2 for _, away, sure in held)
+    return total + 2 * surprise(now, problem.names, problem.width_mm)
 
 
 def _equations(

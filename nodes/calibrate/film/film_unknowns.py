@@ -99,6 +99,11 @@ def priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[int
             yield number, value - about.start, about.spread
 
 
+def surprise(now: Fitted, names: list[str], width_mm: float) -> float:
+    """Return by how much the priors make a fit less likely than the usual film, as a logarithm."""
+    return sum((away / sure) ** 2 for _, away, sure in priors(now, names, width_mm)) / 2
+
+
 def numbered(now: Fitted, names: list[str]) -> dict[str, NDArray[np.intp]]:
     """Numbers of the shared unknowns by name: one for each LED, or one for all."""
     each = np.arange(len(now.leds))

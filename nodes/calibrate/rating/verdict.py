@@ -47,12 +47,14 @@ def grows(
     deviations: tuple[float, float],
     unknowns: int,
     values: float,
+    surprise: float = 0.0,
 ) -> bool:
     """Return whether a larger model is the better one: likelier, and better on what is held out.
 
-    `deviations` are those that the smaller and the larger model leave, as for `log_odds`.
+    `deviations` are those that the smaller and the larger model leave, as for `log_odds`, and
+    `surprise` how much less usual the larger one's values are, as a logarithm.
     """
-    return log_odds(*deviations, unknowns, values) > 0 and pays(errors, larger_errors)
+    return log_odds(*deviations, unknowns, values) > surprise and pays(errors, larger_errors)
 
 
 def log_odds(before: float, after: float, unknowns: int, values: float) -> float:
