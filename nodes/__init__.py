@@ -133,6 +133,8 @@ class KnownSlopes(NamedTuple):
     mask: Mask
 
 
+OTHER_PLACES = 8
+"""Number of other positions of all LEDs that a fit allows, whose squares add up to its error."""
 USUAL_RIM_MM = 2.0
 """Width of the film beyond the frame where nothing is known of it."""
 

@@ -8,6 +8,7 @@ LANED __kernel void doubt_rest(
     __global const float *restrict free,
     __global const float *restrict variance,
     const float pixel,
+    __global const float *restrict apart,
     const float zero,
     __global float *restrict out,
     const int H, const int W,
@@ -16,7 +17,9 @@ LANED __kernel void doubt_rest(
 {
     const int size = H * W;
     GRID_LANES(at, count, size)
-    const floats z = load_floats(free + at, count), most = 2.0f * steepest * steepest;
+    const floats slid = fabs(load_floats(free + at, count));
+    const floats z = MORE_OF(slid, fabs(load_floats(apart + at, count)));
+    const floats most = 2.0f * steepest * steepest;
     const floats both = load_floats(variance + at, count) + load_floats(variance + size + at, count);
     const float widest = level * pixel;
     const floats hidden = widest * widest / 6.0f * LESS_OF(both, most);

@@ -12,15 +12,10 @@
 
 #define MAX_SLOPE 3.0f
 #define MIN_DETERMINANT_SHARE 1e-4f
-#define MAX_BEND 2.0f
 #define RESOLVED_BEND 0.5f
-#define MIN_WAVE_WIDTH_MM 1e-3f
 #define FULL_MISFIT_SLOPE 0.1f
 #define LEVEL_MISFIT_SHARE 0.3f
-#define LEVEL_BOUNCE_ERROR 0.03f
-#define COATED_LEVEL_BOUNCE_ERROR 0.3f
 #define MIN_SHARPNESS 0.5f
-#define UNSETTLED_SHARE 0.4f
 #define ERROR_COUNT 8
 // The number of LEDs: if the compiler knows it, loops over them are unrolled.
 #ifdef LEDS
@@ -165,14 +160,15 @@ static floats within(const floats value, const float most)
 }
 
 // The parameters of each error: its signs for the wrong share of bounced light, for what has not
-// settled and for the lean of all normals; its wave's direction, phase in turns, and length.
+// settled, for the lean of all normals and for the mean of a pixel's slopes; its wave's direction,
+// phase in turns, and length.
 typedef struct {
-    float sign, settling, leaning, across, down, phase, wavelength;
+    float sign, settling, leaning, averaged, across, down, phase, wavelength;
 } Kind;
 
 // The errors of the slopes inside the window, all in one launch because they read the same data:
-// the lights' noise; errors that all pixels of an LED share, of the LEDs' positions and of the
-// bounced light; and normals that lean in waves because the film's model is wrong.
+// the lights' noise; errors that all pixels of an LED share, of the LEDs' positions and light and of
+// the bounced light; of the mean of a pixel's slopes; and normals that lean in waves because the film's model is wrong.
 LANED __kernel void err_slopes(
     __global const float *restrict light, __global const float *restrict sigma,
     __global const float *restrict height, __global const float *restrict slope,
@@ -184,7 +180,8 @@ LANED __kernel void err_slopes(
     const float flat_noise, const float shared, const float uneven, const float refraction,
     __global const float *restrict kinds,
     __global const uint *restrict keys, __global const float *misfit,
-    __global const float *bounced, __global const float *earlier, __global const float *tilt)
+    __global const float *bounced, __global const float *earlier, __global const float *tilt,
+    __global const float *seen)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     __global const Kind *kind = (__global const Kind *)kinds;
@@ -197,10 +194,8 @@ LANED __kernel void err_slopes(
     const floats a = load_floats(slope + from, count);
     const floats b = load_floats(slope + frame_size + from, count);
     const floats nz = 1.0f / sqrt(1.0f + a * a + b * b);
-    const float wrong = misfit ? misfit[3] : 0.0f;
-    const floats whole = 1.0f, by_tilt = sqrt(a * a + b * b) / FULL_MISFIT_SLOPE;
-    const floats by_led = (refraction != 1.0f ? COATED_LEVEL_BOUNCE_ERROR : LEVEL_BOUNCE_ERROR)
-        * (1.0f - LESS_OF(by_tilt, whole));
+    const float wrong = misfit ? misfit[3] : 0.0f, departs = misfit ? misfit[2] : 0.0f;
+    const floats whole = 1.0f;
     floats noise[LED_SLOTS];
     EACH_LED(k) noise[k] = load_floats(sigma + k * frame_size + from, count);
     const ints free_ = load_bytes(state + i, count) == 0;
@@ -229,7 +224,9 @@ LANED __kernel void err_slopes(
         const Vector by = light_by_place(led, x, y, z, a, b, nz);
         for (int n = 0; n < ERROR_COUNT; ++n) {
             __global const float *other = others + 3 * (n * K + k);
-            const floats change =
+            // A row of Hadamard's matrix for each LED (LED_SIGNS).
+            const float led_sign = popcount(n & k) & 1 ? -1.0f : 1.0f;
+            const floats change = led_sign * departs +
                 (other[0] - led[0]) * by.x + (other[1] - led[1]) * by.y + (other[2] - led[2]) * by.z;
             p[n] += to_p * change;
             q[n] += to_q * change;
@@ -238,17 +235,15 @@ LANED __kernel void err_slopes(
             const floats thrown = load_floats(bounced + at, count);
             const floats changed = earlier ? thrown - load_floats(earlier + at, count) : none;
             for (int n = 0; n < ERROR_COUNT; ++n) {
-                // A row of Hadamard's matrix for each LED (LED_SIGNS).
-                const float led_sign = popcount(n & ((k + 2) % ERROR_COUNT)) & 1 ? -1.0f : 1.0f;
-                const floats change = (kind[n].sign * wrong + led_sign * by_led) * thrown
-                    + UNSETTLED_SHARE * kind[n].settling * changed;
+                const floats change =
+                    kind[n].sign * wrong * thrown + 0.5f * kind[n].settling * changed;
                 p[n] += seen_p * change;
                 q[n] += seen_q * change;
             }
         }
     }
     // A root of the covariance of p and q.
-    const floats tiny = 1e-12f, alone = sqrt(pp), along = pq / MORE_OF(alone, tiny);
+    const floats tiny = 1e-10f, alone = sqrt(pp), along = pq / MORE_OF(alone, tiny);
     const floats rest_ = qq - along * along, across = sqrt(MORE_OF(rest_, none));
     for (int n = 0; n < ERROR_COUNT; ++n) {
         const floats first = drawn_from(i, keys[n]);
@@ -263,12 +258,14 @@ LANED __kernel void err_slopes(
     const floats square = sunk_p * sunk_p + sunk_q * sunk_q, slant = sqrt(square);
     const floats share = slant / FULL_MISFIT_SLOPE, above = MORE_OF(share, level);
     const floats tilted = LESS_OF(above, whole), leans = MORE_OF(slant, full);
+    const floats mean_p = seen ? a - load_floats(seen + from, count) : none;
+    const floats mean_q = seen ? b - load_floats(seen + frame_size + from, count) : none;
     for (int n = 0; n < ERROR_COUNT; ++n) {
-        p[n] = within(p[n], MAX_SLOPE);
-        q[n] = within(q[n], MAX_SLOPE);
+        p[n] = within(p[n] + kind[n].averaged * mean_p, MAX_SLOPE);
+        q[n] = within(q[n] + kind[n].averaged * mean_q, MAX_SLOPE);
         if (misfit) {
             const float right = kind[n].across, down = kind[n].down;
-            const float per_mm = 1.0f / (kind[n].wavelength * fmax(misfit[1], MIN_WAVE_WIDTH_MM));
+            const float per_mm = 1.0f / (kind[n].wavelength * fmax(misfit[1], pixel));
             const floats turns = per_mm * (right * x + down * y) + kind[n].phase;
             const floats lean = 1.4142136f * misfit[0] * tilted * cosine_of(turns);
             const floats steeper = kind[n].leaning * (misfit[4] / leans);
@@ -281,46 +278,29 @@ LANED __kernel void err_slopes(
     }
 }
 
-// By how much steps to the right, or down, differ from their neighbours.
-static floats turned_right(
-    __global const float *want, const int y, const int x, const int count, const int W)
-{
-    const floats none = 0.0f, half_ = 0.5f, one = 1.0f, column = (float)x + LANE_NUMBERS;
-    if (W < 3) return none;
-    const floats before = load_within_border(want + y * W, x - 1, count, W - 1, REPLICATE);
-    const floats after = load_within_border(want + y * W, x + 1, count, W - 1, REPLICATE);
-    return fabs(after - before) * ((column == 0.0f | column == (float)(W - 2)) ? one : half_);
-}
-
-static floats turned_down(
-    __global const float *want, const int y, const int x, const int count, const int H, const int W)
-{
-    const floats none = 0.0f;
-    if (H < 3) return none;
-    const floats before = load_floats(want + clamp(y - 1, 0, H - 2) * W + x, count);
-    const floats after = load_floats(want + clamp(y + 1, 0, H - 2) * W + x, count);
-    return fabs(after - before) * (y == 0 || y == H - 2 ? 1.0f : 0.5f);
-}
-
+// Steps by wrong slopes, and between film that is not held and film that may lie otherwise.
 LANED __kernel void err_steps(
-    __global const float *restrict want_right, __global const float *restrict want_down,
-    __global const float *restrict slopes, __global float *restrict right,
-    __global float *restrict down, const int H, const int W, const int number, const int to,
-    const float pixel, const float aperture, const uint key_right, const uint key_down)
+    __global const float *restrict slopes, __global const float *apart,
+    __global float *restrict right, __global float *restrict down, const int top, const int left,
+    const int H, const int W, const int frame_width, const int number, const int to,
+    const float pixel, const float raised)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    __global const float *held = apart + top * frame_width + left;
     const int i = y * W + x, out = to * H * W + i;
     __global const float *p = slopes + 2 * number * H * W, *q = p + H * W;
-    const floats none = 0.0f, column = (float)x + LANE_NUMBERS, most = MAX_BEND * pixel;
-    const floats to_right = turned_right(want_right, y, x, count, W);
-    const floats to_below = turned_down(want_down, y, x, count, H, W);
+    const floats none = 0.0f, column = (float)x + LANE_NUMBERS;
     const floats beside = load_within_border(p + y * W, x + 1, count, W, REPLICATE);
-    const floats east = (beside + load_floats(p + i, count)) * (0.5f * pixel)
-        + aperture * LESS_OF(to_right, most) * drawn_from(i, key_right);
+    floats east = (beside + load_floats(p + i, count)) * (0.5f * pixel);
+    const int next_row = min(y + 1, H - 1);
+    const floats below = load_floats(q + next_row * W + x, count);
+    floats south = (below + load_floats(q + i, count)) * (0.5f * pixel);
+    if (apart) {
+        const floats here = load_floats(held + y * frame_width + x, count);
+        east -= raised * (load_within_border(held + y * frame_width, x + 1, count, W, REPLICATE) - here);
+        south -= raised * (load_floats(held + next_row * frame_width + x, count) - here);
+    }
     store_floats(column < (float)(W - 1) ? east : none, right + out, count);
-    const floats below = load_floats(q + min(y + 1, H - 1) * W + x, count);
-    const floats south = (below + load_floats(q + i, count)) * (0.5f * pixel)
-        + aperture * LESS_OF(to_below, most) * drawn_from(i, key_down);
     store_floats(y + 1 < H ? south : none, down + out, count);
 }
 
@@ -328,40 +308,13 @@ __kernel void err_rises(
     __global float *restrict rise, __global const float *restrict want_rise,
     __global const float *restrict z, __global const int *restrict tie_ends,
     __global const float *restrict diffuse, const int K, const int ties, const int to,
-    const float error, const float common, const float share, const uint key)
+    const float error, const float sign_, const int first, const uint key)
 {
     GRID_1(t, ties)
     float residual = z[tie_ends[2 * t]] - z[tie_ends[2 * t + 1]] - want_rise[t];
     for (int k = 0; k < K; ++k)
         if (diffuse[k] > 0.0f) residual = 0.0f; // Their shadows end softly: the rises err.
-    const float wrong = common + share * residual + error * drawn(t, key);
-    rise[to * ties + t] = error > 0.0f ? wrong : 0.0f;
-}
-
-// By how much steps are too small, all of them uphill.
-static floats lacking(
-    const floats step_, const floats turn_, const float pixel, const float kink)
-{
-    const floats sharpest = RESOLVED_BEND, sharp = turn_ / pixel, bend = LESS_OF(sharp, sharpest);
-    const floats none = 0.0f, up = 1.0f, down = -1.0f;
-    const floats falls = step_ < 0.0f ? down : none, sign_ = step_ > 0.0f ? up : falls;
-    return kink * (bend * bend * bend) * sign_;
-}
-
-LANED __kernel void err_kinks(
-    __global const float *restrict want_right, __global const float *restrict want_down,
-    __global float *restrict right, __global float *restrict down, const int H, const int W,
-    const float pixel, const float kink)
-{
-    GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    const int i = y * W + x;
-    const floats none = 0.0f, column = (float)x + LANE_NUMBERS;
-    const floats turn_right = turned_right(want_right, y, x, count, W);
-    const floats turn_down = turned_down(want_down, y, x, count, H, W);
-    const floats east = lacking(load_floats(want_right + i, count), turn_right, pixel, kink);
-    const floats south = lacking(load_floats(want_down + i, count), turn_down, pixel, kink);
-    store_floats(column < (float)(W - 1) ? east : none, right + i, count);
-    store_floats(y + 1 < H ? south : none, down + i, count);
+    rise[to * ties + t] = sign_ * residual + error * drawn(first + t, key);
 }
 
 // Add the squares of the changes by errors, each times its share.

@@ -65,3 +65,32 @@ LANED __kernel void add_blocks(
     total[row * columns + column] = sum_of_lanes(product) / (float)K;
     known[row * columns + column] = sum_of_lanes(pairs);
 }
+
+// Over blocks of pixels, by how much each LED's light on the film at rest departs from its model,
+// and how many pixels are at rest.
+LANED __kernel void rest_blocks(
+    __global const float *restrict light, __global const float *restrict height,
+    __global const float *restrict lights, __global const uchar *restrict rest,
+    __global const float *tilt, __global float *restrict total, __global float *restrict known,
+    const int K, const int H, const int W, const float pixel, const int rows, const int columns)
+{
+    GRID_3(k, row, column, K, rows, columns)
+    const int size = H * W, corner = (row * W + column) * BLOCK_PX;
+    floats departs = 0.0f, pixels = 0.0f;
+    for (int v = 0; v < BLOCK_PX; ++v)
+        for (int u = 0; u < BLOCK_PX; u += LANES) {
+            const int i = corner + v * W + u;
+            const floats none = 0.0f, one = 1.0f;
+            const floats p = tilt ? LOAD_LANES(tilt + i) : none;
+            const floats q = tilt ? LOAD_LANES(tilt + size + i) : none;
+            floats x, y;
+            places(i, H, W, pixel, &x, &y);
+            const Vector led = light_vector(lights + 3 * k, x, y, LOAD_LANES(height + i));
+            const floats shown = (led.z - led.x * p - led.y * q) / sqrt(1.0f + p * p + q * q);
+            const ints calm = load_bytes(rest + i, LANES) != 0;
+            departs += calm ? LOAD_LANES(light + k * size + i) - shown : none;
+            pixels += calm ? one : none;
+        }
+    total[(k * rows + row) * columns + column] = sum_of_lanes(departs);
+    if (k == 0) known[row * columns + column] = sum_of_lanes(pixels);
+}

@@ -9,14 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.linalg import hadamard
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, OTHER_PLACES as ERROR_COUNT
 
-ERROR_COUNT = 8
-"""Number of random errors, each with other LED positions.  The kernel's ERROR_COUNT."""
-BOUNCE_SIGNS, SETTLING_SIGNS, LEAN_SIGNS, RISE_SIGNS = hadamard(ERROR_COUNT)[[7, 6, 1, 4]].tolist()
-"""Signs of the errors that every random error holds in full, so that they do not interfere."""
-LED_SIGNS = np.roll(hadamard(ERROR_COUNT), -2, axis=1).astype(np.float32)
+LED_SIGNS = hadamard(ERROR_COUNT).astype(np.float32)
 """Signs of an error that every LED has alone, by error and LED."""
+*_, HELD_SIGNS, MEAN_SIGNS, RISE_SIGNS, LEAN_SIGNS, BOUNCE_SIGNS, SETTLING_SIGNS = LED_SIGNS
+"""Signs of the errors that every random error holds in full, so that they do not interfere."""
 WAVE_LENGTHS = 4.0, 12.0
 """Lengths of the waves, relative to the width of the model's errors: at that width the correlation
 of the first has fallen to a half."""
@@ -42,22 +40,12 @@ def kinds() -> F4:
     """Return the parameters of each error for the device (`Kind` of the kernel)."""
     waves = np.array([wave(number) for number in range(ERROR_COUNT)], np.float32)
     waves[:, 2] /= np.float32(2 * math.pi)
-    return np.column_stack([BOUNCE_SIGNS, SETTLING_SIGNS, LEAN_SIGNS, waves]).astype(np.float32)
+    return np.column_stack([BOUNCE_SIGNS, SETTLING_SIGNS, LEAN_SIGNS, MEAN_SIGNS, waves])
 
 
-class Keys(NamedTuple):
-    """The keys from which the random signs of one error are drawn."""
-
-    light: int
-    right: int
-    down: int
-    rises: int
-
-
-def keys_of(seed: int, number: int) -> Keys:
-    """The keys of an error."""
-    start = 4 * (ERROR_COUNT * seed + number)
-    return Keys(*(int(_hashed(np.uint32((start + n) % 2**32))) for n in range(1, 5)))
+def key_of(seed: int, number: int) -> int:
+    """The key from which the random signs of an error are drawn."""
+    return int(_hashed(np.uint32((ERROR_COUNT * seed + number + 1) % 2**32)))
 
 
 def drawn(key: int, shape: tuple[int, ...], first: int = 0) -> F4:

@@ -25,9 +25,10 @@ from tactograph.nodes.error._random_errors import (
     ERROR_COUNT,
     LEAN_SIGNS,
     LED_SIGNS,
+    MEAN_SIGNS,
     SETTLING_SIGNS,
     drawn,
-    keys_of,
+    key_of,
     wave,
 )
 from tactograph.nodes.optics.cache_blocks import in_blocks
@@ -40,18 +41,11 @@ from tactograph.nodes.optics.near_light import (
 )
 
 MIN_DETERMINANT_SHARE = np.float32(1e-4)
-MIN_VARIANCE = np.float32(1e-10)
-MIN_NOISE = np.float32(1e-12)
+"""Share of the product of two directions' weights below which LEDs lie in line."""
+MIN_DIVISOR = np.float32(1e-10)
+"""Smallest variance, or deviation of a slope, that is divided by."""
 MAX_SLOPE = np.float32(3)
-LEVEL_BOUNCE_ERROR, COATED_LEVEL_BOUNCE_ERROR = np.float32(0.03), np.float32(0.3)
-"""Share by which the light that a touch throws on level film is wrong, LED by LED, without and
-with a coat, whose mirror images are narrow.  No press is fitted there: around ray-traced touches
-it was off by 1 to 4 per cent, under a coat by up to 30; on their flanks by 0.5."""
-UNSETTLED_SHARE = np.float32(0.4)
-"""Share of the last change of that light that is still to come, from further passes and from finer
-cells: 0.33 to 0.47 on ray-traced touches and simulated grooves."""
-MIN_WAVE_WIDTH_MM = np.float32(1e-3)
-"""Smallest width in mm from which waves are made."""
+"""Largest error of a slope."""
 
 
 class Unperturbed(NamedTuple):
@@ -77,6 +71,8 @@ class Unperturbed(NamedTuple):
     """Change of `bounced` in the last pass, K x h x w."""
     sunk: F4
     """`slope` less that of the film at rest, where the flat frame cancels the model's errors."""
+    averaged: F4
+    """`slope` less that of the pixels' mean normals."""
 
     def rows(self, part: slice) -> Unperturbed:
         """The same for some rows."""
@@ -94,6 +90,7 @@ class Causes(NamedTuple):
     """Noise of the flat frame, relative to a touch's."""
     shared: np.float32
     """Factor on the noise of pixels that accounts for correlated neighbours."""
+    pixel: np.float32
 
 
 def slope_errors(seen: Unperturbed, causes: Causes, seed: int) -> F4:
@@ -109,13 +106,15 @@ def slope_errors(seen: Unperturbed, causes: Causes, seed: int) -> F4:
         root = _root_of_noise(here, by_seen, causes)
         first = part.start * columns
         for number, other in enumerate(causes.film.others):
-            moved = _moved_leds(by_place, other - causes.film.lights)
-            error = (by_light * moved).sum(axis=1)
-            error += (by_seen * _wrong_bounce(here, causes, number)).sum(axis=1)
-            error += _noise(root, keys_of(seed, number).light, first, rows * columns)
-            error = _bounded(error)
+            wrong = _moved_leds(by_place, other - causes.film.lights)
             if causes.misfit is not None:
-                error = _bounded(error + _leaning(here, causes.misfit, number))
+                wrong += causes.misfit[2] * LED_SIGNS[number, : len(wrong), None, None]
+            error = (by_light * wrong).sum(axis=1)
+            error += (by_seen * _wrong_bounce(here, causes.misfit, number)).sum(axis=1)
+            error += _noise(root, key_of(seed, number), first, rows * columns)
+            error = _bounded(error + MEAN_SIGNS[number] * here.averaged)
+            if causes.misfit is not None:
+                error = _bounded(error + _leaning(here, causes.misfit, causes.pixel, number))
             errors[number, :, part] = error
 
     in_blocks(enter, rows, columns)
@@ -135,7 +134,7 @@ def slope_by_light(seen: Unperturbed, causes: Causes) -> F4:
     shown = expected_light(vectors, seen.slope)
     tangents = (vectors[:, 0] + vectors[:, 2] * p) * nz, (vectors[:, 1] + vectors[:, 2] * q) * nz
     counts = seen.used >> np.arange(len(vectors), dtype=np.uint8)[:, None, None] & 1
-    weight = counts / np.maximum(seen.sigma * seen.sigma, MIN_VARIANCE)
+    weight = counts / np.maximum(seen.sigma * seen.sigma, MIN_DIVISOR)
     weighted = weight * shown
     share = brightness_share(
         (weighted * shown).sum(axis=0), np.float32(1), np.float32(causes.film.uneven)
@@ -167,7 +166,7 @@ def _sharpness(seen: Unperturbed, film: Film) -> F4 | np.float32:
     x, y = (np.broadcast_to(along, seen.height.shape).ravel() for along in (seen.x, seen.y))
     normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
     lit = seen.used >> np.arange(len(seen.light), dtype=np.uint8)[:, None, None] & 1
-    weight = (lit / np.maximum(seen.sigma * seen.sigma, MIN_VARIANCE)).reshape(len(lit), -1)
+    weight = (lit / np.maximum(seen.sigma * seen.sigma, MIN_DIVISOR)).reshape(len(lit), -1)
     place = x * nearer, y * nearer, z
     return np.asarray(
         coat_sharpness(film, normal, place, weight).reshape(seen.height.shape), np.float32
@@ -179,16 +178,14 @@ def _moved_leds(by_place: F4, moved: LightPositions) -> F4:
     return np.asarray((by_place * moved[:, :, None, None]).sum(axis=1))
 
 
-def _wrong_bounce(seen: Unperturbed, causes: Causes, number: int) -> F4:
-    """Error of the light that the film throws on itself: shares of it, and of its last change."""
-    misfit = causes.misfit
-    wrong = np.float32(0) if misfit is None else BOUNCE_SIGNS[number] * misfit[3]
-    level = 1 - np.minimum(np.hypot(*seen.slope) / FULL_MISFIT_SLOPE, np.float32(1))
-    coated = causes.film.refraction != 1
-    share = COATED_LEVEL_BOUNCE_ERROR if coated else LEVEL_BOUNCE_ERROR
-    by_led = share * LED_SIGNS[number, : len(seen.light), None, None]
-    settling = UNSETTLED_SHARE * np.float32(SETTLING_SIGNS[number])
-    return np.asarray((wrong + by_led * level) * seen.bounced + settling * seen.changed)
+def _wrong_bounce(seen: Unperturbed, misfit: Misfit | None, number: int) -> F4:
+    """Error of the light that the film throws on itself: a share of it, and what has not settled.
+
+    Passes find too much and too little of it in turn, so that it lies between the last two.
+    """
+    share = np.float32(0) if misfit is None else BOUNCE_SIGNS[number] * misfit[3]
+    halfway = SETTLING_SIGNS[number] * np.float32(0.5)
+    return np.asarray(share * seen.bounced + halfway * seen.changed)
 
 
 def _root_of_noise(seen: Unperturbed, by_light: F4, causes: Causes) -> tuple[F4, F4, F4]:
@@ -199,7 +196,7 @@ def _root_of_noise(seen: Unperturbed, by_light: F4, causes: Causes) -> tuple[F4,
     flat = causes.flat_noise * seen.light
     noise = by_light * (causes.shared * seen.sigma * np.sqrt(1 + flat * flat))
     alone = np.sqrt((noise[0] * noise[0]).sum(axis=0))
-    along = (noise[0] * noise[1]).sum(axis=0) / np.maximum(alone, MIN_NOISE)
+    along = (noise[0] * noise[1]).sum(axis=0) / np.maximum(alone, MIN_DIVISOR)
     rest = (noise[1] * noise[1]).sum(axis=0) - along * along
     return alone, along, np.sqrt(np.maximum(rest, np.float32(0)))
 
@@ -212,16 +209,16 @@ def _noise(root: tuple[F4, F4, F4], key: int, first: int, pixels: int) -> F4:
     return np.asarray([alone * of_both, along * of_both + across * of_q])
 
 
-def _leaning(seen: Unperturbed, misfit: Misfit, number: int) -> F4:
+def _leaning(seen: Unperturbed, misfit: Misfit, pixel: np.float32, number: int) -> F4:
     """The error of the film's model (H3): normals lean in waves, and all too much or too little."""
     (p, q), waves = seen.sunk, wave(number)
-    per_mm = np.float32(2 * math.pi) / (waves.length * np.maximum(misfit[1], MIN_WAVE_WIDTH_MM))
+    per_mm = np.float32(2 * math.pi) / (waves.length * np.maximum(misfit[1], pixel))
     turned = per_mm * (waves.across * seen.x + waves.down * seen.y) + waves.phase
     square = p * p + q * q
     slant = np.sqrt(square)
     tilted = np.clip(slant / FULL_MISFIT_SLOPE, LEVEL_MISFIT_SHARE, 1)
     lean = np.float32(math.sqrt(2)) * misfit[0] * tilted * np.cos(turned)
-    steeper = np.float32(LEAN_SIGNS[number]) * misfit[4] / np.maximum(slant, FULL_MISFIT_SLOPE)
+    steeper = LEAN_SIGNS[number] * misfit[4] / np.maximum(slant, FULL_MISFIT_SLOPE)
     uphill = lean * (waves.across * p + waves.down * q) + steeper * (1 + square)
     return np.asarray([lean * waves.across + uphill * p, lean * waves.down + uphill * q])
 

@@ -16,6 +16,7 @@ def doubt_rest(
     free: Height,
     variance: SlopeVariance,
     pixel: PixelSize,
+    apart: Height,
     zero: ZeroError | None = None,
     *,
     level: Annotated[float, Gt(0)] = 4.5,
@@ -29,7 +30,8 @@ def doubt_rest(
         sqrt(free^2 + (level pixel)^2 / 3 (variance_p + variance_q) / 2)
 
     `free` is a height integrated from the slopes alone.  It shows what is wide: a step, or a
-    touch whose top reaches the border of the frame and looks calm there.  What is narrow hides
+    touch whose top reaches the border of the frame and looks calm there; where that is more, it is
+    how far such pieces lie apart.  What is narrow hides
     below the noise of a slope, over a pixel, times the `level` up to which light counts as
     noise; any height up to there is equally likely, whose variance is a third of the square.
     The error of the height's zero is added everywhere.  A film that is tilted as a whole is in
@@ -42,6 +44,7 @@ def doubt_rest(
     free : H x W in mm, a height for which no film was held at zero
     variance : 2 x H x W, the variance of p and q
     pixel : mm per px
+    apart : H x W in mm, how high a piece of it may lie, as `rest_apart` gives it
     zero : in mm, as `zero_error` gives it; without it the zero is known
     level : standard deviations of the light that `calm_film` counts as noise
     steepest : largest standard deviation of a slope
@@ -52,7 +55,8 @@ def doubt_rest(
     """
     slopes = np.minimum(variance[0] + variance[1], np.float32(2 * steepest * steepest))
     hidden = np.float32((level * pixel) ** 2 / 6) * slopes
-    held = np.where(rest != 0, np.sqrt(free * free + hidden), error)
+    seen = np.maximum(np.abs(free), np.abs(apart))
+    held = np.where(rest != 0, np.sqrt(seen * seen + hidden), error)
     return np.asarray(np.hypot(held, np.float32(zero or 0)), np.float32)
 
 
@@ -68,4 +72,5 @@ def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, An
         "rest": rng.integers(0, 2, (H, W)).astype(np.uint8),
         "variance": variance.astype(np.float32),
         "free": rng.normal(0, 0.005, (H, W)).astype(np.float32),
+        "apart": rng.normal(0, 0.005, (H, W)).astype(np.float32),
     }

@@ -1,8 +1,5 @@
 """The standard deviation of every height.
 
-Slopes at all rims understate the rise alike.  So the error that all rims share goes through the
-solver as one load, not as noise.
-
 Long because every cause of an error has its formula, and all of them pass one solver, on the
 host as on the device.
 """
@@ -33,24 +30,16 @@ from tactograph.nodes import (
     ScaleError,
     Slope,
 )
+from tactograph.nodes.error._edge_errors import blurred, edge_deviation_px, flattening_px2
 from tactograph.nodes.error._random_errors import (
     ERROR_COUNT,
+    HELD_SIGNS,
     RISE_SIGNS,
-    Keys,
     drawn,
-    keys_of,
+    key_of,
     kinds,
 )
 from tactograph.nodes.error._slope_errors import Causes, Unperturbed, slope_errors
-from tactograph.nodes.error._step_errors import (
-    blurred,
-    common_rise,
-    edge_deviation_px,
-    flattening_px2,
-    kinks,
-    random_steps,
-    turns,
-)
 from tactograph.nodes.height.height_equations import STATE_FREE, HeightSystem
 from tactograph.nodes.height.height_networks import HeightNetworks
 from tactograph.nodes.height.height_solver import HeightSolver
@@ -69,22 +58,14 @@ PIXEL_ERRORS = 2
 """Number of errors that are also integrated on the pixels.  Their excess over the result on cells
 estimates what cells do not resolve of any error (multilevel Monte Carlo; Giles, "Multilevel Monte
 Carlo path simulation", 2008)."""
-CG_STEPS_AFTER_COARSE = 4
-"""Conjugate-gradient steps for such an error, starting from the result on cells."""
 CPU_GROUP_ITEMS = 4
 """Work-items per group on a CPU, where each keeps much data."""
-SPREAD_PX, SPREAD_TAPS = 3.0, (25, 25)
+SPREAD_PX = 3.0
 """The Gaussian by which the variance is averaged over neighbours."""
 MIN_ENERGY_SHARE = 1e-6
 """Stop when less than this share of the steps' energy is left to gain."""
-RISE_SHARE = np.float32(1.3)
-"""Share that counts of what shadows' rises and the height disagree by: rims and caps are off by
-1.1 to 1.6 times what it moves them by, on ray-traced and simulated balls, cones and teapots.  On a
-gel that diffuses light (`Film.diffuse`) shadows end softly, and it is their rises that err."""
 Wants = tuple[F4, F4, F4]
 """The steps to the right and down and the rises that the springs aim at, in mm."""
-KINK_ENERGY_SHARE = 0.1
-"""Share of a random error's energy: kinks of less energy are solved only as exactly as that."""
 
 
 @node(
@@ -111,11 +92,11 @@ def height_error(
     scale_error: ScaleError | None = None,
     blur: Blur | None = None,
     tilt: Slope | None = None,
+    seen: Slope | None = None,
+    apart: Height | None = None,
     *,
     flat_noise: Annotated[float, Ge(0)] = 0.6,
-    aperture: Annotated[float, Ge(0)] = 0.1,
-    kink: Annotated[float, Ge(0)] = 0.2,
-    steps: Annotated[int, Interval(ge=2, le=1000)] = 8,
+    steps: Annotated[int, Interval(ge=8, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
     """Return the standard deviation of the height, by sending errors through the solver.
@@ -136,24 +117,27 @@ def height_error(
       quarter of a wave apart, so that their squares have a constant sum.  Only the part of such
       a field that leans along its wave changes a height, which is half of it.  In a second error
       all normals lean too much, or too little;
-    - three errors of the light that the film throws on itself: the share of it by which the
-      calibration's presses disagree; a share for every LED on level film, where no press is
-      fitted; and what is still to come after its change in the last pass;
-    - the error of a step computed from two or four slopes, in proportion to their difference;
-    - errors of the shadows' rises: one that is independent of the others', one that all share,
-      since the blur moves all edges of shadows alike, and what the height departs from them by:
-      at a rim that no pixel resolves, slopes hold it back, and all that stands on the rim;
+    - two errors of the light that the film throws on itself: the share of it by which the
+      calibration's presses disagree; and half its change in the last pass, since passes find too
+      much and too little of it in turn;
+    - an error of each LED's light, common to all pixels: what the film at rest departs by, since
+      LEDs drift, and light that a touch throws on the film is not known well around it;
+    - what the mean slope of a pixel differs by from that of its mean normal, whose expansion fails
+      across an edge;
+    - errors of the shadows' rises: one that is independent of the others', and what the height
+      departs from them by: at a rim that no pixel resolves, slopes hold it back, and all that
+      stands on the rim.  Where a gel diffuses light shadows end softly, and it is the rises that
+      err;
+    - how far apart film that is held at zero lies in pieces (`rest_apart`): what hangs on them
+      moves with them;
     - where the slope differs by more than a half from pixel to pixel: the edge may lie anywhere
       in the pixel, or as far away as the blur spreads it.  Where it bends less, the blur flattens
       the height by half its variance times the height's Laplacian;
-    - an error that all steep steps share: where the slope changes within a pixel, the slopes
-      understate the rise.  It grows with the cube of the change of slope, up to a half;
     - the share of the height itself by which the calibration's scale may be wrong.
 
     The eight positions of the LEDs are chosen so that the squares of the calibration's errors
-    add up exactly.  The steps' common error is integrated alone, with its own sign.  On the film at
-    rest the error is zero, because the height is held at zero; `doubt_rest` says how far that may
-    be off.
+    add up exactly.  On the film at rest the error is zero, because the height is held at zero;
+    `doubt_rest` says how far that may be off.
 
     Parameters
     ----------
@@ -167,7 +151,8 @@ def height_error(
     film
         Where the LEDs are and may be instead, and how uneven the film's brightness is.
     misfit
-        Length 5, errors of the film's model; without it the model counts as exact.
+        Length 5, errors of the film's model, as `touch_misfit` gives them; without it the model
+        counts as exact.
     bounced, earlier
         K x H x W, the light that the film throws on itself, already subtracted from `light`; and
         the same in the previous pass.
@@ -180,13 +165,13 @@ def height_error(
         Of the camera; without it the camera is sharp.
     tilt
         2 x H x W, slopes of the film at rest; None: a plane.
+    seen
+        2 x H x W, the slopes of the pixels' mean normals (`pixel_mean_slope`); None: the same.
+    apart
+        H x W in mm, how high film at rest may lie; None: it lies at zero.
     flat_noise
         Noise of the flat frame relative to a touch's: 1 for a single raw frame, 0.6 if a
         calibration has smoothed it (`denoise_flat`), 1 / sqrt(n) of that for the mean of n.
-    aperture
-        Error of a step, in px, per difference of the slopes at its ends.
-    kink
-        Common error of all steps, in px, where that difference is 1.
     steps
         Conjugate-gradient steps per error.
     seed
@@ -196,30 +181,34 @@ def height_error(
     -------
     H x W, one standard deviation in mm.
     """
-    seen = _inside(system, light, sigma, slope, height, used, bounced, earlier, tilt)
+    plain = _inside(system, light, sigma, slope, height, used, bounced, earlier, tilt, seen)
     inside = system.cut(height)
     *_, residual = system.residuals(inside)
-    residual *= RISE_SHARE * (not film.diffuse.any())
+    residual *= not film.diffuse.any()
     shared = np.float32(math.sqrt(correlation or 1.0))
-    causes = Causes(film, misfit, np.float32(flat_noise), shared)
-    slopes, turn = slope_errors(seen, causes, seed), turns(system.steps)
     _, rise_error, robust, pixel = (float(number) for number in system.scales)
+    causes = Causes(film, misfit, np.float32(flat_noise), shared, np.float32(pixel))
+    slopes = slope_errors(plain, causes, seed)
+
+    held = np.zeros_like(inside) if apart is None else system.window.of(apart)
 
     def random_load(number: int) -> Wants:
-        keys = keys_of(seed, number)
-        wrong = random_steps(slopes[number], turn, keys, pixel, aperture)
-        rise = np.float32(rise_error) * drawn(keys.rises, residual.shape)
-        systematic = common_rise(blur, pixel) + RISE_SIGNS[number] * residual
-        return *wrong, np.asarray(rise + systematic)
+        (p, q), half, raised = slopes[number], np.float32(pixel / 2), HELD_SIGNS[number] * held
+        rises = drawn(key_of(seed, number), residual.shape, first=slopes[0].size)
+        rise = np.float32(rise_error) * rises + RISE_SIGNS[number] * residual
+        return (
+            (p[:, 1:] + p[:, :-1]) * half - np.diff(raised),
+            (q[1:] + q[:-1]) * half - np.diff(raised, axis=0),
+            rise,
+        )
 
-    common = *kinks(system.steps, turn, kink, pixel), np.zeros_like(system.rise)
     springs = system.springs(inside, robust)
-    total = _variance(springs, random_load, common, steps)
-    deviation = _smooth_deviation(total, seen.free.astype(np.float32))
+    total = _variance(springs, random_load, steps)
+    deviation = _smooth_deviation(total, plain.free.astype(np.float32))
     spread = system.window.of(blurred(height, pixel, blur or 0.0))
     scaled = np.float32(scale_error or 0.0) * system.window.of(height)
     out = np.zeros_like(height)
-    out[system.window] = np.hypot(np.hypot(deviation, spread), scaled) * seen.free
+    out[system.window] = np.hypot(np.hypot(deviation, spread), scaled) * plain.free
     return out
 
 
@@ -233,6 +222,7 @@ def _inside(
     bounced: Light | None,
     earlier: Light | None,
     tilt: Slope | None,
+    seen: Slope | None,
 ) -> Unperturbed:
     """Values without error, inside the window."""
     window, (rows, columns) = system.window, height.shape
@@ -253,13 +243,12 @@ def _inside(
         thrown,
         changed,
         window.of(slope if tilt is None else slope - tilt),
+        window.of(slope - (slope if seen is None else seen)),
     )
 
 
-def _variance(
-    springs: Springs, random_load: Callable[[int], Wants], common: Wants, steps: int
-) -> F4:
-    """The variance of the height by the random loads and by the common one, in mm^2."""
+def _variance(springs: Springs, random_load: Callable[[int], Wants], steps: int) -> F4:
+    """The variance of the height by the random loads, in mm^2."""
     levels = hierarchy(springs)
     cells = coarsened(springs, min(MAX_COARSENINGS, len(levels) - 1))
     coarse = hierarchy(cells[-1].springs) if cells else levels
@@ -273,27 +262,20 @@ def _variance(
         change = _moved(coarse, wants_there, there, steps)
         if not cells or number >= PIXEL_ERRORS:
             return change, None
-        return change, _moved(levels, wants, on_pixels(cells, change), CG_STEPS_AFTER_COARSE)
+        return change, _moved(levels, wants, on_pixels(cells, change), steps)
 
-    kink_energy = KINK_ENERGY_SHARE * springs.energy(*random_load(0)[:2])
     total, of_cells = (np.zeros(network.shape, np.float32) for network in (springs, coarse[0]))
     with ThreadPoolExecutor(cores()) as threads:
-        by_kinks = threads.submit(_moved, levels, common, np.zeros_like(total), steps, kink_energy)
-        changes = enumerate(threads.map(send, range(ERROR_COUNT)))
-        for number, (change, fine) in changes:
+        for number, (change, fine) in enumerate(threads.map(send, range(ERROR_COUNT))):
             of_cells += _share(number, len(cells)) * change * change
             if fine is not None:
                 total += fine * fine / np.float32(PIXEL_ERRORS)
-    total += on_pixels(cells, of_cells)
-    total += by_kinks.result() * by_kinks.result()
-    return total
+    return total + on_pixels(cells, of_cells)
 
 
-def _moved(
-    levels: Sequence[Springs], wants: Wants, start: F4, steps: int, kink_energy: float = 0.0
-) -> F4:
+def _moved(levels: Sequence[Springs], wants: Wants, start: F4, steps: int) -> F4:
     """The change of height by a load, in mm, found from a first one."""
-    enough = MIN_ENERGY_SHARE * max(levels[0].energy(*wants[:2]), kink_energy)
+    enough = MIN_ENERGY_SHARE * levels[0].energy(*wants[:2])
     return conjugate_gradients(levels, levels[0].pull(*wants), start, steps, enough)
 
 
@@ -310,8 +292,8 @@ def _share(number: int, deepest: int) -> np.float32:
 
 def _smooth_deviation(variance: F4, free: F4) -> F4:
     """The square root of the variance, averaged over the neighbours that are free."""
-    total = cv2.GaussianBlur(variance * free, SPREAD_TAPS, SPREAD_PX)
-    weight = np.maximum(cv2.GaussianBlur(free, SPREAD_TAPS, SPREAD_PX), np.float32(1e-3))
+    total = cv2.GaussianBlur(variance * free, (0, 0), SPREAD_PX)
+    weight = np.maximum(cv2.GaussianBlur(free, (0, 0), SPREAD_PX), np.float32(1e-3))
     return np.asarray(np.sqrt(np.maximum(total / weight, 0)) * free, np.float32)
 
 
@@ -321,7 +303,6 @@ def _launch(run: Launch) -> None:
     inputs, settings = run.inputs, run.settings
     networks = HeightNetworks(run, MAX_COARSENINGS)
     solver = HeightSolver(run, networks)
-    pixel = networks.pixel
     inside = networks.cut(inputs["height"])
     networks.weigh(inside, networks.robust)
     shape, ties = networks.shape, networks.rises
@@ -334,36 +315,30 @@ def _launch(run: Launch) -> None:
     def clear(plane: DeviceArray) -> None:
         run.kernel("clear", run.in_lanes(math.prod(plane.shape)), plane, math.prod(plane.shape))
 
-    def err_rises(to: int, error: float, key: int, share: float) -> None:
-        if ties:
-            run.kernel(
-                "err_rises", (ties,), wants.rise, networks.wants.rise, inside,
-                networks.finest_ends, inputs["film.diffuse"], run.sizes["K"], ties, to, error,
-                common, share, np.uint32(key),
-            )  # fmt: skip
-
     def add_squares(moved: DeviceArray, total: DeviceArray, shares: list[np.float32]) -> None:
         size = math.prod(total.shape)
         told = run.put(np.array(shares, np.float32))
         run.kernel("add_squares", run.in_lanes(size), moved, total, size, len(shares), told)
 
-    common = float(common_rise(inputs.get("blur"), pixel))
-    drawn = [keys_of(settings["seed"], number) for number in range(ERROR_COUNT)]
+    keys = [np.uint32(key_of(settings["seed"], number)) for number in range(ERROR_COUNT)]
     # Not earlier, although the host must build networks first: the slopes stay in the cache.
-    slopes = _launch_slopes(run, networks, drawn)
+    slopes = _launch_slopes(run, networks, keys)
     # In reverse order: the first errors' steps between pixels must remain afterwards.
     for number in reversed(range(ERROR_COUNT)):
-        to, keys = min(number, wants.right.shape[0] - 1), drawn[number]
+        to = min(number, wants.right.shape[0] - 1)
         run.kernel(
-            "err_steps", run.in_row_lanes(*shape), *networks.wants[:2], slopes,
-            wants.right, wants.down, *shape, number, to, pixel,
-            settings["aperture"], np.uint32(keys.right), np.uint32(keys.down),
+            "err_steps", run.in_row_lanes(*shape),
+            slopes, inputs.get("apart"), wants.right, wants.down, *networks.place,
+            run.sizes["W"], number, to, networks.pixel, float(HELD_SIGNS[number]),
         )  # fmt: skip
-        share = float(RISE_SIGNS[number] * RISE_SHARE)
-        err_rises(to, networks.rise_error, keys.rises, share)
+        if ties:
+            run.kernel(
+                "err_rises", (ties,), wants.rise, networks.wants.rise, inside,
+                networks.finest_ends, inputs["film.diffuse"], run.sizes["K"], ties, to,
+                networks.rise_error, float(RISE_SIGNS[number]), 2 * math.prod(shape), keys[number],
+            )  # fmt: skip
         if cells is not None:
             networks.wants_of_cells(wants, to, wanted, number)
-    first_energy = networks.energies(pixels, wants)
     enough = solver.enough(MIN_ENERGY_SHARE, networks.energies(coarse, wanted, ERROR_COUNT))
     there, of_cells = run.scratch((ERROR_COUNT, *coarse.shape)), run.scratch(coarse.shape)
     solver.solve_all(coarse, wanted, there, settings["steps"], enough)
@@ -377,28 +352,17 @@ def _launch(run: Launch) -> None:
         enough = solver.enough(MIN_ENERGY_SHARE, networks.energies(pixels, wants, PIXEL_ERRORS))
         for number in range(PIXEL_ERRORS):
             networks.on_pixels(there, number, moved)
-            solver.solve(pixels, wants, moved, CG_STEPS_AFTER_COARSE, enough, number)
+            solver.solve(pixels, wants, moved, settings["steps"], enough, number)
             add_squares(moved, total, [np.float32(1 / PIXEL_ERRORS)])
-    kinked = *networks.wants[:2], wants.right, wants.down
-    run.kernel(
-        "err_kinks", run.in_row_lanes(*shape), *kinked, *shape, pixel, settings["kink"] * pixel
-    )
-    err_rises(0, 0.0, 0, 0.0)
-    clear(moved)
-    energy = networks.energies(pixels, wants)
-    enough = solver.enough(MIN_ENERGY_SHARE, energy, first_energy, KINK_ENERGY_SHARE)
-    solver.solve(pixels, wants, moved, settings["steps"], enough)
-    add_squares(moved, total, [np.float32(1)])
     _deviate(run, networks, total)
 
 
-def _launch_slopes(run: Launch, networks: HeightNetworks, drawn: Sequence[Keys]) -> DeviceArray:
+def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32]) -> DeviceArray:
     """All errors of the slopes inside the window: ERROR_COUNT x 2 x rows x columns."""
     inputs, settings = run.inputs, run.settings
     frame = tuple(run.sizes[symbol] for symbol in "KHW")
     slopes = run.scratch((ERROR_COUNT, 2, *networks.shape))
     told = run.keep("kinds", lambda: run.put(kinds()))
-    keys = run.put(np.array([each.light for each in drawn], np.uint32))
     run.kernel(
         "err_slopes", run.in_row_lanes(*networks.shape),
         *(inputs[name] for name in ("light", "sigma", "height", "slope")), networks.state,
@@ -408,7 +372,8 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, drawn: Sequence[Keys])
         *frame, *networks.place, networks.pixel, settings["flat_noise"],
         math.sqrt(inputs.get("correlation") or 1.0),
         inputs["film.uneven"], inputs["film.refraction"],
-        told, keys, *(inputs.get(name) for name in ("misfit", "bounced", "earlier", "tilt")),
+        told, run.put(np.array(keys)),
+        *(inputs.get(name) for name in ("misfit", "bounced", "earlier", "tilt", "seen")),
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
@@ -418,14 +383,16 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, drawn: Sequence[Keys])
 def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
     """Write the result of `_smooth_deviation` to the output."""
     shape, frame = networks.shape, (run.sizes["H"], run.sizes["W"])
-    kernel = cv2.getGaussianKernel(SPREAD_TAPS[0], SPREAD_PX, cv2.CV_32F)
+    # As many as a Gaussian of floats has in OpenCV: four deviations on either side.
+    radius = round(4 * SPREAD_PX)
+    kernel = cv2.getGaussianKernel(2 * radius + 1, SPREAD_PX, cv2.CV_32F)
     taps = run.keep("taps", lambda: run.put(kernel.ravel()))
     free, half, weight = (run.scratch(shape) for _ in range(3))
     run.kernel("free_part", shape, networks.state, total, free, *shape)
     by_rows = run.in_row_lanes(*shape)
     for source, target in ((free, weight), (total, total)):
-        run.kernel("blur", by_rows, source, taps, half, *shape, SPREAD_TAPS[0] // 2, 1)
-        run.kernel("blur", by_rows, half, taps, target, *shape, SPREAD_TAPS[0] // 2, 0)
+        run.kernel("blur", by_rows, source, taps, half, *shape, radius, 1)
+        run.kernel("blur", by_rows, half, taps, target, *shape, radius, 0)
     out, inputs = run.outputs["height_error"], run.inputs
     blur = inputs.get("blur") or 0.0
     run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
@@ -462,4 +429,6 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
         "correlation": float(rng.uniform(1, 4)),
         "blur": float(rng.uniform(0, 1)),
         "tilt": rng.normal(0, 0.2, (2, *shape)).astype(np.float32),
+        "seen": (0.98 * slope).astype(np.float32),
+        "apart": np.repeat(rng.normal(0, 0.1, (rows, 1)), columns, axis=1).astype(np.float32),
     }

@@ -7,7 +7,7 @@ from annotated_types import Gt
 
 from tactograph.graph import Flips, node
 from tactograph.nodes import Blur, Height, Mask, PixelSize
-from tactograph.nodes.error._step_errors import edge_deviation_px, largest_bend
+from tactograph.nodes.error._edge_errors import edge_deviation_px, largest_bend
 
 
 @node(tolerance=Flips(1e-3, why="a threshold on rounded differences"))

@@ -191,17 +191,11 @@ class HeightSolver:
         self._cycle(stack, gain)
         run.kernel("end_step", group, self._parts, gain, enough, number, local=group)
 
-    def enough(
-        self,
-        share: float,
-        energies: DeviceArray,
-        others: DeviceArray | None = None,
-        part: float = 0.0,
-    ) -> DeviceArray:
-        """A share of each energy, or of `part` of the first of `others` if that is more."""
+    def enough(self, share: float, energies: DeviceArray) -> DeviceArray:
+        """A share of each energy."""
         run, (loads,) = self._run, energies.shape
         limits = run.scratch((loads,))
-        run.kernel("be_enough", (loads,), energies, others, limits, loads, share, part)
+        run.kernel("be_enough", (loads,), energies, limits, loads, share)
         return limits
 
     def _cycle(self, stack: Stack, gain: DeviceArray) -> None:

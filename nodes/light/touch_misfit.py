@@ -1,8 +1,10 @@
 """Compare the model error of a touch with that of the presses that the model was fitted to.
 
-Long because noise, brightness and what normals have in common are told apart.
+Long because noise, brightness and what normals have in common are told apart, and because film at
+rest tells what touched film cannot.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from tactograph.nodes import (
     Labels,
     Light,
     LightPositions,
+    Mask,
     Misfit,
     PixelSize,
     Slope,
@@ -61,6 +64,8 @@ def touch_misfit(
     misfit: Misfit,
     pixel: PixelSize,
     uneven: Uneven,
+    rest: Mask,
+    tilt: Slope | None = None,
 ) -> Misfit:
     """Increase the model's misfit if a touch departs more than the calibration's presses did.
 
@@ -70,30 +75,37 @@ def touch_misfit(
     residual of the presses is added to their misfit in quadrature; as large a share of it as on
     the presses is a tilt that all normals have in common.
 
+    Film at rest shows what its normals cannot take up: LEDs that have drifted since the flat frame
+    otherwise than `film_drift` finds, and light from the touch that the model does not know.  What
+    neighbouring blocks of it share is the error of each LED's light on the touch as well.
+
     Parameters
     ----------
     light : K x H x W, as of a matt film (`matt_light`)
     slope, used : 2 x H x W and H x W, as `label_lights` found them
-    height : H x W in mm, as far as known before that slope
+    height : H x W in mm, as far as known before that slope; that of the film at rest there
     lights : K x 3 in mm
     misfit : length 5, the calibration's misfit
     pixel : mm per px
     uneven : standard deviation of the film's brightness, as given to `label_lights`
+    rest : H x W, 1 on the film at rest
+    tilt : 2 x H x W, slopes of the film at rest; None: a plane
 
     Returns
     -------
-    The misfit of this touch.  A warning is given if the light departs clearly more.
+    The misfit of this touch; its `light` is what the film at rest departs by.  A
+    warning is given if the light departs clearly more.
     """
     total, known = _left(light, slope, height, used, lights, pixel, _lag(misfit, pixel), uneven)
-    return _widened(misfit, total, known)
+    departs = _shared(*_at_rest(light, height, lights, pixel, rest, tilt))
+    return _widened(misfit, _typical(total, known), departs)
 
 
-def _widened(misfit: Misfit, total: F4, known: F4) -> Misfit:
-    """The misfit of a touch, from the sums over its blocks and the pairs that they hold."""
+def _widened(misfit: Misfit, residual: float, departs: float) -> Misfit:
+    """The misfit of a touch by the residual on its flanks, and what the film at rest departs by."""
     level, width, pressed, bounce, tilt = (float(v) for v in misfit)
-    residual = _typical(total, known)
     if residual <= pressed:
-        return misfit
+        return np.asarray([level, width, departs, bounce, tilt], np.float32)
     share = min(max(level / pressed, MIN_SHARE), MAX_SHARE) if pressed > 0 else MIN_SHARE
     beyond = share**2 * (residual**2 - pressed**2)
     common = min(max(tilt / level, MIN_COMMON_SHARE), 1.0) if level > 0 else 1.0
@@ -105,7 +117,7 @@ def _widened(misfit: Misfit, total: F4, known: F4) -> Misfit:
             f"calibration's presses by {100 * pressed:.1f} %: the model's part of the stated "
             f"error is {times:.1f} times as wide"
         )
-    return np.asarray([wider, width, residual, bounce, tilt], np.float32)
+    return np.asarray([wider, width, departs, bounce, tilt], np.float32)
 
 
 def _typical(total: F4, known: F4) -> float:
@@ -122,9 +134,34 @@ def _typical(total: F4, known: F4) -> float:
     return float(np.sqrt(max(middle - error, 0)))
 
 
+def _shared(total: F4, known: F4) -> float:
+    """The root mean square of what neighbouring blocks of film at rest depart by alike."""
+    plenty, mean = known > BLOCK_PX * BLOCK_PX / 2, total / np.maximum(known, np.float32(1))
+    across = (mean[:, :, 1:] * mean[:, :, :-1])[:, plenty[:, 1:] & plenty[:, :-1]]
+    down = (mean[:, 1:] * mean[:, :-1])[:, plenty[1:] & plenty[:-1]]
+    products = np.concatenate([across, down], axis=1)
+    return float(np.sqrt(max(products.mean(), 0))) if products.size else 0.0
+
+
 def _lag(misfit: Misfit, pixel: float) -> int:
     """Distance in pixels between the neighbours that are compared."""
     return max(MIN_LAG_PX, round(float(misfit[1]) / pixel / 4))
+
+
+def _at_rest(
+    light: Light,
+    height: Height,
+    lights: LightPositions,
+    pixel: float,
+    rest: Mask,
+    tilt: Slope | None,
+) -> tuple[F4, F4]:
+    """Per LED and block, by how much light the film at rest departs; per block, its pixels."""
+    level = np.zeros((2, *height.shape), np.float32) if tilt is None else tilt
+    departs = light - expected_light(light_vectors(lights, height, pixel), level)
+    calm = (rest != 0).astype(np.float32)
+    total = np.stack([block_sums(plane * calm, BLOCK_PX) for plane in departs])
+    return total, block_sums(calm, BLOCK_PX)
 
 
 def _left(
@@ -192,7 +229,16 @@ def _launch(run: Launch) -> None:
             "add_blocks", blocks,
             left, counts, total, known, count, height, width, lag, rows, columns,
         )  # fmt: skip
-    widened = _widened(misfit, run.download(total), run.download(known))
+    blocks = height // BLOCK_PX, width // BLOCK_PX
+    departing, calm = run.scratch((count, *blocks)), run.scratch(blocks)
+    if math.prod(blocks):
+        run.kernel(
+            "rest_blocks", (count, *blocks),
+            *(inputs[name] for name in ("light", "height", "lights", "rest")), inputs.get("tilt"),
+            departing, calm, count, height, width, pixel, *blocks,
+        )  # fmt: skip
+    residual = _typical(run.download(total), run.download(known))
+    widened = _widened(misfit, residual, _shared(run.download(departing), run.download(calm)))
     run.send(widened, run.outputs["touch_misfit"])
 
 
@@ -216,5 +262,7 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
         "lights": lights.astype(np.float32),
         "pixel": 0.05,
         "uneven": 0.03,
+        "rest": (np.arange(H)[:, None] + np.arange(W) > (H + W) / 2).astype(np.uint8),
+        "tilt": rng.normal(0, 0.2, (2, H, W)).astype(np.float32),
         "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),
     }

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import hadamard
 
-from tactograph.nodes import F4, F8
+from tactograph.nodes import F4, F8, OTHER_PLACES
 from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.lights.descend import by_differences, huber, least_squares
 from tactograph.nodes.calibrate.lights.light_samples import DIM_LIGHT, Object, Rest
@@ -25,8 +25,6 @@ HEIGHT_DEVIATION_MM = 0.2
 """Standard deviation of a known shape's height above the film."""
 SHIFT_DEVIATIONS = np.array([SHIFT_DEVIATION_PX, SHIFT_DEVIATION_PX, HEIGHT_DEVIATION_MM])
 """Of x and y in px, and of the height in mm."""
-OTHER_PLACES = 8
-"""Number of sampled LED positions, and of the least certain directions that they span."""
 MIN_INVERSE_HEIGHT_RATIO = 0.25
 """Smallest 1 / L_z of a sampled LED, relative to its own, so that it stays above the film."""
 MIN_OVER = 1e-3

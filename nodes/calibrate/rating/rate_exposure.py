@@ -118,21 +118,23 @@ def rate_exposure(
             continue
         motion = film_motion(cells[0], fall_off(cells[1]))
         moved = motion_in_words(motion) if motion_size(motion) > MAX_MOTION else ""
+        lies = (
+            f"beside the ball the film does not lie where the flat frame shows it: {moved} (take "
+            "both with the same camera, lens, zoom and crop)"
+        )
         # Light that was added evens the film's fall-off, as a zoom does.
-        or_moved = "; or is it another zoom or crop" + (f" ({moved})?" if moved else "?")
         added = added_share(*(a[:, far] for a in cells))
-        # Other light brightens, so film that has moved and is darker has moved alone.
-        if abs(added) > MAX_ADDED and not (moved and added < 0):
-            doubts.append(
-                f"{where}under all LEDs the film beside the ball is {abs(added):.1%} "
-                f"{'brighter' if added > 0 else 'darker'} than {compared}, the dimmer the more: "
-                f"keep other light out, or take an image with all LEDs off as well{or_moved}"
-            )
-        elif moved:
-            doubts.append(
-                f"{where}beside the ball the film does not lie where the flat frame shows it: "
-                f"{moved} (take both with the same camera, lens, zoom and crop)"
-            )
+        is_lit = (
+            f"under all LEDs the film beside the ball is {abs(added):.1%} "
+            f"{'brighter' if added > 0 else 'darker'} than {compared}, the dimmer the more: keep "
+            "other light out, or take an image with all LEDs off as well"
+        )
+        if abs(added) <= MAX_ADDED:
+            doubts += [where + lies] * bool(moved)
+        elif moved and added < 0:  # other light brightens, unless the flat frame alone had it
+            doubts.append(f"{where}{lies}, or {is_lit}")
+        else:
+            doubts.append(f"{where}{is_lit}; or is it another zoom or crop?")
     return Judged({"rest_departure_percent": 100 * worst}, doubts)
 
 

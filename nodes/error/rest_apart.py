@@ -1,0 +1,44 @@
+"""How far apart film at rest lies in pieces that a touch parts."""
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from tactograph.graph import node, warn
+from tactograph.nodes import Height, Mask
+
+
+@node
+def rest_apart(rest: Mask, free: Height) -> Height:
+    """Return how high each piece of the film at rest lies above the largest one, by slopes alone.
+
+    All film at rest is held at zero.  A touch whose calm top reaches the border of the frame looks
+    like film at rest, too, and the light does not tell which of both it is.  Each piece departs
+    from its own mean by errors of the slopes alone; what lies between two means counts as far as it
+    is more than both do.  A piece that is nearer to the top of the touch than to the film is told.
+
+    Parameters
+    ----------
+    rest : H x W, 1 on the film at rest
+    free : H x W in mm, a height for which no film was held at zero
+
+    Returns
+    -------
+    H x W in mm; 0 on the largest piece, and where nothing rests.
+    """
+    count, pieces = cv2.connectedComponents(rest, connectivity=4)
+    if not rest.any():
+        return np.zeros_like(free)
+    area, sums = (np.bincount(pieces.ravel(), each, count) for each in (None, free.ravel()))
+    largest, mean = 1 + area[1:].argmax(), sums / np.maximum(area, 1)
+    wander = ndimage.maximum(np.abs(free - mean[pieces]), pieces, np.arange(count))
+    apart = mean - mean[largest]
+    beyond = np.sign(apart) * np.maximum(np.abs(apart) - wander - wander[largest], 0)
+    highest = np.abs(beyond[1:]).max()
+    if 2 * highest > np.ptp(free):
+        warn(
+            f"film that looks at rest lies {highest:.2g} mm above or below other such film by its "
+            "slopes, and is held at zero as well: a touch may reach the frame's border (the stated "
+            "error counts that)"
+        )
+    return np.where(rest != 0, beyond[pieces], 0).astype(np.float32)
