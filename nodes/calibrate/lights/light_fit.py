@@ -283,8 +283,10 @@ def jacobian_of(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) 
             column[starts[-1] :] = (after - at_rest) / step
     for i, (there, shift) in enumerate(zip(objects, shifts, strict=True)):
         first = leds.size + 3 * i
-        moved = by_differences(
-            lambda by, at=there: residual_of(at, leds, by, flat).ravel(), shift, 1
-        )
-        jacobian[starts[i] : starts[i + 1], first : first + 3] = moved / LIGHT_DEVIATION
+
+        def left(by: F8, there: Object = there) -> F8:
+            return residual_of(there, leds, by, flat).ravel() / LIGHT_DEVIATION
+
+        own = by_differences(left, shift, 1)
+        jacobian[starts[i] : starts[i + 1], first : first + 3] = own
     return jacobian
