@@ -106,6 +106,7 @@ class Queue:
         self.driver = device.handle.driver_version
         self.serial = f"{device.name} {next(_serials)}"
         self.is_cpu = device.kind == "CPU"
+        self.units = device.handle.max_compute_units
         self.lanes = lanes or usual_lanes(device)
         self.group = usual_group(device, self.lanes)
         self.context = context_of(device.handle)

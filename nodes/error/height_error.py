@@ -339,7 +339,7 @@ def _launch(run: Launch) -> None:
             )  # fmt: skip
         if cells is not None:
             networks.wants_of_cells(wants, to, wanted, number)
-    enough = solver.enough(MIN_ENERGY_SHARE, networks.energies(coarse, wanted, ERROR_COUNT))
+    enough = networks.enough(MIN_ENERGY_SHARE, coarse, wanted, ERROR_COUNT)
     there, of_cells = run.scratch((ERROR_COUNT, *coarse.shape)), run.scratch(coarse.shape)
     solver.solve_all(coarse, wanted, there, settings["steps"], enough)
     clear(of_cells)
@@ -349,7 +349,7 @@ def _launch(run: Launch) -> None:
         total = of_cells
     else:
         networks.on_pixels(of_cells, 0, total)
-        enough = solver.enough(MIN_ENERGY_SHARE, networks.energies(pixels, wants, PIXEL_ERRORS))
+        enough = networks.enough(MIN_ENERGY_SHARE, pixels, wants, PIXEL_ERRORS)
         for number in range(PIXEL_ERRORS):
             networks.on_pixels(there, number, moved)
             solver.solve(pixels, wants, moved, settings["steps"], enough, number)

@@ -73,8 +73,9 @@ CHECK_FIGURES = {
     "light_at_rest": Figure(
         "light",
         QUANTILE_ERROR,
-        "the light of the film at rest departs from pixel to pixel (check the exposure, and that "
-        "the images are neither compressed nor of fewer gray levels than those of the calibration)",
+        "the light of the film at rest departs from pixel to pixel (check the exposure, that "
+        "local contrast (CLAHE) is off, and that the images are neither compressed nor of fewer "
+        "gray levels than those of the calibration)",
     ),
     "light": Figure("light", QUANTILE_ERROR, LIGHT_OF_NO_SURFACE),
     "darker": Figure("light", MIN_ERROR, WRONG_BRIGHTNESS),
