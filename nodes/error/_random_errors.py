@@ -13,7 +13,7 @@ from tactograph.nodes import F4, OTHER_PLACES as ERROR_COUNT
 
 LED_SIGNS = hadamard(ERROR_COUNT).astype(np.float32)
 """Signs of an error that every LED has alone, by error and LED."""
-*_, HELD_SIGNS, MEAN_SIGNS, RISE_SIGNS, LEAN_SIGNS, BOUNCE_SIGNS, SETTLING_SIGNS = LED_SIGNS
+*_, MEAN_SIGNS, RISE_SIGNS, LEAN_SIGNS, BOUNCE_SIGNS, SETTLING_SIGNS = LED_SIGNS
 """Signs of the errors that every random error holds in full, so that they do not interfere."""
 WAVE_LENGTHS = 4.0, 12.0
 """Lengths of the waves, relative to the width of the model's errors: at that width the correlation
