@@ -7,7 +7,6 @@ an in-order queue the next owner cannot overtake.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -96,6 +95,8 @@ class Queue:
         Unique identifier of this device, and its compiled kernels, within the process.
     queue
         pyopencl's own queue, for arrays that a caller makes there.
+    hurried
+        Whether what is not on disk is built without optimisation, as for a single item.
     poison
         Value of every byte of a fresh buffer, in tests.
     """
@@ -113,6 +114,7 @@ class Queue:
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.pool = BufferPool(pyopencl.tools.ImmediateAllocator(self.queue), cl.MemoryError)
+        self.hurried = False
         self.poison: int | None = None
         self._fractions: dict[int, Kernel] = {}
         self.options = ["-cl-std=CL1.2"]
@@ -200,13 +202,6 @@ class Queue:
         buffer: Any = cl.Buffer.from_int_ptr(array.buffer.int_ptr)
         buffer.memory = array.memory
         return _array_class()(self.queue, array.shape, array.dtype, data=buffer)
-
-    def stacked(self, arrays: Sequence[Array]) -> Array:
-        """Arrays of pyopencl's, put together along a first axis on the device."""
-        from pyopencl.array import stack
-
-        made: Array = stack(arrays, queue=self.queue)
-        return made
 
     def mapped(self, array: Array, name: str) -> NDArray[Any]:
         """An array of pyopencl's for the host, which on a CPU reads it where it lies.

@@ -82,25 +82,37 @@ class GraphCommand(click.Command):
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
-            name, param = error.option_name, error.option_name.lstrip("-").replace("-", "_")
-            how = _how_to_give(param, ctx.meta[WORDS_KEY])
-            message = f"No such option '{name}'; {how}"
-            raise click.NoSuchOption(name, message, error.possibilities, ctx) from None
+            how, is_known = _how_to_give(error.option_name, ctx.meta[WORDS_KEY])
+            message = f"No such option '{error.option_name}'; {how}"
+            others = None if is_known else error.possibilities
+            raise click.NoSuchOption(error.option_name, message, others, ctx) from None
 
 
-def _how_to_give(name: str, words: Sequence[str]) -> str:
-    """Say how the value of a parameter is given to the graph that is among the words."""
+def _how_to_give(option: str, words: Sequence[str]) -> tuple[str, bool]:
+    """Say how a value is given to the graph that is among the words, and whether it takes it."""
     from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.files.typed_values import settings_called
 
-    written = f"a param is written {name}=VALUE"
+    name = option.lstrip("-").replace("-", "_")
+    written = f"a param is written {name}={_value_of(option, words)}"
     try:
         graph = read_graph(next(word for word in words if not word.startswith("-")))
     except (StopIteration, TactographError):
-        return written
-    if name not in graph.params and (settings := settings_called(graph, name)):
-        return f"it is written {settings}"
-    return written
+        return written, False
+    if name in graph.params:
+        return written, True
+    settings = settings_called(graph, name)
+    return (f"it is written {settings}", True) if settings else (written, False)
+
+
+def _value_of(option: str, words: Sequence[str]) -> str:
+    """The value that was typed for an option, behind = or as the next word; else VALUE."""
+    for word, following in zip(words, [*words[1:], ""], strict=True):
+        name, equals, value = word.partition("=")
+        if name == option:
+            is_next = following and not following.startswith("-") and "=" not in following
+            return value if equals else following if is_next else "VALUE"
+    return "VALUE"
 
 
 class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic before click 8.2

@@ -3,7 +3,7 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -24,15 +24,17 @@ def atomic_file(path: Path) -> Iterator[Path]:
     """
     refuse_other_names(path)
     _refuse_special(path)
-    with atomic_files(path.parent) as folder:
+    with atomic_files(path.parent, told=path) as folder:
         yield folder / path.name
 
 
 @contextmanager
 def atomic_files(
-    folder: Path, *, last: str = "", instead_of: Collection[str] = ()
+    folder: Path, *, last: str = "", instead_of: Collection[str] = (), told: Path | None = None
 ) -> Iterator[Path]:
     """Yield a temporary folder; move every file in it to `folder` if the block succeeds.
+
+    Errors name `told`, else `folder`.  Folders that it makes go again if nothing comes into them.
 
     The file `last`, which vouches for the others, is moved after them, and before that those of
     `instead_of` are removed that the block did not write.  A kill leaves the temporary folder, and
@@ -41,7 +43,10 @@ def atomic_files(
     name is not UTF-8, or the block could not read another file.
     """
     refuse_other_names(folder)
+    place = told or (folder if folder.name else folder.absolute())
+    made: list[Path] = []
     try:
+        made += [each for each in (folder, *folder.parents) if not each.exists()]
         folder.mkdir(parents=True, exist_ok=True)
         _remove_leftovers(folder)
         stage, lock = _new_stage(folder)
@@ -50,7 +55,8 @@ def atomic_files(
             folder, "a folder is needed, and a file is there; give another place"
         ) from None
     except OSError as error:
-        raise _refusal(folder, error.strerror or error) from None
+        _remove_empty(made)
+        raise _refusal(place, _reason(error, folder)) from None
     try:
         yield stage
         names = sorted(file.name for file in stage.iterdir())
@@ -66,12 +72,28 @@ def atomic_files(
     except OSError as error:
         if _is_elsewhere(error, folder):
             raise InputError(f"{error.filename}: {error.strerror or error}") from None
-        full = "No space left on device; make room, or give another place"
-        raise _refusal(folder, full if full_disk(error) else error.strerror or error) from None
+        raise _refusal(place, _reason(error, folder)) from None
     finally:
         shutil.rmtree(stage, ignore_errors=True)
         if lock is not None:
             os.close(lock)
+        _remove_empty(made)
+
+
+def _remove_empty(folders: Iterable[Path]) -> None:
+    """Remove folders, the innermost first, up to one that holds something."""
+    with suppress(OSError):
+        for folder in folders:
+            folder.rmdir()
+
+
+def _reason(error: OSError, folder: Path) -> object:
+    """Why nothing can be written into `folder`; a full disk is named by where it is mounted."""
+    if not full_disk(error):
+        return error.strerror or error
+    around = (folder.absolute(), *folder.absolute().parents)
+    disk = next(each for each in around if each.is_mount())
+    return f"No space left on device, the disk of {disk}; make room, or give another place"
 
 
 def _new_stage(folder: Path) -> tuple[Path, int | None]:

@@ -87,7 +87,10 @@ class Items:
         if device is not None:
             device.given = there or {}
         try:
-            return self._item(self._stream, given, repeats, self._plan.outputs, same_item=False)
+            made = self._item(self._stream, given, repeats, self._plan.outputs, same_item=False)
+            if device is not None:
+                device.settle()
+            return made
         finally:
             for value in there or {}:
                 host.put(value, None)

@@ -5,7 +5,6 @@ Long because this class is all that a program sees of a running graph.
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack
-from itertools import repeat
 from typing import Any, Self
 
 import numpy as np
@@ -26,9 +25,9 @@ from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.one_thread import Turn
 from tactograph.graph.run.ownership import own
 from tactograph.graph.run.raise_warnings import raise_warnings
-from tactograph.graph.run.result import Result, joined
+from tactograph.graph.run.result import Result
 from tactograph.graph.run.source_stream import SourceStream, in_thread
-from tactograph.graph.run.stand_ins import Given, HandedIn, StandIns
+from tactograph.graph.run.stand_ins import HandedIn, StandIns
 from tactograph.graph.show.draw_svg import to_svg
 from tactograph.graph.show.sketch import fold
 
@@ -76,8 +75,6 @@ class Pipeline:
         """Run one item on arrays that stand in for source nodes, and return its outputs.
 
         The arrays may be refilled afterwards: neither the result nor the pipeline holds them.
-        A batch, of one more dimension, runs item after item; the outputs are then stacked
-        (see `joined`).
 
         Parameters
         ----------
@@ -119,8 +116,7 @@ class Pipeline:
     def _call(self, handed_in: HandedIn) -> Result:
         with self._turn:
             self._items.prepare()
-            results = [*map(self._on_arrays, handed_in.items, repeat(handed_in.told))]
-            return joined(results, self._device) if handed_in.batch else results[0]
+            return self._on_arrays(handed_in)
 
     def _refuse_own_stream(self) -> None:
         if self._source is not None:
@@ -129,13 +125,12 @@ class Pipeline:
                 "go through items()"
             )
 
-    def _on_arrays(self, given: Mapping[str, Given], told: list[str]) -> Result:
-        arrays, there = self._stand_ins.split(given)
+    def _on_arrays(self, handed_in: HandedIn) -> Result:
+        arrays, there = self._stand_ins.split(handed_in.arrays)
         if self._items.keeps:  # what is kept must not change with the caller's arrays
             arrays, there = {name: own(array) for name, array in arrays.items()}, {}
         self._items.begin()
-        self._runner.notes += told
-        told.clear()
+        self._runner.notes += handed_in.told
         self._has_run = False
         try:
             result = self._items.item(self._stand_ins.item(arrays), there=there)

@@ -1,12 +1,9 @@
 """The result of one item."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
-from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan
 from tactograph.graph.show.notebook import result_html
@@ -69,30 +66,3 @@ class Result(Mapping[str, Any]):
         ports = {name: plan.port(name) for name in self.outputs}
         on_host = {n: v.get() if hasattr(v, "map_to_host") else v for n, v in self.items()}
         return result_html(plan.graph.title or plan.graph.name, on_host, ports, self.total)
-
-
-def joined(results: Sequence[Result], device: DeviceBackend | None) -> Result:
-    """The results of a batch as one: arrays of one shape stacked, where they are; else lists.
-
-    Times are sums; a warning of several items is listed once.
-    """
-    first = results[0]
-    return replace(
-        first,
-        outputs={name: _stacked([each[name] for each in results], device) for name in first},
-        times={name: sum(each.times.get(name, 0.0) for each in results) for name in first.times},
-        warnings=list(dict.fromkeys(line for each in results for line in each.warnings)),
-        total=sum(each.total for each in results),
-        kept=frozenset.intersection(*(each.kept for each in results)),
-    )
-
-
-def _stacked(values: list[Any], device: DeviceBackend | None) -> Any:
-    arrays = all(hasattr(value, "shape") for value in values)
-    if not arrays or len({value.shape for value in values}) > 1:
-        return values
-    if device is not None and not isinstance(values[0], np.ndarray):
-        return device.stacked(values)
-    stack = np.stack(values)
-    stack.flags.writeable = False
-    return stack

@@ -27,13 +27,9 @@ class Given(NamedTuple):
 
 
 class HandedIn(NamedTuple):
-    """The arrays by source node, of one item after the other.
+    """The arrays of an item by source node, and what their checks warn of."""
 
-    `batch` says whether the caller's had a B; `told` holds what their checks warn of.
-    """
-
-    items: list[dict[str, Given]]
-    batch: bool
+    arrays: dict[str, Given]
     told: list[str]
 
 
@@ -50,10 +46,10 @@ class StandIns:
         return sorted(map(self._plan.graph.in_short, self._waiting))
 
     def check(self, arrays: Mapping[str, Any]) -> HandedIn:
-        """The caller's arrays item by item, as views where possible.
+        """The caller's arrays, as views where possible.
 
-        Raises InputError if one is missing, unknown, does not fit the first output of its source,
-        or is a batch where another is none, or one of another size.
+        Raises InputError if one is missing, unknown, or does not fit the first output of its
+        source.
         """
         graph, given_for = self._plan.graph, sorted(arrays)
         arrays = {graph.in_full(name): array for name, array in arrays.items()}
@@ -64,28 +60,17 @@ class StandIns:
         told: list[str] = []
         with collect_warnings(told):
             checked = {name: self._checked(name, array) for name, array in arrays.items()}
-        lengths = {name: len(items) if batch else 0 for name, (items, batch) in checked.items()}
-        if len({*lengths.values()}) > 1:
-            sizes = ", ".join(
-                f"{graph.in_short(name)}: {length or 'none'}" for name, length in lengths.items()
-            )
-            raise InputError(f"the arrays of a call are batches of one size, or none is ({sizes})")
-        columns = zip(*(items for items, _ in checked.values()), strict=True)
-        items = [dict(zip(checked, column, strict=True)) for column in columns]
-        return HandedIn(items or [{}], any(lengths.values()), told)
+        return HandedIn(checked, told)
 
     def owned(self, item: Any) -> HandedIn:
         """A copy of what a caller's stream yields: a mapping, or an array for the one source."""
         arrays = item if isinstance(item, Mapping) else dict.fromkeys(self._waiting, item)
         handed_in = self.check(arrays)
-        copies = [
-            {name: Given(own(given.array)) for name, given in each.items()}
-            for each in handed_in.items
-        ]
-        return handed_in._replace(items=copies)
+        copies = {name: Given(own(given.array)) for name, given in handed_in.arrays.items()}
+        return handed_in._replace(arrays=copies)
 
-    def _checked(self, name: str, array: Any) -> tuple[list[Given], bool]:
-        """One item, or those of a batch: images of 8 or 16 bits as they are, all else converted.
+    def _checked(self, name: str, array: Any) -> Given:
+        """An array: images of 8 or 16 bits as they are, all else converted.
 
         What needs no conversion, and lies on the device, is read there as well.
         """
@@ -98,17 +83,11 @@ class StandIns:
                 raise InputError(f"{name} lies on a device, which is not used here: {name}.get()")
             array, adopt = self._device.mapped(there, name), self._device.adopted
         given = _images(array) if _takes_images(port) else _values(array, name, port)
-        batch = given.ndim > len(port.dims)
-        items = []
-        for number, item in enumerate(given if batch else given[None]):
-            if node.check_handed_in is not None:
-                node.check_handed_in(item, f"{name}[{number}]" if batch else name)
-            array = _converted(item, port).view()
-            part = None
-            if adopt is not None and array.dtype == item.dtype:
-                part = adopt(there[number] if batch else there)
-            items.append(Given(array, part))
-        return items, batch
+        if node.check_handed_in is not None:
+            node.check_handed_in(given, name)
+        array = _converted(given, port).view()
+        stays = adopt is not None and array.dtype == given.dtype
+        return Given(array, adopt(there) if adopt is not None and stays else None)
 
     def split(
         self, given: Mapping[str, Given]
@@ -142,19 +121,26 @@ def _converted(array: NDArray[Any], port: PortType) -> NDArray[Any]:
 
 
 def _values(array: Any, name: str, port: PortType) -> NDArray[Any]:
-    """An array of a port's sizes and type, or a batch of such."""
+    """An array of a port's sizes and type."""
     values = _array(array, name, nan=port.port.nan)
-    rank = len(port.dims)
-    fits = values.ndim in (rank, rank + 1) and all(
+    fits = values.ndim == len(port.dims) and all(
         isinstance(dim, str) or dim == size
-        for dim, size in zip(port.dims, values.shape[-rank:], strict=True)
+        for dim, size in zip(port.dims, values.shape, strict=True)
     )
     if port.dtype is None or not fits:
-        raise InputError(f"{name} is {port}, or a batch of such, not of shape {values.shape}")
+        raise InputError(
+            f"{name} is {port}, not of shape {values.shape}{_one_by_one(values, port)}"
+        )
     is_float = port.dtype.kind == "f"
     if not (values.dtype.kind == "f" if is_float else np.can_cast(values.dtype, port.dtype)):
         raise InputError(f"{name} is {port}, not {values.dtype}")
     return values
+
+
+def _one_by_one(values: NDArray[Any], port: PortType) -> str:
+    """Advice on an array of one dimension too many."""
+    several = values.ndim == len(port.dims) + 1
+    return "; several go through pipeline.stream(arrays), one by one" if several else ""
 
 
 def _array(array: Any, name: str, *, nan: bool = False) -> NDArray[Any]:
@@ -177,7 +163,7 @@ def _array(array: Any, name: str, *, nan: bool = False) -> NDArray[Any]:
 
 
 def _images(array: Any) -> NDArray[Any]:
-    """A stack K x H x W of unsigned integers or finite floats, or a batch B x K x H x W."""
+    """A stack K x H x W of unsigned integers or finite floats."""
     stack = _array(array, "a stack of images")
     if stack.ndim == 3 and stack.shape[2] <= MAX_LIGHTS < stack.shape[0]:
         raise InputError(
@@ -194,10 +180,13 @@ def _images(array: Any) -> NDArray[Any]:
             f"a stack of images is K x H x W, not one image of {stack.shape}: "
             "np.stack([led1, led2, …]) makes one of an image per LED"
         )
-    if stack.ndim not in (3, 4):
+    if stack.ndim == 4:
         raise InputError(
-            f"a stack of images is K x H x W, a batch B x K x H x W, not of shape {stack.shape}"
+            f"a stack of images is K x H x W; {stack.shape} looks like several: go through "
+            "pipeline.stream(stacks)"
         )
+    if stack.ndim != 3:
+        raise InputError(f"a stack of images is K x H x W, not of shape {stack.shape}")
     if stack.dtype.kind not in "uf":
         cure = "; stack.astype(np.uint8) if they are 8 bit" if stack.dtype.kind == "i" else ""
         raise InputError(

@@ -45,6 +45,7 @@ from tactograph.nodes.files.image_files import (
 )
 from tactograph.nodes.files.sensor_identity import check_sensor, identity_in
 
+VIDEO_SUFFIXES = (".mp4", ".m4v", ".avi", ".mov", ".mkv", ".webm", ".mjpg", ".mjpeg")
 TRUE_HEIGHT_FILE = "truth_height_mm.npy"
 TRUE_REST_FILE = "rest_height_mm.npy"
 TRUE_SLOPE_FILE = "truth_slope.npy"
@@ -215,7 +216,9 @@ def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArr
 
 def _check_folder(folder: Path) -> None:
     if folder.is_file():
-        raise InputError(f"{folder}: is a file; give the folder that holds the images")
+        is_video = folder.suffix.lower() in VIDEO_SUFFIXES
+        what = _of_video(folder) if is_video else "is a file; give the folder that holds the images"
+        raise InputError(f"{folder}: {what}")
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
 
@@ -323,7 +326,18 @@ def _what_is_missing(folder: Path, layout: Layout) -> str:
             f"holds a single image, {images[0].name}; a capture has one per LED, led1.png, "
             f"led2.png and so on. If the channels of a colour image are the lights, {LIGHTS_ADVICE}"
         )
+    videos = [file for file in folder.iterdir() if file.suffix.lower() in VIDEO_SUFFIXES]
+    if videos and not images:
+        return f"holds {videos[0].name}, which {_of_video(videos[0])}"
     return (
         f"holds no {layout.files.format(1)}.png, and no folder inside it does; a capture has one "
         "image per LED, numbered (`files`=NAME{} for other names)"
+    )
+
+
+def _of_video(file: Path) -> str:
+    return (
+        f"is a video: 'run live camera={file} port=none' takes it, and where coloured LEDs are all "
+        "lit at once live_oneshot and calibrate_live_oneshot; here a folder with one image per LED "
+        "is needed"
     )

@@ -32,6 +32,12 @@ PARITY_BLOCK_PX = 64
 MAX_PARITY_SPREAD, PARITY_ERRORS = 0.04, 6.0
 """Spread of their means, relative and in standard errors, up to which they show one light."""
 
+JPEG_SUFFIXES = (".jpg", ".jpeg")
+JPEG_BLOCK_PX, COMPARED_BLOCKS = 8, 16
+"""Side of the blocks that JPEG compresses each for itself, and of them that are looked at."""
+MIN_BLOCK_STEP = 1.2
+"""Change from block to block over the largest from pixel to pixel; 1.09 at most without JPEG."""
+
 
 def normalised(stack: NDArray[Any], files: list[Path], white: int | None) -> NDArray[np.float32]:
     """The images as fractions of full scale, once `check_exposed` accepts them."""
@@ -89,9 +95,15 @@ def check_exposed(
             warn(mosaic)
     if shallow and white is None:
         warn(f"{names[0]}: {bits_in(stack)} bit, but no value above {2**depth - 1}; {shallow}")
-    if counts and full < MIN_LEVELS * (step := _level_step(stack[0])):
+    if _has_jpeg_blocks(stack[0]):
+        if Path(names[0]).suffix.lower() not in JPEG_SUFFIXES:  # of these the reader warns
+            warn(
+                f"{names[0]}: the light jumps at every eighth pixel, as JPEG leaves it, whatever "
+                "the file is called; record PNG or TIFF from the camera on"
+            )
+    elif counts and full < MIN_LEVELS * (step := _level_step(stack[0])):
         warn(
-            f"{names[0]}: only every {step}th gray level occurs, as in images of "
+            f"{names[0]}: only one gray level in {step} occurs, as in images of "
             f"{(full // step + 1).bit_length() - 1} bits; record 8 bits or more"
         )
 
@@ -103,6 +115,22 @@ def _level_step(plane: NDArray[Any]) -> int:
         if step == 1:
             break
     return step
+
+
+def _has_jpeg_blocks(plane: NDArray[Any]) -> bool:
+    """Whether light changes most across every eighth line, along rows and along columns."""
+    blocks = min(COMPARED_BLOCKS, (min(plane.shape[:2]) - 1) // JPEG_BLOCK_PX)
+    if plane.ndim > 2 or blocks < 2:
+        return False
+    side = blocks * JPEG_BLOCK_PX
+    y, x = ((rows - side) // 2 for rows in plane.shape)
+    middle = plane[y : y + side + 1, x : x + side + 1].astype(np.float32)
+    for part in middle[:side], middle[:, :side].T:
+        lines = np.abs(np.diff(part, axis=1)).mean(axis=0).reshape(blocks, JPEG_BLOCK_PX)
+        second, most = np.sort(np.median(lines, axis=0))[-2:]
+        if most <= MIN_BLOCK_STEP * second:
+            return False
+    return True
 
 
 def _saturated(plane: NDArray[Any], most: float, full: float) -> float:

@@ -14,12 +14,18 @@ from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_grid import Grid, find_grid, place_balls
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
 from tactograph.nodes.calibrate.lights.light_samples import rest_of
+from tactograph.nodes.calibrate.rating.judge_flat import is_uneven
 from tactograph.nodes.capture.read_balls import KnownCircles, Marks, Radii
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 MARKING_ADVICE = (
     "if there is one, say where in its capture.yaml (ball_center_px: [x, y], ball_contact_px: r)"
+)
+
+TOUCHED_FLAT = (
+    "the flat frame is lit unevenly, as by a touch: take it again with nothing touching the film, "
+    "and the camera's local contrast off"
 )
 
 
@@ -54,7 +60,7 @@ def find_balls(
     Parameters
     ----------
     light : K x S x W, the presses relative to the film at rest
-    flat : K x H x W; only its size is used
+    flat : K x H x W, the film at rest; blamed for a ball that is not found if it is no such film
     radius, known, names
         P in mm, P x 3 in px, P: as `read_balls` returns them.  No names: no press, no ball.
     pixel : mm per px
@@ -99,13 +105,17 @@ def find_balls(
             )
         except InputError as error:
             reason = str(error).partition("; ")[0]
+            if len(names) == 1 and is_uneven(flat, pixel):
+                raise InputError(f"{TOUCHED_FLAT} ({reason})") from None
             if len(names) == 1:
                 raise InputError(f"{reason}; {MARKING_ADVICE}; else press again") from None
             warn(f"press {name} is left out: {reason}; {MARKING_ADVICE}")
             ball = None
         balls.append(ball)
     if not any(balls):
-        raise InputError(f"none of {len(names)} presses shows its ball; check `radius` and `pixel`")
+        none = f"none of {len(names)} presses shows its ball"
+        cure = TOUCHED_FLAT if is_uneven(flat, pixel) else "check `radius` and `pixel`"
+        raise InputError(f"{none}; {cure}")
     return FoundBalls(
         np.array([(*b.center, b.contact) if b else (0, 0, 0) for b in balls], np.float32),
         np.array([b.goodness if b else 0 for b in balls], np.float32),

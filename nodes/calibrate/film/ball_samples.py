@@ -414,7 +414,9 @@ def _thrown_on(
             by_rim = thrown(wider, FINE_CELLS).left - bounced.left
     else:
         bounced = thrown(film, DEFAULT_MAX_CELLS)
-        by_lift *= bounced.left.mean() / on_matt.left.mean()
+        # Where matt film throws nothing on itself, a ball that is higher adds nothing.
+        if on_matt.left.any():
+            by_lift *= bounced.left.mean() / on_matt.left.mean()
         by_rim = np.zeros_like(press)
         if shape is None:
             by_rim = thrown(wider, DEFAULT_MAX_CELLS).left - bounced.left

@@ -50,7 +50,7 @@ GIVEN_UP_RATIO = np.sqrt(2)
 DISTANCE_TOLERANCE = 0.15
 """Tolerated relative difference between the LEDs' distance as found and as given."""
 FORCE_ADVICE = "; `force`=true writes the calibration nevertheless, marked as doubtful"
-CAMERA_ADVICE = "; if the camera is near the film, give its height (`film.camera`=MM)"
+CAMERA_ADVICE = ", or the camera near the film, whose height you have not given (`film.camera`=MM)"
 RADIUS_INPUTS = " (`evidence.radius`, `evidence.pixel`)"
 
 OTHER_SIZE, OTHER_POWER = TOLD_UNKNOWNS
@@ -250,6 +250,9 @@ def explain(
     found = {
         name: min(tried(parts), key=lambda each: each.departure) for name, parts in free.items()
     }
+    # A camera that is found far away is as told, and its fit may end in a lower minimum.
+    if (far := found.get(OTHER_CAMERA)) is not None and far.camera == 0:
+        found[AS_TOLD] = min(found[AS_TOLD], far, key=lambda each: each.departure)
     values = min(samples.light.size, MAX_INDEPENDENT_REST * len(lights))
     cap = {
         name: _cap(balls, found[name].size) / _cap(balls, 1.0) for name in (OTHER_SIZE, CLEAR_GEL)
@@ -287,7 +290,6 @@ def doubts_of(
             f"({least:.1%} unexplained instead of {given:.1%})"
             + "".join(f"; so does {_value(found, name, radius)}" for name in alike)
             + _cure(found, best, which)
-            + CAMERA_ADVICE * (best == OTHER_SIZE and OTHER_CAMERA in found.by_name)
         )
         return [doubt], min(found.odds(best), found.odds(best, left)) > REFUSED_ODDS
     told = found.by_name[AS_TOLD].departure
@@ -295,7 +297,7 @@ def doubts_of(
         doubt = (
             f"no model of the film explains balls and untouched film together: the best leaves "
             f"{left:.1%} of the light unexplained, where a plain film leaves {told:.1%}. Check the "
-            f"order of the images, the ball's radius and the pixel size{which}"
+            f"order of the images, the focus, the ball's radius and the pixel size{which}"
         )
         return [doubt], False
     return [], False
@@ -395,7 +397,9 @@ def _cure(found: Alternatives, name: str, which: str) -> str:
         wrong = "its diameter"
     return (
         f": is the radius given {wrong}, or the pixel size too "
-        f"{'small' if size < 1 else 'large'}, as by another zoom? Measure both{which}"
+        f"{'small' if size < 1 else 'large'}, as by another zoom"
+        + CAMERA_ADVICE * (OTHER_CAMERA in found.by_name)
+        + f"? Measure radius and pixel size{which}"
     )
 
 

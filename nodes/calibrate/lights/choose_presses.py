@@ -111,12 +111,14 @@ def choose_presses(
     presses = presses_of(light, slope, known, height, lit, rows)
     kept, residual = np.zeros(len(presses), np.uint8), np.zeros(len(presses), np.float32)
     kept[pressed] = 1
+    why = {
+        i: f"{lost[i]:.0%} of its contact is saturated; expose shorter"
+        for i in pressed
+        if lost[i] > MAX_LOST_SHARE
+    }
+    if len(presses) == 1 and why:
+        raise InputError(why[0].replace("its contact", "the ball"))
     if len(presses) > 1:
-        why = {
-            i: f"{lost[i]:.0%} of its contact is saturated; expose shorter"
-            for i in pressed
-            if lost[i] > MAX_LOST_SHARE
-        }
         seen = [i for i in pressed if i not in why]
         objects = {i: sample(presses[i], pixel, MAX_SAMPLES_EACH, shape) for i in seen}
         why |= {i: reason for i in seen if (reason := _unlit(objects[i]))}

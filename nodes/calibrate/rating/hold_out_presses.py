@@ -124,11 +124,12 @@ def hold_out_presses(
             errors.append(judge_contact(*surface, circle, balls.radius[b] / pixel, pixel, judged))
         degrees[i], microns[i], share = np.mean(errors, axis=0)
         percent.append(share)
-    quality |= {
-        "heldout_normal_deg": float(np.nanmean(degrees)),
-        "heldout_height_um": float(np.nanmean(microns)),
-        "heldout_height_percent": float(np.mean(percent)),
-    }
+    if np.isfinite(degrees).any():
+        quality |= {
+            "heldout_normal_deg": float(np.nanmean(degrees)),
+            "heldout_height_um": float(np.nanmean(microns)),
+            "heldout_height_percent": float(np.nanmean(percent)),
+        }
     return HeldOut(degrees, microns, quality)
 
 

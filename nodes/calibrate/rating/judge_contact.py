@@ -38,12 +38,14 @@ def judge_contact(
     Returns
     -------
     Mean angle between normals in degrees; root mean square height error without its mean, in um;
-    the same in per cent of the cap's height.
+    the same in per cent of the cap's height.  NaN where no pixel of the contact is judged.
     """
     y, x = np.mgrid[: height.shape[0], : height.shape[1]].astype(np.float64)
     inside = np.hypot(x - circle[0], y - circle[1]) < JUDGED_RADIUS_SHARE * circle[2]
     if known is not None:
         inside &= known
+    if not inside.any():
+        return np.nan, np.nan, np.nan
     true, rise = ball_shape(x[inside], y[inside], circle, radius, pixel)
     measured = slope[:, inside].astype(np.float64)
     angle = angle_between(measured, true)

@@ -11,6 +11,8 @@ SMOOTH_DEGREE = 6
 """Degree of what LEDs and lenses do to the light, which is smoother than a touch."""
 MAX_SLOPE = 0.008
 """Slope of untouched film, in root mean square; 0.002 on real and rendered film."""
+MAX_ROUGHNESS = 0.004
+"""Relative light that no LED, lens or slope explains; 0.002 on real film, 0.001 on rendered."""
 MAX_UNEXPLAINED = 0.5
 """Share of the light's departure that slopes leave of it, at most, if slopes cause it."""
 FEWEST_TESTED_LEDS = 4
@@ -19,7 +21,7 @@ FEWEST_TESTED_LEDS = 4
 
 @node
 def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[str]:
-    """Return a doubt if the flat frame shows slopes, as of an object or of the mean with a touch.
+    """Return a doubt if the flat frame shows slopes, as of a touch, or what no film does.
 
     Where film slopes, LEDs brighten it that it turns to, and others darken it.  The logarithm of
     the flat frame less the mean over the LEDs, and less polynomials, is a slope times the tangents
@@ -39,15 +41,24 @@ def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[st
     towards = (towards - towards.mean(axis=0)).astype(np.float64)
     slope = np.linalg.lstsq(towards, residual, rcond=None)[0]
     steepness = float(np.sqrt(np.square(slope).sum(axis=0).mean()))
-    unexplained = np.square(residual - towards @ slope).mean() / max(
-        np.square(residual).mean(), 1e-12
+    power = np.square(residual).mean()
+    unexplained = np.square(residual - towards @ slope).mean() / max(power, 1e-12)
+    if unexplained > MAX_UNEXPLAINED**2:
+        why, is_told = "unevenly, under each LED in another way", power > MAX_ROUGHNESS**2
+    else:
+        why, is_told = f"as film with slopes of {steepness:.1%} is", steepness > MAX_SLOPE
+    doubt = (
+        f"the flat frame is lit {why}, which is not at rest: take it again with nothing touching "
+        "the film, after the last touch has relaxed, and with the camera's local contrast off"
     )
-    if steepness < MAX_SLOPE or unexplained > MAX_UNEXPLAINED**2:
-        return []
-    return [
-        f"the flat frame is lit as film with slopes of {steepness:.1%} is, which is not at rest: "
-        "take it again with nothing touching the film, after the last touch has relaxed"
-    ]
+    return [doubt] * bool(is_told)
+
+
+def is_uneven(flat: Light, pixel: PixelSize) -> bool:
+    """Return whether a flat frame, K x H x W, holds more than LEDs and lenses make, wherever they
+    are."""
+    rest = rest_of(flat, pixel)
+    return rest is not None and bool(np.square(_rough_part(rest)).mean() > MAX_ROUGHNESS**2)
 
 
 def _rough_part(rest: Rest) -> F8:

@@ -150,8 +150,6 @@ def rate_calibration(
             "the pixel size; a film that is glossy departs, too"
         )
     twins = _of_twins(lights)
-    if not twins:
-        _note_order(lights)
     doubts += twins
     if pixel is not None and albedo is not None:
         # A coat of the largest index trades off against the albedo under it, whatever the radius.
@@ -164,6 +162,8 @@ def rate_calibration(
         doubts += contradiction
     for doubt in doubts:
         warn(doubt)
+    if not twins:
+        _note_order(lights)
     known = mask > 0
     rated = {
         "entries": float(len(lut_slope)),

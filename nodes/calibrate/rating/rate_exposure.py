@@ -32,7 +32,8 @@ NO_FILM_LIGHT = 0.1
 """Light beside the balls, under all LEDs, up to which there is no film."""
 _TAKEN_FLAT = (
     "the flat frame",
-    "take both with one sensor and the same exposure, gain, gamma and LED currents",
+    "take both with one sensor and the same exposure, gain, gamma and LED currents, none of them "
+    "automatic",
 )
 _MODELLED_FLAT = (
     "a plain film under the LEDs that were found, as no flat frame was given",
@@ -117,20 +118,23 @@ def rate_exposure(
             continue
         motion = film_motion(cells[0], fall_off(cells[1]))
         moved = motion_in_words(motion) if motion_size(motion) > MAX_MOTION else ""
+        lies = (
+            f"beside the ball the film does not lie where the flat frame shows it: {moved} (take "
+            "both with the same camera, lens, zoom and crop)"
+        )
         # Light that was added evens the film's fall-off, as a zoom does.
-        or_moved = f"; or is it another zoom or crop ({moved})?" if moved else ""
         added = added_share(*(a[:, far] for a in cells))
-        if abs(added) > MAX_ADDED:
-            doubts.append(
-                f"{where}under all LEDs the film beside the ball is {abs(added):.1%} "
-                f"{'brighter' if added > 0 else 'darker'} than {compared}, the dimmer the more: "
-                f"keep other light out, or take an image with all LEDs off as well{or_moved}"
-            )
-        elif moved:
-            doubts.append(
-                f"{where}beside the ball the film does not lie where the flat frame shows it: "
-                f"{moved} (take both with the same camera, lens, zoom and crop)"
-            )
+        is_lit = (
+            f"under all LEDs the film beside the ball is {abs(added):.1%} "
+            f"{'brighter' if added > 0 else 'darker'} than {compared}, the dimmer the more: keep "
+            "other light out, or take an image with all LEDs off as well"
+        )
+        if abs(added) <= MAX_ADDED:
+            doubts += [where + lies] * bool(moved)
+        elif moved and added < 0:  # other light brightens, unless the flat frame alone had it
+            doubts.append(f"{where}{lies}, or {is_lit}")
+        else:
+            doubts.append(f"{where}{is_lit}; or is it another zoom or crop?")
     return Judged({"rest_departure_percent": 100 * worst}, doubts)
 
 

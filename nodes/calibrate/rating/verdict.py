@@ -52,13 +52,18 @@ def log_odds(before: float, after: float, unknowns: int, values: float) -> float
 
 
 def of_heldout_error(degrees: float | None) -> list[str]:
-    """Return a doubt if the normals of what was held out are far off."""
+    """Return a doubt if the normals of what was held out are far off, or none was seen (NaN)."""
     if degrees is None or degrees <= MAX_ERROR_DEG:
         return []
+    if math.isnan(degrees):
+        return [
+            "no press could be checked by the others, as its contact is not seen where they have "
+            "it: press deeper, and check the ball's radius and the pixel size"
+        ]
     return [
         f"normals of what was held out are {degrees:.1f} degrees off, more than "
-        f"{MAX_ERROR_DEG:g}: check the ball's radius, the pixel size, the order of the images and "
-        "dirt on the ball"
+        f"{MAX_ERROR_DEG:g}: check the ball's radius, the pixel size, the order of the images, "
+        "dirt on the ball, and that gamma and local contrast are off"
     ]
 
 

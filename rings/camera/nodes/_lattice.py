@@ -11,6 +11,8 @@ MIN_POINTS = 12
 """Fewest points on the lattice; three rows and columns are needed, too."""
 MAX_OFFSET_PITCHES = 0.25
 """Largest distance of a neighbour from its predicted position, relative to the pitch."""
+STARTING_POINTS = 25
+"""Points around the first one, five rows and columns, that tell its step."""
 LATTICE_STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 Points = NDArray[Any]
@@ -57,8 +59,10 @@ def on_lattice(points: Points) -> Lattice | None:
     if len(points) < MIN_POINTS:
         return None
     tree = KDTree(points)
-    step = _step(points)
     start = int(np.argmin(np.linalg.norm(points - np.median(points, axis=0), axis=1)))
+    # A strong lens makes the middle's pitch far larger than the typical one.
+    _, around = tree.query(points[start], k=min(STARTING_POINTS, len(points)))
+    step = _step(points[around])
     cells = {start: (0, 0)}
     occupied = {(0, 0)}
     queue = deque([(start, step, np.array([-step[1], step[0]]))])

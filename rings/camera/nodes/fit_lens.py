@@ -90,17 +90,29 @@ def fit_lens(
     residual = float(np.sqrt(np.nanmean(np.sum(departure**2, axis=1))))
     pitch = half * float(np.exp(pose[0]))
     bend = 100 * float(lens[0] + lens[1])
-    if residual > MAX_RESIDUAL_PITCHES * pitch:
-        problem = f"the {marks.pattern} of the image depart by {residual:.2f} px from any even grid"
-        if abs(bend) > MAX_BEND_PERCENT:
-            raise InputError(
-                f"{problem} through a lens that bends lines by {bend:.0f} % at the corner, more "
-                "than k1 and k2 describe; crop all images to the middle, or take a longer lens"
-            )
-        raise InputError(f"{problem}; lay it flat on the film, or name another `marks.pattern`")
-    _check_fold(lens)
     reach = float(np.linalg.norm(places[inliers], axis=1).max())
-    if reach < MIN_REACH_SHARE:
+    seen_bend = 100 * abs(float(lens[0] * reach**2 + lens[1] * reach**4))
+    crop = _crop_advice(
+        middle, half * reach * min(1, (MAX_BEND_PERCENT / max(seen_bend, 1)) ** 0.5)
+    )
+    problem = f"the {marks.pattern} of the image depart by {residual:.2f} px from any even grid"
+    by_lens = (
+        f"{problem} through a lens that bends lines by {bend:.0f} % at the corner, more than k1 "
+        f"and k2 describe; {crop}"
+    )
+    if residual > MAX_RESIDUAL_PITCHES * pitch:
+        if abs(bend) > MAX_BEND_PERCENT:
+            raise InputError(by_lens)
+        raise InputError(f"{problem}; lay it flat on the film, or name another `marks.pattern`")
+    if _folds(lens):
+        raise InputError(
+            f"the fitted distortion ({bend:.1f} % at the corner) folds the image beyond the marks, "
+            f"which reach {reach:.0%} of the way to the corners; show a grid that fills the image, "
+            f"or, where the view is round, {crop}"
+        )
+    if abs(bend) > MAX_BEND_PERCENT and residual > MAX_DEVIATIONS * MARK_ACCURACY_PX:
+        warn(by_lens)
+    elif reach < MIN_REACH_SHARE:
         warn(
             f"the marks reach {reach:.0%} of the way to the corners; the distortion beyond is "
             "only continued: show a grid that fills the image"
@@ -182,11 +194,15 @@ def _predicted(pose: Places, lens: Places, cell: Places) -> Places:
     return np.stack([u + du, v + dv], axis=1)
 
 
-def _check_fold(lens: Places) -> None:
-    """Refuse a lens that maps two ideal positions to one."""
+def _crop_advice(middle: Places, reach_px: float) -> str:
+    """Which square about the image's middle has its corners so far from there."""
+    side = reach_px / 2**0.5
+    x0, y0 = np.ceil(np.maximum(middle - side, 0)).astype(int)
+    x1, y1 = np.floor(np.minimum(middle + side, 2 * middle)).astype(int) + 1
+    return f"give crop={x0},{y0},{x1},{y1} for this and all other images, or take a longer lens"
+
+
+def _folds(lens: Places) -> bool:
+    """Whether a lens maps two ideal positions to one."""
     square = np.linspace(0, 1.2, 50) ** 2
-    if (1 + 3 * lens[0] * square + 5 * lens[1] * square**2 <= 0).any():
-        raise InputError(
-            f"the fitted distortion ({100 * (lens[0] + lens[1]):.1f} % at the corner) folds the "
-            "image; show a grid that fills it"
-        )
+    return bool((1 + 3 * lens[0] * square + 5 * lens[1] * square**2 <= 0).any())

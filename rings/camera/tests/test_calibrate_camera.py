@@ -1,6 +1,7 @@
 """A camera is found from one image of a grid on the film."""
 
 import json
+import re
 from pathlib import Path
 
 import cv2
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from rings.camera.tests.grids import board, dots, on_film, pixels
+from rings.camera.tests.grids import SUB, board, dots, on_film, pixels
 from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
@@ -23,7 +24,7 @@ from tactograph.rings.camera.nodes.find_grid import GridMarks, find_grid
 from tactograph.rings.camera.nodes.fit_lens import LensFit, fit_lens
 from tests.fixtures import python
 
-SHAPE = (240, 320)
+SHAPE, ROUND_SHAPE = (240, 320), (480, 640)
 NONE = np.zeros(8, np.float32)
 MADE = Provenance({}, None, [], {}, {}, [], [])
 PITCH_MM = 1.5
@@ -162,8 +163,37 @@ def test_a_lens_beyond_the_model_is_told_from_a_grid_that_is_not_flat() -> None:
     place = np.float32(seen + np.array(SHAPE[::-1]) / 2)
     there = ((place > 4) & (place < np.array(SHAPE[::-1]) - 5)).all(axis=1)
     marks = GridMarks(place[there], cell[there], "dots", 0)
-    with pytest.raises(InputError, match=r"bends lines by -\d+ % at the corner.*crop all"):
+    with pytest.raises(InputError, match=r"bends lines by -\d+ % at the corner.*give crop=\d+,"):
         fit_lens(np.zeros(SHAPE, np.float32), marks, pitch_mm=1.0)
+
+
+def round_view(strength: float, view: float) -> F4:
+    """A checkerboard through a strong barrel lens (a division model) and a round diaphragm."""
+    y, x = (np.indices([SUB * side for side in ROUND_SHAPE]) + 0.5) / SUB
+    half = np.hypot(*ROUND_SHAPE) / 2
+    u, v = (x - ROUND_SHAPE[1] / 2) / half, (y - ROUND_SHAPE[0] / 2) / half
+    square = u * u + v * v
+    far = half / np.maximum(1 - strength * square, 0.05) / 26
+    lit = np.where(square < view**2, board(far * u + 0.1 * far * v, far * v - 0.1 * far * u), 0.01)
+    return np.float32(cv2.GaussianBlur(pixels(lit), (0, 0), 0.8))
+
+
+def test_a_round_view_is_fitted_within_the_crop_that_is_named() -> None:
+    """The middle's pitch is larger than the usual one; beyond the view the fit folds the image."""
+    image = round_view(0.8, 0.42)
+    with pytest.raises(InputError, match=r"folds the image beyond the marks.*give crop=") as told:
+        camera_of(image)
+    ((x0, y0, x1, y1),) = re.findall(r"crop=(\d+),(\d+),(\d+),(\d+)", str(told.value))
+    found = camera_of(image[int(y0) : int(y1), int(x0) : int(x1)])
+    assert found.residual < 0.15
+    assert found.quality["marks"] > 60
+
+
+def test_a_lens_that_two_numbers_do_not_describe_is_doubted() -> None:
+    """36 % at the corner and 1.2 px of residual were taken without a word."""
+    with collect_warnings([]) as notes:
+        camera_of(round_view(0.8, 0.58))
+    assert any("more than k1 and k2 describe; give crop=" in note for note in notes)
 
 
 def test_a_tilted_lens_off_the_middle_keeps_all_its_marks() -> None:

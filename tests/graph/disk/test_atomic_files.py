@@ -211,7 +211,17 @@ def test_a_read_error_is_not_told_as_one_of_writing(tmp_path: Path) -> None:
 def test_an_array_of_which_a_part_is_written_means_a_full_disk(tmp_path: Path) -> None:
     """NumPy says so without an errno."""
     with (
-        pytest.raises(WriteError, match=r"out: cannot be written: No space left .*; make room"),
+        pytest.raises(WriteError, match=r"out: cannot be written: No space .* disk of /.*; make"),
         atomic_files(tmp_path / "out"),
     ):
         raise OSError("76800 requested and 51168 written")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_full_disk_names_the_file_and_leaves_no_folder(tmp_path: Path) -> None:
+    with (
+        pytest.raises(WriteError, match=r"new/deep/cal\.npz: cannot be written: No space left"),
+        atomic_file(tmp_path / "new" / "deep" / "cal.npz"),
+    ):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert [*tmp_path.iterdir()] == []

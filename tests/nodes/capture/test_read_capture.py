@@ -291,7 +291,26 @@ def test_fewer_bits_than_eight_are_told(tmp_path: Path) -> None:
     with collect_warnings([]) as notes:
         read_one(write(tmp_path, IMAGES // 32 * 17))
     assert len(notes) == 1
-    assert "only every 17th gray level occurs, as in images of 4 bits" in notes[0]
+    assert "only one gray level in 17 occurs, as in images of 4 bits" in notes[0]
+
+
+@pytest.mark.parametrize("quality", [8, 50])
+def test_jpeg_is_told_whatever_the_file_is_called(tmp_path: Path, quality: int) -> None:
+    """A touch of such images was doubted as having the slopes of no surface."""
+    y, x = np.mgrid[:120, :160]
+    ball = 0.6 + 0.4 * np.exp(-((x - 80) ** 2 + (y - 60) ** 2) / 800) + x / 900
+    noise = np.random.default_rng(0).normal(0, 1, (4, 120, 160))
+    taken = [np.clip(120 * ball + noise[k] + 9 * k, 0, 255).astype(np.uint8) for k in range(4)]
+    with collect_warnings([]) as notes:
+        read_one(write(tmp_path / "raw", taken))
+    assert notes == []
+    packed = [
+        cv2.imencode(".jpg", plane, [cv2.IMWRITE_JPEG_QUALITY, quality])[1] for plane in taken
+    ]
+    with collect_warnings([]) as notes:
+        read_one(write(tmp_path / "jpeg", [cv2.imdecode(each, 0) for each in packed]))
+    (note,) = notes
+    assert "led1.png: the light jumps at every eighth pixel, as JPEG leaves it" in note
 
 
 def test_jpeg_is_read_with_a_warning(tmp_path: Path) -> None:
@@ -354,6 +373,14 @@ def test_one_led_in_two_files_is_refused(tmp_path: Path) -> None:
 def test_a_file_in_place_of_a_folder_is_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"led1\.png: is a file; give the folder"):
         read_one(write(tmp_path) / "led1.png")
+
+
+@pytest.mark.parametrize("place", ["press.MP4", "."])
+def test_a_video_is_named_with_the_commands_that_take_it(tmp_path: Path, place: str) -> None:
+    (tmp_path / "press.MP4").write_bytes(b"a film")
+    message = r"press\.MP4[:,] .*is a video: 'run live camera=.*press\.MP4 port=none' takes it"
+    with pytest.raises(InputError, match=message):
+        read_one(tmp_path / place)
 
 
 def test_a_pipe_in_the_place_of_the_capture_file_is_refused(tmp_path: Path) -> None:

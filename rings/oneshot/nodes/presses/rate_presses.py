@@ -42,7 +42,7 @@ class PressRating(NamedTuple):
     doubts: list[str]
     verdict: str
     heldout_deg: Annotated[F4, Port("B", "deg")]
-    """Mean angle between normals in each contact; 0 where it is left out."""
+    """Mean angle between normals in each contact; 0 where it is left out or not seen."""
 
 
 @node
@@ -101,7 +101,8 @@ def rate_presses(
             at = refine_center(bench, reflectance, at, press, rim, steps=6)
             surface = reconstruct(bench, reflectance, press)
             errors[press] = judge_contact(*surface, at, bench.radius, bench.pixel)
-    degrees, microns, percent = errors[chosen].mean(axis=0)
+    seen = chosen[np.isfinite(errors[chosen, 0])]
+    degrees, microns, percent = errors[seen].mean(axis=0) if seen.size else [np.nan] * 3
     pressed = presses_per_cell(circle[chosen], bench.shape)
     steepest = rim_slope(circle[chosen], bench.radius)
     quality = {
@@ -123,7 +124,8 @@ def rate_presses(
     advice = advice_after(doubts, advise(pressed, bench.shape, steepest))
     verdict = verdict_of(doubts, *counting, of_radius.unconfirmed)
     quality |= of_radius.quality | of_punches.quality
-    return PressRating(quality, advice, doubts, verdict, errors[:, 0].astype(np.float32))
+    angles = np.nan_to_num(errors[:, 0]).astype(np.float32)
+    return PressRating(quality, advice, doubts, verdict, angles)
 
 
 def presses_per_cell(circles: F4, shape: tuple[int, int]) -> F4:

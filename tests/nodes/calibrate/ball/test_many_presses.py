@@ -91,6 +91,20 @@ def test_bad_presses_are_left_out_and_named_with_the_reason(calibrated) -> None:
         assert any(f"press {name} is left out" in n and reason in n for n in told), name
 
 
+def test_a_single_press_that_is_saturated_is_no_led_that_is_off(
+    sensor: Path, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match="of the ball is saturated; expose shorter"):
+        calibrate(sensor / "presses" / "g_bright", tmp_path / "cal.npz", sensor / "flat")
+
+
+def test_a_flat_frame_that_is_touched_is_blamed_for_a_ball_that_is_not_found() -> None:
+    touched = pressed(*GOOD["d"])
+    radius, known = np.full(1, 5.0, np.float32), np.full((1, 3), np.nan, np.float32)
+    with pytest.raises(InputError, match="the flat frame is lit unevenly, as by a touch: take it"):
+        find_balls(np.ones_like(touched), touched, radius, known, [""], PIXEL)
+
+
 def test_the_leds_are_placed_by_the_good_presses_alone(calibrated) -> None:
     _, out = calibrated
     assert off(read_calibration(file=out).film.lights, RING) < 0.005

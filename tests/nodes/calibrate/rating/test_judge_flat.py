@@ -20,6 +20,15 @@ def test_a_share_of_a_touch_is_told(raytraced: Raytraced, share: float, told: bo
     assert ["not at rest" in doubt for doubt in doubts] == [True] * told
 
 
+def test_local_contrast_is_named(raytraced: Raytraced) -> None:
+    """It was told as a wrong radius."""
+    flat = np.round(255 * image_of(raytraced / RIG / "flat")).astype(np.uint8)
+    clahe = cv2.createCLAHE(4, (8, 8))
+    equalised = np.stack([clahe.apply(plane) for plane in flat]) / np.float32(255)
+    (doubt,) = judge_flat(equalised, LIGHTS, RIG_PIXEL_MM[RIG])
+    assert "local contrast off" in doubt
+
+
 def test_film_that_is_bright_in_places_is_at_rest(raytraced: Raytraced) -> None:
     flat = image_of(raytraced / RIG / "flat")
     grain = cv2.GaussianBlur(np.random.default_rng(1).normal(size=flat.shape[1:]), (0, 0), 5)

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -106,6 +107,16 @@ def test_a_camera_that_moved_before_the_press_is_told() -> None:
     circle = np.array([[60, 40, 12]], np.float32)
     (said,) = rate_exposure(press / flat, flat, flat, circle, OF, [""]).doubts
     assert "width further right" in said
+
+
+def test_a_zoom_out_is_told_before_other_light() -> None:
+    """It was told as light that darkens."""
+    flat = corner_lit() ** 2
+    small = cv2.resize(np.moveaxis(flat, 0, 2), None, fx=0.9, fy=0.9, interpolation=cv2.INTER_AREA)
+    press = np.moveaxis(cv2.copyMakeBorder(small, 4, 4, 6, 6, cv2.BORDER_REPLICATE), 2, 0)
+    circle = np.array([[60, 40, 12]], np.float32)
+    (said,) = rate_exposure(press / flat, flat, flat, circle, OF, [""]).doubts
+    assert said.startswith("beside the ball the film does not lie where the flat frame shows it")
 
 
 FALLING = np.linspace(0.25, 0.7, 60, dtype=np.float32)
