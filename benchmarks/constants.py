@@ -41,19 +41,27 @@ class Constant(NamedTuple):
 
 
 def constants(file: Path) -> Iterator[Constant]:
-    """The constants of a file that hold numbers; the next docstring below is the reason."""
+    """The constants of a file that hold numbers; the docstring right below one is its reason."""
     body = ast.parse(file.read_text()).body
     for place, statement in enumerate(body):
         if not isinstance(statement, ast.Assign | ast.AnnAssign) or statement.value is None:
             continue
         targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
         named = [each.id for each in ast.walk(ast.Tuple(targets)) if isinstance(each, ast.Name)]
-        held = [each for each in ast.walk(statement.value) if is_number(each)]
+        held = [each for each in values(statement.value) if is_number(each)]
         if not held or not all(name.isupper() for name in named):
             continue
-        said = next((text for each in body[place + 1 :] if (text := docstring(each))), "")
+        said = docstring(body[place + 1]) if place + 1 < len(body) else ""
         value = " ".join(ast.unparse(statement.value).split())
         yield Constant(", ".join(named), value, len(held), " ".join(said.split()))
+
+
+def values(node: ast.AST) -> Iterator[ast.AST]:
+    """What an expression is made of; how an array is read backwards is no value of it."""
+    yield node
+    for part in ast.iter_child_nodes(node):
+        if not isinstance(part, ast.Slice):
+            yield from values(part)
 
 
 def is_number(node: ast.AST) -> bool:

@@ -65,6 +65,14 @@ class _Lazy(click.Group):
             return cast(click.Command, module.command)
         return _ring_command(cmd_name)
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            name = error.option_name
+            message = f"No such option '{name}'; one of a command stands behind the command's name"
+            raise click.NoSuchOption(name, message, error.possibilities, ctx) from None
+
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:

@@ -11,6 +11,8 @@ from collections.abc import Callable
 from heapq import heappop, heappush
 from typing import Any
 
+from numpy.typing import NDArray
+
 Free = list[tuple[int, Any]]
 """A heap of the free buffers of one size, by number."""
 SIZE_STEP_BITS = 4
@@ -20,13 +22,14 @@ SIZE_STEP_BITS = 4
 class Memory:
     """A buffer on loan, which returns to its pool when this object is freed.
 
-    `number` identifies it for the life of the device.
+    `number` identifies it for the life of the device; `sent` is what the host wrote there.
     """
 
-    __slots__ = ("_free", "buffer", "number")
+    __slots__ = ("_free", "buffer", "number", "sent")
 
     def __init__(self, buffer: Any, number: int, free: Free | None = None) -> None:
         self.buffer, self.number, self._free = buffer, number, free
+        self.sent: NDArray[Any] | None = None
 
     # As a default, since a module's names may be gone when the interpreter ends.
     def __del__(self, push: Callable[[Free, tuple[int, Any]], None] = heappush) -> None:

@@ -2,8 +2,7 @@
 
 A driver compiles one program at a time in a process.  A helper starts its compiler while this
 process still plans, goes through a plan's programs, passes over those that another process is at,
-and keeps them on disk (`programs.py`).  It writes to no terminal, and ends with its parent.  One
-that optimises what was built in a hurry goes on to the end.
+and keeps them on disk (`programs.py`).  It writes to no terminal, and ends with its parent.
 """
 
 import os
@@ -12,9 +11,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
-from tempfile import TemporaryFile
 from threading import Thread
-from typing import Any
 
 import pyopencl as cl
 
@@ -32,10 +29,6 @@ from tactograph.graph.cores import cores
 MIN_AHEAD_PROGRAMS = 4
 """The fewest programs not on disk that justify a process: it takes as long to start as two."""
 MAX_HELPERS = 3
-NO_PARENT = 0
-"""The parent of a helper that goes on without one, ..."""
-IDLE_NICENESS = 19
-"""... while nothing else wants the processor."""
 helpers: list[subprocess.Popen[bytes]] = []
 _idle: list[subprocess.Popen[bytes]] = []
 """Idle helpers, which wait for programs to build."""
@@ -46,30 +39,16 @@ def begin_helpers(device: cl.Device) -> None:
     if any(helper.poll() is None for helper in helpers) or not sys.executable:
         return
     for _ in range(min(cores() - 1, MAX_HELPERS)):
-        _idle.append(_started(os.getpid(), device, subprocess.PIPE))
-
-
-def optimise(device: cl.Device, recipes: Sequence[Recipe]) -> None:
-    """Begin to build programs for later processes, by one that nobody waits for."""
-    if sys.executable:
-        with TemporaryFile() as told:
-            pickle.dump(recipes, told)
-            told.seek(0)
-            _started(NO_PARENT, device, told)
-
-
-def _started(parent: int, device: cl.Device, told: Any) -> subprocess.Popen[bytes]:
-    """Start a process that ends with `parent`, and builds what it is told."""
-    helper = subprocess.Popen(
-        [sys.executable, "-m", __name__, str(parent), device.name],
-        stdin=told,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONSAFEPATH": "1"},
-        start_new_session=True,  # Ctrl-C is for this process
-    )
-    helpers.append(helper)
-    return helper
+        helper = subprocess.Popen(
+            [sys.executable, "-m", __name__, str(os.getpid()), device.name],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, "PYTHONSAFEPATH": "1"},
+            start_new_session=True,  # Ctrl-C is for this process
+        )
+        helpers.append(helper)
+        _idle.append(helper)
 
 
 def build_ahead(context: cl.Context, needed: Sequence[Recipe], perhaps: Sequence[Recipe]) -> None:
@@ -95,15 +74,13 @@ def _tell(helper: subprocess.Popen[bytes], recipes: Sequence[Recipe]) -> None:
 
 def main() -> None:
     """Build what the parent writes into the standard input."""
-    parent, name = int(sys.argv[1]), sys.argv[2]
-    if parent == NO_PARENT:
-        os.nice(IDLE_NICENESS)
+    parent, name = sys.argv[1:]
     platforms = (p for p in cl.get_platforms() if p.name in KEPT_PLATFORMS)
     context = next(context_of(d) for p in platforms for d in p.get_devices() if d.name == name)
     start_compiler(context)
     with suppress(EOFError):  # there was nothing to build
         for source, options in pickle.load(sys.stdin.buffer):
-            if parent not in (NO_PARENT, os.getppid()):
+            if os.getppid() != int(parent):
                 return
             build_if_free(context, source, options)
 

@@ -15,7 +15,7 @@ from tactograph.graph.backends.kernel_source import (
     kernel_source,
     scalar_type,
 )
-from tactograph.graph.backends.programs import UNOPTIMISED_OPTION, Recipe, build, is_ready
+from tactograph.graph.backends.programs import build
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import NodeError
 
@@ -32,7 +32,6 @@ class Compiled:
         self.kept: dict[Any, Any] = {}
         self._queue = queue
         self._built: dict[tuple[tuple[str, int], ...], dict[str, Kernel]] = {}
-        self._hurriedly_built: list[tuple[tuple[str, int], ...]] = []
 
     @cached_property
     def source(self) -> str:
@@ -58,32 +57,19 @@ class Compiled:
             self._built[key] = self._build(constants)
         return self._built[key]
 
-    def recipe(self, constants: Mapping[str, int]) -> Recipe:
+    def recipe(self, constants: Mapping[str, int]) -> tuple[str, tuple[str, ...]]:
         """The source and the options of the program that holds the kernels."""
         macros = {"LANES": self._queue.lanes, "GROUP": self._queue.group, **constants}
         options = (f"-D{name}={value}" for name, value in macros.items())
-        recipe = self.source, (*self._queue.options, *options)
-        if not self._queue.hurried or is_ready(self._queue.context.devices[0], *recipe):
-            return recipe
-        return recipe[0], (*recipe[1], UNOPTIMISED_OPTION)
-
-    def forget_unoptimised(self) -> list[Recipe]:
-        """Forget programs that were built in a hurry; return the recipes of better ones."""
-        keys, self._hurriedly_built = self._hurriedly_built, []
-        for key in keys:
-            del self._built[key]
-        return [self.recipe(dict(key)) for key in keys]
+        return self.source, (*self._queue.options, *options)
 
     def _build(self, constants: Mapping[str, int]) -> dict[str, Kernel]:
-        recipe = self.recipe(constants)
         try:
-            program = build(self._queue.context, *recipe)
+            program = build(self._queue.context, *self.recipe(constants))
         except cl.RuntimeError as error:
             lines = [line for line in str(error).splitlines() if "error" in line.lower()]
             reason = lines[0] if lines else str(error)
             raise NodeError(f"{kernel_file(self.node)} does not compile: {reason}") from None
-        if UNOPTIMISED_OPTION in recipe[1]:
-            self._hurriedly_built.append(tuple(constants.items()))
         signatures = kernel_signatures(self.source)
         # Pipelines share a program, but a kernel holds the arguments of its own next launch.
         return {

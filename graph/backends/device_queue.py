@@ -95,8 +95,6 @@ class Queue:
         Unique identifier of this device, and its compiled kernels, within the process.
     queue
         pyopencl's own queue, for arrays that a caller makes there.
-    hurried
-        Whether what is not on disk is built without optimisation, as for a single item.
     poison
         Value of every byte of a fresh buffer, in tests.
     """
@@ -108,13 +106,13 @@ class Queue:
         self.driver = device.handle.driver_version
         self.serial = f"{device.name} {next(_serials)}"
         self.is_cpu = device.kind == "CPU"
+        self.units = device.handle.max_compute_units
         self.lanes = lanes or usual_lanes(device)
         self.group = usual_group(device, self.lanes)
         self.context = context_of(device.handle)
         profiling = cl.command_queue_properties.PROFILING_ENABLE
         self.queue = cl.CommandQueue(self.context, properties=profiling)
         self.pool = BufferPool(pyopencl.tools.ImmediateAllocator(self.queue), cl.MemoryError)
-        self.hurried = False
         self.poison: int | None = None
         self._fractions: dict[int, Kernel] = {}
         self.options = ["-cl-std=CL1.2"]

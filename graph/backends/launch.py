@@ -94,6 +94,11 @@ class Launch:
         return self._device.group
 
     @property
+    def units(self) -> int:
+        """The number of the device's compute units: the cores of a CPU."""
+        return self._device.units
+
+    @property
     def part(self) -> tuple[int] | None:
         """The work-group of a kernel whose groups do a part each; on a CPU work-items do."""
         return None if self.lanes > 1 else (self.group,)
@@ -160,12 +165,11 @@ class Launch:
         self._record.kernels.append(bound)
         self._events.append(bound())
 
-    def capture(self, launches: Callable[[], None]) -> Callable[..., None]:
+    def capture(self, launches: Callable[[], None]) -> Callable[[], None]:
         """Return a function that enqueues the kernels of `launches`, as often as it is called.
 
         Their arguments are set once, now, so that enqueuing takes a fifth of the time.  Only the
-        last captured sequence may be enqueued.  `since` and `to` choose a part of it, counted
-        from 0.
+        last captured sequence may be enqueued.
         """
         self.repeats = False
         self._captured, self._twins = [], Counter()
@@ -175,8 +179,8 @@ class Launch:
         finally:
             self._captured = None
 
-        def enqueue(since: int = 0, to: int | None = None) -> None:
-            self._events.extend(launch() for launch in captured[since:to])
+        def enqueue() -> None:
+            self._events.extend(launch() for launch in captured)
 
         return enqueue
 
@@ -196,8 +200,12 @@ class Launch:
         return self._device.constant(array)
 
     def send(self, array: NDArray[Any], to: DeviceArray) -> None:
-        """Copy a host array to an existing buffer, behind all that was enqueued before."""
+        """Copy a host array to an existing buffer, behind all that was enqueued before.
+
+        No kernel may change it afterwards: `begin_download` returns the host's array.
+        """
         self.repeats = False
+        to.memory.sent = array
         # The events hold the arrays; to free them now would mean to wait for the copy.
         self._sent.append(self._device.send(array, to))
 
@@ -212,6 +220,9 @@ class Launch:
         Kernels enqueued meanwhile keep the device busy.
         """
         self.repeats = False
+        sent = array.memory.sent
+        if sent is not None:
+            return lambda: sent
         target, (_, copied) = self._device.start_download(array)
 
         def arrived() -> NDArray[Any]:

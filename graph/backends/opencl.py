@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import pyopencl as cl
 
-from tactograph.graph.backends.build_ahead import build_ahead, optimise
+from tactograph.graph.backends.build_ahead import build_ahead
 from tactograph.graph.backends.compiled_node import Compiled
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.devices import Device, choose_device
@@ -18,9 +18,6 @@ from tactograph.graph.backends.programs import Recipe, build
 from tactograph.graph.declare.engine_arguments import EVERYTHING, Wanted
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import NodeError
-
-MAX_HURRIED_PX = 2**20
-"""Size of an image beyond which `precise` loses more without optimisation than it saves."""
 
 
 def open_device(text: str | None = None) -> tuple[OpenCL | None, str]:
@@ -54,23 +51,6 @@ class OpenCL(Queue):
         needed = [programs[node] for node in longest_first if node.is_idle is None]
         perhaps = [programs[node] for node in longest_first if node.is_idle is not None]
         build_ahead(self.context, needed, perhaps)
-
-    def hurry(self) -> None:
-        """Build what is not on disk without optimisation, until `settle`: by PoCL."""
-        self.hurried = self.is_cpu
-
-    def settle(self) -> bool:
-        """Have what was built in a hurry optimised by another process, and forget it.
-
-        Return whether there was any.
-        """
-        self.hurried = False
-        recipes = [
-            recipe for each in self._compiled.values() for recipe in each.forget_unoptimised()
-        ]
-        if recipes:
-            optimise(self.context.devices[0], recipes)
-        return bool(recipes)
 
     def build(self, nodes: Sequence[Node]) -> int:
         """Build nodes' kernels, with helpers, and keep them on disk; return how many programs.
@@ -109,11 +89,8 @@ class OpenCL(Queue):
     ) -> Prepared:
         """Work out a node's launches over arrays of the given sizes.
 
-        Outputs that are not wanted are left out if the node can do without them.  Large arrays end
-        a hurry.
+        Outputs that are not wanted are left out if the node can do without them.
         """
-        if sizes.get("H", 0) * sizes.get("W", 0) > MAX_HURRIED_PX:
-            self.hurried = False
         return Prepared(self, self.compiled(node), settings, sizes, wanted)
 
 

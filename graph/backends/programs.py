@@ -37,8 +37,6 @@ MAX_PROGRAM_BYTES = 2 * 10**8
 """Bytes of programs on disk: some two thousand programs."""
 LOCK_DIGITS = 12
 """Digits of a program's key that choose its byte of the file of locks."""
-UNOPTIMISED_OPTION = "-cl-opt-disable"
-"""The option by which PoCL builds in a third of the time what takes three times as long to run."""
 POCL_PLATFORM = "Portable Computing Language"
 KEPT_PLATFORMS = (POCL_PLATFORM, "NVIDIA CUDA")
 """Platforms whose programs are kept on disk here."""

@@ -81,7 +81,7 @@ def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
     read = wanted.options.read(wanted.graph)
     given = read_words(read, wanted.values)
     kept = read_kept(wanted.keep, read) if wanted.keep is not None else {}
-    pipeline = wanted.options.open(read, given, outputs={**read.outputs, **kept}, hurried=True)
+    pipeline = wanted.options.open(read, given, outputs={**read.outputs, **kept})
     report = _Report(line, pipeline, figures=wanted.figures, quiet=wanted.quiet)
     for fallback in pipeline.plan.fallbacks:
         line.say(f"fallback: {fallback}", err=True)

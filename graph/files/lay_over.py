@@ -8,7 +8,7 @@ from typing import Any
 
 from tactograph.graph.backends import PREFERRED_ORDER
 from tactograph.graph.disk.strict_yaml import Document, Path_, Place, dotted, read_yaml
-from tactograph.graph.errors import GraphError, InputError
+from tactograph.graph.errors import ErrorsTogether, GraphError, InputError
 from tactograph.graph.files.apply_patch import apply_patch
 from tactograph.graph.files.flat_graph import Entry, Graph, Group, Param, Use
 from tactograph.graph.files.graph_model import (
@@ -89,10 +89,30 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
     )
     changed = with_nodes(changed, _entries(nodes, document, ("nodes",)))
     changed = _flat_outputs(changed)
-    for index, change in enumerate(model.patch or []):
-        for each in _stated(change):
-            changed = apply_patch(changed, each, _places(document, ("patch", index)))
+    changed = _patched(changed, model.patch or [], document)
     return _without_unread(with_implied_params(_flat_outputs(changed)), model.params)
+
+
+def _patched(graph: Graph, changes: list[PatchModel], document: Document) -> Graph:
+    """Make all changes; raises GraphError with the errors of all that do not rest on another's."""
+    errors, missing = ErrorsTogether(), set[str]()
+    for index, change in enumerate(changes):
+        for each in _stated(change):
+            named = _named_in(each)
+            if not named.isdisjoint(missing):
+                continue
+            new = {str(each["insert"])} if "insert" in each else set()
+            missing |= new
+            with errors.gathered():
+                graph = apply_patch(graph, each, _places(document, ("patch", index)))
+                missing -= new
+    errors.raise_any()
+    return graph
+
+
+def _named_in(change: Change) -> set[str]:
+    """The names of which a change speaks: its node, use or group, and whose readers it takes."""
+    return {str(change[key]) for key in (*VERB_FUNCTIONS, "after") if change.get(key)}
 
 
 def _without_unread(graph: Graph, stated: Container[str]) -> Graph:

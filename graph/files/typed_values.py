@@ -24,7 +24,7 @@ def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
     for word in words:
         name, equals, text = word.partition("=")
         if not equals:
-            raise InputError(f"'{word}': write values as name=value")
+            raise InputError(f"'{word}': {_how_to_write(graph, word)}")
         if name not in graph.params and (settings := settings_called(graph, name)):
             raise InputError(f"{graph.name} has no param '{name}', but nodes have: {settings}")
         graph.check_param(name)
@@ -32,6 +32,13 @@ def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
             raise InputError(f"{name} is given twice")
         given[name] = _read(name, text, graph.params[name])
     return given
+
+
+def _how_to_write(graph: Graph, word: str) -> str:
+    """How a word without a name is given to the graph, by its first param as an example."""
+    first = next(iter(graph.params), "name")
+    example = f"{word}=VALUE" if word in graph.params else f"{first}={word}"
+    return f"write values as name=value, such as {example}"
 
 
 def settings_called(graph: Graph, name: str) -> str:

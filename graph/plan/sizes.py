@@ -146,9 +146,12 @@ def _clash_in_words(dim: str, dims: tuple[Dim, ...], one: Bound, other: Bound) -
             f"the size {dim} is {one.size} in {one.by} but {other.size} in {other.by}; they have "
             "to be the same"
         )
+    ask = "neither cropped, resized nor turned?"
+    if dim == "K":
+        ask = "and is no image missing or left over?"
     return (
         f"{one.size} {IMAGE_SIZES[dim]} in {one.by}, but {other.size} in {other.by}: do both come "
-        "from one sensor, neither cropped nor resized?"
+        f"from one sensor, {ask}"
     )
 
 

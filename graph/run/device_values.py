@@ -72,11 +72,6 @@ class DeviceValues:
         for value in values:
             self._values.pop(value, None)
 
-    def settle(self) -> None:
-        """Launch optimised kernels from now on, if the first item was in a hurry."""
-        if self._device.hurried and self._device.settle():
-            self._launches.clear()
-
     def begin(self) -> None:
         """Start timing."""
         self._timers, self._idle, self._to_repeat = {}, [], {}

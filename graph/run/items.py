@@ -87,10 +87,7 @@ class Items:
         if device is not None:
             device.given = there or {}
         try:
-            made = self._item(self._stream, given, repeats, self._plan.outputs, same_item=False)
-            if device is not None:
-                device.settle()
-            return made
+            return self._item(self._stream, given, repeats, self._plan.outputs, same_item=False)
         finally:
             for value in there or {}:
                 host.put(value, None)

@@ -122,11 +122,9 @@ def open_pipeline(
     stand_ins: frozenset[str] = frozenset(),
     outputs: Mapping[str, str] | None = None,
     stays: bool = False,
-    hurried: bool = False,
 ) -> Pipeline:
     """Read, plan and compile a graph; see `load` and `make_plan`.
 
-    `hurried`, the first item of a stream runs kernels that were built in less time.
     Raises InputError also if `strict` and a node would fall back to another back end.
     """
     graph = read_graph(graph)
@@ -151,9 +149,6 @@ def open_pipeline(
         open_pipeline, backend=backend, device=device, strict=strict, sinks=sinks,
         stand_ins=stand_ins, outputs=outputs, stays=stays,
     )  # fmt: skip
-    streams = [task.node for task in plan.tasks.values() if task.node.stream]
-    if hurried and opened is not None and streams and not any(node.endless for node in streams):
-        opened.hurry()
     return Pipeline(plan, opened, cache, anew)
 
 

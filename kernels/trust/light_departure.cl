@@ -1,14 +1,14 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "near_light.clh"
-#include "model_error.clh"
 
 #define MAX_LEDS 8
-#define MIN_MODEL_LIGHT 0.1f
+#define DARK_LIGHT 0.05f
+#define MIN_LIGHT 1e-3f
+#define MIN_ERROR 0.0015f
+#define UNEVEN_SHARE 0.25f
 #define MIN_FREEDOM 0.5f
-#define MIN_SQUARES 1e-6f
 #define NOT_TESTED (-1.0f)
-#define DARK_AS_DUE (-0.5f)
 
 // The reduced chi-squared of the light of LANES pixels under their slopes, equation T1, and the
 // excess of their brightness, T4.
@@ -22,7 +22,6 @@ LANED __kernel void light_departure(
     __global const float *restrict misfit,
     const float pixel,
     const float uneven,
-    const float wrap,
     __global float *restrict departure,
     __global float *restrict brighter,
     const int K, const int H, const int W,
@@ -34,15 +33,16 @@ LANED __kernel void light_departure(
     const floats z = load_floats(height + at, count), none = 0.0f, one = 1.0f;
     const ints bits = load_bytes(used + at, count);
     const floats nz = 1.0f / sqrt(1.0f + p * p + q * q);
-    const float error = model_error(misfit, uneven);
+    const float pressed = fmax(misfit[2], MIN_ERROR), differs = UNEVEN_SHARE * uneven;
+    const float error = sqrt(pressed * pressed + differs * differs);
     const float share_of_noise = 1.0f / (float)cell_px;
     floats x, y;
     places(at, H, W, pixel, &x, &y);
     floats departs[MAX_LEDS], shown[MAX_LEDS], weight[MAX_LEDS];
-    floats product = none, whole = none, leds = none, seen = none, due = none, away = none;
+    floats product = none, whole = none, leds = none, seen = none, due = none;
     for (int k = 0; k < K; ++k) {
         const Vector v = light_vector(lights + 3 * k, x, y, z);
-        const floats bright = (v.z - v.x * p - v.y * q) * nz, darkest = MIN_MODEL_LIGHT;
+        const floats bright = (v.z - v.x * p - v.y * q) * nz, darkest = DARK_LIGHT;
         const floats noise = load_floats(sigma + k * size + at, count) * share_of_noise;
         const floats model = error * MORE_OF(bright, darkest);
         const floats lit = ((bits >> k) & 1) != 0 ? one : none;
@@ -53,7 +53,6 @@ LANED __kernel void light_departure(
         product += departs[k] * (bright * weight[k]);
         whole += bright * (bright * weight[k]);
         leds += lit;
-        away += bright < 0.0f ? one - lit : none;
         seen += found * bright * lit;
         due += bright * bright * lit;
     }
@@ -65,9 +64,7 @@ LANED __kernel void light_departure(
     }
     const floats freedom = leds - 2.0f - share * whole, smallest = MIN_FREEDOM, untested = NOT_TESTED;
     const floats reduced = chi / MORE_OF(freedom, smallest);
-    const floats as_due = DARK_AS_DUE, others = wrap > 0.0f ? away : none;
-    const floats other = freedom + others >= smallest ? as_due : untested;
-    store_floats(freedom >= smallest ? reduced : other, departure + at, count);
-    const floats least = MIN_SQUARES;
+    store_floats(freedom >= smallest ? reduced : untested, departure + at, count);
+    const floats least = MIN_LIGHT;
     store_floats(seen / MORE_OF(due, least) - 1.0f, brighter + at, count);
 }

@@ -1,14 +1,13 @@
 #include "common.clh"
 #include "border.clh"
 
-#define MAX_SQUARED_TURN (1.25f * 1.25f)
-#define MIN_RIM_SLOPE 1.0f
-#define MIN_DARK_LEDS 2
+#define MAX_TURN 1.25f
+#define MIN_LEDS 3
 
-// Whether LANES cells are rims: the slope turns too much towards a neighbour, or LEDs are dark.
+// Whether LANES cells are rims: the slope turns too much towards a neighbour, or few LEDs are lit.
 LANED __kernel void rim_cells(
     __global const float *restrict slope,
-    __global const uchar *restrict shadow,
+    __global const uchar *restrict used,
     __global uchar *restrict out,
     const int H, const int W)
 {
@@ -22,10 +21,10 @@ LANED __kernel void rim_cells(
         __global const float *row = slope + rows[n] * W;
         const floats dp = load_within_border(row, columns[n], count, W, REPLICATE) - p;
         const floats dq = load_within_border(row + size, columns[n], count, W, REPLICATE) - q;
-        turns |= dp * dp + dq * dq > MAX_SQUARED_TURN;
+        turns |= dp * dp + dq * dq > MAX_TURN * MAX_TURN;
     }
-    const ints dark = load_bytes(shadow + y * W + x, count), one = 1, none = 0;
-    const ints steep = p * p + q * q > MIN_RIM_SLOPE * MIN_RIM_SLOPE;
-    const ints rim = (turns & steep) | has_bits(dark, MIN_DARK_LEDS);
+    const ints leds = load_bytes(used + y * W + x, count), one = 1, none = 0;
+    const ints steep = p * p + q * q > MAX_TURN * MAX_TURN;
+    const ints rim = (turns & steep) | (has_bits(leds, MIN_LEDS) == 0);
     store_bytes(rim ? one : none, out + y * W + x, count);
 }

@@ -10,9 +10,7 @@
 #define MIN_SLOPE 0.1f
 #define MAX_SQUARED_BEND 0.16f
 
-#define STEPS_PER_IMAGE 9
-#define STEPS_PER_PART 3
-#define MAX_PART_CURL 2.0f
+#define CURL_BANDS 9
 #define NOT_TESTED (-1.0f)
 #define DRIFT_TERMS 6
 #define CALM_DEPARTURE 0.03f
@@ -26,8 +24,8 @@
 #define UNTOLD (-INFINITY)
 
 // Where the figures of the film and of the light begin, behind those of the curl.
-#define OF_FILM 2
-#define OF_LIGHT 8
+#define OF_FILM 1
+#define OF_LIGHT 6
 
 // Cells of h x w, every step-th of every step-th row of H x W.
 #define EACH_CELL(y, x, count)                                                                   \
@@ -105,7 +103,7 @@ static ONCE void look_at_light(
 {
     const floats one = 1.0f, none = 0.0f, untold = UNTOLD;
     const ints all_leds = (1 << K) - 1, no_leds = 0;
-    floats steep = none, shaded = none, tested = none, bent = none, dirty = none;
+    floats steep = none, bent = none, dirty = none;
     EACH_CELL(y, x, count)
     {
         const int from = y * step, at = y * w + x;
@@ -116,10 +114,8 @@ static ONCE void look_at_light(
         const ints bits = used ? load_bytes_thin(used + from * W, x, count, W, step) : all_leds;
         const ints dark = shadow ? load_bytes_thin(shadow + from * W, x, count, W, step) : no_leds;
         floats light = none, leds = none;
-        ints changed = no_leds;
         for (int k = 0; k < K && matt; ++k) {
             const floats seen = load_thin(matt + (k * H + from) * W, x, 0, count, W, step);
-            changed |= fabs(seen - 1.0f) > MIN_SLOPE;
             light += ((dark >> k) & 1) != 0 ? seen : none;
             leds += ((dark >> k) & 1) != 0 ? one : none;
         }
@@ -127,15 +123,14 @@ static ONCE void look_at_light(
         if (brighter) {
             excess = load_thin(brighter + from * W, x, 0, count, W, step);
             const ints known = has_bits(bits, MIN_LEDS) & here;
-            const ints lacks = known & (excess < -max_dimming), touched = known & changed;
+            const ints lacks = known & (excess < -max_dimming);
+            const ints touched = known & (is | (fabs(excess) > MIN_SLOPE));
             dirty += lacks ? one : none;
             excess = touched ? excess : untold;
         }
         steep += is ? one : none;
-        const ints shades = is & (bits != all_leds), rests = tests & ~is, shows = tests & is;
+        const ints rests = tests & ~is, shows = tests & is;
         const ints bends = is & (bend > MAX_SQUARED_BEND);
-        shaded += shades ? (matt ? one : none) : none;
-        tested += (is & (chi > NOT_TESTED)) ? one : none;
         bent += bends ? one : none;
         store_floats(rests ? chi : untold, values + AT_REST * h * w + at, count);
         store_floats(shows ? chi : untold, values + TOUCHED * h * w + at, count);
@@ -144,8 +139,7 @@ static ONCE void look_at_light(
         store_floats(excess, values + BRIGHTER * h * w + at, count);
     }
     const float cells = group_sum(steep, parts), edges = group_sum(bent, parts);
-    const float dim = group_sum(shaded, parts);
-    const float known = group_sum(tested, parts), dirt = group_sum(dirty, parts);
+    const float dirt = group_sum(dirty, parts);
     // Where most of the touch may hold edges its light is not compared.
     if (4.0f * edges > 3.0f * cells) {
         EACH_CELL(y, x, count)
@@ -154,12 +148,9 @@ static ONCE void look_at_light(
             store_floats(untold, values + BRIGHTER * h * w + y * w + x, count);
         }
     }
-    if (PLACE_IN_GROUP != 0) return;
-    out[0] = cells;
-    out[1] = dim;
-    out[2] = known;
-    out[6] = dirt;
+    if (PLACE_IN_GROUP == 0) *out = dirt;
 }
+
 // The film at rest under K LEDs, on h x w cells, and the range of N heights.
 static ONCE void look_at_rest(
     __global const float *light,
@@ -173,9 +164,8 @@ static ONCE void look_at_rest(
     SHARED float *parts)
 {
     const int me = PLACE_IN_GROUP, size = h * w;
-    const int levelled = drift != 0;
     int found = 0;
-    for (int k = 0; k < K && levelled; ++k) found |= drift[DRIFT_TERMS * k] != 1.0f;
+    for (int k = 0; k < K && drift; ++k) found |= drift[DRIFT_TERMS * k] != 1.0f;
     float shape = 0.0f;
     if (found) {
         for (int k = 0; k < K; ++k)
@@ -226,7 +216,6 @@ static ONCE void look_at_rest(
     film[2] = black / (float)size;
     film[3] = bottom;
     film[4] = top;
-    film[5] = (float)levelled;
 }
 
 // By a group each: what the light of a touch tells, and the film at rest.
@@ -251,52 +240,38 @@ LANED __kernel ONE_GROUP void look(
     const float max_dimming)
 {
     SHARED float parts[GROUP];
-    __global float *seen = figures + OF_LIGHT, *film = figures + OF_FILM;
+    __global float *dirty = figures + OF_LIGHT + 4, *film = figures + OF_FILM;
     if (get_group_id(0) == 1)
         look_at_rest(light, height, drift, ring, gains, level, film, K, rows, columns, H * W, parts);
     else if (departure && slope)
-        look_at_light(departure, brighter, slope, used, matt, shadow, values, seen, K, H, W,
+        look_at_light(departure, brighter, slope, used, matt, shadow, values, dirty, K, H, W,
             h, w, step, max_dimming, parts);
     else if (PLACE_IN_GROUP == 0)
-        seen[0] = -1.0f;
+        *dirty = -1.0f;
 }
 
-// The largest share of cells that curl in STEPS_PER_PART x STEPS_PER_PART of STEPS_PER_IMAGE x STEPS_PER_IMAGE blocks.
-static ONCE float worst_part(
-    __global const float *curl, const int h, const int w, SHARED int *tested, SHARED int *curled,
-    SHARED float *parts)
+// The greatest mean of the curl in a band of rows.
+static ONCE float worst_band(__global const float *curl, const int h, const int w, SHARED float *parts)
 {
-    const int me = PLACE_IN_GROUP;
-    for (int b = me; b < STEPS_PER_IMAGE * STEPS_PER_IMAGE; b += GROUP) {
-        const int i = b / STEPS_PER_IMAGE, j = b % STEPS_PER_IMAGE;
-        const int first = j * w / STEPS_PER_IMAGE, end = (j + 1) * w / STEPS_PER_IMAGE;
-        int here = 0, beyond = 0;
-        for (int y = i * h / STEPS_PER_IMAGE; y < (i + 1) * h / STEPS_PER_IMAGE; ++y)
-            for (int x = first; x < end; ++x) {
-                here += curl[y * w + x] >= 0.0f;
-                beyond += curl[y * w + x] > MAX_PART_CURL * MAX_PART_CURL;
-            }
-        tested[b] = here;
-        curled[b] = beyond;
-    }
-    WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
-    const int wide = STEPS_PER_IMAGE - STEPS_PER_PART + 1;
     float worst = 0.0f;
-    for (int p = me; p < wide * wide; p += GROUP) {
-        int here = 0, beyond = 0;
-        for (int i = 0; i < STEPS_PER_PART; ++i)
-            for (int j = 0; j < STEPS_PER_PART; ++j) {
-                const int b = (p / wide + i) * STEPS_PER_IMAGE + p % wide + j;
-                here += tested[b];
-                beyond += curled[b];
-            }
-        worst = fmax(worst, (float)beyond / (float)(here + MIN_CELLS));
+    for (int b = 0; b < CURL_BANDS; ++b) {
+        const int from = b * h / CURL_BANDS * w, size = (b + 1) * h / CURL_BANDS * w - from;
+        const floats none = 0.0f, one = 1.0f;
+        floats tested = none, curls = none;
+        EACH_OF_GROUP(i, count, size)
+        {
+            const floats here = load_floats(curl + from + i, count);
+            const ints tests = filled(count) & (here >= 0.0f);
+            tested += tests ? one : none;
+            curls += tests ? sqrt(here) : none;
+        }
+        const float sum = group_sum(curls, parts), cells = group_sum(tested, parts);
+        worst = fmax(worst, sum / (cells + (float)MIN_CELLS));
     }
-    return group_highest(worst, parts);
+    return worst;
 }
 
-// A median or a quartile by each group, of the light's N values or of the curl of h x w cells; and the
-// worst part.
+// By a group each: a median or a quartile of the light's N values, and the worst band of the curl.
 LANED __kernel ONE_GROUP void weigh(
     __global const float *restrict values,
     __global const float *restrict curl,
@@ -304,25 +279,17 @@ LANED __kernel ONE_GROUP void weigh(
     const int N, const int h, const int w)
 {
     SHARED float parts[GROUP];
-    SHARED int tested[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
-    SHARED int curled[STEPS_PER_IMAGE * STEPS_PER_IMAGE];
     __global float *seen = figures + OF_LIGHT;
-    const int rows[4] = {AT_REST, TOUCHED, IN_SHADOW, BRIGHTER};
-    const int quarters[5] = {2, 3, 1, 2, 3}, places[6] = {3, 4, 5, 7, 0, 1};
+    const int quarters[4] = {2, 3, 1, 2};
     const int which = get_group_id(0), of_light = which < 4;
     float found = 0.0f;
-    if (which == 5) {
-        found = worst_part(curl, h, w, tested, curled, parts);
-    } else if (!of_light || seen[0] >= 0.0f) {
-        __global const float *row = of_light ? values + rows[which] * N : curl;
-        const float lowest = of_light ? UNTOLD : NOT_TESTED;
-        const int size = of_light ? N : h * w;
-        found = group_quarter(row, lowest, size, quarters[which], MIN_CELLS, parts);
-        if (which != 2 && which != 3) found = sqrt(found);
-    } else if (which == 0) {
-        if (PLACE_IN_GROUP == 0) seen[1] = seen[2] = seen[6] = 0.0f;
+    if (!of_light) {
+        found = worst_band(curl, h, w, parts);
+    } else if (seen[4] >= 0.0f) {
+        found = group_quarter(values + which * N, UNTOLD, N, quarters[which], MIN_CELLS, parts);
+        if (which == AT_REST || which == TOUCHED) found = sqrt(found);
     }
-    if (PLACE_IN_GROUP == 0) (of_light ? seen : figures)[places[which]] = found;
+    if (PLACE_IN_GROUP == 0) *(of_light ? seen + which : figures) = found;
 }
 
 // Every step-th cell of every step-th row of K planes.

@@ -257,7 +257,7 @@ def _launch(run: Launch) -> None:
             )  # fmt: skip
         if cells is not None:
             networks.wants_of_cells(wants, wanted, number)
-    enough = solver.enough(MIN_ENERGY_SHARE, networks.energies(coarse, wanted, ERROR_COUNT))
+    enough = networks.enough(MIN_ENERGY_SHARE, coarse, wanted, ERROR_COUNT)
     there, mean = run.scratch((ERROR_COUNT, *coarse.shape)), run.scratch(coarse.shape)
     solver.solve_all(coarse, wanted, there, settings["steps"], enough)
     size = math.prod(coarse.shape)

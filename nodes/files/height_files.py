@@ -32,8 +32,8 @@ else:
     Format = Literal[("npy", "tiff", "png", "tmd", "ply", "stl", "obj", *brought("formats"))]
 """The formats of a height map: those written here, and those that rings bring."""
 
-MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1e3
-"""Pixel sizes that files of 32-bit floats can hold."""
+MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1.0
+"""Pixels that sensors of touch have; a size outside is one in another unit, such as um."""
 MAX_SIZE_DIFFERENCE = 0.005
 """Relative difference of two lengths of a pixel that counts as a contradiction."""
 PNG_TEXT = "Tactograph height"

@@ -9,12 +9,12 @@ from pydantic import BaseModel, ConfigDict
 from tactograph.graph import InputError
 from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.graph.rings import rings
+from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MIN_PIXEL_MM
 from tactograph.nodes.files.image_files import MAX_LEDS
 
 MAX_SETTING = 1e9
 """Largest size of a number for the driver, in the driver's unit."""
 MAX_WAIT_S = 3600.0
-MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 10.0
 Side = Annotated[int, Interval(ge=8, le=16384)]
 Setting = Annotated[float, Interval(ge=-MAX_SETTING, le=MAX_SETTING)]
 Share = Annotated[float, Interval(ge=0, le=1)]

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import I4
-from tactograph.nodes.height.springs import MAX_DENSE_PIXELS, SINGLE_VISITS, Ties, stable_order
+from tactograph.nodes.height.springs import MAX_COARSEST_PIXELS, SINGLE_VISITS, Ties, stable_order
 
 GAP_PIXELS = 32
 """Gaps before, between and after the levels are multiples of this length, as rows are."""
-STEP_RESTRICT, STEP_REDO, STEP_LIFT, STEP_SMOOTH, STEP_SOLVE = range(5)
+STEP_RESTRICT, STEP_REDO, STEP_LIFT, STEP_SMOOTH = range(4)
 
 
 class Level(NamedTuple):
@@ -50,7 +50,7 @@ class Step(NamedTuple):
 
 def levels_of(rows: int, columns: int) -> list[Level]:
     levels = [Level(_row(columns), rows, columns, _row(columns))]
-    while levels[-1].rows * levels[-1].columns > MAX_DENSE_PIXELS:
+    while levels[-1].rows * levels[-1].columns > MAX_COARSEST_PIXELS:
         first, rows, columns, stride = levels[-1]
         behind = first + (rows + 1) * stride
         rows, columns = (rows + 1) // 2, (columns + 1) // 2
@@ -64,14 +64,11 @@ def _row(columns: int) -> int:
 
 
 def gaps_of(levels: Sequence[Level]) -> I4:
-    """Beginnings of the runs of numbers that belong to no level, and of the row after the last.
-
-    The coarsest level is among them: only its pixels get heights, not the padding of its rows.
-    """
-    *finer, last = levels
-    begins = [0, *(level.first + level.size for level in finer)]
+    """Beginnings of the runs of numbers that belong to no level, and of the row after the last."""
+    last = levels[-1]
+    begins = [0, *(level.first + level.size for level in levels)]
     # Lanes at the end of a level read one run beyond the row after it.
-    ends = [*(level.first for level in finer), last.first + last.size + last.stride + GAP_PIXELS]
+    ends = [*(level.first for level in levels), last.first + last.size + last.stride + GAP_PIXELS]
     runs = [np.arange(begin, end, GAP_PIXELS) for begin, end in zip(begins, ends, strict=True)]
     return np.concatenate(runs).astype(np.int32)
 
@@ -83,16 +80,14 @@ def cycle_of(levels: int, top: int) -> tuple[Step, ...]:
 
 
 def _steps(levels: int, at: int, depth: int = 0) -> Iterator[Step]:
-    if at == levels - 1:
-        yield Step(STEP_SOLVE, at, twice=False)
-        return
-    yield Step(STEP_RESTRICT, at, twice=False)
-    yield from _steps(levels, at + 1, depth + 1)
-    twice = depth + 1 >= SINGLE_VISITS and at + 2 < levels
-    if twice:
-        yield Step(STEP_REDO, at + 1, twice=False)
+    if at + 1 < levels:
+        yield Step(STEP_RESTRICT, at, twice=False)
         yield from _steps(levels, at + 1, depth + 1)
-    yield Step(STEP_LIFT, at, twice)
+        twice = depth + 1 >= SINGLE_VISITS and at + 1 + SINGLE_VISITS < levels
+        if twice:
+            yield Step(STEP_REDO, at + 1, twice=False)
+            yield from _steps(levels, at + 1, depth + 1)
+        yield Step(STEP_LIFT, at, twice)
     yield Step(STEP_SMOOTH, at, twice=False)
 
 

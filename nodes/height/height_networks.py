@@ -3,14 +3,13 @@
 `height_solver` finds the heights at which they rest.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from tactograph.graph.backends.launch import DeviceArray, Launch
-from tactograph.nodes import F4, I4
+from tactograph.nodes import I4
 from tactograph.nodes.height.height_equations import rise_variance, surest, window_at
 from tactograph.nodes.height.height_levels import (
     GAP_PIXELS,
@@ -25,8 +24,10 @@ from tactograph.nodes.height.springs import Ties
 
 ONE_GROUP_PIXELS = 20480
 """Levels of at most this many pixels are done by one work-group, all steps in one launch.  On a
-CPU that is one core: it finishes before two cores would have started.  A GPU would wait for the
+CPU that is one core: it finishes before many cores would have started.  A GPU would wait for the
 host, which takes 15 us for each launch."""
+MANY_UNITS = 8
+"""So many compute units stand by idle meanwhile; a group does as much more as they are fewer."""
 SUM_PARTS = 1024
 STARTS_PER_ITEM = 32
 """Beginnings of knots that a work-item finds."""
@@ -36,9 +37,7 @@ STARTS_PER_ITEM = 32
 class Stack:
     """Networks, each of 2 x 2 pixels of the one before, joined rigidly; the first is level `top`.
 
-    `steps` are those of a cycle through them.  `dense` is the inverse of the last one's matrix.
-    The host computes it when a cycle begins, because the device has other work first; until then
-    `matrix` waits for the matrix.
+    `steps` are those of a cycle through them.
     """
 
     top: Level
@@ -47,8 +46,6 @@ class Stack:
     inverse: DeviceArray
     steps: tuple[Step, ...]
     steps_there: DeviceArray
-    dense: DeviceArray
-    matrix: Callable[[], F4] | None = None
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -91,6 +88,7 @@ class HeightNetworks:
 
     def __init__(self, run: Launch, with_cells: bool = False) -> None:
         self._run = run
+        self._group_pixels = ONE_GROUP_PIXELS * max(1, MANY_UNITS // run.units)
         self.state = self._system("state")
         fields = ("corner", "anchored", "scales", "top", "foot")
         coming = [run.begin_download(self._system(name)) for name in fields]
@@ -101,8 +99,6 @@ class HeightNetworks:
         (self.ground,) = self._new_planes(1, total)
         self.planes = self.working_planes(total)
         self.parts = run.scratch((SUM_PARTS,))
-        last = self.levels[-1]
-        self.dense_at = run.put(last.at(np.arange(last.rows * last.columns)).astype(np.int32))
         self.pixels = self._stack(0, gaps)
         first, _, stride = self.levels[0].there
         run.kernel(
@@ -139,10 +135,7 @@ class HeightNetworks:
         )  # fmt: skip
         steps = cycle_of(len(self.levels), top)
         steps_there = run.put(np.array(steps, np.int32))
-        (size,) = self.dense_at.shape
-        # Its rows are padded to whole lanes.
-        dense = run.scratch((size, -(-size // GAP_PIXELS) * GAP_PIXELS))
-        return Stack(self.levels[top], right, down, inverse, steps, steps_there, dense)
+        return Stack(self.levels[top], right, down, inverse, steps, steps_there)
 
     def working_planes(self, size: int, base: int = 0, apart: int = 0) -> Planes:
         force, height, lifted, kept, direction, moved, z = self._new_planes(7, size)
@@ -158,7 +151,6 @@ class HeightNetworks:
         self._ties, self._all_ties = ties.top.size, len(levels.member_start) - 1
         self.finest_ends = run.put(np.stack(ties[:2], axis=1).astype(np.int32))
         self._finest = run.scratch((self._ties,))
-        self._stiffness = run.scratch((self._all_ties,))
         self._members = run.put(levels.member_start), run.put(levels.members)
         runs = total // run.lanes
         marks, starts = run.scratch((runs,), np.uint8), run.scratch((runs + 1,), np.int32)
@@ -175,7 +167,7 @@ class HeightNetworks:
 
     def is_small(self, level: Level) -> bool:
         """Return whether one work-group does the level."""
-        return level.size <= ONE_GROUP_PIXELS
+        return level.size <= self._group_pixels
 
     def arguments(self, stack: Stack) -> tuple[DeviceArray, ...]:
         planes = stack.right, stack.down, self.ground, stack.inverse
@@ -208,14 +200,10 @@ class HeightNetworks:
                 "stiffen_rises", (self._ties,), height, self.wants.rise, self.finest_ends,
                 self._finest, self._ties, self._rise_variance, unit, square,
             )  # fmt: skip
-            run.kernel(
-                "join_ties", (self._all_ties,),
-                self._finest, *self._members, self._stiffness, self._all_ties,
-            )  # fmt: skip
             entries = self._knots[-1]
             run.kernel(
-                "stiffen_knots", entries.shape, self._stiffness, self.knot_tie, entries,
-                *entries.shape,
+                "stiffen_knots", entries.shape, self._finest, *self._members, self.knot_tie,
+                entries, *entries.shape,
             )  # fmt: skip
         first, rows, stride = self.levels[0].there
         run.kernel(
@@ -249,11 +237,6 @@ class HeightNetworks:
             "join_small_levels", (run.group,), *joined, self.levels_there, number,
             len(levels) - 1, local=(run.group,),
         )  # fmt: skip
-        last = levels[-1]
-        size = last.rows * last.columns
-        matrix = run.scratch((size, size))
-        run.kernel("dense_matrix", (size, size), *network, self.dense_at, matrix, size, last.stride)
-        stack.matrix = run.begin_download(matrix)
 
     def room(self, stack: Stack, loads: int) -> Wants:
         """Allocate the springs' targets under `loads` loads."""
@@ -281,14 +264,14 @@ class HeightNetworks:
         grid = run.in_row_lanes(self.shape[0], size[1])
         run.kernel("on_pixels", grid, plane, out, *size, *self.shape)
 
-    def energies(self, stack: Stack, wants: Wants, loads: int = 1) -> DeviceArray:
-        """The value of `Springs.energy` for the first loads."""
+    def enough(self, share: float, stack: Stack, wants: Wants, loads: int = 1) -> DeviceArray:
+        """A share of `Springs.energy` for the first loads."""
         run, (first, rows, stride) = self._run, stack.top.there
-        parts, energies = run.scratch((loads, SUM_PARTS)), run.scratch((loads,))
+        parts, limits = run.scratch((loads, SUM_PARTS)), run.scratch((loads,))
         run.kernel(
             "energy_parts", (loads * SUM_PARTS * run.group,), stack.right, stack.down,
             wants.right, wants.down, parts, first, rows, stack.top.columns, stride, local=run.part,
         )  # fmt: skip
         each = loads * run.group
-        run.kernel("add_energies", (each,), parts, energies, local=(run.group,))
-        return energies
+        run.kernel("be_enough", (each,), parts, limits, share, local=(run.group,))
+        return limits

@@ -1,17 +1,15 @@
-"""The heights at which `height_networks` rest: pixels on the device, decisions here.
+"""The heights at which `height_networks` rest, on the device; the host waits for nothing.
 
-Each step of conjugate gradients downloads a few numbers: whether there is more to gain.  The steps
-of small levels run in one work-group, all in one launch.  The preconditioner is multigrid, not a
+One work-group takes all steps of a small network, in one launch, and of a large one those on small
+levels.  Launches of a solution that has ended do nothing.  The preconditioner is multigrid, not a
 cosine transform: weights differ by orders of magnitude, and with a preconditioner that ignores
 them conjugate gradients do not converge.
 """
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes.height.height_levels import (
@@ -22,12 +20,6 @@ from tactograph.nodes.height.height_levels import (
     Step,
 )
 from tactograph.nodes.height.height_networks import HeightNetworks, Planes, Stack, Wants
-from tactograph.nodes.height.springs import soft_inverse
-
-BEFORE_CYCLE = 3
-"""Launches of a step before those of its cycle: turn, reach, advance."""
-STEPS_TAKEN, GOES_ON = 2, 3
-"""Places of the number of steps, and of whether it goes on, in the state of a solution."""
 
 
 class HeightSolver:
@@ -39,13 +31,6 @@ class HeightSolver:
         self._group, self._by_parts = (run.group,), (self._parts.shape[0] * run.group,)
         self._distance = run.scratch((1,))
 
-    def _invert(self, stack: Stack) -> None:
-        """Find the inverse of the coarsest level's matrix, if it has changed."""
-        if stack.matrix is not None:
-            inverse = soft_inverse(stack.matrix())
-            self._run.send(np.pad(inverse, ((0, 0), (0, -len(inverse) % GAP_PIXELS))), stack.dense)
-            stack.matrix = None
-
     def solve(
         self,
         stack: Stack,
@@ -55,22 +40,18 @@ class HeightSolver:
         enough: DeviceArray,
         number: int = 0,
         to: int = 0,
-    ) -> Callable[[], bool]:
-        """Improve height `to` under load `number` in place, as `conjugate_gradients` does.
-
-        Return a function that waits and tells whether it moved.
-        """
+    ) -> None:
+        """Improve height `to` under load `number` in place, as `conjugate_gradients` does."""
         run, planes, (rows, columns) = self._run, self._planes, stack.shape
         first, _, stride = stack.top.there
         by_rows = run.in_row_lanes(rows, stride)
         run.kernel("take_height", by_rows, height, planes.z, first, rows, columns, stride, to)
         self._unbalance(stack, wants, planes, number, 1)
         if self._is_small(stack.steps[0]):
-            moved = self._small_gradients(stack, planes, steps, enough, number, 1)
+            self._small_gradients(stack, planes, steps, enough, number, 1)
         else:
-            moved = self._gradients(stack, steps, enough, number)
+            self._gradients(stack, steps, enough, number)
         self._give_heights(stack, planes, height, to, 1)
-        return lambda: bool(moved()[0, STEPS_TAKEN] > 0)
 
     def solve_all(
         self, stack: Stack, wants: Wants, heights: DeviceArray, steps: int, enough: DeviceArray
@@ -123,56 +104,22 @@ class HeightSolver:
         enough: DeviceArray,
         number: int,
         loads: int,
-    ) -> Callable[[], NDArray[Any]]:
-        """Take the steps if the first level is small, too: one launch each, without waiting.
-
-        Each load has a work-group.  Returns a function that waits for the solutions' state.
-        """
-        run, gain = self._run, self._beginning(loads)
-        step = run.capture(
-            lambda: run.kernel(
-                "small_step", (loads * run.group,), *self._cycle_there(stack, planes), 0,
-                len(stack.steps), planes.direction, planes.moved, planes.z, gain, enough, number,
-                *stack.top.there, *planes.place, local=(run.group,),
-            )
+    ) -> None:
+        """Take the steps if the first level is small, too: each load has a work-group."""
+        run = self._run
+        run.kernel(
+            "small_gradients", (loads * run.group,), *self._cycle_there(stack, planes), 0,
+            len(stack.steps), planes.direction, planes.moved, planes.z, enough, number, steps,
+            *stack.top.there, *planes.place, local=(run.group,),
         )  # fmt: skip
-        self._invert(stack)
+
+    def _gradients(self, stack: Stack, steps: int, enough: DeviceArray, number: int) -> None:
+        """Take the steps if the first level is large."""
+        # The state before the first cycle; springs.clh explains the numbers.
+        gain = self._run.put(np.array([0, 0, -1, 1], np.float32))
+        step = self._run.capture(lambda: self._step(stack, gain, enough, number))
         for _ in range(steps + 1):
             step()
-        return run.begin_download(gain)
-
-    def _gradients(
-        self, stack: Stack, steps: int, enough: DeviceArray, number: int
-    ) -> Callable[[], NDArray[Any]]:
-        """Take the steps if the first level is large.
-
-        Whether a step was the last is read when the next is enqueued, so that the device never
-        waits for the host.  Once a solution has ended, its kernels return at once.
-        """
-        run, gain = self._run, self._beginning(1)
-        step = run.capture(lambda: self._step(stack, gain, enough, number))
-        # On large levels the way down does not need the coarsest inverse, so it goes first.
-        down = self._launches_down(stack)
-        step(to=down)
-        self._invert(stack)
-        step(since=down)
-        stands = run.begin_download(gain)
-        for _ in range(steps):
-            before = stands
-            step()
-            stands = run.begin_download(gain)
-            if not before()[0, GOES_ON]:
-                break
-        return stands
-
-    def _launches_down(self, stack: Stack) -> int:
-        """Number of a step's launches before those on small levels."""
-        large = next(n for n, step in enumerate(stack.steps) if self._is_small(step))
-        return BEFORE_CYCLE + large
-
-    def _beginning(self, loads: int) -> DeviceArray:
-        """The state of solutions before their first cycle; springs.clh explains the numbers."""
-        return self._run.put(np.tile(np.array([0, 0, -1, 1], np.float32), (loads, 1)))
 
     def _step(self, stack: Stack, gain: DeviceArray, enough: DeviceArray, number: int) -> None:
         """A step and the cycle after it; or, as a solution begins, the cycle alone."""
@@ -190,13 +137,6 @@ class HeightSolver:
         )  # fmt: skip
         self._cycle(stack, gain)
         run.kernel("end_step", group, self._parts, gain, enough, number, local=group)
-
-    def enough(self, share: float, energies: DeviceArray) -> DeviceArray:
-        """A share of each energy."""
-        run, (loads,) = self._run, energies.shape
-        limits = run.scratch((loads,))
-        run.kernel("be_enough", (loads,), energies, limits, loads, share)
-        return limits
 
     def _cycle(self, stack: Stack, gain: DeviceArray) -> None:
         """One multigrid cycle: from the force on the first level, a large one, to its height."""
@@ -221,11 +161,9 @@ class HeightSolver:
 
     def _cycle_there(self, stack: Stack, planes: Planes) -> tuple[Any, ...]:
         """Arguments of the kernels for small levels."""
-        networks, dense = self._networks, stack.dense
-        return (
-            *networks.arguments(stack), *planes[:4], dense, networks.dense_at,
-            *networks.dense_at.shape, dense.shape[1], networks.levels_there, stack.steps_there,
-        )  # fmt: skip
+        networks = self._networks
+        there = networks.levels_there, stack.steps_there
+        return *networks.arguments(stack), *planes[:4], *there
 
     def _small_steps(self, stack: Stack, first: int, end: int, gain: DeviceArray) -> None:
         run = self._run

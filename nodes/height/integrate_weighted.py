@@ -118,10 +118,8 @@ def _launch(run: Launch) -> None:
     scales = _scales(settings["rounds"], networks.robust, settings["ease"], warm=warm)
     for scale in scales:
         networks.weigh(height, scale)
-        enough = solver.enough(MIN_ENERGY_SHARE, networks.energies(networks.pixels, networks.wants))
-        moved = solver.solve(networks.pixels, networks.wants, height, settings["steps"], enough)
-        if scale == scales[-1] and not moved():
-            break
+        enough = networks.enough(MIN_ENERGY_SHARE, networks.pixels, networks.wants)
+        solver.solve(networks.pixels, networks.wants, height, settings["steps"], enough)
 
     def place(by: float) -> None:
         run.kernel("place", size, height, networks.state, out, by, *size, *networks.place)

@@ -18,10 +18,11 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4
 
-MAX_DENSE_PIXELS = 128
-"""A network of at most this many pixels is solved by its inverse matrix."""
+MAX_COARSEST_PIXELS = 32
+"""A network of at most this many pixels has no coarser one: smoothing moves all of it."""
 SINGLE_VISITS = 2
-"""Number of the finest networks that are visited once a cycle; the coarser ones twice."""
+"""Number of the finest networks, and of the coarsest, that are visited once a cycle; those between
+twice."""
 JACOBI_DAMPING = np.float32(0.7)
 BLOCK_OVERSHOOT = np.float32(1.5)
 """Rigid blocks are too stiff: their correction is too small by this factor."""
@@ -89,12 +90,6 @@ class Springs:
             total > 0, JACOBI_DAMPING / np.maximum(total, MIN_TOTAL_STIFFNESS), np.float32(0)
         )
 
-    @cached_property
-    def inverse(self) -> F4:
-        """The inverse matrix; only of the smallest network."""
-        units = np.eye(self.ground.size, dtype=np.float32).reshape(-1, *self.shape)
-        return soft_inverse(np.stack([self.apply(unit).ravel() for unit in units]))
-
     def coarser(self) -> Springs:
         """The network of blocks of 2 x 2 pixels, joined rigidly."""
         columns = self.shape[1]
@@ -137,28 +132,6 @@ def stable_order(keys: Pixels) -> Pixels:
     return numbered & ((1 << bits) - 1)
 
 
-def soft_inverse(matrix: F4) -> F4:
-    """The inverse of a network's matrix, slightly regularised; pixels joined to nothing stay.
-
-    If nothing holds the others to the ground, they are kept from moving as a whole: rounding
-    alone would move them far.
-    """
-    joined = np.diag(matrix) > 0
-    if not joined.all():
-        inside = np.ix_(joined, joined)
-        inverse = np.zeros_like(matrix)
-        if joined.any():
-            inverse[inside] = soft_inverse(matrix[inside])
-        return inverse
-    size, held = len(matrix), matrix.astype(float)
-    stiffness = float(np.trace(held)) / size
-    held.flat[:: size + 1] += 1e-7 * stiffness
-    if held.sum() > 1e-5 * stiffness * size:
-        return np.linalg.inv(held).astype(np.float32)
-    keep = np.eye(size) - 1 / size
-    return (keep @ np.linalg.inv(held + stiffness / size) @ keep).astype(np.float32)
-
-
 def pair_sums(rows: F4) -> F4:
     """The sums of each two rows; the last of an odd number stays alone."""
     sums = rows[0::2].copy(order="K")
@@ -174,7 +147,7 @@ def quad_sums(plane: F4) -> F4:
 def hierarchy(springs: Springs) -> list[Springs]:
     """The network and its coarser ones down to a few pixels."""
     levels = [springs]
-    while levels[-1].ground.size > MAX_DENSE_PIXELS:
+    while levels[-1].ground.size > MAX_COARSEST_PIXELS:
         levels.append(levels[-1].coarser())
     return levels
 
@@ -182,16 +155,15 @@ def hierarchy(springs: Springs) -> list[Springs]:
 def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
     """Return the heights that nearly balance `force`: one symmetric multigrid cycle."""
     network, *coarser = levels
-    if not coarser:
-        return (network.inverse @ force.ravel()).reshape(force.shape)
     height = network.relax * force
-    residual = quad_sums(force - network.apply(height))
-    moved = cycle(coarser, residual, depth + 1)
-    if depth + 1 >= SINGLE_VISITS and len(coarser) > 1:
-        moved = moved + cycle(coarser, residual - coarser[0].apply(moved), depth + 1)
-    # Every pixel of a block moves as the block does.
-    rows, columns = height.shape
-    height += BLOCK_OVERSHOOT * moved.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]
+    if coarser:
+        residual = quad_sums(force - network.apply(height))
+        moved = cycle(coarser, residual, depth + 1)
+        if depth + 1 >= SINGLE_VISITS and len(coarser) > SINGLE_VISITS:
+            moved = moved + cycle(coarser, residual - coarser[0].apply(moved), depth + 1)
+        # Every pixel of a block moves as the block does.
+        rows, columns = height.shape
+        height += BLOCK_OVERSHOOT * moved.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]
     height += network.relax * (force - network.apply(height))
     return height
 

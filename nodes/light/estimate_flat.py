@@ -51,10 +51,10 @@ def estimate_flat(image: Light, *, degree: Annotated[int, Interval(ge=0, le=8)] 
 
 def _robust(basis: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
     """Repeated least squares that excludes outliers."""
-    kept = np.ones(len(values), bool)
+    inliers = np.ones(len(values), bool)
     for _ in range(FIT_ROUNDS):
-        coefficients, *_ = np.linalg.lstsq(basis[kept], values[kept], rcond=None)
+        coefficients, *_ = np.linalg.lstsq(basis[inliers], values[inliers], rcond=None)
         residual = np.abs(values - basis @ coefficients)
-        spread = DEVIATIONS_PER_MAD * np.median(residual[kept])
-        kept = residual <= max(OUTLIER_SIGMAS * spread, 1e-6)
+        spread = DEVIATIONS_PER_MAD * np.median(residual[inliers])
+        inliers = residual <= max(OUTLIER_SIGMAS * spread, 1e-6)
     return np.asarray(coefficients)

@@ -228,15 +228,15 @@ def _fit(light: F4, weight: F4, basis: F4, before: F4, used: int) -> tuple[F4, F
 
     Returns the drift and, per LED, the sum of squares that its change explains.
     """
-    known = basis[:used] * weight
-    seen = known @ (light - _gain(before, basis)).T
+    weighted = basis[:used] * weight
+    product = weighted @ (light - _gain(before, basis)).T
     share = weight.sum() / max(np.count_nonzero(weight), 1)
-    held = np.full(used, SHAPE_REGULARISATION * share * weight.size, np.float32)
-    held[0] = 0
-    change = np.linalg.solve(known @ basis[:used].T + np.diag(held), seen)
+    ridge = np.full(used, SHAPE_REGULARISATION * share * weight.size, np.float32)
+    ridge[0] = 0
+    change = np.linalg.solve(weighted @ basis[:used].T + np.diag(ridge), product)
     drift = before.copy()
     drift[:, :used] += change.T
-    return drift, np.asarray((change * seen).sum(axis=0), np.float32)
+    return drift, np.asarray((change * product).sum(axis=0), np.float32)
 
 
 @film_drift.opencl()
@@ -267,8 +267,8 @@ def _launch(run: Launch) -> None:
     clear, still, weights = (run.scratch((height, width)) for _ in range(3))
     cells, rows = run.in_lanes(height, width), run.in_row_lanes(height, width)
 
-    def fit(found: DeviceArray, *follow: float) -> None:
-        planes = light, noisy, weights, old, found, shares, counts
+    def fit(drift: DeviceArray, *follow: float) -> None:
+        planes = light, noisy, weights, old, drift, shares, counts
         run.kernel("fit", group, *planes, *sizes, used, share, *follow, local=group)
 
     run.kernel("look_around", run.in_row_lanes(*sizes), light, around, *sizes)

@@ -89,7 +89,7 @@ def matt_light(
     rows, columns = height.shape
     x = np.tile(places(columns, np.float32(pixel)), rows)
     y = np.repeat(places(rows, np.float32(pixel)), columns)
-    made = np.empty_like(flat[0]), np.empty_like(flat[1])
+    planes = np.empty_like(flat[0]), np.empty_like(flat[1])
 
     turns = steps if film.refraction != 1 else uncoated_steps
 
@@ -98,17 +98,17 @@ def matt_light(
         scale = _scale(film, x[part], y[part], z, lift)
         if is_affine(film):
             diffused = touch_gain(film, lift) * film.diffuse[:, None]
-            made[0][:, part] = (m - diffused) * scale
+            planes[0][:, part] = (m - diffused) * scale
         else:
             above = None if rest is None else lift
             place = x[part], y[part], z
-            made[0][:, part] = _by_normal(film, m, expected, place, scale, turns, above)
+            planes[0][:, part] = _by_normal(film, m, expected, place, scale, turns, above)
         grain = np.float32(film.grain) * m
         noise = np.sqrt(spread * spread + grain * grain) * scale
-        made[0][:, part], made[1][:, part] = unwrapped(made[0][:, part], noise, film.wrap)
+        planes[0][:, part], planes[1][:, part] = unwrapped(planes[0][:, part], noise, film.wrap)
 
     in_blocks(convert, height.size)
-    return MattLight(*(plane.reshape(light.shape) for plane in made))
+    return MattLight(*(plane.reshape(light.shape) for plane in planes))
 
 
 def _finest_found(*passes: Thrown | None) -> Thrown | None:
@@ -172,9 +172,9 @@ def example_film(rng: np.random.Generator, K: int, H: int, W: int) -> dict[str, 
     }
 
 
-def _scale(film: Film, u: F4, v: F4, seen: F4, lift: F4) -> F4:
+def _scale(film: Film, u: F4, v: F4, as_seen: F4, lift: F4) -> F4:
     """1 / (s (1 - b) a) of equation F1, by places as the camera sees them: K x N."""
-    z = seen / (1 + np.float32(film.camera) * seen)
+    z = as_seen / (1 + np.float32(film.camera) * as_seen)
     nearer = 1 - np.float32(film.camera) * z
     scale = np.empty((len(film.lights), u.size), np.float32)
     for k, direct in enumerate(direct_share(film)):
@@ -193,11 +193,11 @@ def _by_normal(
     lift: F4 | None,
 ) -> F4:
     """Matt light of N pixels, from their normals."""
-    u, v, seen = place
-    z = seen / (1 + np.float32(film.camera) * seen)
+    u, v, as_seen = place
+    z = as_seen / (1 + np.float32(film.camera) * as_seen)
     nearer = 1 - np.float32(film.camera) * z
     x, y = u * nearer, v * nearer
-    vectors = vectors_at(film.lights, u, v, seen)
+    vectors = vectors_at(film.lights, u, v, as_seen)
     n, rest = _normal(slope), rest_below(film, x, y, z)
     for _ in range(steps):
         n = turned(film, light, n, (x, y, z), rest=rest, lift=lift)

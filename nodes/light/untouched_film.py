@@ -72,8 +72,8 @@ def untouched_film(
     shape = rest_shape(rest, pixel / factor, film.camera)
     if factor > 1:
         shape = shape.continued(factor).binned(factor)
-    own, thrown = light_at_rest(shape, film, bounce)
-    share = np.maximum(own + thrown, np.float32(MIN_REST_LIGHT))
+    direct, thrown = light_at_rest(shape, film, bounce)
+    share = np.maximum(direct + thrown, np.float32(MIN_REST_LIGHT))
     matt = expected_light(light_vectors(film.lights, shape.seen, shape.pixel), shape.slope)
     flat = np.asarray(flat / share, np.float32)
     low = shape.seen, shape.tilt, shape.slope
@@ -84,9 +84,9 @@ def light_at_rest(
     shape: RestShape, film: Film, bounce: NodeCall, cells: int = DEFAULT_MAX_CELLS
 ) -> tuple[F4, F4]:
     """Return r of F5 in its two parts, K x H x W each: light of the LEDs, and from film to film."""
-    own = shape.light(film)
-    thrown = np.zeros_like(own)
+    direct = shape.light(film)
+    thrown = np.zeros_like(direct)
     for _ in range(REST_ROUNDS if film.albedo > 0 else 0):
-        seen = own + thrown
-        thrown = bounce(seen, shape.seen, film, shape.pixel, slope=shape.slope, cells=cells)
-    return own, thrown
+        total = direct + thrown
+        thrown = bounce(total, shape.seen, film, shape.pixel, slope=shape.slope, cells=cells)
+    return direct, thrown

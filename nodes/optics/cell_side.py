@@ -8,13 +8,14 @@ from tactograph.graph import SizeRule
 
 CellSide = Annotated[int, Interval(ge=0, le=64)]
 """Side of a cell in pixels; 0 depends on the image."""
+USUAL_SIDE = 4
 LARGE_PX = 2 << 20
 """A large image has more pixels than this; one of 1920 x 1080 does not."""
 
 
 def cell_side(rows: int, columns: int, factor: int) -> int:
     """Return the side in pixels: as given, or, if that is 0, 4, and 8 for a large image."""
-    return factor or (8 if rows * columns > LARGE_PX else 4)
+    return factor or (2 * USUAL_SIDE if rows * columns > LARGE_PX else USUAL_SIDE)
 
 
 def _rows(rows: int, columns: int, factor: int) -> int:

@@ -58,8 +58,8 @@ def let_in(cosine: Array, roughness: float, index: float) -> Array:
         NORMAL_TAIL_POWERS[0] + w * (NORMAL_TAIL_POWERS[1] + w * NORMAL_TAIL_POWERS[2])
     )
     open_, grazed = cosine * facing, spread * density
-    seen = open_ + grazed
-    mean, beyond = spread * facing / seen, grazed / seen
+    transmitted = open_ + grazed
+    mean, beyond = spread * facing / transmitted, grazed / transmitted
     deviation = np.sqrt(1 + beyond - mean * mean)
     # As products, because NumPy's powers take twenty times as long.
     cubes = 2 * mean * mean * mean, deviation * deviation * deviation
@@ -111,10 +111,10 @@ def let_in_change(curve: Array, cosine: Array) -> Array:
 def upload_curve(run: Launch, roughness: float, index: float) -> DeviceArray:
     """Return a coat's `let_in_curve` on the device."""
 
-    def made() -> DeviceArray:
+    def upload() -> DeviceArray:
         return run.put(let_in_curve(roughness, index).astype(np.float32))
 
-    return run.keep(("what a coat lets in", roughness, index), made)
+    return run.keep(("what a coat lets in", roughness, index), upload)
 
 
 def beckmann(cosine: Array, roughness: float) -> Array:

@@ -69,23 +69,27 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid) -> Law:
     Light is relative to the film at rest that the same pixel sees.
     """
     frame = slice(None), *grid.frame
-    there = _surface(film, cells.at.reshape(3, -1), cells.normal.reshape(3, -1))
-    here = _surface(film, cells.at[frame].reshape(3, -1), cells.normal[frame].reshape(3, -1))
-    sent = _emitted(film, there, sources.reshape(len(sources), -1))
-    by_rest = np.stack([1 / _at_rest(film, light, here.at) for light in film.lights])
+    senders = _surface(film, cells.at.reshape(3, -1), cells.normal.reshape(3, -1))
+    receivers = _surface(film, cells.at[frame].reshape(3, -1), cells.normal[frame].reshape(3, -1))
+    sent = _emitted(film, senders, sources.reshape(len(sources), -1))
+    by_rest = np.stack([1 / _at_rest(film, light, receivers.at) for light in film.lights])
     turn = np.float32(math.pi / grid.azimuths)
 
     def thrown(at: NDArray[np.intp], away: F4, other: NDArray[np.intp]) -> F4:
-        eye, normal, facing = here.eye[:, at], here.normal[:, at], there.normal[:, other]
+        eye, normal, facing = (
+            receivers.eye[:, at],
+            receivers.normal[:, at],
+            senders.normal[:, other],
+        )
         # Perpendicular to both directions at P, and to the one towards P at the cells.
         aside, along = turn * cross(eye, away), dot(eye, away)
         square = turn * turn * (1 - along * along)
         c_in, c_out = dot(normal, away), -dot(facing, away)
         rises = dot(normal, aside)
-        half, reach = here.to_eye[at] + c_in, square - rises * rises
+        half, reach = receivers.to_eye[at] + c_in, square - rises * rises
         back = _facets(film, half, 2 + 2 * along, reach, -half * rises)
-        back *= here.unhidden[at] * _unhidden(film, c_in)
-        back += here.let_out[at] * _let_in(film, c_in)
+        back *= receivers.unhidden[at] * _unhidden(film, c_in)
+        back += receivers.let_out[at] * _let_in(film, c_in)
         let_out, unhidden = _let_in(film, c_out), _unhidden(film, c_out) * (c_out > 0)
         rises = dot(facing, aside)
         reach = square - rises * rises
@@ -113,21 +117,21 @@ def _surface(film: Film, at: F4, normal: F4) -> _Surface:
     return _Surface(at, normal, eye, to_eye, _let_in(film, to_eye), _unhidden(film, to_eye))
 
 
-def _emitted(film: Film, there: _Surface, sources: F4) -> _Sent:
+def _emitted(film: Film, surface: _Surface, sources: F4) -> _Sent:
     base, mirrored, facing = (np.empty_like(sources) for _ in range(3))
     towards = []
     for k, (light, share) in enumerate(zip(film.lights, direct_share(film), strict=True)):
-        led = light[:, None] - there.at
+        led = light[:, None] - surface.at
         square = (led * led).sum(0)
         led = led / np.sqrt(square)
-        facing[k] = dot(there.normal, led)
+        facing[k] = dot(surface.normal, led)
         lit = np.maximum(facing[k], 0)
         whole = share * lit * light[2] * light[2] / square
-        seen = sources[k] * _at_rest(film, light, there.at)
-        lobe = _mirrored(film, facing[k], there.to_eye, dot(led, there.eye))
-        unshadowed = whole * (_let_in(film, lit) * there.let_out + lobe)
-        whole *= np.minimum(seen / np.maximum(unshadowed, MIN_DIVISOR), 1)
-        base[k] = np.maximum(seen - whole * lobe, 0) / there.let_out
+        light_at_rest = sources[k] * _at_rest(film, light, surface.at)
+        lobe = _mirrored(film, facing[k], surface.to_eye, dot(led, surface.eye))
+        unshadowed = whole * (_let_in(film, lit) * surface.let_out + lobe)
+        whole *= np.minimum(light_at_rest / np.maximum(unshadowed, MIN_DIVISOR), 1)
+        base[k] = np.maximum(light_at_rest - whole * lobe, 0) / surface.let_out
         mirrored[k] = whole * _unhidden(film, facing[k])
         towards.append(np.asarray(led, np.float32))
     return _Sent(base, mirrored, facing, towards)

@@ -126,21 +126,21 @@ def cells_of(
     v, below = _middles(height.shape[0], pixel, grid)
     v, below, by = v[:, None], below[:, None], np.float32(camera)
     changes = (difference(height, axis) / pixel for axis in (1, 0))
-    seen, across, down = means(np.stack([height, *changes]), grid.factor)
-    seen += aside * across + below * down
+    mean_height, across, down = means(np.stack([height, *changes]), grid.factor)
+    mean_height += aside * across + below * down
     p, q = (across, down) if slope is None else means(slope, grid.factor)
-    seen, p, q = (np.pad(part, grid.rim) for part in (seen, p, q))
+    mean_height, p, q = (np.pad(part, grid.rim) for part in (mean_height, p, q))
     if slope is None:
-        steep = np.maximum(1 + by * (seen - (p * u + q * v)), MIN_VIEW_SHARE)
+        steep = np.maximum(1 + by * (mean_height - (p * u + q * v)), MIN_VIEW_SHARE)
         p, q = p / steep, q / steep
-    nearer: F4 = np.float32(1) / (np.float32(1) + by * seen)
+    nearer: F4 = np.float32(1) / (np.float32(1) + by * mean_height)
     upright = 1 / np.sqrt(1 + p * p + q * q)
-    rest = np.empty((len(lights), *seen.shape), np.float32)
+    rest = np.empty((len(lights), *mean_height.shape), np.float32)
     for plane, (lx, ly, lz) in zip(rest, lights, strict=True):
         dx, dy = lx - u, ly - v
         plane[:] = irradiance_ratio(lz * lz, dx * dx + dy * dy + lz * lz)
     return Cells(
-        np.stack([u * nearer, v * nearer, seen * nearer]),
+        np.stack([u * nearer, v * nearer, mean_height * nearer]),
         np.stack([-p * upright, -q * upright, upright]),
         rest,
     )

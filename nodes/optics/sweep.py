@@ -126,8 +126,8 @@ def _sight(on: _Looking, grid: Grid, steps: _Steps, camera: np.float32) -> Sight
     in its image does so on the film.  Most steps see nothing rise, and the image shows that with
     less computation.
     """
-    step, here, far, z = _risen(on, grid, steps, camera)
-    (px, py, pz), eye = on.at.reshape(3, -1)[:, here], on.eye.reshape(3, -1)[:, here]
+    step, cell, far, z = _risen(on, grid, steps, camera)
+    (px, py, pz), eye = on.at.reshape(3, -1)[:, cell], on.eye.reshape(3, -1)[:, cell]
     # From where the camera's ray of P meets the film at rest.
     whole, nearer = 1 - camera * pz, 1 - camera * z
     x = (px / whole + steps.across * far) * nearer - px
@@ -137,18 +137,18 @@ def _sight(on: _Looking, grid: Grid, steps: _Steps, camera: np.float32) -> Sight
     aside = np.sqrt(x * x + y * y + z * z - up * up)
     t = up / aside
     tangent, forwards, facing = (
-        plane.ravel()[here] for plane in (on.tangent, on.forwards, on.facing)
+        plane.ravel()[cell] for plane in (on.tangent, on.forwards, on.facing)
     )
     # A cell's pairs follow one another: each rises over the one before, the first over the tangent.
-    follows = np.diff(here, prepend=-1) == 0
+    follows = np.diff(cell, prepend=-1) == 0
     before = np.where(follows, np.roll(t, 1), tangent)
     share = gathered(t, forwards, facing) - gathered(before, forwards, facing)
     half = (t + before) / 2
     direction = ((np.stack([x, y, z]) - up * eye) / aside + half * eye) / np.sqrt(1 + half * half)
-    row, column = np.divmod(here, grid.columns)
+    row, column = np.divmod(cell, grid.columns)
     down, right = steps.middle[step].T + grid.rim
-    there = (row + down) * grid.whole[1] + column + right
-    return Sight(on.gain.ravel()[here] * share, direction, here, there)
+    source = (row + down) * grid.whole[1] + column + right
+    return Sight(on.gain.ravel()[cell] * share, direction, cell, source)
 
 
 def _risen(
@@ -161,8 +161,8 @@ def _risen(
     """
     rows, columns = steps.longest.shape
     reach = int(steps.length[-1]) + 1
-    seen = on.at[2] / (1 - camera * on.at[2])
-    film = np.pad(seen, reach)
+    as_seen = on.at[2] / (1 - camera * on.at[2])
+    film = np.pad(as_seen, reach)
     horizon, cells, heights = on.steepness, [], []
     for length, corners, part in zip(steps.length, steps.corners, steps.part, strict=True):
         one, other = (
@@ -172,19 +172,19 @@ def _risen(
         ends = steps.longest < length
         z = np.where(ends, 0, one + part * (other - one))
         far = np.minimum(steps.longest, np.float32(length)) * np.float32(grid.width)
-        steep = (z - seen) / far
+        steep = (z - as_seen) / far
         if grid.film == 0:
             steep[ends] = -np.inf
         cells.append(np.flatnonzero(steep > horizon))
         heights.append(z.ravel()[cells[-1]])
         horizon = np.maximum(horizon, steep)
-    here, step = np.concatenate(cells), np.repeat(np.arange(len(cells)), [c.size for c in cells])
-    order = np.argsort(here, kind="stable")
-    here, step = here[order], step[order]
-    far = np.minimum(steps.longest.ravel()[here], steps.length.astype(np.float32)[step])
+    cell, step = np.concatenate(cells), np.repeat(np.arange(len(cells)), [c.size for c in cells])
+    order = np.argsort(cell, kind="stable")
+    cell, step = cell[order], step[order]
+    far = np.minimum(steps.longest.ravel()[cell], steps.length.astype(np.float32)[step])
     z = np.concatenate(heights)[order]
     z /= 1 + camera * z
-    return step, here, far * np.float32(grid.width), z
+    return step, cell, far * np.float32(grid.width), z
 
 
 def arriving(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
@@ -197,9 +197,9 @@ def arriving(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
     size = grid.rows * grid.columns
 
     def along(number: int) -> NDArray[np.float64]:
-        share, direction, here, there = _seen(cells, grid, camera, number)
-        thrown = share * law(here, direction, there)
-        return np.stack([np.bincount(here, plane, size) for plane in thrown])
+        share, direction, cell, source = _seen(cells, grid, camera, number)
+        thrown = share * law(cell, direction, source)
+        return np.stack([np.bincount(cell, plane, size) for plane in thrown])
 
     with ThreadPoolExecutor(cores()) as threads:
         total: Any = sum(threads.map(along, range(count)))
@@ -209,7 +209,7 @@ def arriving(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
 def matt(sources: F4) -> Law:
     """Cells of a matt film, K x rows x columns, throw the same in all directions."""
     flat = sources.reshape(len(sources), -1)
-    return lambda here, direction, there: flat[:, there]
+    return lambda cell, direction, source: flat[:, source]
 
 
 def gathered(t: F4, across: F4, facing: F4) -> F4:

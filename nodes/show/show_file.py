@@ -77,5 +77,6 @@ def _look(file: Path) -> Shown:
     others = "".join(f", a .{name}" for name in brought("show"))
     raise InputError(
         f"{file}: nothing that can be shown; give a calibration or a lens (.npz){others}, a "
-        "batch's store (.zarr), the folder of a result, of a recording, or of captures"
+        "batch's store (.zarr), the folder of a result, of a recording, or of captures "
+        "('tactograph draw' draws a graph)"
     )

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.nodes import F4, Labels, Light, Slope
-from tactograph.nodes.trust._check import MIN_LEDS, NOT_TESTED, quarter_of, thinned
+from tactograph.nodes.trust.checked_cells import MIN_LEDS, quarter_of, thinned
 from tactograph.nodes.trust.light_departure import Brighter, Departure
 from tactograph.nodes.trust.slope_curl import MIN_SLOPE
 
@@ -14,24 +14,18 @@ MAX_SQUARED_BEND = np.float32(0.16)
 
 
 class LightFigures(NamedTuple):
-    """Figures of the light of touched film, that is of cells steeper than `MIN_SLOPE`."""
+    """Figures of the light; touched film is steeper than `MIN_SLOPE`."""
 
-    steep: float
-    """Number of such cells; -1 where the light is not looked at."""
-    shaded: float
-    """How many of them not all LEDs light."""
-    tested: float
-    """How many of them are tested, be it by dark LEDs alone."""
-    rest: float
-    """Median departure of the light of the others."""
-    upper: float
-    """Upper quartile of the departure of the light of such cells."""
+    at_rest: float
+    """Median departure of the light of film that is not touched."""
+    of_touch: float
+    """Upper quartile of the departure of the light of touched film."""
     dim: float
     """Lower quartile of the light in shadow, as of a matt film."""
-    dirty: float
-    """Cells that lack too much of their light under all LEDs."""
     brighter: float
     """Median of what touched film is brighter than its slopes make it (T4)."""
+    dirty: float
+    """Cells that lack too much of their light under all LEDs; -1: light is not looked at."""
 
 
 def light_evidence(
@@ -51,24 +45,21 @@ def light_evidence(
     bend = thinned(squared_bend(slope))
     departs, (p, q) = thinned(departure), thinned(slope)
     steep, tested = p * p + q * q > MIN_SLOPE * MIN_SLOPE, departs >= 0
-    whole = None if matt is None else (1 << len(matt)) - 1
-    shades = steep & (thinned(used) != whole) if used is not None and whole else steep & False
-    cells, shaded = int(steep.sum()), int(shades.sum())
-    compared = np.bool_(4 * np.count_nonzero(bend[steep] > MAX_SQUARED_BEND) <= 3 * cells)
+    edges, cells = (np.count_nonzero(some) for some in (bend[steep] > MAX_SQUARED_BEND, steep))
+    compared = np.bool_(4 * edges <= 3 * cells)
     at_rest, of_touch = departs[tested & ~steep], departs[tested & steep & compared]
-    dim = dirty = middle = 0.0
+    dim = middle = dirty = 0.0
     if matt is not None and shadow is not None:
         dim = quarter_of(_light_in_shadow(thinned(matt), thinned(shadow)), 1)
     if brighter is not None:
         excess = thinned(brighter)
         lit = np.bool_(True) if used is None else np.bitwise_count(thinned(used)) >= MIN_LEDS
         dirty = int((lit & (excess < -np.float32(max_dimming))).sum())
-        if matt is not None:
-            touched = compared & lit & (np.abs(thinned(matt) - 1) > MIN_SLOPE).any(axis=0)
-            middle = quarter_of(excess[touched], 2)
+        # Images that are alike show no slope, but film that is dark.
+        touched = compared & lit & (steep | (np.abs(excess) > MIN_SLOPE))
+        middle = quarter_of(excess[touched], 2)
     rest, upper = np.sqrt([quarter_of(at_rest, 2), quarter_of(of_touch, 3)])
-    known = int((steep & (departs > NOT_TESTED)).sum())
-    return LightFigures(cells, shaded, known, rest, upper, dim, dirty, middle)
+    return LightFigures(rest, upper, dim, middle, dirty)
 
 
 def squared_bend(slope: F4) -> F4:

@@ -6,13 +6,11 @@ import numpy as np
 
 from tactograph.graph import Port
 from tactograph.nodes import F4, CoarseLight, Height
-from tactograph.nodes.light.film_drift import Drift, border_level, drift_gain
-from tactograph.nodes.trust._check import thinned
+from tactograph.nodes.light.film_drift import CALM_DEPARTURES, Drift, border_level, drift_gain
+from tactograph.nodes.trust.checked_cells import DARK_LIGHT, thinned
 
-CALM_DEPARTURE = np.float32(0.03)
-"""Departure of the light that still counts as film at rest."""
-DARK_LIGHT = np.float32(0.05)
-"""Light that counts as none, relative to that of the film at rest in the touch."""
+CALM_DEPARTURE = np.float32(CALM_DEPARTURES[0])
+"""Departure of the light that still counts as film at rest, as `film_drift` begins with."""
 RestLevel = Annotated[F4, Port("K", "1", low=0.9, high=1.1)]
 """Each LED's light on the film at rest, relative to the flat frame."""
 
@@ -29,8 +27,6 @@ class FilmFigures(NamedTuple):
     lowest: float
     """Height in mm."""
     highest: float
-    levelled: float
-    """1 where drift is looked for and taken out, else 0."""
 
 
 def rest_evidence(
@@ -49,4 +45,4 @@ def rest_evidence(
         even = cells / np.maximum(level, DARK_LIGHT)[:, None, None]
     dark = (even < DARK_LIGHT).all(axis=0).mean()
     calm = (np.abs(even - 1) < CALM_DEPARTURE).all(axis=0).mean()
-    return level, FilmFigures(shape, calm, dark, height.min(), height.max(), drift is not None)
+    return level, FilmFigures(shape, calm, dark, height.min(), height.max())

@@ -4,12 +4,10 @@ import numpy as np
 
 from tactograph.nodes import F4
 from tactograph.nodes.trust._explained import explains
-from tactograph.nodes.trust._rest_evidence import DARK_LIGHT
+from tactograph.nodes.trust.checked_cells import DARK_LIGHT
 from tactograph.nodes.trust.fall_off import RING_CELLS
+from tactograph.nodes.trust.light_departure import MIN_ERROR
 
-MIN_BAND = 0.01
-"""Standard deviation of the light of rows from which on they are bands: a touch sheds less light on
-both borders alike."""
 BANDS_TOLD = (
     "whole rows are brighter or darker than those beside them, at both borders alike: the light "
     "flickers while the camera reads its rows (expose for whole periods of the mains, keep lamps "
@@ -34,4 +32,4 @@ def is_banded(light: F4) -> bool:
     )
     both = float((left * right).mean())
     alone = float(np.sqrt((left**2).mean() * (right**2).mean()))
-    return both > MIN_BAND**2 and explains(alone - both**2 / alone, alone)
+    return both > MIN_ERROR**2 and explains(alone - both**2 / alone, alone)

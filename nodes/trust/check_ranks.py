@@ -20,7 +20,7 @@ import numpy as np
 
 from tactograph.graph import Port
 from tactograph.nodes import F4, F8
-from tactograph.nodes.trust._check import MIN_CELLS, MIN_LIGHT
+from tactograph.nodes.trust.checked_cells import MIN_LIGHT
 from tactograph.nodes.trust.film_motion import FilmMotion, motion_size
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 from tactograph.nodes.trust.line_changes import LineChanges
@@ -32,29 +32,20 @@ RANK_COUNT = 100
 """Quantiles that are kept: half a per cent, one and a half, ..."""
 QUANTILE_ERROR, SHARE_ERROR = 0.1, 0.01
 """Error of a quantile of some hundred cells, over their deviation; error of a share of cells."""
-TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)
 MIN_HEIGHT_MM = 0.15
 """Height that a depth below the film at rest is compared with at least."""
+TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)
 
 
 class Figure(NamedTuple):
-    """A figure that grows with what contradicts a touch: its check, what it can tell, its cause."""
+    """A figure that grows with what contradicts a touch: its check, its cause, what it can tell."""
 
     check: str
-    resolution: float
-    """Error with which it is measured, the least scale of its tail."""
     cause: str
+    resolution: float = MIN_ERROR
+    """Error with which it is measured, the least scale of its tail."""
 
 
-NO_SURFACE = (
-    "the slopes are those of no surface (check the order of the images, that none is mirrored or "
-    "turned, that all are of one touch, and that nothing moved while the LEDs flashed)"
-)
-LIGHT_OF_NO_SURFACE = (
-    "the light of the touch is that of no surface under this calibration (check the order of the "
-    "images, that all are of this touch and this sensor, and that the camera's gamma, contrast and "
-    "white balance are off{rims})"
-)
 # The unit normal that light of two surfaces adds up to is too short: film that is dark under all
 # LEDs.  So is that of gamma, of other light, and of images that are alike.
 WRONG_BRIGHTNESS = (
@@ -63,99 +54,86 @@ WRONG_BRIGHTNESS = (
     "others, that gamma and contrast are off, and that other light is kept out)"
 )
 CHECK_FIGURES = {
-    "curl": Figure("curl", QUANTILE_ERROR, NO_SURFACE),
-    "curl_of_part": Figure(
+    "curl": Figure(
         "curl",
-        SHARE_ERROR,
-        "in a part of the image the slopes are those of no surface (check that the frames are "
-        "whole, that all are of one touch, and that nothing moved while the LEDs flashed)",
-    ),
-    "light_at_rest": Figure(
-        "light",
+        "the slopes are those of no surface (check the order of the images, that none is mirrored "
+        "or turned, that frames are whole and all of one touch, and that nothing moved while the "
+        "LEDs flashed)",
         QUANTILE_ERROR,
-        "the light of the film at rest departs from pixel to pixel (check the exposure, and that "
-        "the images are neither compressed nor of fewer gray levels than those of the calibration)",
-    ),
-    "light": Figure("light", QUANTILE_ERROR, LIGHT_OF_NO_SURFACE),
-    "darker": Figure("light", MIN_ERROR, WRONG_BRIGHTNESS),
-    "brighter": Figure("light", MIN_ERROR, WRONG_BRIGHTNESS),
-    "lit_shadows": Figure(
-        "light",
-        MIN_ERROR,
-        "shadows are not dark (check the focus, and keep other light out, or take the calibration "
-        "and a dark image under it)",
     ),
     "dirty_cells": Figure(
         "light",
-        1.0,
         "in places the film is darker under all LEDs than any slope makes it (check the film and "
         "the lens for dirt and hairs)",
-    ),
-    "untested": Figure(
-        "light",
-        SHARE_ERROR,
-        "only two LEDs light most of the touch, which fits any light (check the exposure, and that "
-        "no LED is dead)",
+        1.0,
     ),
     "lines": Figure(
         "light",
-        QUANTILE_ERROR,
         "rows of the image differ from those beside them as no surface does (check that frames are "
         "whole and not interlaced, and that no row is dead)",
-    ),
-    "level": Figure(
-        "rest",
-        MIN_ERROR,
-        "{led} {sense} than in the calibration (check exposure, gain and LED, and that other light "
-        "is kept out)",
-    ),
-    "shape": Figure(
-        "rest",
-        MIN_ERROR,
-        "the light of the film at rest is spread otherwise than in the calibration (check the "
-        "order of the images, and that other light is kept out)",
-    ),
-    "moved": Figure(
-        "rest",
-        MIN_ERROR,
-        "the film at rest does not lie where the flat frame shows it: {moved} (check that camera, "
-        "lens, zoom and crop are those of the calibration; else calibrate again)",
+        QUANTILE_ERROR,
     ),
     "dark_share": Figure(
         "rest",
-        SHARE_ERROR,
         "parts of the image are without light (crop the images to the film, in the calibration "
         "too, and check that frames are whole)",
-    ),
-    "touched_share": Figure(
-        "rest",
         SHARE_ERROR,
-        "hardly any film is at rest, so that zero and tilt of the height are unknown (an object "
-        "that fills the frame is for reconstruct_filled; or another sensor or light)",
+    ),
+    "level": Figure(
+        "rest",
+        "{led} {sense} than in the calibration (check exposure, gain and LED, and that other light "
+        "is kept out)",
+    ),
+    "moved": Figure(
+        "rest",
+        "the film at rest does not lie where the flat frame shows it: {moved} (check that camera, "
+        "lens, zoom and crop are those of the calibration; else calibrate again)",
+    ),
+    "brighter": Figure("light", WRONG_BRIGHTNESS),
+    "darker": Figure("light", WRONG_BRIGHTNESS),
+    "shape": Figure(
+        "rest",
+        "the light of the film at rest is spread otherwise than in the calibration (check the "
+        "order of the images, and that other light is kept out)",
+    ),
+    "light_at_rest": Figure(
+        "light",
+        "the light of the film at rest departs from pixel to pixel (check the exposure, that "
+        "local contrast (CLAHE) is off, and that the images are neither compressed nor of fewer "
+        "gray levels than those of the calibration)",
+        QUANTILE_ERROR,
+    ),
+    "lit_shadows": Figure(
+        "light",
+        "shadows are not dark (check the focus, and keep other light out, or take the calibration "
+        "and a dark image under it)",
+    ),
+    "light": Figure(
+        "light",
+        "the light of the touch is that of no surface under this calibration (check the order of "
+        "the images, that all are of this touch and this sensor, and that the camera's gamma, "
+        "contrast and white balance are off{rims})",
+        QUANTILE_ERROR,
     ),
     "depth": Figure(
         "rest",
-        SHARE_ERROR,
         "most of the touch lies below the film at rest (check the order of the images, and that "
         "they are neither mirrored nor turned)",
+        SHARE_ERROR,
     ),
-    "added": Figure(
+    "touched_share": Figure(
         "rest",
-        MIN_ERROR,
-        "{added}, the same everywhere (keep other light out of touch and flat frame; or the "
-        "camera's black level has changed)",
+        "hardly any film is at rest, so that zero and tilt of the height are unknown (an object "
+        "that fills the frame is for reconstruct_filled; or another sensor or light)",
+        SHARE_ERROR,
     ),
-    "left_as_matt": Figure("cause", MIN_ERROR, ""),
+    "left_as_matt": Figure("cause", ""),
 }
-"""All figures of a touch, by name.  The last belongs to no check: it tells mistakes that explain a
-doubted touch from those that do not (`likely_cause`)."""
-SYMPTOM_FIGURES = (
-    "level", "moved", "brighter", "darker", "shape", "light_at_rest", "lit_shadows", "light",
-    "depth", "touched_share",
-)  # fmt: skip
-"""Figures that several causes change, the more of them the later."""
+"""All figures of a touch, by name; the more causes change one, the later it stands.  The last
+belongs to no check: it tells mistakes that explain a doubted touch from those that do not
+(`likely_cause`)."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
-CheckRanks = Annotated[F4, Port("3 19 100", "1", low=0, high=3)]
+CheckRanks = Annotated[F4, Port("3 16 100", "1", low=0, high=3)]
 """Quantiles of the figures of right touches, in ascending order, and last of their least p-values:
 by `Ranked`.  Below 0: none were drawn."""
 
@@ -169,33 +147,26 @@ class Ranked(IntEnum):
     PLAIN = 2
 
 
-NO_RANKS = np.full((len(Ranked), len(CHECK_FIGURES) + 1, RANK_COUNT), -1, np.float32)
-"""Those of a calibration from which no touches were drawn."""
-
-
 def figures_of(
     evidence: TouchEvidence,
-    added: float = 0.0,
     lines: LineChanges | None = None,
     motion: FilmMotion | None = None,
     left: float = 0.0,
 ) -> F8:
     """Return the figures of a touch (T1 to T5, T7), in the order of `CHECK_FIGURES`.
 
-    `added` and `lines` are what `added_light` and `line_changes` found, on one-shot sensors,
-    `motion` what `film_motion` did, and `left` what `left_as_matt` did, where it was asked.
+    `lines` is what `line_changes` found, on one-shot sensors, `motion` what `film_motion` did, and
+    `left` what `left_as_matt` did, where it was asked.
     """
     curl, film, light = evidence.read()
     change = evidence.level.astype(np.float64) - 1
-    deep = -film.lowest / max(film.highest, MIN_HEIGHT_MM)
     level = math.sqrt(float(np.square(change).mean()))
-    seen = light.rest, light.upper, -light.brighter, light.brighter
-    tested = light.tested / light.steep if light.steep >= MIN_CELLS else 1.0
     rows = 0.0 if lines is None else _worst_line(lines)
-    more = light.dim, light.dirty, max(1 / 2 - tested, 0.0), rows
     moved = 0.0 if motion is None else motion_size(motion)
-    rest = level, film.shape, moved, film.dark, 1 - film.calm, deep, abs(added)
-    return np.array([*curl, *seen, *more, *rest, left])
+    sure = curl, light.dirty, rows, film.dark, level, moved, light.brighter, -light.brighter
+    deep = -film.lowest / max(film.highest, MIN_HEIGHT_MM)
+    vague = film.shape, light.at_rest, light.dim, light.of_touch, deep, 1 - film.calm
+    return np.array([*sure, *vague, left])
 
 
 def _worst_line(lines: LineChanges) -> float:
@@ -215,8 +186,8 @@ def ranked(drawn: F8, own: F8 | None = None) -> F8:
 
     Parameters
     ----------
-    drawn : N x 18, the figures of touches drawn from the calibration
-    own : P x 18, those of its presses; P may be 0
+    drawn : N x 15, the figures of touches drawn from the calibration
+    own : P x 15, those of its presses; P may be 0
     """
     levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
     quantiles, both = np.quantile(drawn, levels, axis=0), drawn

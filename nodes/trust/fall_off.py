@@ -8,13 +8,11 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, CoarseLight
-from tactograph.nodes.trust._check import MIN_LIGHT
+from tactograph.nodes.trust.checked_cells import MIN_LIGHT
 
 RING_CELLS = 4
 """Width of the border at which film should be at rest, and of the window, two standard deviations
 of it, in which the light's fall-off is taken."""
-RING_STEP = 3
-"""Every so many cells of it are looked at, along diagonals; that is enough for four unknowns."""
 FallOff = Annotated[F4, Port("4 K h w", "1")]
 """Change of the logarithm of the light at the border with a shift along x and y, a zoom and a turn;
 0 elsewhere."""
@@ -39,7 +37,8 @@ def fall_off(flat: CoarseLight) -> FallOff:
     """
     count, rows, columns = flat.shape
     ring = border_cells((rows, columns), RING_CELLS)
-    ring &= np.indices(ring.shape).sum(axis=0) % RING_STEP == 0
+    # Nearer cells tell the same: that is enough for four unknowns.
+    ring &= np.indices(ring.shape).sum(axis=0) % RING_CELLS == 0
     middle = np.array([rows - 1, columns - 1])[:, None, None] / 2
     y, x = (np.mgrid[:rows, :columns] - middle)[:, ring] / columns
     smooth = [

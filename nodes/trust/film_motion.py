@@ -7,12 +7,11 @@ import numpy as np
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, CoarseLight
-from tactograph.nodes.trust._check import MIN_LIGHT
 from tactograph.nodes.trust._explained import explained
+from tactograph.nodes.trust.checked_cells import MIN_LIGHT
 from tactograph.nodes.trust.fall_off import FallOff
+from tactograph.nodes.trust.light_departure import MIN_ERROR
 
-MIN_TOLD = 0.01
-"""Share of the width, zoom or turn from which on it is worth a word."""
 FilmMotion = Annotated[F4, Port("4", "1")]
 """Shift along x and y as a share of the image's width, zoom, and turn in radians; 0: none."""
 
@@ -24,16 +23,16 @@ def motion_size(motion: FilmMotion) -> float:
 
 
 def motion_in_words(motion: FilmMotion) -> str:
-    """Return the parts of a motion that displace film by a hundredth of the width, in words."""
+    """Return the parts of a motion that are above its error, in words."""
     along, down, zoom, turn = motion.tolist()
     told = []
     for share, side in (-along, "right"), (along, "left"), (-down, "down"), (down, "up"):
-        if share >= MIN_TOLD:
-            told.append(f"{share:.0%} of the image's width further {side}")
-    if abs(zoom) >= MIN_TOLD:
-        told.append(f"{abs(zoom):.0%} {'smaller' if zoom > 0 else 'larger'}")
-    if abs(turn) >= MIN_TOLD:
-        told.append(f"turned by {math.degrees(abs(turn)):.0f} degrees")
+        if share > MIN_ERROR:
+            told.append(f"{share:.1%} of the image's width further {side}")
+    if abs(zoom) > MIN_ERROR:
+        told.append(f"{abs(zoom):.1%} {'smaller' if zoom > 0 else 'larger'}")
+    if abs(turn) > MIN_ERROR:
+        told.append(f"turned by {math.degrees(abs(turn)):.1f} degrees")
     return ", ".join(told)
 
 

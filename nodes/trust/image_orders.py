@@ -1,15 +1,12 @@
 """The ways in which images may be exchanged, mirrored or turned."""
 
-import math
 from collections.abc import Callable, Iterator
-from itertools import combinations, permutations
+from itertools import combinations
 
 from tactograph.nodes import F4
 
 Order = tuple[int, ...]
 """The image that takes each place."""
-MAX_ORDERS = 24
-"""Orders of more than four LEDs are too many: only two of them are exchanged."""
 TURNED_IMAGES: dict[str, Callable[[F4], F4]] = {
     "mirrored left to right": lambda planes: planes[..., ::-1],
     "mirrored top to bottom": lambda planes: planes[..., ::-1, :],
@@ -26,11 +23,11 @@ def swaps(count: int) -> Iterator[Order]:
         yield tuple(order)
 
 
-def longer_orders(count: int) -> Iterator[Order]:
-    """Yield those with more LEDs out of place, those with the fewest first."""
-    if math.factorial(count) <= MAX_ORDERS:
-        others = {*permutations(range(count))} - {*swaps(count), tuple(range(count))}
-        yield from sorted(others, key=lambda order: (len(_out_of_place(order)), order))
+def ring_orders(count: int) -> Iterator[Order]:
+    """Yield other orders of a ring: begun elsewhere, or gone through the other way round."""
+    ring = tuple(range(count))
+    orders = (way[k:] + way[:k] for way in (ring, ring[::-1]) for k in ring)
+    yield from (order for order in orders if order not in {ring, *swaps(count)})
 
 
 def _out_of_place(order: Order) -> list[int]:

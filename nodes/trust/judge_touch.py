@@ -3,17 +3,15 @@
 Long because the mistakes that explain a doubted touch are tried one by one.
 """
 
-from functools import partial
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import InputError, Port, node, warn
+from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F8, CoarseLight, LightPositions, Metrics
 from tactograph.nodes.trust.check_ranks import (
     CHECK_FIGURES,
-    SYMPTOM_FIGURES,
     CheckRanks,
     Ranked,
     figures_of,
@@ -41,7 +39,6 @@ def judge_touch(
     evidence: TouchEvidence,
     ranks: CheckRanks | None = None,
     rim_share: RimShare | None = None,
-    added: Annotated[float, Port(unit="1")] | None = None,
     lines: LineChanges | None = None,
     motion: FilmMotion | None = None,
     light: CoarseLight | None = None,
@@ -64,7 +61,6 @@ def judge_touch(
     evidence : what `touch_evidence` found
     ranks : what right touches of this sensor look like, from the calibration
     rim_share : what `film_on_rims` found
-    added : what `added_light` found
     lines : what `line_changes` found; a part of the check of the light
     motion : what `film_motion` found
     light, flat, lights
@@ -89,7 +85,7 @@ def judge_touch(
     InputError
         If all checks fail, unless `force`.
     """
-    at_light = evidence.read()[2].steep >= 0
+    at_light = evidence.read()[2].dirty >= 0
     on_rims = rim_share is not None and rim_share > MAX_RIM_SHARE
     row = (Ranked.RIGID if rims_measured and on_rims else Ranked.SOFT) if at_light else Ranked.PLAIN
     known = None if ranks is None else ranks[row].astype(np.float64)
@@ -97,20 +93,24 @@ def judge_touch(
     if known is None or known[-1, -1] < 0:
         warn(NOT_CHECKED)
     else:
-        p = p_values(figures_of(evidence, added or 0.0, lines, motion), known[:-1])
+        p = p_values(figures_of(evidence, lines, motion), known[:-1])
         made = ["curl", *["light"] * at_light, *["rest"] * (not filled)]
         trust, alone, why = _verdict(p, known, made, false_alarms)
         if trust < false_alarms:
             likely = ""
             if light is not None and flat is not None:
-                has_moved = motion is not None and bool(motion.any())
-                law = partial(share_left, known), false_alarms
                 likely = (
                     other_colours(light * flat, flat)
                     if lights is None
-                    else likely_cause(light, flat, lights, *law, has_moved=has_moved)
+                    else likely_cause(
+                        light,
+                        flat,
+                        lights,
+                        lambda left: share_left(known, left) >= false_alarms,
+                        has_moved=motion is not None and bool(motion.any()),
+                    )
                 )
-            causes = likely or _said(why, evidence, added or 0.0, motion)
+            causes = likely or _said(why, evidence, motion, on_rims)
             if max(alone) < false_alarms and not force:
                 raise InputError(f"{causes}: no height follows; `force`=true goes on all the same")
             warn(f"{causes}; the height may be wrong")
@@ -129,41 +129,36 @@ def judge_touch(
 def _verdict(
     p: F8, known: F8, made: list[str], false_alarms: float
 ) -> tuple[float, list[float], list[str]]:
-    """The trust, that in each check alone, and the causes of those that fail, the worst first."""
+    """The trust, that in each check alone, and the causes of those that fail, the surest first."""
     shares = [of_all_checks(each, known) for each in p.tolist()]
-    found = list(zip(shares, CHECK_FIGURES, strict=True))
-    alone, causes = [], []
-    for check in made:
-        of_check = [f for f in found if CHECK_FIGURES[f[1]].check == check]
-        alone.append(min(of_check)[0])
-        # What several causes show says less than any of them.
-        failing = [f for f in of_check if f[0] < false_alarms]
-        causes += sorted(failing, key=lambda f: (_vagueness(f[1]), f[0]))[:1]
-    causes.sort(key=lambda f: (_vagueness(f[1]), f[0]))
-    return min(alone), alone, [CHECK_FIGURES[name].cause for _, name in causes]
-
-
-def _vagueness(name: str) -> int:
-    return SYMPTOM_FIGURES.index(name) + 1 if name in SYMPTOM_FIGURES else 0
+    found = list(zip(shares, CHECK_FIGURES.values(), strict=True))
+    alone = [min(share for share, figure in found if figure.check == check) for check in made]
+    causes: dict[str, str] = {}
+    for share, figure in found:
+        # What several causes show says less than any of them, and stands later.
+        if share < false_alarms and figure.check in made:
+            causes.setdefault(figure.check, figure.cause)
+    return min(alone), alone, [*causes.values()]
 
 
 def _said(
-    causes: list[str], evidence: TouchEvidence, added: float, motion: FilmMotion | None
+    causes: list[str],
+    evidence: TouchEvidence,
+    motion: FilmMotion | None,
+    on_rims: bool,
 ) -> str:
     """The causes with the facts of this touch."""
     light, change = evidence.read()[2], evidence.level.astype(np.float64) - 1
     apart = change - change.mean()
     one = int(np.abs(change).argmax())
     together = np.abs(apart).max() < np.abs(change.mean())
-    has_rims = light.shaded > MAX_RIM_SHARE * max(light.steep, 1)
     facts = {
-        "rims": "; walls and rims need the graph precise" if has_rims else "",
+        "rims": "; walls and rims need the graph precise" if on_rims else "",
         "bright": "brighter" if light.brighter > 0 else "darker",
         "excess": abs(light.brighter),
         "led": "all LEDs are" if together else f"LED {one + 1} is",
         "sense": _sense(change.mean() if together else change[one]),
         "moved": "" if motion is None else motion_in_words(motion),
-        "added": "other light was added to the touch" if added > 0 else "the touch lacks light",
     }
     first, *others = (cause.format(**facts) for cause in causes)
     return ". ".join([first, *(cause[0].upper() + cause[1:] for cause in others)])

@@ -17,29 +17,24 @@ from tactograph.nodes import (
     PixelSize,
     Slope,
     Uneven,
-    Wrap,
 )
 from tactograph.nodes.optics.near_light import (
     brightness_share,
     expected_light,
     light_vectors,
 )
-from tactograph.nodes.trust._check import DARK_AS_DUE, NOT_TESTED
+from tactograph.nodes.trust.checked_cells import DARK_LIGHT, MIN_LIGHT, NOT_TESTED
 
 Departure = Annotated[F4, Port("H W", "1", low=-1, high=25)]
-"""Reduced chi-squared of a pixel's light; below 0 where too few LEDs test the slope."""
+"""Reduced chi-squared of a pixel's light; -1 where too few LEDs test the slope."""
 Brighter = Annotated[F4, Port("H W", "1", low=-1, high=1)]
 """How much brighter film is than its slopes make it, as a share (T4)."""
-MIN_MODEL_LIGHT = np.float32(0.1)
-"""Light below which the model's error no longer falls with the light."""
 MIN_ERROR = 0.0015
 """Standard deviation of the light, relative to film at rest: no model is exact."""
-MIN_FREEDOM = np.float32(0.5)
-"""Fewer degrees of freedom test nothing: two LEDs fit any light exactly."""
 UNEVEN_SHARE = 0.25
 """Share of the film's unevenness that differs from LED to LED."""
-MIN_SQUARES = np.float32(1e-6)
-"""Sum of squares of light that is divided by."""
+MIN_FREEDOM = np.float32(0.5)
+"""Fewer degrees of freedom test nothing: two LEDs fit any light exactly."""
 
 
 class LightDeparture(NamedTuple):
@@ -49,10 +44,16 @@ class LightDeparture(NamedTuple):
     brighter: Brighter
 
 
-def light_error(misfit: Misfit | None, uneven: float) -> float:
-    """Return the standard deviation of the model's light, relative to film at rest."""
-    pressed = 0.0 if misfit is None else misfit.item(2)
-    return math.hypot(max(pressed, MIN_ERROR), UNEVEN_SHARE * uneven)
+def excess(light: F4, shown: F4, lit: F4 | float = 1.0) -> F4:
+    """Return how much brighter film is than its slopes make it, H x W (T4).
+
+    Parameters
+    ----------
+    light, shown : K x H x W, as it is and as the slopes make it
+    lit : K x H x W, 1 where an LED was used
+    """
+    seen, due = (light * shown * lit).sum(axis=0), (shown * shown * lit).sum(axis=0)
+    return np.asarray(seen / np.maximum(due, MIN_LIGHT) - 1, np.float32)
 
 
 @node(
@@ -69,7 +70,6 @@ def light_departure(
     misfit: Misfit,
     pixel: PixelSize,
     uneven: Uneven,
-    wrap: Wrap | None = None,
     *,
     cell_px: Annotated[int, Interval(ge=1, le=64)] = 1,
 ) -> LightDeparture:
@@ -79,15 +79,13 @@ def light_departure(
     LEDs that were used::
 
         chi^2 = sum (r_k - b a_k)^2,    b = sum r_k a_k / (sum a_k^2 + 1 / uneven^2)
-        s_k^2 = (sigma_k / cell_px)^2 + (e max(n.v_k, 0.1))^2                                (T1)
+        s_k^2 = (sigma_k / cell_px)^2 + (e max(n.v_k, 0.05))^2                               (T1)
 
-    b is the film's unknown brightness, and e the model's error of the light (`light_error`), from
-    the presses of the calibration.  The degrees of freedom are the LEDs used, less two for the
-    slope and less the share of the brightness that was free.  Where fewer LEDs were used than a
-    test needs, the departure is -1.  In a gel that scatters light an LED behind the soft terminator
-    is hardly known, so that it is not used; but it is dark because the slope turns away from it.
-    Where such LEDs make up for what the test lacks, the departure is -0.5.  The excess is that of
-    the film's brightness as the light itself has it, sum m_k n.v_k / sum (n.v_k)^2 - 1 (T4).
+    b is the film's unknown brightness, and e the model's error of the light: from the presses of
+    the calibration, but not below `MIN_ERROR`, and a quarter of `uneven`.  The degrees of freedom
+    are the LEDs used, less two for the slope and less the share of the brightness that was free.
+    Where fewer LEDs were used than a test needs, the departure is -1.  The excess of the film's
+    brightness is that which the light itself has, sum m_k n.v_k / sum (n.v_k)^2 - 1 (T4).
 
     Parameters
     ----------
@@ -98,14 +96,14 @@ def light_departure(
     misfit : length 5, the calibration's misfit
     pixel : mm per px
     uneven : standard deviation of the film's brightness, as given to `label_lights`
-    wrap : how far light goes on falling behind the terminator, as given to `label_lights`
     cell_px : side in px of the cells that the light is a mean of; `sigma` is that of a single pixel
     """
     shown = expected_light(light_vectors(lights, height, pixel), slope)
     bits = np.arange(len(light), dtype=np.uint8)[:, None, None]
     lit = (used >> bits & 1).astype(np.float32)
     noise = sigma * np.float32(1 / cell_px)
-    model = np.float32(light_error(misfit, uneven)) * np.maximum(shown, MIN_MODEL_LIGHT)
+    error = math.hypot(max(misfit.item(2), MIN_ERROR), UNEVEN_SHARE * uneven)
+    model = np.float32(error) * np.maximum(shown, DARK_LIGHT)
     weight = lit / (noise * noise + model * model)
     departs, along = light - shown, shown * weight
     whole = (shown * along).sum(axis=0)
@@ -113,11 +111,8 @@ def light_departure(
     left = departs - (departs * along).sum(axis=0) * share * shown
     freedom = lit.sum(axis=0) - np.float32(2) - share * whole
     reduced = (weight * left * left).sum(axis=0) / np.maximum(freedom, MIN_FREEDOM)
-    seen, due = (light * shown * lit).sum(axis=0), (shown * shown * lit).sum(axis=0)
-    turned_away = (shown < 0).sum(axis=0, where=lit == 0) if wrap else np.float32(0)
-    other = np.where(freedom + turned_away >= MIN_FREEDOM, DARK_AS_DUE, NOT_TESTED)
-    chi = np.where(freedom >= MIN_FREEDOM, reduced, other)
-    return LightDeparture(np.asarray(chi, np.float32), seen / np.maximum(due, MIN_SQUARES) - 1)
+    chi = np.where(freedom >= MIN_FREEDOM, reduced, NOT_TESTED)
+    return LightDeparture(np.asarray(chi, np.float32), excess(light, shown, lit))
 
 
 light_departure.opencl(grid="H W", lanes="grid")
@@ -141,5 +136,4 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
         "lights": lights.astype(np.float32),
         "misfit": np.array([0.003, 1, 0.004, 0.05, 0.002], np.float32),
         "pixel": 0.05,
-        "wrap": float(rng.choice([0, 0.2])),
     }

@@ -8,7 +8,7 @@ not.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from typing import NamedTuple
 
@@ -16,22 +16,22 @@ import cv2
 import numpy as np
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
-from tactograph.nodes.trust._check import MIN_CELLS, MIN_LEDS, MIN_LIGHT
 from tactograph.nodes.trust._explained import explained
-from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE, DARK_LIGHT
+from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE
 from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
+from tactograph.nodes.trust.checked_cells import (
+    DARK_LIGHT,
+    MIN_CELLS,
+    MIN_LEDS,
+    MIN_LIGHT,
+    few_cells,
+)
 from tactograph.nodes.trust.fall_off import RING_CELLS, border_cells
-from tactograph.nodes.trust.image_orders import TURNED_IMAGES, longer_orders, swaps, words_of_order
+from tactograph.nodes.trust.image_orders import TURNED_IMAGES, ring_orders, swaps, words_of_order
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 
-TRIED_COLUMNS = 40
-"""Cells across the image on which mistakes are tried: few, since there are a hundred."""
-MIN_LIT_LIGHT = 0.3
-"""Light that is no shadow."""
 USUAL_GAMMA = 2.2
 """Gamma that is tried; a contrast is told that is nearer to it, or its inverse, than to none."""
-TORN_STEP = 3
-"""Rows between the places at which frames are tried as torn."""
 
 
 class _Mistake(NamedTuple):
@@ -46,8 +46,7 @@ def likely_cause(
     light: CoarseLight,
     flat: CoarseLight,
     lights: LightPositions,
-    share_of: Callable[[float], float],
-    false_alarms: float,
+    fits: Callable[[float], bool],
     *,
     has_moved: bool = False,
 ) -> str:
@@ -58,8 +57,7 @@ def likely_cause(
     light : K x h x w, relative to the film at rest
     flat : K x h x w, the film at rest
     lights : K x 3, in mm
-    share_of : the share of right touches that leave as much, or more (`left_as_matt`)
-    false_alarms : share from which on a touch is doubted
+    fits : whether right touches leave as much (`left_as_matt`)
     has_moved : whether the camera has (`film_motion`)
     """
     raw = light * flat
@@ -67,19 +65,22 @@ def likely_cause(
         return alike
     if is_banded(light):
         return BANDS_TOLD
-    small, rest = _resized(raw), _divisor(flat)
-    if share_of(_left(small / rest, lights)) >= false_alarms:
+    small, rest = few_cells(raw), _divisor(flat)
+
+    def first_of(mistakes: Iterable[_Mistake]) -> str:
+        """The first mistake that leaves least, if it fits."""
+        tried = [(_left(m.light / rest[m.leds], lights[m.leds]), m.words) for m in mistakes]
+        least = min(left for left, _ in tried)
+        simplest = next(words for left, words in tried if left <= least + MIN_ERROR)
+        return simplest if fits(least) else ""
+
+    if fits(_left(small / rest, lights)):
         return _at_border(small, rest)
     # Fewer LEDs fit anything better, and so do they if the camera has moved.
     may_be_foreign = len(raw) > MIN_LEDS and not has_moved
     in_part = chain(_torn(small), _without_one(small) if may_be_foreign else ())
-    for stage in _mistakes(small), in_part:
-        tried = [(_left(taken / rest[leds], lights[leds]), words) for words, taken, leds in stage]
-        least = min((left for left, _ in tried), default=math.inf)
-        if share_of(least) >= false_alarms:
-            # Simple mistakes come first.
-            return next(words for left, words in tried if left <= least + MIN_ERROR)
-    return _at_border(small, rest)
+    # Simple mistakes come first; what is left of a part is explained by more.
+    return first_of(_mistakes(small)) or _at_border(small, rest) or first_of(in_part)
 
 
 def left_as_matt(light: CoarseLight, flat: CoarseLight, lights: LightPositions) -> float:
@@ -87,7 +88,7 @@ def left_as_matt(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
 
     Infinite where there is no touch, or one that goes below the film at rest.
     """
-    return _left(_resized(light * flat) / _divisor(flat), lights)
+    return _left(few_cells(light * flat) / _divisor(flat), lights)
 
 
 def _at_border(raw: F4, rest: F4) -> str:
@@ -162,13 +163,13 @@ def _mistakes(raw: F4) -> Iterator[_Mistake]:
     for side, turn in TURNED_IMAGES.items():
         beside = "beside those of the calibration, with which they would fit"
         yield _Mistake(f"the images are {side} {beside}", turn(raw))
-    for order in longer_orders(len(raw)):
+    for order in ring_orders(len(raw)):
         yield _Mistake(words_of_order(order), raw[list(order)])
 
 
 def _torn(raw: F4) -> Iterator[_Mistake]:
     """Frames whose end is of the LED before or after."""
-    for row in range(TORN_STEP, raw.shape[1], TORN_STEP):
+    for row in range(1, raw.shape[1]):
         for by, which in (1, "next"), (-1, "previous"):
             whole = np.concatenate([raw[:, :row], np.roll(raw[:, row:], by, 0)], axis=1)
             yield _Mistake(
@@ -196,7 +197,7 @@ def _left(light: F4, lights: LightPositions) -> float:
     directions = lights / lights[:, 2:]
     normal = np.tensordot(np.linalg.pinv(directions), light, 1)
     touched = (np.abs(light - 1) > CALM_DEPARTURE).any(axis=0)
-    lit = touched & (light > MIN_LIT_LIGHT).all(axis=0)
+    lit = touched & (light > DARK_LIGHT).all(axis=0)
     if np.count_nonzero(lit) < MIN_CELLS:
         return math.inf
     residual = (np.tensordot(directions, normal, 1) - light)[:, lit]
@@ -216,10 +217,4 @@ def _left(light: F4, lights: LightPositions) -> float:
 
 
 def _divisor(flat: F4) -> F4:
-    return np.maximum(_resized(flat), MIN_LIGHT)
-
-
-def _resized(planes: F4) -> F4:
-    rows, columns = planes.shape[1:]
-    size = TRIED_COLUMNS, max(2, round(TRIED_COLUMNS * rows / columns))
-    return np.asarray([cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in planes])
+    return np.maximum(few_cells(flat), MIN_LIGHT)

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, F8
-from tactograph.nodes.trust._check import MIN_CELLS, MIN_LIGHT
 from tactograph.nodes.trust._explained import explains
+from tactograph.nodes.trust.checked_cells import MIN_CELLS, MIN_LIGHT
 from tactograph.nodes.trust.fall_off import RING_CELLS, border_cells
 from tactograph.nodes.trust.image_orders import TURNED_IMAGES
 

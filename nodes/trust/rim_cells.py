@@ -6,35 +6,32 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import Labels, Mask, Slope
+from tactograph.nodes.trust.checked_cells import MIN_LEDS
 
 MAX_TURN = np.float32(1.25)
-"""Change of the slope from cell to cell beyond which an edge lies within a cell,
-which shows the mean of both sides."""
-MIN_RIM_SLOPE = np.float32(1.0)
-"""Slope of the steeper side above which such an edge is a rim."""
-MIN_DARK_LEDS = 2
-"""Fewest LEDs in shadow at which those that remain leave the slope open."""
+"""Change of the slope from cell to cell beyond which an edge lies within a cell, which shows the
+mean of both sides; a rim is on the side that is as steep as that."""
 
 
 @node
-def rim_cells(slope: Slope, shadow: Labels) -> Mask:
-    """Return where rims are: steeper than a cell shows, or in the shadow of several LEDs.
+def rim_cells(slope: Slope, used: Labels) -> Mask:
+    """Return where rims are: steeper than a cell shows, or lit by too few LEDs.
 
-    A cell is one where its slope is above `MIN_RIM_SLOPE` and turns by more than a cell shows
-    towards one of its four neighbours.
+    A cell is one where its slope is above `MAX_TURN` and turns by more than that towards one of its
+    four neighbours.
 
     Parameters
     ----------
-    slope, shadow : 2 x H x W and H x W, as `label_lights` found them, on cells
+    slope, used : 2 x H x W and H x W, as `label_lights` found them, on cells
     """
-    edge = np.zeros(shadow.shape, bool)
+    edge = np.zeros(used.shape, bool)
     across, down = (_squares(np.diff(slope, axis=axis)) > MAX_TURN * MAX_TURN for axis in (2, 1))
     for side in (edge[:, 1:], edge[:, :-1]):
         side |= across
     for side in (edge[1:], edge[:-1]):
         side |= down
-    rim = edge & (_squares(slope) > MIN_RIM_SLOPE * MIN_RIM_SLOPE)
-    return (rim | (np.bitwise_count(shadow) >= MIN_DARK_LEDS)).view(np.uint8)
+    rim = edge & (_squares(slope) > MAX_TURN * MAX_TURN)
+    return (rim | (np.bitwise_count(used) < MIN_LEDS)).view(np.uint8)
 
 
 def _squares(slope: Slope) -> Any:
@@ -49,5 +46,5 @@ rim_cells.opencl(grid="H W", lanes="rows")
 def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, Any]:
     """Slopes that turn at places, and shadows of a few LEDs."""
     slope = rng.normal(0, 0.8, (2, H, W)).astype(np.float32)
-    shadow = rng.choice([0, 1, 3, 6], (H, W), p=[0.7, 0.1, 0.1, 0.1]).astype(np.uint8)
-    return {"slope": slope, "shadow": shadow}
+    used = rng.choice([15, 14, 12, 9], (H, W), p=[0.7, 0.1, 0.1, 0.1]).astype(np.uint8)
+    return {"slope": slope, "used": used}

@@ -9,7 +9,7 @@ from tactograph.graph import Flips, Port, node
 from tactograph.nodes import F4, Labels, Misfit, Slope, SlopeVariance
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
-from tactograph.nodes.trust._check import MIN_LEDS, NOT_TESTED
+from tactograph.nodes.trust.checked_cells import MIN_LEDS, NOT_TESTED
 
 CoarseCurl = Annotated[F4, Port("h w", "1", low=-1, high=25)]
 """Curl over what is expected of a surface, squared; -1 where it tests nothing."""

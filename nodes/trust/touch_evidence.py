@@ -13,10 +13,10 @@ from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, CoarseLight, Height, Labels, Light, Slope
 from tactograph.nodes.light.film_drift import DRIFT_TERMS, Drift
-from tactograph.nodes.trust._check import thinning
-from tactograph.nodes.trust._curl_evidence import CurlFigures, curl_evidence
+from tactograph.nodes.trust._curl_evidence import curl_evidence
 from tactograph.nodes.trust._light_evidence import LightFigures, light_evidence
 from tactograph.nodes.trust._rest_evidence import FilmFigures, RestLevel, rest_evidence
+from tactograph.nodes.trust.checked_cells import thinning
 from tactograph.nodes.trust.light_departure import Brighter, Departure
 from tactograph.nodes.trust.slope_curl import CoarseCurl
 
@@ -25,13 +25,13 @@ class TouchEvidence(NamedTuple):
     """What `judge_touch` judges: little, in arrays as few as can be read back from a device."""
 
     level: RestLevel
-    figures: Annotated[F4, Port("16", "1", low=0, high=5)]
+    figures: Annotated[F4, Port("11", "1", low=0, high=5)]
     """Those of the curl, of the film and of the light, one behind the other."""
 
-    def read(self) -> tuple[CurlFigures, FilmFigures, LightFigures]:
+    def read(self) -> tuple[float, FilmFigures, LightFigures]:
         """How much the slopes curl, what the film at rest is like, and how the light departs."""
         figures = self.figures.tolist()
-        return CurlFigures(*figures[:2]), FilmFigures(*figures[2:8]), LightFigures(*figures[8:])
+        return figures[0], FilmFigures(*figures[1:6]), LightFigures(*figures[6:])
 
 
 @node(
@@ -69,16 +69,16 @@ def touch_evidence(
     matt : K x H x W, the light as of a matt film
     max_dimming : share of the light that film may lack under all LEDs
     """
-    seen = LightFigures(-1, *[0] * (len(LightFigures._fields) - 1))
+    seen = LightFigures(0, 0, 0, 0, dirty=-1)
     if departure is not None and slope is not None:
         seen = light_evidence(departure, slope, brighter, used, matt, shadow, max_dimming)
     level, film = rest_evidence(light, height, drift)
-    return TouchEvidence(level, np.array([*curl_evidence(curl), *film, *seen], np.float32))
+    return TouchEvidence(level, np.array([curl_evidence(curl), *film, *seen], np.float32))
 
 
 @touch_evidence.opencl()
 def _launch(run: Launch) -> None:
-    """One work-group looks at the light and one at the film; others find quantiles and parts."""
+    """One work-group looks at the light and one at the film; others find quantiles and bands."""
     count, height, width = (run.sizes[name] for name in "KHW")
     step, group, given = thinning(height, width), (run.group,), run.inputs
     thin = (-(-height // step), -(-width // step))
@@ -92,7 +92,7 @@ def _launch(run: Launch) -> None:
     arguments = *planes, *scratch, level, figures, *sizes, run.settings["max_dimming"]
     run.kernel("look", (2 * run.group,), *arguments, local=group)
     weighed = values, curl, figures, thin[0] * thin[1], *cells
-    run.kernel("weigh", (6 * run.group,), *weighed, local=group)
+    run.kernel("weigh", (5 * run.group,), *weighed, local=group)
 
 
 def _thinned(run: Launch, *planes: DeviceArray) -> tuple[list[DeviceArray], tuple[int, int]]:

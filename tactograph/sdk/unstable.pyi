@@ -341,10 +341,9 @@ from tactograph.nodes.stream.rest_film import (
     upper_median as upper_median,
 )
 from tactograph.nodes.trust.check_ranks import (
-    NO_RANKS as NO_RANKS,
     CheckRanks as CheckRanks,
 )
 from tactograph.nodes.trust.light_departure import (
-    MIN_SQUARES as MIN_SQUARES,
     LightDeparture as LightDeparture,
+    excess as excess,
 )

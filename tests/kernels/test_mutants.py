@@ -65,7 +65,7 @@ def test_parity_catches(name: str, what: str, monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr(Compiled, "_build", build_mutant)
     # Small frames have levels of one work-group alone, but for this.
-    monkeypatch.setattr(height_networks, "ONE_GROUP_PIXELS", 1024)
+    monkeypatch.setattr(height_networks, "ONE_GROUP_PIXELS", 128)
     assert any(differences(find_node(name)))
 
 

@@ -118,7 +118,7 @@ def test_back_ends_agree_in_every_case(device: OpenCL, one_lane: OpenCL | None, 
 # cameras have levels too large for a group, and these do if a group does no more than this.
 @pytest.mark.parametrize(
     ("module", "name", "value"),
-    [(parity, "POISON_BYTE", 0xFF), (height_networks, "ONE_GROUP_PIXELS", 256)],
+    [(parity, "POISON_BYTE", 0xFF), (height_networks, "ONE_GROUP_PIXELS", 32)],
     ids=["what a buffer held before is NaN", "a group does few pixels"],
 )
 @pytest.mark.parametrize("node", ["integrate_weighted", "height_error"])

@@ -80,6 +80,14 @@ def test_a_mirror_ball_tells_where_lamps_are(tmp_path: Path) -> None:
     assert error(tmp_path, FAR) < 0.015
 
 
+def test_lamps_suffice_where_no_film_at_rest_was_taken(tmp_path: Path) -> None:
+    touch = write(tmp_path / "first", taken(TOUCH, 2, FAR))
+    given = {"lights": dome(tmp_path / "lamps.lp", FAR), "pixel_size_mm": PIXEL_MM}
+    made = run("calibrate_lights_no_flat", **given, touch=touch, out=str(tmp_path / "cal.npz"))
+    assert any(note.startswith("no flat frame was given") for note in said(made))
+    assert error(tmp_path, FAR, "reconstruct_no_flat") < 0.03
+
+
 def test_a_mirror_ball_is_no_film(tmp_path: Path) -> None:
     ball = write(tmp_path / "mirror", mirror(FAR, (71.0, 64.5), 20.0))
     with pytest.raises(InputError, match=r"too dark to measure.*calibrate_lights_mirror"):

@@ -113,9 +113,8 @@ def find_balls(
             ball = None
         balls.append(ball)
     if not any(balls):
-        none = f"none of {len(names)} presses shows its ball"
         cure = TOUCHED_FLAT if is_uneven(flat, pixel) else "check `radius` and `pixel`"
-        raise InputError(f"{none}; {cure}")
+        raise InputError(f"none of {len(names)} presses shows its ball; {cure}")
     return FoundBalls(
         np.array([(*b.center, b.contact) if b else (0, 0, 0) for b in balls], np.float32),
         np.array([b.goodness if b else 0 for b in balls], np.float32),

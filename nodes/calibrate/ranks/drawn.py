@@ -1,5 +1,6 @@
 """Surfaces that are touched and errors of a film's model, drawn by chance."""
 
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -22,8 +23,6 @@ SKIRT_SHARE = 0.1
 LED_DRIFT, LED_DRIFT_ACROSS = 0.03, 0.01
 """Standard deviations of an LED's drift since the flat frame, and of its change across the image:
 of LEDs that warm up."""
-HALF_WAY_BLUR = 0.6
-"""Blur of white noise over the distance at which it is half alike, 1 / (2 sqrt(ln 2))."""
 Random = np.random.Generator
 Form = Callable[[Random, F4, F4, float], F4]
 
@@ -55,10 +54,10 @@ def drawn(
     """
     count, *size = flat.shape
     height = _surface(rng, size, pixel, OBJECT_FORMS[number % len(OBJECT_FORMS)], rigid)
-    blur = HALF_WAY_BLUR * doubts.width_mm / pixel
-    slope = _leaning(height_slopes(height, pixel).slope, doubts.level * _field(rng, 2, size, blur))
-    errors = doubts.light * _field(rng, count, size, blur)
-    errors = errors + doubts.uneven * _field(rng, 1, size, blur)
+    width = doubts.width_mm / pixel
+    slope = _leaning(height_slopes(height, pixel).slope, doubts.level * _field(rng, 2, size, width))
+    errors = doubts.light * _field(rng, count, size, width)
+    errors = errors + doubts.uneven * _field(rng, 1, size, width)
     touched = np.clip(height / np.float32(doubts.contact_mm), 0, 1)
     gain = (1 + touched * errors) * _drift(rng, count, size)
     return Drawn(height, slope, np.asarray(flat * gain, np.float32))
@@ -135,11 +134,12 @@ def _leaning(slope: Slope, error: NDArray[Any]) -> Slope:
     return np.asarray(slope + error + slope * (slope * error).sum(axis=0), np.float32)
 
 
-def _field(rng: Random, count: int, size: list[int], blur: float) -> NDArray[Any]:
-    """Fields of deviation 1, count x H x W, whose values are alike over `blur` pixels."""
-    blur = min(blur, max(size) / 2)
-    if blur < HALF_WAY_BLUR:
+def _field(rng: Random, count: int, size: list[int], width: float) -> NDArray[Any]:
+    """Fields of deviation 1, count x H x W, half alike at a distance of `width` pixels."""
+    if width < 1:
         return rng.standard_normal((count, *size), np.float32)
+    # White noise under a Gaussian blur has the correlation exp(-(distance / (2 blur))^2).
+    blur = min(width / (2 * math.sqrt(math.log(2))), max(size) / 2)
     # A smooth field needs no more than a value every half of its blur.
     step = max(1.0, blur / 2)
     wide, rim = blur / step, int(3 * blur / step) + 1

@@ -18,25 +18,22 @@ from tactograph.graph.disk.array_files import load_arrays
 from tactograph.nodes import F8, Light
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
 from tactograph.nodes.files.calibration_file import kind_of, replace_arrays
-from tactograph.nodes.optics.lens import LENS_TERMS
+from tactograph.nodes.optics.cell_side import USUAL_SIDE
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask, cut
-from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, NO_RANKS, figures_of, ranked
+from tactograph.nodes.stored import with_plain
+from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, Ranked, figures_of, ranked
+from tactograph.nodes.trust.checked_cells import MAX_CELLS, MIN_LEDS, few_cells
 from tactograph.nodes.trust.judge_touch import MAX_RIM_SHARE
+from tactograph.nodes.trust.light_departure import MIN_ERROR
 from tactograph.nodes.trust.likely_cause import left_as_matt
 from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
-MAX_PIXELS = 40000
-"""Larger images are drawn on fewer, larger pixels: their checks look at as many cells at most."""
-RIGHT_SHARE = 1e-3
-"""Error of a height over the image's width up to which a touch is right: 16 um of 16 mm."""
-THREE_LEDS = 3
-"""Lights whose directions are never linearly dependent (paper, section 3.2)."""
 LINE_PORTS = ("across_row", "along_row", "across_column")
 EVIDENCE_PORTS = {"level": "told.level", "figures": "told.figures", "motion": "moved"}
 RIM_PORTS = {"rims": "on_rims.share"}
 CAUSE_PORTS = {"light": "drifted_c", "cells": "flat_c", "leds": "cal.lights"}
-ONE_SHOT_PORTS = {"added": "added"} | {port: f"lines.{port}" for port in LINE_PORTS}
+ONE_SHOT_PORTS = {port: f"lines.{port}" for port in LINE_PORTS}
 
 
 @node
@@ -66,46 +63,44 @@ def rank_checks(
     """
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the calibration has told of its doubts
-        arrays = load_arrays(file)
+        arrays, brought = load_arrays(file), kind_of(file)
+        kind = CALIBRATION_KIND if brought is None else brought.KIND
         small, even = Path(folder) / "small.npz", Path(folder) / "own.npz"
-        np.savez(small, **_resized(arrays, _small_size(arrays["flat"])))  # type: ignore[arg-type]
+        # Larger images are drawn on fewer, larger pixels: checks look at as many cells at most.
+        few = few_cells(arrays["flat"], MAX_CELLS * USUAL_SIDE**2).shape[1:]
+        np.savez(small, **_resized(arrays, few, kind.record))  # type: ignore[arg-type]
         given = {"calibration": str(small), "count": count, "seed": seed}
         presses = [] if flat is None or press is None else _kept(press, mask, flat.shape[1])
         if presses:
-            np.savez(even, **_resized(arrays, presses[0].shape[1:]))  # type: ignore[arg-type]
-        brought = kind_of(file)
-        if brought is not None and brought.KIND is not CALIBRATION_KIND:
+            size = presses[0].shape[1:]
+            np.savez(even, **_resized(arrays, size, kind.record))  # type: ignore[arg-type]
+        if brought is not None and kind is not CALIBRATION_KIND:
             drawn = _drawn(brought.GRAPH, brought.OVERLAY, given)
             own = _own(brought.GRAPH, presses, even, ONE_SHOT_PORTS)[0]
-            kind, ranks = brought.KIND, [ranked(drawn, own)] * 3
+            ranks = [ranked(drawn, own)] * len(Ranked)
         else:
             # Three lights are never linearly dependent, so the paper's shadow test takes four.
-            tables = "paper" if len(arrays["flat"]) > THREE_LEDS else "paper_no_shadow"
+            tables = "paper" if len(arrays["flat"]) > MIN_LEDS else "paper_no_shadow"
             walls = given | {"count": max(count // 2, 1), "rigid": True}
             own, rims = _own("reconstruct", presses, even, RIM_PORTS | CAUSE_PORTS)
             on_rims = rims > MAX_RIM_SHARE
             soft = [each for each, has_rims in zip(presses, on_rims, strict=True) if not has_rims]
             drawn_of = partial(_drawn, "reconstruct", "drawn_touches", more=CAUSE_PORTS)
-            kind, ranks = (
-                CALIBRATION_KIND,
-                [
-                    ranked(drawn_of(given), own[~on_rims]),
-                    ranked(drawn_of(walls), own[on_rims]),
-                    ranked(_drawn(tables, "drawn_touches", given), _own(tables, soft, even)[0]),
-                ],
-            )
+            ranks = [
+                ranked(drawn_of(given), own[~on_rims]),
+                ranked(drawn_of(walls), own[on_rims]),
+                ranked(_drawn(tables, "drawn_touches", given), _own(tables, soft, even)[0]),
+            ]
     replace_arrays(file, kind, {"ranks": np.stack(ranks)})
 
 
-def _small_size(flat: Light) -> tuple[int, int]:
-    """Rows and columns of at most `MAX_PIXELS`."""
-    rows, columns = flat.shape[1:]
-    coarser = max(1.0, np.sqrt(rows * columns / MAX_PIXELS))
-    return round(rows / coarser), round(columns / coarser)
+def _resized(
+    arrays: dict[str, NDArray[Any]], size: tuple[int, ...], record: type
+) -> dict[str, NDArray[Any]]:
+    """A calibration of the same film on an image of other rows and columns.
 
-
-def _resized(arrays: dict[str, NDArray[Any]], size: tuple[int, ...]) -> dict[str, NDArray[Any]]:
-    """A calibration of the same film on an image of other rows and columns, without a lens."""
+    Without a lens, and without ranks.
+    """
     rows, columns = size
     flat = [cv2.resize(p, (columns, rows), interpolation=cv2.INTER_AREA) for p in arrays["flat"]]
     finer = arrays["flat"].shape[2] / columns
@@ -113,7 +108,8 @@ def _resized(arrays: dict[str, NDArray[Any]], size: tuple[int, ...]) -> dict[str
     for plane in {"dark", "rest"} & arrays.keys():
         made[plane] = cv2.resize(arrays[plane], (columns, rows), interpolation=cv2.INTER_AREA)
     made["area"] = np.ones(size, np.uint8)
-    return arrays | made | {"lens": np.zeros(len(LENS_TERMS), np.float32), "ranks": NO_RANKS}
+    kept = {name: array for name, array in arrays.items() if name not in ("lens", "ranks")}
+    return with_plain(record, kept | made)
 
 
 def _kept(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:
@@ -127,7 +123,7 @@ def _kept(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:
 def _own(
     graph: str, presses: list[Light], calibration: Path, more: dict[str, str] | None = None
 ) -> tuple[F8, F8]:
-    """The figures of the calibration's presses, P x 18, and how much of each hangs on rims."""
+    """The figures of the calibration's presses, P x 15, and how much of each hangs on rims."""
     figures, rims = [], []
     if presses:
         given = {"calibration": str(calibration), "accept_contradictions": True}
@@ -144,8 +140,9 @@ def _own(
 def _drawn(
     graph: str, overlay: str, given: dict[str, Any], more: dict[str, str] | None = None
 ) -> F8:
-    """The figures of drawn touches whose height the graph finds, N x 18.
+    """The figures of drawn touches whose height the graph finds, N x 15.
 
+    It is found where its error, over the image's width, is that of slopes which err by `MIN_ERROR`.
     At least half of them count as found: a graph may be no better than that.  Walls are what
     another graph measures, so that all of them count.
     """
@@ -157,7 +154,7 @@ def _drawn(
             figures.append(_figures(found))
             wrong = np.square(found["height"] - found["truth"], dtype=np.float64).mean()
             off.append(np.sqrt(wrong) / (float(found["pixel"]) * found["height"].shape[1]))
-    most = np.inf if given.get("rigid") else max(RIGHT_SHARE, np.median(off))
+    most = np.inf if given.get("rigid") else max(MIN_ERROR, np.median(off))
     return np.array(figures)[np.array(off) <= most]
 
 
@@ -170,4 +167,4 @@ def _figures(found: Mapping[str, Any]) -> F8:
         # Infinite where nothing touches: that explains no touch.
         left = left_as_matt(found["light"], found["cells"], found["leds"])
         left = left if math.isfinite(left) else 0.0
-    return figures_of(evidence, float(found.get("added", 0.0)), lines, found["motion"], left)
+    return figures_of(evidence, lines, found["motion"], left)

@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 
 from tactograph.sdk import HeightFile, InputError, need
-from tactograph.sdk.unstable import square_pixel
+from tactograph.sdk.unstable import MAX_PIXEL_MM, square_pixel
 
 METRES_PER_MM = 1e-3
 """A millimetre in metres."""
-MAX_PIXEL_M = 1e-3
-"""Side of a pixel above which a file in metres holds other units: no such surface is measured."""
 
 
 def package_for(kind: str, package: str) -> Any:
@@ -44,7 +42,7 @@ def read_in_metres(file: Path, read: Callable[[Path], Sequence[Any]]) -> HeightF
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{file}: cannot be read as a {file.suffix} file: {reason}") from None
-    if max(width, length) > MAX_PIXEL_M:
+    if max(width, length) > MAX_PIXEL_MM * METRES_PER_MM:
         raise InputError(
             f"{file}: says {width / METRES_PER_MM:.4g} mm per px; are its lengths in mm, where "
             "metres belong? Write it again in metres"

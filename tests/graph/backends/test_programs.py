@@ -1,6 +1,5 @@
 """Programs that one pipeline has built serve the next."""
 
-import math
 import os
 import re
 import subprocess
@@ -14,20 +13,12 @@ import pytest
 
 from tactograph.graph.backends import build_ahead, pocl_builtins
 from tactograph.graph.backends.devices import choose_device
-from tactograph.graph.backends.opencl import MAX_HURRIED_PX, OpenCL
+from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.pocl_builtins import with_builtins
-from tactograph.graph.backends.programs import (
-    POCL_PLATFORM,
-    UNOPTIMISED_OPTION,
-    _kept,
-    ahead,
-    build,
-    context_of,
-    is_ready,
-)
+from tactograph.graph.backends.programs import POCL_PLATFORM, _kept, ahead, build, context_of
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk import disk_cache
-from tests.graph.conftest import SLOPES, STREAM, Command, Write, one_line
+from tests.graph.conftest import SLOPES, Command, Write, one_line
 
 
 def test_queues_of_a_device_share_a_program_and_disturb_no_launch(
@@ -52,7 +43,7 @@ def test_queues_of_a_device_share_a_program_and_disturb_no_launch(
 LAUNCHES = """
 import numpy as np
 from tactograph.graph.backends.devices import choose_device
-from tactograph.graph.backends.opencl import MAX_HURRIED_PX, OpenCL
+from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.find_node import find_node
 
 device = OpenCL(choose_device("Portable")[0])
@@ -227,56 +218,3 @@ def test_a_program_is_built_as_ever_where_what_it_brings_does_not_compile(
     assert seven(device) == 7
     monkeypatch.setattr(pocl_builtins, "_declarations", list)
     assert seven(device, 8) == 8
-
-
-def test_what_a_hurry_built_serves_one_item_and_is_then_optimised(
-    folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    told = Mock()
-    monkeypatch.setattr("tactograph.graph.backends.opencl.optimise", told)
-    hurried = OpenCL(choose_device()[0])
-    node, settings, sizes = find_node("label_lit"), {"black": 0.4, "which": "lit"}, {"K": 2}
-    light = np.linspace(0, 1, 24, dtype=np.float32).reshape(2, 3, 4)
-    hurried.hurry()
-    made = []
-    for optimised in (False, True):
-        compiled = hurried.compiled(node)
-        assert (UNOPTIMISED_OPTION in compiled.recipe({})[1]) is not optimised
-        prepared = hurried.prepare(node, settings, {**sizes, "H": 3, "W": 4})
-        (mask,) = prepared.launch({"light": hurried.upload(light)})[0].values()
-        made.append(hurried.download(mask))
-        assert hurried.settle() is not optimised
-    np.testing.assert_array_equal(*made)
-    told.assert_called_once_with(hurried.context.devices[0], [compiled.recipe({})])
-    hurried.hurry()
-    assert UNOPTIMISED_OPTION not in compiled.recipe({})[1], "what is on disk is taken"
-
-
-def test_large_images_end_a_hurry(folder: Path, device: OpenCL) -> None:
-    hurried = OpenCL(choose_device()[0])
-    hurried.hurry()
-    side = math.isqrt(MAX_HURRIED_PX)
-    settings = {"black": 0.4, "which": "lit"}
-    for rows, still in ((side, True), (side + 1, False)):
-        hurried.prepare(find_node("label_lit"), settings, {"K": 2, "H": rows, "W": side})
-        assert hurried.hurried is still
-
-
-def test_a_process_that_nobody_waits_for_optimises(folder: Path, device: OpenCL) -> None:
-    (handle,) = device.context.devices
-    build_ahead.optimise(handle, [(SEVEN, ("-DNUMBER=7",))])
-    assert build_ahead.helpers[-1].wait() == 0
-    assert is_ready(handle, SEVEN, ("-DNUMBER=7",))
-
-
-def test_a_run_is_in_a_hurry_for_its_first_item(
-    folder: Path, about: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    told = Mock()
-    monkeypatch.setattr("tactograph.graph.backends.opencl.optimise", told)
-    assert about("run", STREAM, "count=2").code == 0
-    ((_, recipes),) = (call.args for call in told.call_args_list)
-    assert all(is_ready(choose_device()[0].handle, *recipe) for recipe in recipes), "item 2"
-    build.cache_clear()
-    assert about("run", STREAM, "count=2").code == 0
-    assert told.call_count == 1

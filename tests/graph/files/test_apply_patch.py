@@ -23,6 +23,19 @@ def refusal(write: Write, *changes: str) -> str:
     return str(caught.value)
 
 
+def test_all_wrong_changes_are_told_but_not_what_follows_from_one(write: Write) -> None:
+    inserted = "{insert: rest, op: rest_at_border, after: heigt}"
+    follows = "{set: rest, with: {width: 2}}"
+    with pytest.raises(GraphError) as caught:
+        patched(write, "{remove: slop}", inserted, follows, "{set: slope}", "{remove: again}")
+    said = [re.sub(r".*patch", "patch", each) for each in (str(caught.value), *caught.value.others)]
+    assert said == [
+        "patch[0]: remove: there is no node 'slop'; did you mean 'slope'?",
+        "patch[1]: insert: after: there is no node 'heigt'; did you mean 'height'?",
+        "patch[3]: set needs 'with' or 'in'",
+    ]
+
+
 def test_set_changes_a_parameter_and_keeps_the_others(write: Write) -> None:
     crop, steepest = "{set: height, with: {crop: %s}}", "{set: slope, with: {steepest: 2}}"
     graph = patched(write, crop % "[0, 0, 2, 2]", steepest)

@@ -62,16 +62,20 @@ def test_a_fixed_size_that_a_node_refuses_is_told_before_anything_runs(write: Wr
 
 
 @pytest.mark.parametrize(
-    ("shape", "words"),
-    [((6, 4, 5), "6 lights"), ((3, 7, 5), "7 rows"), ((3, 4, 9), "9 columns")],
+    ("shape", "words", "asked"),
+    [
+        ((6, 4, 5), "6 lights", "and is no image missing"),
+        ((3, 7, 5), "7 rows", "neither cropped"),
+        ((3, 4, 9), "9 columns", "neither cropped"),
+    ],
 )
 def test_a_size_of_images_that_clashes_is_told_by_what_it_counts(
-    write: Write, shape: tuple[int, int, int], words: str
+    write: Write, shape: tuple[int, int, int], words: str, asked: str
 ) -> None:
     plan = planned(write(STREAM))
     known: dict[Symbol, Bound] = {}
     plan.sizes.bind(known, plan.tasks["cal"], "flat", (3, 4, 5))
-    with pytest.raises(InputError, match=rf"^{words}.* do both come from one sensor, "):
+    with pytest.raises(InputError, match=rf"^{words}.* from one sensor, {asked}"):
         plan.sizes.bind(known, plan.tasks["frames"], "image", shape)
 
 

@@ -8,7 +8,7 @@ from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 SIZES = dict.fromkeys(CHECK_FIGURES, 0.0) | {
-    "curl": 0.3, "curl_of_part": 0.05, "light_at_rest": 0.5, "light": 0.8,
+    "curl": 0.3, "light_at_rest": 0.5, "light": 0.8,
     "darker": 0.001, "brighter": 0.001, "level": 0.02,
     "shape": 0.01, "moved": 0.002, "touched_share": 0.2, "depth": 0.1, "lines": 0.5,
 }  # fmt: skip
@@ -20,8 +20,6 @@ def ranks() -> F4:
     return np.asarray(np.stack([ranked(drawn)] * 3), np.float32)
 
 
-def by_name(
-    evidence: TouchEvidence, added: float = 0.0, lines: LineChanges | None = None
-) -> dict[str, float]:
+def by_name(evidence: TouchEvidence, lines: LineChanges | None = None) -> dict[str, float]:
     """The figures of a touch."""
-    return dict(zip(CHECK_FIGURES, figures_of(evidence, added, lines).tolist(), strict=True))
+    return dict(zip(CHECK_FIGURES, figures_of(evidence, lines).tolist(), strict=True))

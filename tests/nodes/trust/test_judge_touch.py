@@ -7,7 +7,6 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, U1, Metrics
 from tactograph.nodes.optics.lens import nearest_ideal
-from tactograph.nodes.trust.check_ranks import NO_RANKS
 from tactograph.nodes.trust.film_on_rims import film_on_rims
 from tactograph.nodes.trust.judge_touch import judge_touch
 from tactograph.nodes.trust.rim_cells import rim_cells
@@ -56,7 +55,7 @@ def test_trust_falls_with_what_contradicts_a_touch_and_false_alarms_is_its_limit
 
 
 def test_a_calibration_without_ranks_says_that_nothing_is_checked() -> None:
-    for known in (None, NO_RANKS):
+    for known in (None, np.full_like(RANKS, -1)):
         assert judged(9.0, ranks=known, force=True) == {}
         (line,) = told(9.0, ranks=known)
         assert line.startswith("this touch is not checked")
@@ -109,11 +108,11 @@ def dome(wall: float, gap: int = 0) -> dict[str, F4]:
     away = np.hypot(x - 20, y - 15)
     height, slope = np.where(away < 9, 0.5, 0).astype(np.float32), np.zeros((2, *SHAPE), np.float32)
     slope[0][(away >= 7) & (away < 9) & (np.abs(y - 15) >= gap)] = wall
-    return {"height": height, "slope": slope, "shadow": np.zeros(SHAPE, np.uint8)}
+    return {"height": height, "slope": slope, "used": np.full(SHAPE, 15, np.uint8)}
 
 
 def rims_of(made: dict[str, F4]) -> U1:
-    return rim_cells(made["slope"], made["shadow"])
+    return rim_cells(made["slope"], made["used"])
 
 
 def share(made: dict[str, F4]) -> float:
@@ -125,7 +124,7 @@ def test_what_rims_close_in_hangs_on_them() -> None:
     assert share(dome(1.1)) == 0, "cells show slopes that turn so little"
     assert 0.2 < share(dome(3.0, gap=2)) < 0.5, "a way up beside the rim measures the top"
     shaded = dome(1.1)
-    shaded["shadow"][shaded["slope"][0] > 0] = 0b0101
+    shaded["used"][shaded["slope"][0] > 0] = 0b0101
     assert share(shaded) == 1
     assert share(shaded | {"height": HEIGHT, "slope": 0 * SLOPE}) == 0, "nothing is touched"
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.trust._check import DARK_AS_DUE
 from tactograph.nodes.trust._light_evidence import LightFigures, light_evidence
 
 SHAPE = (30, 40)
@@ -61,21 +60,21 @@ def walls(width: int) -> Touch:
 @pytest.mark.parametrize(("width", "is_compared"), [(2, False), (3, False), (7, True)])
 def test_walls_a_few_cells_wide_are_not_compared(width: int, is_compared: bool) -> None:
     found = told(walls(width))
-    assert (found.upper > 4, found.brighter < -0.02) == (is_compared, is_compared)
+    assert (found.of_touch > 4, found.brighter < -0.02) == (is_compared, is_compared)
 
 
 def test_the_light_of_touch_and_rest_is_told_apart() -> None:
     found = told(touch(departs=16.0, at_rest=4.0))
-    assert (found.upper, found.rest) == pytest.approx((4, 2))
+    assert (found.of_touch, found.at_rest) == pytest.approx((4, 2))
     known = ("departure", "slope")
-    assert told({name: touch()[name] for name in known}).upper == 1, "labels may be missing"
+    assert told({name: touch()[name] for name in known}).of_touch == 1, "labels may be missing"
 
 
 def test_a_quarter_that_is_wrong_is_seen_by_the_quartile() -> None:
     what = touch()
     what["departure"] = plane(0.5)
     what["departure"][10:13, 10:30] = 25.0
-    assert told(what).upper == pytest.approx(5)
+    assert told(what).of_touch == pytest.approx(5)
 
 
 def test_light_in_shadow_is_seen_where_enough_cells_are_in_it() -> None:
@@ -104,21 +103,15 @@ def test_images_that_are_alike_are_film_that_is_dark_without_a_slope() -> None:
     assert told(alike).brighter == pytest.approx(-0.3)
 
 
-def test_film_that_two_leds_light_is_not_tested() -> None:
-    assert told(touch(departs=-1.0, used=0b0011)).tested == 0
-    dark = told(touch(departs=DARK_AS_DUE, used=0b0011))
-    assert dark.tested == dark.steep > 0
-
-
 @pytest.mark.parametrize("shape", [(1, 6), (6, 1), (1, 1)])
 def test_an_image_of_a_few_pixels_tells_nothing(shape: tuple[int, int]) -> None:
     departure, slope = np.full(shape, 25, np.float32), np.full((2, *shape), 0.5, np.float32)
     found = told({"departure": departure, "slope": slope})
-    assert found.upper == found.rest == 0
+    assert found.of_touch == found.at_rest == 0
 
 
 def test_an_untouched_film_is_judged_by_its_rest_alone() -> None:
     level = touch(departs=25.0)
     level["slope"] = 0 * level["slope"]
-    assert told(level).rest == 1
-    assert told(level).steep == 0
+    assert told(level).at_rest == 1
+    assert told(level).of_touch == 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.trust.added_light import added_light
+from tactograph.nodes.trust.added_light import added_share
 from tactograph.nodes.trust.touch_evidence import touch_evidence
 from tests.nodes.trust.law import by_name
 
@@ -38,12 +38,12 @@ def scaled(light: F4, *levels: float) -> F4:
 UNTESTED = np.full(SHAPE, -1, np.float32)
 
 
-def figures(
-    light: F4, drift: F4 | None = None, height: F4 | None = None, flat: F4 | None = None
-) -> dict[str, float]:
-    risen_height = risen() if height is None else height
-    added = 0.0 if flat is None else added_light(light, flat)
-    return by_name(touch_evidence(UNTESTED, light, risen_height, drift), added)
+def figures(light: F4, drift: F4 | None = None, height: F4 | None = None) -> dict[str, float]:
+    return by_name(touch_evidence(UNTESTED, light, risen() if height is None else height, drift))
+
+
+def added_light(light: F4, flat: F4) -> float:
+    return added_share(light.reshape(len(light), -1), flat.reshape(len(flat), -1))
 
 
 @pytest.mark.parametrize("found", [True, False], ids=["drift found", "drift not looked for"])
@@ -67,7 +67,7 @@ def test_black_images_are_seen_but_not_a_black_shadow_of_one_led() -> None:
     half[:, 15:] = 0
     shadow[0, 9:20, 12:25] = 0
     assert figures(half)["dark_share"] == 0.5
-    nothing = figures(0 * half, height=np.zeros(SHAPE, np.float32))
+    nothing = figures(0 * half)
     assert nothing["dark_share"] == 1
     assert np.isfinite([*nothing.values()]).all()
     assert figures(0.03 * pressed())["dark_share"] == 0, "exposed too short, not cut off"
@@ -95,8 +95,7 @@ UNEVEN = np.stack([np.broadcast_to(f, SHAPE) for f in (FALLING, FALLING[::-1], 0
 @pytest.mark.parametrize("added", [0.015, -0.015])
 def test_light_that_was_added_everywhere_is_told_and_leds_that_faded_are_not(added: float) -> None:
     faded = scaled(pressed()[:3], 0.98, 1.02, 0.99)
-    levels = drifted(1, 1, 1)
-    assert figures(faded, levels, flat=UNEVEN)["added"] < 0.005
+    assert abs(added_light(faded, UNEVEN)) < 0.005
     seen = added_light(faded + np.float32(added) / UNEVEN, UNEVEN)
     assert abs(seen) > 0.02
     assert (seen > 0) == (added > 0)

@@ -50,6 +50,7 @@ def test_the_result_beside_a_npy_states_it(tmp_path: Path) -> None:
         {"pixel_size_mm": 0},
         {"pixel_size_mm": -1},
         {"pixel_size_mm": True},
+        {"pixel_size_mm": 71.4},  # um
         {"pixel_size_mm": int("9" * 330)},
     ],
 )

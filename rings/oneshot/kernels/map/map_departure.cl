@@ -2,7 +2,7 @@
 #include "reflectance_map.clh"
 
 #define MIN_MAP_ERROR 0.007f
-#define MIN_SQUARES 1e-6f
+#define MIN_LIGHT 1e-3f
 
 // The reduced chi-squared of a pixel's light under its slope, equation T1 for a map, and the excess
 // of its brightness, T4.
@@ -19,7 +19,7 @@ LANED __kernel void map_departure(
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     const int size = H * W, at = row * W + column;
     const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
-    const floats z = load_floats(height + at, count), least = MIN_SQUARES;
+    const floats z = load_floats(height + at, count), least = MIN_LIGHT;
     floats chi = 0.0f, seen = 0.0f, due = 0.0f;
     for (int k = 0; k < K; ++k) {
         const floats found = load_floats(light + k * size + at, count);

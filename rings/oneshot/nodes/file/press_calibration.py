@@ -12,7 +12,6 @@ from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import Reflectance
 from tactograph.sdk import Dark, Light, Mask, Metrics, PixelSize
 from tactograph.sdk.unstable import (
     MIN_OPTICAL_MM,
-    NO_RANKS,
     CheckRanks,
     FileKind,
     Lens,
@@ -49,11 +48,14 @@ class PressCalibration(NamedTuple):
         "k1 k2 cx cy a b gx gy: how the camera departs from an even grid",
     ]
     serial: Annotated[str, "the camera's serial number, if it has one"] | None = None
-    ranks: Annotated[
-        CheckRanks,
-        Stored(-1, 1e6, plain=-1.0),
-        "figures of right presses, by quantiles: what a press is compared with; -1: not known",
-    ] = NO_RANKS
+    ranks: (
+        Annotated[
+            CheckRanks,
+            Stored(-1, 1e6, plain=-1.0),
+            "figures of right presses, by quantiles: what a press is compared with; -1: not known",
+        ]
+        | None
+    ) = None
     walls: WallGain = 0.0
     matt: MattDeviation = 0.0
 
