@@ -239,7 +239,8 @@ def calibration(out: Path, film: str, size: str, entries: int) -> str:
     cal["pixel_size"] = np.float32(WIDTH_MM / width)
     cal["flat"] = np.stack([cv2.resize(plane, (width, height)) for plane in cal["flat"]])
     cal["area"] = np.ones((height, width), np.uint8)
-    cal["dark"] = cv2.resize(cal["dark"], (width, height))
+    for name in ("dark", "rest"):
+        cal[name] = cv2.resize(cal[name], (width, height))
     file = out / f"cal_{film}_{size}_{entries}.npz"
     np.savez(file, **cal)
     return str(file)

@@ -139,7 +139,8 @@ def calibrated(name: str, folder: Path) -> Path:
         known = dict(found)
     known["pixel_size"] = np.float32(known["pixel_size"] / 2)
     known["flat"] = np.stack([cv2.resize(plane, None, fx=2, fy=2) for plane in known["flat"]])
-    known["dark"] = cv2.resize(known["dark"], None, fx=2, fy=2)
+    for name in ("dark", "rest"):
+        known[name] = cv2.resize(known[name], None, fx=2, fy=2)
     known["area"] = cv2.resize(known["area"], None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
     np.savez(file, **known)
     return file

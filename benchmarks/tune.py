@@ -26,8 +26,8 @@ import numpy as np
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.graph.tune.controls import control_of
-from tactograph.graph.tune.tuning import Tuning
+from tactograph.rings.tune.controls import control_of
+from tactograph.rings.tune.tuning import Tuning
 
 SLIDERS = {
     "reconstruct": (("label", "price", 6.0), ("rough.1.label", "price", 6.0)),
@@ -131,7 +131,7 @@ def follow(graph: str, given: dict[str, str], updates: int) -> None:
 def in_browser(graph: str, given: dict[str, str], folder: Path, seconds: float) -> None:
     """Print how many pictures a second chromium shows while it drags a slider."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-    from tests.graph.tune.browser import Browser
+    from rings.tune.tests.browser import Browser
 
     words = [f"{name}={value}" for name, value in given.items()]
     server = subprocess.Popen(
@@ -175,7 +175,7 @@ def _part(graph: str, node: str, parameter: str, value: float) -> float:
     entry = read_graph(graph).nodes[node]
     declared = find_node(entry.op).parameters[parameter]
     now = entry.settings.get(parameter, declared.default)
-    return control_of(declared, now).place(value) / 1000
+    return control_of(declared.annotation, declared.default, now).place(value) / 1000
 
 
 def _processor_ms(process: int) -> float:

@@ -8,10 +8,8 @@ from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node_page import describe, node_page
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph, shipped_titles
-from tactograph.graph.plan.sketch import sketch_of
+from tactograph.graph.plan.sketch import plan_svg
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.graph.show.draw_svg import to_svg
-from tactograph.graph.show.sketch import fold
 
 
 def write_nodes() -> None:
@@ -37,7 +35,7 @@ def write_pipelines() -> None:
             graph = read_graph(name)
             lines += [f"### {name}", "", f"{graph.title}.", "", *_params(graph), ""]
             plan = open_pipeline(graph, graph.placeholders, backend="numpy").plan
-            lines += ["<div>", to_svg(fold(sketch_of(plan))).rstrip(), "</div>", ""]
+            lines += ["<div>", plan_svg(plan).rstrip(), "</div>", ""]
     lines += [f"## {heading}", "", *(f"- `{name}`: {title}" for name, title in overlays.items())]
     with mkdocs_gen_files.open("pipelines.md", "w") as page:
         page.write("\n".join(lines))

@@ -26,7 +26,6 @@ from tactograph.graph.run.collect_seldom import collect_seldom
 COMMANDS = (
     "demo",
     "run",
-    "tune",
     "compare",
     "batch",
     "check",

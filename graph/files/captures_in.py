@@ -3,7 +3,7 @@
 from pathlib import Path
 
 CAPTURE_PARAM = "capture"
-"""The param of a graph that takes a capture's folder: see `compare`, `batch` and `tune`."""
+"""The param of a graph that takes a capture's folder: see `compare` and `batch`."""
 
 
 def captures_in(folder: Path) -> list[Path]:

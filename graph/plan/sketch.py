@@ -1,7 +1,17 @@
 """The sketch of a plan: its nodes, and what they read of one another."""
 
+from collections.abc import Iterable, Mapping
+
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.show.sketch import Box, Sketch
+from tactograph.graph.show.draw_svg import to_svg
+from tactograph.graph.show.sketch import Box, Sketch, fold
+
+
+def plan_svg(
+    plan: Plan, times: Mapping[str, float] | None = None, opened: Iterable[str] = ()
+) -> str:
+    """The plan as SVG, with `times` in ms where known; a use is a box unless it is opened."""
+    return to_svg(fold(sketch_of(plan), opened), times)
 
 
 def sketch_of(plan: Plan) -> Sketch:

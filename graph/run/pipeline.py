@@ -18,7 +18,7 @@ from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.new_settings import with_parameters, with_values
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.plan.sketch import sketch_of
+from tactograph.graph.plan.sketch import plan_svg
 from tactograph.graph.run.items import Items
 from tactograph.graph.run.keep_freed import give_back, keep_freed
 from tactograph.graph.run.node_errors import Blaming
@@ -28,8 +28,6 @@ from tactograph.graph.run.raise_warnings import raise_warnings
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.source_stream import SourceStream, in_thread
 from tactograph.graph.run.stand_ins import HandedIn, StandIns
-from tactograph.graph.show.draw_svg import to_svg
-from tactograph.graph.show.sketch import fold
 
 
 class Pipeline:
@@ -330,7 +328,7 @@ class Pipeline:
             raise InputError(f"{self.plan.graph.name}: {method}: {why}")
 
     def _repr_svg_(self) -> str:
-        return to_svg(fold(sketch_of(self.plan)), self._runner.times)
+        return plan_svg(self.plan, self._runner.times)
 
     @property
     def buffers(self) -> int:

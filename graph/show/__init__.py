@@ -1,1 +1,1 @@
-"""Drawings, pictures and tables of plain data, for `plan`, `run`, `compare` and `tune`."""
+"""Drawings, pictures and tables of plain data, for `plan`, `run` and `compare`."""

@@ -1,9 +1,12 @@
 from tactograph.graph import (
     FRACTIONS as FRACTIONS,
     BatchMaps as BatchMaps,
+    Cache as Cache,
+    Pipeline as Pipeline,
     Whole as Whole,
 )
 from tactograph.graph.commands import (
+    graph_command as graph_command,
     run_shipped as run_shipped,
 )
 from tactograph.graph.commands.check import (
@@ -16,18 +19,29 @@ from tactograph.graph.declare.find_node import (
     node_names as node_names,
 )
 from tactograph.graph.declare.limits import (
+    bare_type as bare_type,
     choices_of as choices_of,
+    limits_of as limits_of,
+)
+from tactograph.graph.declare.node_page import (
+    describe as describe,
+    range_of as range_of,
 )
 from tactograph.graph.disk.strict_yaml import (
     Document as Document,
     Entries as Entries,
+    parse_scalar as parse_scalar,
     parse_yaml as parse_yaml,
     read_yaml as read_yaml,
 )
 from tactograph.graph.errors import (
     collect_warnings as collect_warnings,
 )
+from tactograph.graph.files.captures_in import (
+    captures_in as captures_in,
+)
 from tactograph.graph.files.flat_graph import (
+    Entry as Entry,
     Graph as Graph,
     Group as Group,
 )
@@ -37,6 +51,7 @@ from tactograph.graph.files.graph_places import (
     shipped_overlays as shipped_overlays,
 )
 from tactograph.graph.files.groups import (
+    alike as alike,
     group_of as group_of,
 )
 from tactograph.graph.files.plain_data import (
@@ -47,11 +62,23 @@ from tactograph.graph.files.read_graph import (
     graphs_of as graphs_of,
     shipped_names as shipped_names,
 )
+from tactograph.graph.files.typed_values import (
+    read_words as read_words,
+)
+from tactograph.graph.plan.names import (
+    settings_of as settings_of,
+)
+from tactograph.graph.plan.sketch import (
+    plan_svg as plan_svg,
+)
 from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
 )
 from tactograph.graph.run.raise_warnings import (
     warning_kind as warning_kind,
+)
+from tactograph.graph.run.result import (
+    Result as Result,
 )
 from tactograph.graph.show.colours import (
     BIT_COLOURS as BIT_COLOURS,

@@ -39,7 +39,6 @@ def hide(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], Non
         ("jinja2", "report", COMPARE),
         ("jinja2", "report", ["demo"]),
         ("jinja2", "report", ["new-ring", "mine"]),
-        ("nicegui", "tune", ["tune", "paper"]),
     ],
 )
 def test_a_command_names_the_extra_and_does_nothing(
@@ -76,7 +75,7 @@ def test_every_extra_that_a_message_names_is_one() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     code = [f.read_text() for room in ("graph", "nodes") for f in (ROOT / room).rglob("*.py")]
     named = {name for text in code for name in re.findall(r"\bneed\(\s*\"([a-z]+)\"", text)}
-    assert {"batch", "mesh", "report", "tune"} <= named <= {*project["optional-dependencies"]}
+    assert {"batch", "mesh", "report"} <= named <= {*project["optional-dependencies"]}
 
 
 def test_every_node_is_read_without_an_extra(tmp_path: Path) -> None:

@@ -5,12 +5,13 @@ import socket
 
 import click
 
-from tactograph.graph.commands import backend_option, device_option, graph_command, say
+from tactograph.sdk import need, read_graph
+from tactograph.sdk.unstable import graph_command, read_words
 
 
 @graph_command("tune", short_help="Change a graph in the browser, and see what it gives.")
-@backend_option
-@device_option
+@click.option("--backend", help="Run on numpy or opencl instead of the graph's preference.")
+@click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Default: a free one.")
 @click.option("--no-browser", is_flag=True, help="Only print the address.")
 def command(
@@ -25,20 +26,16 @@ def command(
 
     Values are given as NAME=VALUE, as to 'run'.  Nothing is written but what is saved.
     """
-    from tactograph.graph.extras import need
-    from tactograph.graph.files.read_graph import read_graph
-    from tactograph.graph.files.typed_values import read_words
-
     given = read_words(read_graph(graph), values)
     need("tune", "tune", "nicegui")
-    from tactograph.graph.tune.page import serve
-    from tactograph.graph.tune.tuning import Tuning
+    from tactograph.rings.tune.page import serve
+    from tactograph.rings.tune.tuning import Tuning
 
     number = port or _free_port()
     token = secrets.token_urlsafe(24)
     tuning = Tuning(graph, given, backend=backend, device=device)
-    say(f"http://127.0.0.1:{number}/?token={token}")
-    say("only this machine reaches the page; Ctrl-C ends it", err=True)
+    click.echo(f"http://127.0.0.1:{number}/?token={token}")
+    click.echo("only this machine reaches the page; Ctrl-C ends it", err=True)
     serve(tuning, port=number, token=token, show=not no_browser)
 
 

@@ -6,8 +6,10 @@ from typing import Any
 
 import pytest
 
-from tactograph.graph.tune.tuning import Shown, Tuning
-from tests.graph.conftest import Write
+from tactograph.rings.tune.tuning import Shown, Tuning
+from tests.graph.conftest import Write, tactograph, toys, write
+
+__all__ = ["tactograph", "toys", "write"]
 
 GRAPH = """
 format: 1

@@ -11,8 +11,8 @@ from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Entry
-from tactograph.graph.tune.controls import Control, control_of
 from tactograph.nodes import Light
+from tactograph.rings.tune.controls import Control, control_of
 
 
 @node
@@ -35,7 +35,8 @@ def adjustable(
 
 def control(name: str, value: Any = None) -> Control:
     parameter = adjustable.parameters[name]
-    return control_of(parameter, parameter.default if value is None else value)
+    value = parameter.default if value is None else value
+    return control_of(parameter.annotation, parameter.default, value)
 
 
 def test_kinds_follow_from_declarations() -> None:
@@ -74,9 +75,9 @@ def test_every_place_of_every_slider_is_a_value_that_the_node_takes() -> None:
         declared = find_node(name)
         given = {p.name: p.default for p in declared.parameters.values() if not p.required}
         for parameter in declared.parameters.values():
-            if parameter.required or control_of(parameter, parameter.default).kind != "slider":
+            found = control_of(parameter.annotation, parameter.default, parameter.default)
+            if parameter.required or found.kind != "slider":
                 continue
-            found = control_of(parameter, parameter.default)
             for place in (0, 1, 137, 500, 1000):
                 value = {**given, parameter.name: found.value(place)}
                 needed = {n for n, p in declared.parameters.items() if p.required}

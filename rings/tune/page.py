@@ -5,14 +5,14 @@ from importlib import resources
 
 from nicegui import app, ui
 
-from tactograph.graph.run.result import Result
-from tactograph.graph.tune.follow import Follow
-from tactograph.graph.tune.graph_view import GraphView
-from tactograph.graph.tune.guard import Guard
-from tactograph.graph.tune.node_panel import NodePanel
-from tactograph.graph.tune.result_view import ResultView
-from tactograph.graph.tune.save_dialog import ask_where_to_save
-from tactograph.graph.tune.tuning import Shown, Tuning
+from tactograph.rings.tune.follow import Follow
+from tactograph.rings.tune.graph_view import GraphView
+from tactograph.rings.tune.guard import Guard
+from tactograph.rings.tune.node_panel import NodePanel
+from tactograph.rings.tune.result_view import ResultView
+from tactograph.rings.tune.save_dialog import ask_where_to_save
+from tactograph.rings.tune.tuning import Shown, Tuning
+from tactograph.sdk.unstable import Result
 
 POLL_INTERVAL_S = 0.025
 """Time between two looks for a new result."""
@@ -45,7 +45,7 @@ class Page:
     def __init__(self, tuning: Tuning) -> None:
         self.tuning = tuning
         self._seen = -1
-        css = (resources.files("tactograph.graph.tune") / "page.css").read_text(encoding="utf-8")
+        css = (resources.files("tactograph.rings.tune") / "page.css").read_text(encoding="utf-8")
         ui.add_css(css)
         self._follow = Follow(ui.context.client)
         ui.colors(primary="#1f5fa8", accent="#d1495b")

@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from tactograph.graph.tune.tuning import Tuning
-from tests.graph.tune.conftest import GRAPH, Open, settled
+from rings.tune.tests.conftest import GRAPH, Open, settled
+from tactograph.rings.tune.tuning import Tuning
 
 pytest.importorskip("nicegui", reason="'make test-all' installs it")
 from nicegui import Client, ui
 from nicegui.page import page
 
-from tactograph.graph.tune.page import Page
+from tactograph.rings.tune.page import Page
 
 pytestmark = pytest.mark.slow
 HOSTILE = 'x" autofocus onfocus="alert(1)" data-y="'

@@ -6,18 +6,14 @@ from typing import Any
 import numpy as np
 from nicegui import events, ui
 
-from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.declare.node import Node, Parameter
-from tactograph.graph.declare.node_page import describe, range_of
-from tactograph.graph.disk.strict_yaml import parse_scalar
-from tactograph.graph.files.flat_graph import Entry, Graph
-from tactograph.graph.files.groups import alike
-from tactograph.graph.tune.attempt import attempt
-from tactograph.graph.tune.controls import control_of
-from tactograph.graph.tune.follow import Follow
-from tactograph.graph.tune.picture_view import ScaledPicture
-from tactograph.graph.tune.pictures import draw, planes_of
-from tactograph.graph.tune.tuning import Shown, Tuning
+from tactograph.rings.tune.attempt import attempt
+from tactograph.rings.tune.controls import control_of
+from tactograph.rings.tune.follow import Follow
+from tactograph.rings.tune.picture_view import ScaledPicture
+from tactograph.rings.tune.pictures import draw, planes_of
+from tactograph.rings.tune.tuning import Shown, Tuning
+from tactograph.sdk import find_node
+from tactograph.sdk.unstable import Entry, Graph, alike, describe, parse_scalar, range_of
 
 SLIDER_INTERVAL_S = 0.02
 """Time between two places of a slider that is dragged; NiceGUI's own tells 20 a second."""
@@ -73,19 +69,20 @@ class NodePanel:
             entry = tuning.graph.nodes[name]
             node = find_node(entry.op)
             about = describe(node)
-            self._head(name, entry, node)
+            self._head(name, entry)
             ui.label(about.summary.replace("``", "")).classes("t-help")
             if about.text:
                 with ui.expansion("more").props("dense dense-toggle").classes("t-more w-full"):
                     ui.label(about.text.replace("``", "")).style("white-space: pre-line")
             if node.outputs:
-                self._inside = _Inside(self._tuning, self._follow, name, node)
-            for parameter in node.parameters.values():
-                self._parameter(name, entry, parameter, about.arguments[parameter.name])
+                self._inside = _Inside(self._tuning, self._follow, name, [*node.outputs])
+            for parameter, declared in node.parameters.items():
+                words = about.arguments[parameter].replace("``", ""), range_of(declared)
+                self._parameter(name, entry, parameter, " · ".join(filter(None, words)))
 
-    def _head(self, name: str, entry: Entry, node: Node) -> None:
+    def _head(self, name: str, entry: Entry) -> None:
         """Name and op, and the controls of the node as a whole."""
-        tuning = self._tuning
+        tuning, node = self._tuning, find_node(entry.op)
         with ui.row().classes("w-full items-center gap-2 no-wrap"):
             ui.label(name).classes("t-name").props("data-testid=node")
             ui.label(entry.op).classes("t-quiet")
@@ -111,21 +108,21 @@ class NodePanel:
                 "flat dense round size=sm data-testid=reset"
             ).tooltip("as in the file")
 
-    def _parameter(self, node: str, entry: Entry, parameter: Parameter, about: str) -> None:
+    def _parameter(self, node: str, entry: Entry, name: str, about: str) -> None:
         """A control, or the graph's param that gives the value, with a line of help."""
-        value = self._tuning.settings(node)[parameter.name]
-        stated = entry.settings.get(parameter.name)
+        value = self._tuning.settings(node)[name]
+        stated = entry.settings.get(name)
         with ui.row().classes("w-full items-center gap-3 no-wrap"):
-            ui.label(parameter.name).classes("t-name").style("width: 118px; flex: none")
+            ui.label(name).classes("t-name").style("width: 118px; flex: none")
             if isinstance(stated, str) and stated.startswith("$"):
                 ui.label(f"{stated} = {value}").classes("t-help")
             else:
-                self._control(node, parameter, value)
-        help_text = " · ".join(filter(None, (about.replace("``", ""), range_of(parameter))))
-        ui.label(help_text).classes("t-help").style("margin-top: -6px")
+                self._control(node, entry.op, name, value)
+        ui.label(about).classes("t-help").style("margin-top: -6px")
 
-    def _control(self, node: str, parameter: Parameter, value: Any) -> None:
-        name, control = parameter.name, control_of(parameter, value)
+    def _control(self, node: str, op: str, name: str, value: Any) -> None:
+        declared = find_node(op).parameters[name]
+        control = control_of(declared.annotation, declared.default, value)
         # Set one by one: in a text of properties a value's quotes would end it.
         mark = {"data-testid": f"param-{name}"}
         if control.kind == "choice":
@@ -195,11 +192,10 @@ class NodePanel:
 class _Inside:
     """An output of a node: a picture with its scale, or its value in words."""
 
-    def __init__(self, tuning: Tuning, follow: Follow, name: str, node: Node) -> None:
+    def __init__(self, tuning: Tuning, follow: Follow, name: str, ports: list[str]) -> None:
         self._name = name
         self._port = ""
         self._values: Mapping[str, Any] = {}
-        ports = [*node.outputs]
         self._ports = ui.toggle(ports, value=ports[0])
         self._ports.props("dense no-caps unelevated size=sm data-testid=ports")
         self._ports.on_value_change(lambda: self.draw(tuning.shown))
@@ -221,7 +217,7 @@ class _Inside:
             return
         self._port, self._values = port, shown.inspected
         declared, value = plan.tasks[self._name].node.outputs[port], shown.inspected.get(port)
-        planes = planes_of(declared, value)
+        planes = planes_of(declared.dims, value)
         self._picture.set_visibility(bool(planes))
         if planes:
             side = planes[0] if len(planes) == 1 else np.concatenate(planes[:MAX_PLANES], axis=1)

@@ -7,12 +7,11 @@ import numpy as np
 from nicegui import events, ui
 from numpy.typing import NDArray
 
-from tactograph.graph.run.result import Result
-from tactograph.graph.show.views import kind_of
-from tactograph.graph.tune.follow import Follow
-from tactograph.graph.tune.picture_view import Pointed, ScaledPicture
-from tactograph.graph.tune.pictures import draw
-from tactograph.graph.tune.tuning import Tuning
+from tactograph.rings.tune.follow import Follow
+from tactograph.rings.tune.picture_view import Pointed, ScaledPicture
+from tactograph.rings.tune.pictures import draw, planes_of
+from tactograph.rings.tune.tuning import Tuning
+from tactograph.sdk.unstable import Result
 
 LINE_COLOUR = "#1f5fa8"
 
@@ -72,9 +71,9 @@ def _plane(result: Result, name: str) -> NDArray[Any] | None:
     """An output as one plane, if it is one."""
     if name not in result.outputs:
         return None
-    array = result.outputs[name]
-    is_plane = kind_of(result.plan.port(name)) in ("map", "labels")
-    return array if isinstance(array, np.ndarray) and is_plane else None
+    dims = result.plan.port(name).dims
+    planes = planes_of(dims, result.outputs[name]) if len(dims) == 2 else []
+    return planes[0] if planes else None
 
 
 def _section_svg(line: NDArray[Any], unit: str, row: int) -> str:

@@ -2,6 +2,7 @@
 
 import base64
 import io
+from collections.abc import Sequence
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -9,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageColor
 
-from tactograph.graph.declare.ports import PortType
-from tactograph.graph.show.colours import BIT_COLOURS, SEVERAL_COLOUR
+from tactograph.sdk.unstable import BIT_COLOURS, SEVERAL_COLOUR
 
 NAN_LEVEL = 255
 """The level of NaN, above those of numbers."""
@@ -31,11 +31,11 @@ class Picture(NamedTuple):
         return self.array.shape[1], self.array.shape[0]
 
 
-def planes_of(port: PortType, array: Any) -> list[NDArray[Any]]:
-    """The planes H x W of an output, empty if it cannot be drawn."""
+def planes_of(dims: Sequence[str | int], array: Any) -> list[NDArray[Any]]:
+    """The planes H x W of an output of such sizes, empty if it cannot be drawn."""
     if not isinstance(array, np.ndarray) or array.ndim not in (2, 3) or not array.size:
         return []
-    if port.dims[-2:] not in (("H", "W"), ("h", "w")) or array.dtype.kind not in "fiub":
+    if tuple(dims[-2:]) not in (("H", "W"), ("h", "w")) or array.dtype.kind not in "fiub":
         return []
     return [array] if array.ndim == 2 else list(array)
 

@@ -8,13 +8,8 @@ from typing import Any
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.main import YAML
 
-from tactograph.graph.disk.atomic_files import atomic_file
-from tactograph.graph.errors import InputError
-from tactograph.graph.files.flat_graph import Entry, Graph
-from tactograph.graph.files.graph_model import GRAPH_FORMAT
-from tactograph.graph.files.graph_places import is_path
-from tactograph.graph.files.groups import alike
-from tactograph.graph.files.read_graph import read_graph
+from tactograph.sdk import InputError, atomic_file, read_graph
+from tactograph.sdk.unstable import Entry, Graph, alike
 
 Change = dict[str, Any]
 
@@ -72,10 +67,11 @@ def write_variant(file: Path, source: str, changes: list[Change], title: str) ->
         raise InputError("nothing was changed: there is no variant to save")
     if file.suffix not in (".yaml", ".yml"):
         raise InputError(f"{file}: the name of a graph file has to end in .yaml")
-    if is_path(source) and (source.count("/") != 1 or ".y" in source or Path(source).is_file()):
+    is_name = "/" not in source or (source.count("/") == 1 and not Path(source).is_file())
+    if ".y" in source or not is_name:  # else a graph, or RING/GRAPH, that is installed
         source = os.path.relpath(source, file.parent)
         source = source if "/" in source or source.endswith((".yaml", ".yml")) else f"./{source}"
-    document = CommentedMap(format=GRAPH_FORMAT, extends=source, title=title)
+    document = CommentedMap(format=1, extends=source, title=title)
     patch = CommentedSeq()
     for change in changes:
         entry = CommentedMap(change)

@@ -5,7 +5,7 @@ from typing import Any
 
 from nicegui import ui
 
-from tactograph.graph.errors import TactographError
+from tactograph.sdk import TactographError
 
 
 def attempt(change: Callable[..., object], *words: Any) -> bool:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from nicegui import events, ui
 
-from tactograph.graph.tune.follow import Follow
-from tactograph.graph.tune.pictures import Picture, gradient
+from tactograph.rings.tune.follow import Follow
+from tactograph.rings.tune.pictures import Picture, gradient
 
 
 class Pointed(NamedTuple):

@@ -10,7 +10,7 @@ from tactograph.graph import InputError
 from tactograph.graph.files.flat_graph import Entry, Graph
 from tactograph.graph.files.groups import uses_of
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.files.variant import changes_between, write_variant
+from tactograph.rings.tune.variant import changes_between, write_variant
 
 DEFAULTS = {"shadow": {"threshold": 3.0}}
 

@@ -12,19 +12,20 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from tactograph.graph.cache.cache import Cache
-from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.errors import InputError, TactographError
-from tactograph.graph.files.changes import plain
-from tactograph.graph.files.flat_graph import Entry, Graph
-from tactograph.graph.files.groups import alike
-from tactograph.graph.files.read_graph import graph_file, read_graph
-from tactograph.graph.files.variant import Change, changes_between, write_variant
-from tactograph.graph.files.watch import Stamp, files_of, stamp
-from tactograph.graph.plan.make_plan import make_plan
-from tactograph.graph.plan.names import settings_of
-from tactograph.graph.run.result import Result
-from tactograph.graph.tune.runner import Runner, captures_of
+from tactograph.rings.tune.runner import Runner, captures_of
+from tactograph.rings.tune.variant import Change, changes_between, write_variant
+from tactograph.rings.tune.watch import Stamp, files_of, stamp
+from tactograph.sdk import InputError, TactographError, find_node, read_graph
+from tactograph.sdk.unstable import (
+    Cache,
+    Entry,
+    Graph,
+    Result,
+    alike,
+    graph_file,
+    settings_of,
+    verified,
+)
 
 RATE_WINDOW_S = 1.0
 REST_S = 0.12
@@ -85,7 +86,9 @@ class Tuning:
         self._changed = threading.Condition()
         self._ended = False
         self._last: Asked | None = None
-        self._check(self.base)
+        verified(self.base)
+        for name in self.base.nodes:  # all that it needs is given
+            self.settings(name)
         self._thread = threading.Thread(target=self._work, name="tune", daemon=True)
         self._thread.start()
 
@@ -107,8 +110,8 @@ class Tuning:
 
         Raises InputError if the node does not take the value; then nothing has changed.
         """
-        message = {parameter: plain(value)}
-        self._take(node, lambda _, entry: replace(entry, settings={**entry.settings, **message}))
+        changed = {parameter: value}
+        self._take(node, lambda _, entry: replace(entry, settings={**entry.settings, **changed}))
 
     def set_backend(self, node: str, backend: str | None) -> None:
         """Bind a node to a back end; None restores that of the file.
@@ -174,7 +177,7 @@ class Tuning:
             raise InputError(f"{file}: is there already, and was not saved here; give another name")
         title = f"{self.base.title or self.base.name}, tuned"
         saved = write_variant(file, self.source, self.changes(), title)
-        self._check(saved)
+        verified(saved)
         self._saved[file.resolve()] = stamp([file.resolve()])
         return file
 
@@ -189,7 +192,7 @@ class Tuning:
         self._stamp = now
         try:
             base = read_graph(self.source)
-            self._check(base)
+            verified(base)
         except TactographError as error:
             self._unreadable = " ".join(str(error).split())
             self._publish(self.shown)
@@ -222,7 +225,7 @@ class Tuning:
         for name in names:
             graph = graph.with_entry(name, changed(name, graph.nodes[name]))
         if any(graph.nodes[n].neutral != self.graph.nodes[n].neutral for n in names):
-            self._check(graph)
+            verified(graph)
         else:  # quick enough for a slider
             for entry in map(graph.nodes.__getitem__, names):
                 settings_of(entry, graph, find_node(entry.op), self._known)
@@ -233,11 +236,6 @@ class Tuning:
         with self._changed:
             self.asked = replace(self.asked, **changed)
             self._changed.notify()
-
-    def _check(self, graph: Graph) -> None:
-        """Refuse a graph that cannot run, before it is on the screen."""
-        given = {name: value for name, value in self.given.items() if name in graph.params}
-        make_plan(_anywhere(graph), given, device=None, sinks=False)
 
     def _work(self) -> None:
         last: Asked | None = None
@@ -312,9 +310,3 @@ class Tuning:
         """Publish a result; the error of an unreadable file stays until it can be read."""
         error = self._unreadable or shown.error
         self.shown = replace(shown, number=self.shown.number + 1, error=error)
-
-
-def _anywhere(graph: Graph) -> Graph:
-    """The graph on NumPy alone, so that no device is opened."""
-    nodes = {name: replace(entry, backend=None) for name, entry in graph.nodes.items()}
-    return replace(graph, nodes=nodes, prefer=("numpy",))

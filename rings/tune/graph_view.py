@@ -4,10 +4,8 @@ from collections.abc import Callable
 
 from nicegui import ui
 
-from tactograph.graph.plan.sketch import sketch_of
-from tactograph.graph.show.draw_svg import BACKEND_COLOURS, to_svg
-from tactograph.graph.show.sketch import box_around, fold
-from tactograph.graph.tune.tuning import Tuning
+from tactograph.rings.tune.tuning import Tuning
+from tactograph.sdk.unstable import plan_svg
 
 EMIT_NODE_JS = "(e) => { const g = e.target.closest('[data-node]'); if (g) emit(g.dataset.node) }"
 
@@ -22,8 +20,6 @@ class GraphView:
         with ui.column().classes("t-card w-full gap-1"):
             with ui.row().classes("w-full items-center gap-3 no-wrap"):
                 ui.label("Graph").classes("t-title")
-                for backend, colour in BACKEND_COLOURS.items():
-                    ui.label(backend).classes("t-backend").style(f"background: {colour}")
                 ui.label("click a node, or a group to open it").classes("t-help")
                 fold_all = ui.button("fold", on_click=self._fold).props("dense flat no-caps")
                 fold_all.props("data-testid=fold")
@@ -66,9 +62,8 @@ class GraphView:
         self.drawn = shown.number
         if not self._finder.options:
             self._finder.set_options(sorted(plan.tasks))
-        chosen, uses = self._tuning.asked.node, plan.graph.uses
-        while chosen and (around := box_around(chosen, uses, self._opened)) != chosen:
-            self._opened.add(around)
-        svg = to_svg(fold(sketch_of(plan), self._opened), shown.result.times)
+        chosen = self._tuning.asked.node or ""
+        self._opened |= {use for use in plan.graph.uses if chosen.startswith(f"{use}.")}
+        svg = plan_svg(plan, shown.result.times, self._opened)
         mark = f'<style>[data-node="{chosen}"] rect{{stroke:#d1495b;stroke-width:3}}</style>'
         self._drawing.set_content(f"{svg}{mark if chosen else ''}")

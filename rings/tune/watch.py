@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from tactograph.graph.files.flat_graph import Graph
+from tactograph.sdk.unstable import Graph
 
 Stamp = tuple[tuple[str, int, int], ...]
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from nicegui import ui
 
-from tactograph.graph.tune.attempt import attempt
-from tactograph.graph.tune.tuning import Tuning
+from tactograph.rings.tune.attempt import attempt
+from tactograph.rings.tune.tuning import Tuning
 
 
 def ask_where_to_save(tuning: Tuning) -> None:

@@ -21,7 +21,7 @@ class Follow:
         self._client = client
         self._wanted: dict[tuple[int, str], tuple[Any, ...]] = {}
         self._sent: dict[tuple[int, str], tuple[Any, ...]] = {}
-        script = (resources.files("tactograph.graph.tune") / "follow.js").read_text("utf-8")
+        script = (resources.files("tactograph.rings.tune") / "follow.js").read_text("utf-8")
         ui.add_body_html(f"<script>{script}</script>")
 
     def html(self, element: ui.element, markup: str) -> None:

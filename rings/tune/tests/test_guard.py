@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 pytest.importorskip("starlette", reason="'make test-all' installs it")
-from tactograph.graph.tune.guard import Guard
+from tactograph.rings.tune.guard import Guard
 
 pytestmark = pytest.mark.slow
 HOST = (b"host", b"127.0.0.1:8123")

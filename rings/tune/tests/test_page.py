@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import pytest
 
+from rings.tune.tests.browser import Browser
 from tactograph.graph.files.read_graph import read_graph
 from tests.fixtures import Calibration, Raytraced
-from tests.graph.tune.browser import Browser
 
 # Beside other tests a browser is late: its pictures, and its answers to clicks.
 pytestmark = pytest.mark.realtime

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from tactograph.graph.declare.limits import Limits, bare_type, limits_of
-from tactograph.graph.declare.node import Parameter
+from tactograph.sdk.unstable import bare_type, limits_of
 
 MIN_LOG_DECADES = 2.5
 """The least width of a positive range with a logarithmic slider."""
@@ -51,9 +50,9 @@ class Control:
         return round(number, digits)
 
 
-def control_of(parameter: Parameter, value: Any) -> Control:
-    """The control for a parameter whose value is now `value`."""
-    annotation = bare_type(parameter.annotation)
+def control_of(stated: Any, default: Any, value: Any) -> Control:
+    """The control for a parameter of such an annotation and default, whose value is now `value`."""
+    annotation = bare_type(stated)
     if typing.get_origin(annotation) is Literal:
         return Control("choice", choices=typing.get_args(annotation))
     if annotation is bool:
@@ -61,16 +60,16 @@ def control_of(parameter: Parameter, value: Any) -> Control:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if annotation not in (int, float) or not is_number or isinstance(value, Path):
         return Control("text")
-    default = value if parameter.required else parameter.default
-    low, high = _range(limits_of(parameter.annotation), float(value), default)
+    low, high = _range(stated, default, float(value))
     log = low > 0 and high / low >= 10**MIN_LOG_DECADES
     if low >= high:
         return Control("text")
     return Control("slider", low, high, annotation is int, log)
 
 
-def _range(limits: Limits, value: float, default: Any) -> tuple[float, float]:
+def _range(stated: Any, default: Any, value: float) -> tuple[float, float]:
     """The declared range; where it is open, one around the default that holds the value."""
+    limits = limits_of(stated)
     low, high, below = limits.at_least, limits.at_most, limits.below
     usual = float(default) if isinstance(default, int | float) else value
     size = max(abs(usual), abs(value)) or 1.0

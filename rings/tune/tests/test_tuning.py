@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rings.tune.tests.conftest import GRAPH, Open, settled
 from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.tune.tuning import Tuning
+from tactograph.rings.tune.tuning import Tuning
 from tests.graph.conftest import Write
-from tests.graph.tune.conftest import GRAPH, Open, settled
 
 
 def test_a_change_is_followed_by_its_result(tuning: Tuning, toys: list[str]) -> None:
@@ -148,8 +148,11 @@ def test_a_stream_runs_while_its_parameters_change(opened: Open) -> None:
     settled(tuning)
     tuning.play(True)
     for value in (1.0, 2.0, 3.0):
+        before, end = tuning.asked.item, time.monotonic() + 60
         tuning.set("high", "above", value)
-        time.sleep(0.05)
+        while tuning.asked.item < before + 2:
+            assert time.monotonic() < end, "the stream stands"
+            time.sleep(0.01)
     tuning.play(False)
     assert settled(tuning).error == ""
     assert tuning.asked.item > 3

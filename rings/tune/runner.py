@@ -5,13 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tactograph.graph.cache.cache import Cache
-from tactograph.graph.errors import InputError
-from tactograph.graph.files.captures_in import CAPTURE_PARAM, captures_in
-from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.graph.run.pipeline import Pipeline
-from tactograph.graph.run.result import Result
+from tactograph.sdk import InputError, load
+from tactograph.sdk.unstable import Cache, Graph, Pipeline, Result, captures_in
+
+CAPTURE_PARAM = "capture"
 
 
 def captures_of(graph: Graph, given: Mapping[str, Any]) -> list[Path]:
@@ -79,9 +76,7 @@ class Runner:
     def _open(self, graph: Graph, capture: Path | None) -> None:
         given = self._given if capture is None else {**self._given, CAPTURE_PARAM: str(capture)}
         given = {name: value for name, value in given.items() if name in graph.params}
-        opened = open_pipeline(
-            graph, given, backend=self._backend, device=self._device, sinks=False, cache=self._cache
-        )
+        opened = load(graph, given, backend=self._backend, device=self._device, cache=self._cache)
         self.close()
         self.pipeline, self._graph, self._at = opened, graph, (capture, -1)
 
