@@ -96,7 +96,9 @@ def rate_exposure(
         # A single press has no name.
         where = f"{names[number]}: " if names[number] else ""
         cells = coarsen(press, factor=CELL_PX), coarsen(flat, factor=CELL_PX)
-        if is_banded(cells[0]):
+        motion = film_motion(cells[0], fall_off(cells[1]))
+        moved = motion_in_words(motion) if motion_size(motion) > MAX_MOTION else ""
+        if not moved and is_banded(cells[0]):
             doubts.append(where + BANDS_TOLD)
             continue
         free = _free(press, circle[of == number])
@@ -116,8 +118,6 @@ def rate_exposure(
                 f"{cure}"
             )
             continue
-        motion = film_motion(cells[0], fall_off(cells[1]))
-        moved = motion_in_words(motion) if motion_size(motion) > MAX_MOTION else ""
         lies = (
             f"beside the ball the film does not lie where the flat frame shows it: {moved} (take "
             "both with the same camera, lens, zoom and crop)"
