@@ -17,13 +17,14 @@ LANED __kernel void doubt_rest(
 {
     const int size = H * W;
     GRID_LANES(at, count, size)
-    const floats slid = fabs(load_floats(free + at, count));
-    const floats z = MORE_OF(slid, fabs(load_floats(apart + at, count)));
+    const floats z = load_floats(free + at, count), wide = z * z;
+    const floats away = load_floats(apart + at, count), moved = away * away;
+    const floats stated = load_floats(error + at, count);
     const floats most = 2.0f * steepest * steepest;
     const floats both = load_floats(variance + at, count) + load_floats(variance + size + at, count);
     const float widest = level * pixel;
     const floats hidden = widest * widest / 6.0f * LESS_OF(both, most);
-    const floats held = sqrt(z * z + hidden);
-    const floats known = load_bytes(rest + at, count) != 0 ? held : load_floats(error + at, count);
-    store_floats(sqrt(known * known + zero * zero), out + at, count);
+    const floats held = MORE_OF(wide, moved) + hidden, off = stated * stated + moved;
+    const floats known = load_bytes(rest + at, count) != 0 ? held : off;
+    store_floats(sqrt(known + zero * zero), out + at, count);
 }

@@ -194,7 +194,7 @@ LANED __kernel void err_slopes(
     const floats a = load_floats(slope + from, count);
     const floats b = load_floats(slope + frame_size + from, count);
     const floats nz = 1.0f / sqrt(1.0f + a * a + b * b);
-    const float wrong = misfit ? misfit[3] : 0.0f, departs = misfit ? misfit[2] : 0.0f;
+    const float wrong = misfit[3], departs = misfit[2];
     const floats whole = 1.0f;
     floats noise[LED_SLOTS];
     EACH_LED(k) noise[k] = load_floats(sigma + k * frame_size + from, count);
@@ -258,48 +258,37 @@ LANED __kernel void err_slopes(
     const floats square = sunk_p * sunk_p + sunk_q * sunk_q, slant = sqrt(square);
     const floats share = slant / FULL_MISFIT_SLOPE, above = MORE_OF(share, level);
     const floats tilted = LESS_OF(above, whole), leans = MORE_OF(slant, full);
-    const floats mean_p = seen ? a - load_floats(seen + from, count) : none;
-    const floats mean_q = seen ? b - load_floats(seen + frame_size + from, count) : none;
+    const floats mean_p = a - load_floats(seen + from, count);
+    const floats mean_q = b - load_floats(seen + frame_size + from, count);
     for (int n = 0; n < ERROR_COUNT; ++n) {
         p[n] = within(p[n] + kind[n].averaged * mean_p, MAX_SLOPE);
         q[n] = within(q[n] + kind[n].averaged * mean_q, MAX_SLOPE);
-        if (misfit) {
-            const float right = kind[n].across, down = kind[n].down;
-            const float per_mm = 1.0f / (kind[n].wavelength * fmax(misfit[1], pixel));
-            const floats turns = per_mm * (right * x + down * y) + kind[n].phase;
-            const floats lean = 1.4142136f * misfit[0] * tilted * cosine_of(turns);
-            const floats steeper = kind[n].leaning * (misfit[4] / leans);
-            const floats uphill = lean * (right * sunk_p + down * sunk_q) + steeper * (1.0f + square);
-            p[n] = within(p[n] + lean * right + uphill * sunk_p, MAX_SLOPE);
-            q[n] = within(q[n] + lean * down + uphill * sunk_q, MAX_SLOPE);
-        }
+        const float right = kind[n].across, down = kind[n].down;
+        const float per_mm = 1.0f / (kind[n].wavelength * fmax(misfit[1], pixel));
+        const floats turns = per_mm * (right * x + down * y) + kind[n].phase;
+        const floats lean = 1.4142136f * misfit[0] * tilted * cosine_of(turns);
+        const floats steeper = kind[n].leaning * (misfit[4] / leans);
+        const floats uphill = lean * (right * sunk_p + down * sunk_q) + steeper * (1.0f + square);
+        p[n] = within(p[n] + lean * right + uphill * sunk_p, MAX_SLOPE);
+        q[n] = within(q[n] + lean * down + uphill * sunk_q, MAX_SLOPE);
         store_floats(p[n], out + 2 * n * H * W + i, count);
         store_floats(q[n], out + (2 * n + 1) * H * W + i, count);
     }
 }
 
-// Steps by wrong slopes, and between film that is not held and film that may lie otherwise.
 LANED __kernel void err_steps(
-    __global const float *restrict slopes, __global const float *apart,
-    __global float *restrict right, __global float *restrict down, const int top, const int left,
-    const int H, const int W, const int frame_width, const int number, const int to,
-    const float pixel, const float raised)
+    __global const float *restrict slopes, __global float *restrict right,
+    __global float *restrict down, const int H, const int W, const int number, const int to,
+    const float pixel)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    __global const float *held = apart + top * frame_width + left;
     const int i = y * W + x, out = to * H * W + i;
     __global const float *p = slopes + 2 * number * H * W, *q = p + H * W;
     const floats none = 0.0f, column = (float)x + LANE_NUMBERS;
     const floats beside = load_within_border(p + y * W, x + 1, count, W, REPLICATE);
-    floats east = (beside + load_floats(p + i, count)) * (0.5f * pixel);
-    const int next_row = min(y + 1, H - 1);
-    const floats below = load_floats(q + next_row * W + x, count);
-    floats south = (below + load_floats(q + i, count)) * (0.5f * pixel);
-    if (apart) {
-        const floats here = load_floats(held + y * frame_width + x, count);
-        east -= raised * (load_within_border(held + y * frame_width, x + 1, count, W, REPLICATE) - here);
-        south -= raised * (load_floats(held + next_row * frame_width + x, count) - here);
-    }
+    const floats east = (beside + load_floats(p + i, count)) * (0.5f * pixel);
+    const floats below = load_floats(q + min(y + 1, H - 1) * W + x, count);
+    const floats south = (below + load_floats(q + i, count)) * (0.5f * pixel);
     store_floats(column < (float)(W - 1) ? east : none, right + out, count);
     store_floats(y + 1 < H ? south : none, down + out, count);
 }
@@ -317,18 +306,18 @@ __kernel void err_rises(
     rise[to * ties + t] = sign_ * residual + error * drawn(first + t, key);
 }
 
-// Add the squares of the changes by errors, each times its share.
-LANED __kernel void add_squares(
-    __global const float *restrict moved, __global float *restrict total, const int size,
-    const int loads, __global const float *restrict shares)
+// The mean over errors of the squares of the changes.
+LANED __kernel void mean_square(
+    __global const float *restrict moved, __global float *restrict mean, const int size,
+    const int loads)
 {
     GRID_LANES(i, count, size)
-    floats sum = load_floats(total + i, count);
+    floats sum = 0.0f;
     for (int load_ = 0; load_ < loads; ++load_) {
         const floats each = load_floats(moved + load_ * size + i, count);
-        sum += shares[load_] * each * each;
+        sum += each * each;
     }
-    store_floats(sum, total + i, count);
+    store_floats(sum / (float)loads, mean + i, count);
 }
 
 // What counts and is not at rest, and the variance there.

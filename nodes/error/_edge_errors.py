@@ -23,25 +23,17 @@ def edge_deviation_px(blur: float) -> np.float32:
     return np.float32(math.sqrt(PIXEL_VARIANCE + blur * blur))
 
 
-def flattening_px2(blur: float) -> np.float32:
-    """Return by how much a blur lowers a height, per second difference of it.
-
-    A Gaussian that spreads the light spreads the slopes and the height that follows from them, to
-    first order by half its variance times the Laplacian.
-    """
-    return np.float32(blur * blur / 2)
-
-
 def blurred(height: Height, pixel: float, blur: float = 0.0) -> F4:
     """Return the deviation of heights by a pixel's size and the camera's blur, in mm.
 
     An edge that no pixel resolves is out of place (`edge_deviation_px`), and what bends more gently
-    is flattened (`flattening_px2`).
+    is flattened: a Gaussian that spreads the light spreads the slopes and the height that follows
+    from them, to first order by half its variance times the Laplacian.
     """
     across, along = _bends(height)
     beyond = largest_bend(height) - RESOLVED_BEND * np.float32(pixel)
     edge = np.maximum(beyond, np.float32(0)) * edge_deviation_px(blur)
-    flat = np.abs(flattening_px2(blur) * (across + along))
+    flat = np.abs(np.float32(blur * blur / 2) * (across + along))
     return np.asarray(np.maximum(edge, flat), np.float32)
 
 

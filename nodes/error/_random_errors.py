@@ -13,8 +13,9 @@ from tactograph.nodes import F4, OTHER_PLACES as ERROR_COUNT
 
 LED_SIGNS = hadamard(ERROR_COUNT).astype(np.float32)
 """Signs of an error that every LED has alone, by error and LED."""
-*_, HELD_SIGNS, MEAN_SIGNS, RISE_SIGNS, LEAN_SIGNS, BOUNCE_SIGNS, SETTLING_SIGNS = LED_SIGNS
-"""Signs of the errors that every random error holds in full, so that they do not interfere."""
+*_, BOUNCE_SIGNS, SETTLING_SIGNS, LEAN_SIGNS, RISE_SIGNS, MEAN_SIGNS = LED_SIGNS
+"""Signs of the errors that every random error holds in full, so that they do not interfere; those
+of the fourth LED and the bounced light are alike."""
 WAVE_LENGTHS = 4.0, 12.0
 """Lengths of the waves, relative to the width of the model's errors: at that width the correlation
 of the first has fallen to a half."""

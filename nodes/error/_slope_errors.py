@@ -11,15 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import (
-    F4,
-    FULL_MISFIT_SLOPE,
-    LEVEL_MISFIT_SHARE,
-    U1,
-    Film,
-    LightPositions,
-    Misfit,
-)
+from tactograph.nodes import F4, FULL_MISFIT_SLOPE, LEVEL_MISFIT_SHARE, U1, Film, Misfit
 from tactograph.nodes.error._random_errors import (
     BOUNCE_SIGNS,
     ERROR_COUNT,
@@ -85,7 +77,7 @@ class Causes(NamedTuple):
 
     film: Film
     """Positions of the LEDs, other positions that are possible, and unevenness of the film."""
-    misfit: Misfit | None
+    misfit: Misfit
     flat_noise: np.float32
     """Noise of the flat frame, relative to a touch's."""
     shared: np.float32
@@ -106,16 +98,15 @@ def slope_errors(seen: Unperturbed, causes: Causes, seed: int) -> F4:
         root = _root_of_noise(here, by_seen, causes)
         first = part.start * columns
         for number, other in enumerate(causes.film.others):
-            wrong = _moved_leds(by_place, other - causes.film.lights)
-            if causes.misfit is not None:
-                wrong += causes.misfit[2] * LED_SIGNS[number, : len(wrong), None, None]
+            elsewhere = (other - causes.film.lights)[:, :, None, None]
+            wrong = (by_place * elsewhere).sum(axis=1)
+            wrong += causes.misfit[2] * LED_SIGNS[number, : len(wrong), None, None]
             error = (by_light * wrong).sum(axis=1)
             error += (by_seen * _wrong_bounce(here, causes.misfit, number)).sum(axis=1)
             error += _noise(root, key_of(seed, number), first, rows * columns)
             error = _bounded(error + MEAN_SIGNS[number] * here.averaged)
-            if causes.misfit is not None:
-                error = _bounded(error + _leaning(here, causes.misfit, causes.pixel, number))
-            errors[number, :, part] = error
+            leaning = _leaning(here, causes.misfit, causes.pixel, number)
+            errors[number, :, part] = _bounded(error + leaning)
 
     in_blocks(enter, rows, columns)
     return errors
@@ -173,19 +164,13 @@ def _sharpness(seen: Unperturbed, film: Film) -> F4 | np.float32:
     )
 
 
-def _moved_leds(by_place: F4, moved: LightPositions) -> F4:
-    """The change of the light by LEDs elsewhere, K x h x w."""
-    return np.asarray((by_place * moved[:, :, None, None]).sum(axis=1))
-
-
-def _wrong_bounce(seen: Unperturbed, misfit: Misfit | None, number: int) -> F4:
+def _wrong_bounce(seen: Unperturbed, misfit: Misfit, number: int) -> F4:
     """Error of the light that the film throws on itself: a share of it, and what has not settled.
 
     Passes find too much and too little of it in turn, so that it lies between the last two.
     """
-    share = np.float32(0) if misfit is None else BOUNCE_SIGNS[number] * misfit[3]
     halfway = SETTLING_SIGNS[number] * np.float32(0.5)
-    return np.asarray(share * seen.bounced + halfway * seen.changed)
+    return np.asarray(BOUNCE_SIGNS[number] * misfit[3] * seen.bounced + halfway * seen.changed)
 
 
 def _root_of_noise(seen: Unperturbed, by_light: F4, causes: Causes) -> tuple[F4, F4, F4]:

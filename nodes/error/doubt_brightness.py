@@ -11,9 +11,6 @@ from tactograph.nodes.height.scale_height import Scale
 MAX_SLOPE_CHANGE = np.float32(0.3)
 """Largest difference of two slopes; a larger one is a label that flips, not brightness."""
 
-MAX_QUIET_SHARE = 0.2
-"""Share of the stated error that brightness makes up without a warning."""
-
 
 @node(neutral="error")
 def doubt_brightness(
@@ -33,7 +30,7 @@ def doubt_brightness(
     is brighter than is not seen.  Slopes of a film whose brightness is known and of one whose
     brightness is any are the two ends of what the light may mean.  A step of known depth settles
     it, and the scale that the calibration left open, up to the uncertainty of the scale that it
-    gives.
+    gives.  Brightness that is more than all other errors is told.
 
     Parameters
     ----------
@@ -58,7 +55,7 @@ def doubt_brightness(
         UM_PER_MM * float(np.sqrt(np.nanmean(np.square(each, dtype=float))))
         for each in (share, combined)
     )
-    if of_brightness > MAX_QUIET_SHARE * of_all:
+    if of_brightness**2 > of_all**2 - of_brightness**2:
         warn(
             "no film is taken for film at rest: heights are above a plane, and how bright touched "
             f"film is makes up {of_brightness:.2g} of the {of_all:.2g} um that are stated (root "

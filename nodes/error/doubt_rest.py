@@ -31,7 +31,7 @@ def doubt_rest(
 
     `free` is a height integrated from the slopes alone.  It shows what is wide: a step, or a
     touch whose top reaches the border of the frame and looks calm there; where that is more, it is
-    how far such pieces lie apart.  What is narrow hides
+    how far such pieces lie apart.  What hangs between them errs by as much.  What is narrow hides
     below the noise of a slope, over a pixel, times the `level` up to which light counts as
     noise; any height up to there is equally likely, whose variance is a third of the square.
     The error of the height's zero is added everywhere.  A film that is tilted as a whole is in
@@ -44,7 +44,7 @@ def doubt_rest(
     free : H x W in mm, a height for which no film was held at zero
     variance : 2 x H x W, the variance of p and q
     pixel : mm per px
-    apart : H x W in mm, how high a piece of it may lie, as `rest_apart` gives it
+    apart : H x W in mm, how high film may lie with what is held at zero (`rest_apart`)
     zero : in mm, as `zero_error` gives it; without it the zero is known
     level : standard deviations of the light that `calm_film` counts as noise
     steepest : largest standard deviation of a slope
@@ -55,9 +55,9 @@ def doubt_rest(
     """
     slopes = np.minimum(variance[0] + variance[1], np.float32(2 * steepest * steepest))
     hidden = np.float32((level * pixel) ** 2 / 6) * slopes
-    seen = np.maximum(np.abs(free), np.abs(apart))
-    held = np.where(rest != 0, np.sqrt(seen * seen + hidden), error)
-    return np.asarray(np.hypot(held, np.float32(zero or 0)), np.float32)
+    moved = apart * apart
+    held = np.where(rest != 0, np.maximum(free * free, moved) + hidden, error * error + moved)
+    return np.asarray(np.hypot(np.sqrt(held), np.float32(zero or 0)), np.float32)
 
 
 doubt_rest.opencl(grid="H W", lanes="grid")

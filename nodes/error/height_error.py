@@ -7,7 +7,7 @@ host as on the device.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,21 +30,15 @@ from tactograph.nodes import (
     ScaleError,
     Slope,
 )
-from tactograph.nodes.error._edge_errors import blurred, edge_deviation_px, flattening_px2
-from tactograph.nodes.error._random_errors import (
-    ERROR_COUNT,
-    HELD_SIGNS,
-    RISE_SIGNS,
-    drawn,
-    key_of,
-    kinds,
-)
+from tactograph.nodes.error._edge_errors import blurred, edge_deviation_px
+from tactograph.nodes.error._random_errors import ERROR_COUNT, RISE_SIGNS, drawn, key_of, kinds
 from tactograph.nodes.error._slope_errors import Causes, Unperturbed, slope_errors
 from tactograph.nodes.height.height_equations import STATE_FREE, HeightSystem
+from tactograph.nodes.height.height_levels import levels_of
 from tactograph.nodes.height.height_networks import HeightNetworks
 from tactograph.nodes.height.height_solver import HeightSolver
 from tactograph.nodes.height.height_system import example_system
-from tactograph.nodes.height.spring_cells import coarsened, on_pixels
+from tactograph.nodes.height.spring_cells import cells_of
 from tactograph.nodes.height.springs import Springs, conjugate_gradients, hierarchy
 from tactograph.nodes.optics.coat import upload_curve
 from tactograph.nodes.optics.near_light import places
@@ -52,12 +46,6 @@ from tactograph.nodes.optics.near_light import places
 if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
 
-MAX_COARSENINGS = 2
-"""Number of coarsenings by 2 x 2: random errors are integrated on cells of 4 x 4 pixels."""
-PIXEL_ERRORS = 2
-"""Number of errors that are also integrated on the pixels.  Their excess over the result on cells
-estimates what cells do not resolve of any error (multilevel Monte Carlo; Giles, "Multilevel Monte
-Carlo path simulation", 2008)."""
 CPU_GROUP_ITEMS = 4
 """Work-items per group on a CPU, where each keeps much data."""
 SPREAD_PX = 3.0
@@ -85,15 +73,14 @@ def height_error(
     sigma: Light,
     used: Labels,
     film: Film,
-    misfit: Misfit | None = None,
+    misfit: Misfit,
+    seen: Slope,
     bounced: Light | None = None,
     earlier: Light | None = None,
     correlation: NoiseCorrelation | None = None,
     scale_error: ScaleError | None = None,
     blur: Blur | None = None,
     tilt: Slope | None = None,
-    seen: Slope | None = None,
-    apart: Height | None = None,
     *,
     flat_noise: Annotated[float, Ge(0)] = 0.6,
     steps: Annotated[int, Interval(ge=8, le=1000)] = 8,
@@ -103,8 +90,8 @@ def height_error(
 
     For given weights the height is linear in the slopes and rises (H2).  A few random errors of the
     right size are integrated like slopes.  The mean square of the results, averaged over
-    neighbours, is the variance.  All are integrated on cells of 4 x 4 pixels (`spring_cells`), and
-    two of them also on pixels, to estimate what the cells do not resolve.  The errors are
+    neighbours, is the variance.  They are integrated on cells of 2 x 2 pixels (`spring_cells`).
+    The errors are
 
     - the noise of each LED's light, and of the flat frame that it was divided by, independent
       from pixel to pixel.  Where neighbours share noise, it is increased by the same factor as
@@ -128,8 +115,6 @@ def height_error(
       departs from them by: at a rim that no pixel resolves, slopes hold it back, and all that
       stands on the rim.  Where a gel diffuses light shadows end softly, and it is the rises that
       err;
-    - how far apart film that is held at zero lies in pieces (`rest_apart`): what hangs on them
-      moves with them;
     - where the slope differs by more than a half from pixel to pixel: the edge may lie anywhere
       in the pixel, or as far away as the blur spreads it.  Where it bends less, the blur flattens
       the height by half its variance times the height's Laplacian;
@@ -151,8 +136,9 @@ def height_error(
     film
         Where the LEDs are and may be instead, and how uneven the film's brightness is.
     misfit
-        Length 5, errors of the film's model, as `touch_misfit` gives them; without it the model
-        counts as exact.
+        Length 5, errors of the film's model, as `touch_misfit` gives them.
+    seen
+        2 x H x W, the slopes of the pixels' mean normals (`pixel_mean_slope`).
     bounced, earlier
         K x H x W, the light that the film throws on itself, already subtracted from `light`; and
         the same in the previous pass.
@@ -165,10 +151,6 @@ def height_error(
         Of the camera; without it the camera is sharp.
     tilt
         2 x H x W, slopes of the film at rest; None: a plane.
-    seen
-        2 x H x W, the slopes of the pixels' mean normals (`pixel_mean_slope`); None: the same.
-    apart
-        H x W in mm, how high film at rest may lie; None: it lies at zero.
     flat_noise
         Noise of the flat frame relative to a touch's: 1 for a single raw frame, 0.6 if a
         calibration has smoothed it (`denoise_flat`), 1 / sqrt(n) of that for the mean of n.
@@ -181,58 +163,11 @@ def height_error(
     -------
     H x W, one standard deviation in mm.
     """
-    plain = _inside(system, light, sigma, slope, height, used, bounced, earlier, tilt, seen)
-    inside = system.cut(height)
-    *_, residual = system.residuals(inside)
-    residual *= not film.diffuse.any()
-    shared = np.float32(math.sqrt(correlation or 1.0))
-    _, rise_error, robust, pixel = (float(number) for number in system.scales)
-    causes = Causes(film, misfit, np.float32(flat_noise), shared, np.float32(pixel))
-    slopes = slope_errors(plain, causes, seed)
-
-    held = np.zeros_like(inside) if apart is None else system.window.of(apart)
-
-    def random_load(number: int) -> Wants:
-        (p, q), half, raised = slopes[number], np.float32(pixel / 2), HELD_SIGNS[number] * held
-        rises = drawn(key_of(seed, number), residual.shape, first=slopes[0].size)
-        rise = np.float32(rise_error) * rises + RISE_SIGNS[number] * residual
-        return (
-            (p[:, 1:] + p[:, :-1]) * half - np.diff(raised),
-            (q[1:] + q[:-1]) * half - np.diff(raised, axis=0),
-            rise,
-        )
-
-    springs = system.springs(inside, robust)
-    total = _variance(springs, random_load, steps)
-    deviation = _smooth_deviation(total, plain.free.astype(np.float32))
-    spread = system.window.of(blurred(height, pixel, blur or 0.0))
-    scaled = np.float32(scale_error or 0.0) * system.window.of(height)
-    out = np.zeros_like(height)
-    out[system.window] = np.hypot(np.hypot(deviation, spread), scaled) * plain.free
-    return out
-
-
-def _inside(
-    system: HeightSystem,
-    light: Light,
-    sigma: Light,
-    slope: Slope,
-    height: Height,
-    used: Labels,
-    bounced: Light | None,
-    earlier: Light | None,
-    tilt: Slope | None,
-    seen: Slope | None,
-) -> Unperturbed:
-    """Values without error, inside the window."""
     window, (rows, columns) = system.window, height.shape
-    inside, pixel = window.of(light), np.float32(system.scales[3])
-    thrown = changed = np.broadcast_to(np.float32(0), inside.shape)
-    if bounced is not None:
-        thrown = window.of(bounced)
-        changed = thrown - window.of(earlier) if earlier is not None else changed
-    return Unperturbed(
-        inside,
+    _, rise_error, robust, pixel = (np.float32(number) for number in system.scales)
+    thrown = np.zeros_like(light) if bounced is None else bounced
+    plain = Unperturbed(
+        window.of(light),
         window.of(sigma),
         window.of(slope),
         window.of(height),
@@ -240,54 +175,50 @@ def _inside(
         places(rows, pixel)[window.rows, None],
         window.of(used),
         system.state == STATE_FREE,
-        thrown,
-        changed,
+        window.of(thrown),
+        window.of(thrown - (thrown if bounced is None or earlier is None else earlier)),
         window.of(slope if tilt is None else slope - tilt),
-        window.of(slope - (slope if seen is None else seen)),
+        window.of(slope - seen),
     )
+    inside = system.cut(height)
+    *_, residual = system.residuals(inside)
+    residual *= not film.diffuse.any()
+    shared = np.float32(math.sqrt(correlation or 1.0))
+    causes = Causes(film, misfit, np.float32(flat_noise), shared, pixel)
+    slopes = slope_errors(plain, causes, seed)
+
+    def random_load(number: int) -> Wants:
+        (p, q), half = slopes[number], pixel / 2
+        rises = drawn(key_of(seed, number), residual.shape, first=slopes[0].size)
+        rise = rise_error * rises + RISE_SIGNS[number] * residual
+        return (p[:, 1:] + p[:, :-1]) * half, (q[1:] + q[:-1]) * half, rise
+
+    springs = system.springs(inside, float(robust))
+    total = _variance(springs, random_load, steps)
+    deviation = _smooth_deviation(total, plain.free.astype(np.float32))
+    spread = window.of(blurred(height, float(pixel), blur or 0.0))
+    scaled = np.float32(scale_error or 0.0) * plain.height
+    out = np.zeros_like(height)
+    out[window] = np.hypot(np.hypot(deviation, spread), scaled) * plain.free
+    return out
 
 
 def _variance(springs: Springs, random_load: Callable[[int], Wants], steps: int) -> F4:
     """The variance of the height by the random loads, in mm^2."""
-    levels = hierarchy(springs)
-    cells = coarsened(springs, min(MAX_COARSENINGS, len(levels) - 1))
-    coarse = hierarchy(cells[-1].springs) if cells else levels
+    cells = cells_of(springs) if len(levels_of(*springs.shape)) > 1 else None
+    levels = hierarchy(springs if cells is None else cells.springs)
+    start = np.zeros(levels[0].shape, np.float32)
 
-    def send(number: int) -> tuple[F4, F4 | None]:
-        """The change of height by a load, on cells and, if it is integrated there, on pixels."""
-        wants = wants_there = random_load(number)
-        for network in cells:
-            wants_there = network.wants(*wants_there)
-        there = np.zeros(coarse[0].shape, np.float32)
-        change = _moved(coarse, wants_there, there, steps)
-        if not cells or number >= PIXEL_ERRORS:
-            return change, None
-        return change, _moved(levels, wants, on_pixels(cells, change), steps)
+    def squared(number: int) -> F4:
+        wants = random_load(number)
+        wants = wants if cells is None else cells.wants(*wants)
+        enough = MIN_ENERGY_SHARE * levels[0].energy(*wants[:2])
+        change = conjugate_gradients(levels, levels[0].pull(*wants), start, steps, enough)
+        return change * change
 
-    total, of_cells = (np.zeros(network.shape, np.float32) for network in (springs, coarse[0]))
     with ThreadPoolExecutor(cores()) as threads:
-        for number, (change, fine) in enumerate(threads.map(send, range(ERROR_COUNT))):
-            of_cells += _share(number, len(cells)) * change * change
-            if fine is not None:
-                total += fine * fine / np.float32(PIXEL_ERRORS)
-    return total + on_pixels(cells, of_cells)
-
-
-def _moved(levels: Sequence[Springs], wants: Wants, start: F4, steps: int) -> F4:
-    """The change of height by a load, in mm, found from a first one."""
-    enough = MIN_ENERGY_SHARE * levels[0].energy(*wants[:2])
-    return conjugate_gradients(levels, levels[0].pull(*wants), start, steps, enough)
-
-
-def _share(number: int, deepest: int) -> np.float32:
-    """The weight of the square of a random error on cells in the variance.
-
-    An error that is also integrated on pixels counts there instead: its result on cells is
-    subtracted with the same weight.
-    """
-    return np.float32(
-        1 / ERROR_COUNT - (1 / PIXEL_ERRORS if deepest and number < PIXEL_ERRORS else 0)
-    )
+        total = np.sum([*threads.map(squared, range(ERROR_COUNT))], axis=0) / ERROR_COUNT
+    return total if cells is None else cells.on_pixels(total)
 
 
 def _smooth_deviation(variance: F4, free: F4) -> F4:
@@ -301,35 +232,22 @@ def _smooth_deviation(variance: F4, free: F4) -> F4:
 def _launch(run: Launch) -> None:
     """Send the same errors through the same networks; no pixel comes to the host."""
     inputs, settings = run.inputs, run.settings
-    networks = HeightNetworks(run, MAX_COARSENINGS)
+    networks = HeightNetworks(run, with_cells=True)
     solver = HeightSolver(run, networks)
     inside = networks.cut(inputs["height"])
     networks.weigh(inside, networks.robust)
-    shape, ties = networks.shape, networks.rises
-    pixels, cells = networks.pixels, networks.cells
-    coarse = pixels if cells is None else cells
-    wants = networks.room(pixels, ERROR_COUNT if cells is None else PIXEL_ERRORS)
+    shape, ties, cells = networks.shape, networks.rises, networks.cells
+    coarse = networks.pixels if cells is None else cells
+    wants = networks.room(networks.pixels, ERROR_COUNT if cells is None else 1)
     wanted = wants if cells is None else networks.room(cells, ERROR_COUNT)
-    moved, total = (run.scratch((1, *shape)) for _ in range(2))
-
-    def clear(plane: DeviceArray) -> None:
-        run.kernel("clear", run.in_lanes(math.prod(plane.shape)), plane, math.prod(plane.shape))
-
-    def add_squares(moved: DeviceArray, total: DeviceArray, shares: list[np.float32]) -> None:
-        size = math.prod(total.shape)
-        told = run.put(np.array(shares, np.float32))
-        run.kernel("add_squares", run.in_lanes(size), moved, total, size, len(shares), told)
-
     keys = [np.uint32(key_of(settings["seed"], number)) for number in range(ERROR_COUNT)]
     # Not earlier, although the host must build networks first: the slopes stay in the cache.
     slopes = _launch_slopes(run, networks, keys)
-    # In reverse order: the first errors' steps between pixels must remain afterwards.
-    for number in reversed(range(ERROR_COUNT)):
-        to = min(number, wants.right.shape[0] - 1)
+    for number in range(ERROR_COUNT):
+        to = number if cells is None else 0
         run.kernel(
             "err_steps", run.in_row_lanes(*shape),
-            slopes, inputs.get("apart"), wants.right, wants.down, *networks.place,
-            run.sizes["W"], number, to, networks.pixel, float(HELD_SIGNS[number]),
+            slopes, wants.right, wants.down, *shape, number, to, networks.pixel,
         )  # fmt: skip
         if ties:
             run.kernel(
@@ -338,22 +256,16 @@ def _launch(run: Launch) -> None:
                 networks.rise_error, float(RISE_SIGNS[number]), 2 * math.prod(shape), keys[number],
             )  # fmt: skip
         if cells is not None:
-            networks.wants_of_cells(wants, to, wanted, number)
+            networks.wants_of_cells(wants, wanted, number)
     enough = networks.enough(MIN_ENERGY_SHARE, coarse, wanted, ERROR_COUNT)
-    there, of_cells = run.scratch((ERROR_COUNT, *coarse.shape)), run.scratch(coarse.shape)
+    there, mean = run.scratch((ERROR_COUNT, *coarse.shape)), run.scratch(coarse.shape)
     solver.solve_all(coarse, wanted, there, settings["steps"], enough)
-    clear(of_cells)
-    deepest = 0 if cells is None else MAX_COARSENINGS
-    add_squares(there, of_cells, [_share(number, deepest) for number in range(ERROR_COUNT)])
-    if cells is None:
-        total = of_cells
-    else:
-        networks.on_pixels(of_cells, 0, total)
-        enough = networks.enough(MIN_ENERGY_SHARE, pixels, wants, PIXEL_ERRORS)
-        for number in range(PIXEL_ERRORS):
-            networks.on_pixels(there, number, moved)
-            solver.solve(pixels, wants, moved, settings["steps"], enough, number)
-            add_squares(moved, total, [np.float32(1 / PIXEL_ERRORS)])
+    size = math.prod(coarse.shape)
+    run.kernel("mean_square", run.in_lanes(size), there, mean, size, ERROR_COUNT)
+    total = mean
+    if cells is not None:
+        total = run.scratch(shape)
+        networks.on_pixels(mean, total)
     _deviate(run, networks, total)
 
 
@@ -373,7 +285,8 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
         math.sqrt(inputs.get("correlation") or 1.0),
         inputs["film.uneven"], inputs["film.refraction"],
         told, run.put(np.array(keys)),
-        *(inputs.get(name) for name in ("misfit", "bounced", "earlier", "tilt", "seen")),
+        inputs["misfit"], *(inputs.get(name) for name in ("bounced", "earlier", "tilt")),
+        inputs["seen"],
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
@@ -399,7 +312,7 @@ def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
     run.kernel(
         "deviation", by_rows, total, weight, free, inputs["height"], out,
         *frame, *networks.place, networks.pixel,
-        float(edge_deviation_px(blur)), float(flattening_px2(blur)),
+        float(edge_deviation_px(blur)), float(np.float32(blur * blur / 2)),
         float(inputs.get("scale_error") or 0.0),
     )  # fmt: skip
 
@@ -430,5 +343,4 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
         "blur": float(rng.uniform(0, 1)),
         "tilt": rng.normal(0, 0.2, (2, *shape)).astype(np.float32),
         "seen": (0.98 * slope).astype(np.float32),
-        "apart": np.repeat(rng.normal(0, 0.1, (rows, 1)), columns, axis=1).astype(np.float32),
     }

@@ -10,12 +10,13 @@ from tactograph.nodes import Height, Mask
 
 @node
 def rest_apart(rest: Mask, free: Height) -> Height:
-    """Return how high each piece of the film at rest lies above the largest one, by slopes alone.
+    """Return how high film may lie with the film at rest that holds it, by slopes alone.
 
     All film at rest is held at zero.  A touch whose calm top reaches the border of the frame looks
     like film at rest, too, and the light does not tell which of both it is.  Each piece departs
     from its own mean by errors of the slopes alone; what lies between two means counts as far as it
     is more than both do.  A piece that is nearer to the top of the touch than to the film is told.
+    Film between pieces hangs on each of them by the inverse of its distance.
 
     Parameters
     ----------
@@ -24,10 +25,10 @@ def rest_apart(rest: Mask, free: Height) -> Height:
 
     Returns
     -------
-    H x W in mm; 0 on the largest piece, and where nothing rests.
+    H x W in mm; 0 on the largest piece, and where all film at rest lies together.
     """
     count, pieces = cv2.connectedComponents(rest, connectivity=4)
-    if not rest.any():
+    if count <= 2:
         return np.zeros_like(free)
     area, sums = (np.bincount(pieces.ravel(), each, count) for each in (None, free.ravel()))
     largest, mean = 1 + area[1:].argmax(), sums / np.maximum(area, 1)
@@ -41,4 +42,7 @@ def rest_apart(rest: Mask, free: Height) -> Height:
             "slopes, and is held at zero as well: a touch may reach the frame's border (the stated "
             "error counts that)"
         )
-    return np.where(rest != 0, beyond[pieces], 0).astype(np.float32)
+    away = [cv2.distanceTransform(np.uint8(pieces != n), cv2.DIST_L2, 5) for n in range(1, count)]
+    weights = 1 / np.maximum(away, 1)
+    between = np.tensordot(beyond[1:], weights / weights.sum(axis=0), axes=1)
+    return np.where(rest != 0, beyond[pieces], between).astype(np.float32)

@@ -3,8 +3,6 @@
 `height_solver` finds the heights at which they rest.
 """
 
-import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -85,11 +83,10 @@ class Planes(NamedTuple):
 class HeightNetworks:
     """The equations that a launch has as its input `system`, as networks of springs.
 
-    With `deepest` above 0 there are also networks of cells (`spring_cells`), after this many
-    coarsenings by 2 x 2, or fewer if there are too few pixels.
+    There may also be networks of cells of 2 x 2 pixels (`spring_cells`), if pixels are many.
     """
 
-    def __init__(self, run: Launch, deepest: int = 0) -> None:
+    def __init__(self, run: Launch, with_cells: bool = False) -> None:
         self._run = run
         self._group_pixels = ONE_GROUP_PIXELS * max(1, MANY_UNITS // run.units)
         self.state = self._system("state")
@@ -108,10 +105,8 @@ class HeightNetworks:
             "hold", run.in_row_lanes(rows, stride),
             self.state, self.ground, first, rows, columns, stride,
         )  # fmt: skip
-        self._depth = min(deepest, len(self.levels) - 1)
-        self.cells = self._stack(self._depth, gaps) if self._depth else None
-        halved = self.levels[1 : 1 + self._depth]
-        self._shares = [[run.scratch((c.rows, c.columns)) for _ in range(2)] for c in halved]
+        self.cells = self._stack(1, gaps) if with_cells and len(self.levels) > 1 else None
+        self._shares = [] if self.cells is None else [run.scratch(self.cells.shape) for _ in "pq"]
         self.wants = Wants(*(self._system(name) for name in ("right", "down", "rise")))
         self._variances = self._system("right_variance"), self._system("down_variance")
         corner, anchored, scales, top, foot = (arrived() for arrived in coming)
@@ -217,18 +212,12 @@ class HeightNetworks:
         )  # fmt: skip
         self._join(self.pixels)
         if self.cells is not None:
-            for (fine, cell, stack), shares in zip(self._halvings(), self._shares, strict=True):
-                run.kernel(
-                    "springs_of_cells", (cell.rows, cell.stride), stack.right, stack.down,
-                    self.cells.right, self.cells.down, *shares, *fine, *cell,
-                )  # fmt: skip
+            fine, cell = self.levels[:2]
+            run.kernel(
+                "springs_of_cells", (cell.rows, cell.stride), self.pixels.right, self.pixels.down,
+                self.cells.right, self.cells.down, *self._shares, *fine, *cell,
+            )  # fmt: skip
             self._join(self.cells)
-
-    def _halvings(self) -> Iterator[tuple[Level, Level, Stack]]:
-        """Pixels and their cells down to the coarsest, and where the pixels' springs are."""
-        assert self.cells is not None
-        for fine, cell in zip(self.levels[: self._depth], self.levels[1:], strict=False):
-            yield fine, cell, self.cells if fine.first != self.levels[0].first else self.pixels
 
     def _join(self, stack: Stack) -> None:
         """Make the networks below the first."""
@@ -255,36 +244,25 @@ class HeightNetworks:
         right, down = (run.scratch((loads, *stack.shape)) for _ in range(2))
         return Wants(right, down, run.scratch((loads, ties)))
 
-    def wants_of_cells(self, wants: Wants, number: int, out: Wants, to: int) -> None:
+    def wants_of_cells(self, wants: Wants, out: Wants, to: int) -> None:
         """Find the targets of the cells' springs under load `to` from those between pixels."""
         run = self._run
         if self._all_ties:
             run.kernel(
-                "join_rises", (self._all_ties,), self._finest, wants.rise, *self._members,
-                out.rise, self._all_ties, number, self._ties, to,
+                "join_rises", (self._all_ties,),
+                self._finest, wants.rise, *self._members, out.rise, self._all_ties, to,
             )  # fmt: skip
-        right, down = wants.right, wants.down
-        shape: tuple[int, ...] = self.shape
-        for shares in self._shares:
-            smaller, last = shares[0].shape, shares is self._shares[-1]
-            east, south = (out.right, out.down) if last else self._new_planes(2, math.prod(smaller))
-            run.kernel(
-                "wants_of_cells", run.in_row_lanes(*smaller), right, down, *shares, east, south,
-                *shape, *smaller, number, to if last else 0,
-            )  # fmt: skip
-            right, down, shape, number = east, south, smaller, 0
+        smaller = self._shares[0].shape
+        run.kernel(
+            "wants_of_cells", run.in_row_lanes(*smaller), wants.right, wants.down, *self._shares,
+            out.right, out.down, *self.shape, *smaller, to,
+        )  # fmt: skip
 
-    def on_pixels(self, planes: DeviceArray, number: int, out: DeviceArray) -> None:
-        """Interpolate the cells' values under a load at the pixels."""
-        run, source, size = self._run, planes, planes.shape[-2:]
-        for level in reversed(self.levels[: self._depth]):
-            shape = level.rows, level.columns
-            to = out if level is self.levels[0] else run.scratch(shape)
-            run.kernel(
-                "on_pixels", run.in_row_lanes(*shape[:1], size[1]), source, to, *size, *shape,
-                number,
-            )  # fmt: skip
-            source, size, number = to, shape, 0
+    def on_pixels(self, plane: DeviceArray, out: DeviceArray) -> None:
+        """Interpolate values of the cells at the pixels."""
+        run, size = self._run, plane.shape[-2:]
+        grid = run.in_row_lanes(self.shape[0], size[1])
+        run.kernel("on_pixels", grid, plane, out, *size, *self.shape)
 
     def enough(self, share: float, stack: Stack, wants: Wants, loads: int = 1) -> DeviceArray:
         """A share of `Springs.energy` for the first loads."""

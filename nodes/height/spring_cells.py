@@ -6,7 +6,6 @@ and both rows are in parallel, so that cells move as their pixels do on average.
 ``kernels/headers/spring_cells.clh`` holds the same.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import cv2
@@ -73,21 +72,6 @@ def cells_of(springs: Springs) -> Cells:
         Ties(top, foot, stiffness),
     )
     return Cells(network, springs.shape, in_rows, in_columns, which, ties.stiffness)
-
-
-def coarsened(springs: Springs, times: int) -> list[Cells]:
-    """Return the cells of pixels, the cells of those, and so on."""
-    cells: list[Cells] = []
-    for _ in range(times):
-        cells.append(cells_of(cells[-1].springs if cells else springs))
-    return cells
-
-
-def on_pixels(cells: Sequence[Cells], plane: F4) -> F4:
-    """Values of the coarsest of such cells, interpolated at the pixels."""
-    for network in reversed(cells):
-        plane = network.on_pixels(plane)
-    return plane
 
 
 def _in_series(stiffness: F4) -> F4:

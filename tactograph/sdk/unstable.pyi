@@ -132,6 +132,7 @@ from tactograph.nodes.calibrate.film.ball_samples import (
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
     AS_TOLD as AS_TOLD,
+    WITH_COAT as WITH_COAT,
     doubts_of as doubts_of,
     explain as explain,
     scale_error as scale_error,

@@ -49,7 +49,7 @@ def test_what_is_seen_of_a_ball_that_the_border_cuts_is_as_high_as_it_is(
     figures = json.loads((out / "result.json").read_text())["metrics"]
     truth = np.load(touch / "truth_height_mm.npy")
     assert figures["contact_cut/c1"] is True
-    assert figures["contact_depth_mm/c1"] == pytest.approx(truth.max(), rel=0.0075)
+    assert figures["contact_depth_mm/c1"] == pytest.approx(truth.max(), rel=0.005)
 
 
 def test_the_untouched_film_has_no_contact(sensor: Path) -> None:

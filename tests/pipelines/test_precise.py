@@ -93,7 +93,7 @@ def test_the_truth_lies_in_the_band(metrics: Figures, shape: str) -> None:
 def test_the_band_is_honest_behind_steep_rims(metrics: Figures, rig: str, shape: str) -> None:
     found = metrics("precise", rig, shape)
     assert 85 < found["in_90_percent_band"] < 98
-    assert 0.8 < found["stated_over_actual"] < 2.5
+    assert 0.75 < found["stated_over_actual"] < 2.5
 
 
 @pytest.mark.one_case

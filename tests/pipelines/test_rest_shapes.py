@@ -60,15 +60,18 @@ def truth(raytraced: Raytraced) -> F4:
 
 @pytest.mark.parametrize("form", ["dome", "cylinder"])
 def test_heights_above_the_film_come_back(form: str, curved: Curved, truth: F4) -> None:
-    heights = np.stack([truth, 0 * truth])
-    images = load("see_touch", calibration=curved(form))(height=heights)["image"]
-    quick = load("reconstruct", calibration=curved(form))(frames=images)
-    assert np.sqrt(np.mean((quick["height"] - heights) ** 2)) < 0.3 * RIG_PIXEL_MM[RIG]
-    careful = load("precise", calibration=curved(form))(frames=images)
-    off = np.abs(careful["height"] - heights)
-    assert np.sqrt(np.mean(off[0] ** 2)) < 0.15 * RIG_PIXEL_MM[RIG]
-    assert off[1].max() < 2e-3
-    assert np.mean((off <= BAND_DEVIATIONS * careful["error"])[0, truth > 0.02]) > 0.8
+    see = load("see_touch", calibration=curved(form))
+    touched, untouched = (see(height=height)["image"] for height in (truth, 0 * truth))
+    quick = load("reconstruct", calibration=curved(form))
+    for images, height in ((touched, truth), (untouched, 0 * truth)):
+        error = quick(frames=images)["height"] - height
+        assert np.sqrt(np.mean(error**2)) < 0.3 * RIG_PIXEL_MM[RIG]
+    careful = load("precise", calibration=curved(form))
+    assert np.abs(careful(frames=untouched)["height"]).max() < 2e-3
+    found = careful(frames=touched)
+    off = np.abs(found["height"] - truth)
+    assert np.sqrt(np.mean(off**2)) < 0.15 * RIG_PIXEL_MM[RIG]
+    assert np.mean((off <= BAND_DEVIATIONS * found["error"])[truth > 0.02]) > 0.8
 
 
 def test_the_truth_is_compared_above_the_film_at_rest(
@@ -87,7 +90,7 @@ def test_the_truth_is_compared_above_the_film_at_rest(
 
 
 def test_both_back_ends_find_the_same_height_above_a_dome(curved: Curved, truth: F4) -> None:
-    (images,) = load("see_touch", calibration=curved("dome"))(height=truth[None])["image"]
+    images = load("see_touch", calibration=curved("dome"))(height=truth)["image"]
     found = [
         load("reconstruct", calibration=curved("dome"), backend=backend)(frames=images)["height"]
         for backend in ("numpy", "opencl")
@@ -102,7 +105,7 @@ def test_right_touches_of_a_dome_are_trusted_and_wrong_ones_are_not(
     file = tmp_path / "cal.npz"
     shutil.copy(curved("dome"), file)
     rank_checks(file=file, count=64)
-    (images,) = load("see_touch", calibration=file)(height=truth[None])["image"]
+    images = load("see_touch", calibration=file)(height=truth)["image"]
     graph = load("reconstruct", calibration=file, accept_contradictions=True)
     assert graph(frames=images)["metrics"]["trust"] > 0.01
     with pytest.warns(UserWarning, match="may be wrong"):
@@ -110,7 +113,7 @@ def test_right_touches_of_a_dome_are_trusted_and_wrong_ones_are_not(
 
 
 def test_a_stream_on_a_dome_finds_what_single_touches_give(curved: Curved, truth: F4) -> None:
-    (images,) = load("see_touch", calibration=curved("dome"))(height=truth[None])["image"]
+    images = load("see_touch", calibration=curved("dome"))(height=truth)["image"]
     with load("precise_stream", calibration=curved("dome")) as stream:
         found = [stream(frames=images)["height"] for _ in range(2)]
     alone = load("precise", calibration=curved("dome"))(frames=images)["height"]
@@ -119,7 +122,7 @@ def test_a_stream_on_a_dome_finds_what_single_touches_give(curved: Curved, truth
 
 def test_the_tables_of_the_paper_hold_on_a_dome(curved: Curved, truth: F4) -> None:
     """As well as on a plane, whose light they were made of."""
-    (images,) = load("see_touch", calibration=curved("dome"))(height=truth[None])["image"]
+    images = load("see_touch", calibration=curved("dome"))(height=truth)["image"]
     found = load("paper", calibration=curved("dome"))(frames=images)["height"]
     assert np.sqrt(np.mean((found - truth) ** 2)) < 1.5 * RIG_PIXEL_MM[RIG]
 

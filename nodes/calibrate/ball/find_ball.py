@@ -3,6 +3,7 @@
 Long because a ball is refined, judged and refused by one model of its light.
 """
 
+from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -183,10 +184,8 @@ def oblong_of(light: F4, ball: Circle, radius: float, least: float) -> tuple[flo
     square_left = residual(first)
     if min(residual(first + wider), residual(first - wider)) > square_left:
         return 0.0, 0.0
-    steps = np.vstack([np.zeros(4), np.diag([*[0.03 * start.radius] * 3, 0.05])])
-    stop = {"initial_simplex": first + steps, "xatol": 0.002, "fatol": np.inf, "maxfev": 200}
-    minimize: Any = optimize.minimize  # its stubs know no initial simplex
-    result = minimize(residual, first, method="Nelder-Mead", options=stop)
+    steps = np.array([*[0.03 * start.radius] * 3, 0.05])
+    result = _lowest(residual, first, steps, 0.002)
     return float(result.x[3]), 1 - float(result.fun) / max(square_left, 1e-12)
 
 
@@ -280,18 +279,18 @@ def _descend(
         full[free] = values
         return Circle(full[0], full[1], float(np.clip(full[2], 0.5 * start.radius, limit)))
 
-    first = np.array(start)[free]
-    corners = first - step * start.radius * np.vstack([np.zeros(len(free)), np.eye(len(free))])
-    # Only the circle's tolerance (in px) ends the descent; the residual's scale is unknown.
-    stop = {"initial_simplex": corners, "xatol": 0.02, "fatol": np.inf, "maxfev": 100}
+    first, steps = np.array(start)[free], np.full(len(free), -step * start.radius)
+    found = _lowest(lambda values: _residual(samples, circle(values), limit), first, steps, 0.02)
+    return circle(found.x)
+
+
+def _lowest(residual: Callable[[F8], float], first: F8, steps: F8, tolerance: float) -> Any:
+    """The unknowns of least residual, as SciPy returns them; their tolerance ends the descent."""
+    corners = first + np.vstack([np.zeros(first.size), np.diag(steps)])
+    # The residual's scale is unknown.
+    stop = {"initial_simplex": corners, "xatol": tolerance, "fatol": np.inf, "maxfev": 200}
     minimize: Any = optimize.minimize  # its stubs know no initial simplex
-    result = minimize(
-        lambda values: _residual(samples, circle(values), limit),
-        first,
-        method="Nelder-Mead",
-        options=stop,
-    )
-    return circle(result.x)
+    return minimize(residual, first, method="Nelder-Mead", options=stop)
 
 
 def _sample(light: F4, circle: Circle, reach: float) -> _Samples:

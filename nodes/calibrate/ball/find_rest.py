@@ -4,6 +4,7 @@ Long because it searches for a bend, fits it together with LEDs and balls, and s
 """
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -17,8 +18,13 @@ from tactograph.nodes.calibrate.ball._ball_on_shape import BallOnShape
 from tactograph.nodes.calibrate.ball._ball_search import Circle
 from tactograph.nodes.calibrate.ball.find_ball import refined
 from tactograph.nodes.calibrate.ball.find_balls import find_balls
-from tactograph.nodes.calibrate.film.coated_bend import BEND_STEP, Bending, Laid, coated_bend
-from tactograph.nodes.calibrate.lights.descend import huber, huber_weight
+from tactograph.nodes.calibrate.film.coated_bend import Bending, Laid, coated_bend
+from tactograph.nodes.calibrate.lights.descend import (
+    DERIVATIVE_STEP,
+    descend,
+    huber,
+    huber_weight,
+)
 from tactograph.nodes.calibrate.lights.light_fit import (
     Placed,
     all_residuals,
@@ -43,8 +49,6 @@ from tactograph.nodes.optics.sheet import SheetLight, cut
 
 TRIED_BENDS = (0.0, 0.25, -0.25, 0.55, -0.55)
 """Bends that the search tries: half the diagonal of the frame over the radius."""
-FIT_ROUNDS, MIN_COST_GAIN = 8, 1e-3
-"""Most rounds of least squares, and the relative gain of the cost below which they end."""
 MAX_SAMPLES = 1500
 """Samples of each ball."""
 SAMPLED_SHARE = 0.8
@@ -72,8 +76,22 @@ class Bend(NamedTuple):
 
     unknowns: F8
     covariance: F8
-    cost: float
     trial: _Trial
+
+    @property
+    def left(self) -> F8:
+        """Residuals of balls and flat frame."""
+        placed = self.trial.placed
+        return all_residuals(self.trial.objects, self.trial.rest, placed.leds, placed.shifts)
+
+    @property
+    def cost(self) -> float:
+        """Huber's loss of a residual, on average."""
+        return huber(self.left) / self.left.size
+
+    def likelihood(self) -> float:
+        """Return -2 log of the likelihood: residuals are of unknown spread."""
+        return self.samples * math.log(self.cost)
 
     @property
     def samples(self) -> float:
@@ -235,8 +253,7 @@ def tried_bends(given: BallPresses) -> tuple[Bend, Bend]:
     bends = []
     for bend in TRIED_BENDS:
         unknowns = np.array([1, 0, 1, 0, 0]) * bend / given.half
-        trial = _placed(given, unknowns, None)
-        bends.append(Bend(unknowns, np.zeros((5, 5)), _cost(trial), trial))
+        bends.append(Bend(unknowns, np.zeros((5, 5)), _placed(given, unknowns, None)))
     return min(bends, key=lambda each: each.cost), bends[0]
 
 
@@ -292,45 +309,32 @@ def fitted_bend(given: BallPresses, bend: Bend, *, only_ball: bool = False) -> B
     bend : one that is near
     only_ball : whether the film is a part of a ball, lowest or highest in the middle
     """
-    unit, (unknowns, _, cost, trial) = given.unit, bend
-    ways = np.array([[1, 0, 1, 0, 0]]) if only_ball else np.eye(5)
-    normal = np.eye(len(ways))
-    for _ in range(FIT_ROUNDS):
-        left = all_residuals(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
-        by = jacobian_of(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
-        columns = []
-        for way in ways:
-            step = BEND_STEP * unit * way
-            other = _on(given, unknowns + step, trial.circles)
+    ways = given.unit * (np.array([[1, 0, 1, 0, 0]]) if only_ball else np.eye(5))
+
+    def linear(now: Bend) -> Callable[[float], Bend]:
+        left, trial, columns = now.left, now.trial, []
+        for way in DERIVATIVE_STEP * ways:
+            other = _on(given, now.unknowns + way, trial.circles)
             after = all_residuals(*other, trial.placed.leds, trial.placed.shifts)
-            columns.append((after - left) / BEND_STEP)
-        weight = huber_weight(left)
-        whole = np.column_stack([by, *columns])
+            columns.append((after - left) / DERIVATIVE_STEP)
+        by = jacobian_of(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
+        whole, weight = np.column_stack([by, *columns]), huber_weight(left)
         scale = np.sqrt(np.maximum(np.square(whole).sum(axis=0), 1e-30))
         whole = whole / scale
-        square = whole.T @ (whole * weight[:, None]) + 1e-6 * np.eye(len(scale))
-        change = -np.linalg.solve(square, whole.T @ (weight * left)) / scale
-        normal = (np.linalg.inv(square) / np.outer(scale, scale))[-len(ways) :, -len(ways) :]
-        moved = unknowns + unit * (change[-len(ways) :] @ ways)
-        tried = _placed(given, moved, trial)
-        now = _cost(tried)
-        if now > cost:
-            break
-        gain, cost, unknowns, trial = (cost - now) / cost, now, moved, tried
-        if gain < MIN_COST_GAIN:
-            break
-    spread = (unit * ways).T @ normal @ (unit * ways)
-    found = Bend(unknowns, spread, cost, trial)
-    left = all_residuals(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
-    # The variance of a residual, times how many of them count as one.
-    alike = float(np.square(left).mean() * max(left.size / found.samples, 1))
-    return found._replace(covariance=spread * alike)
+        square, down = whole.T @ (whole * weight[:, None]), -(whole.T @ (weight * left))
+        # The variance of a residual, times how many of them count as one.
+        alike = float(np.square(left).mean() * max(left.size / now.samples, 1))
+        spread = np.linalg.pinv(square, hermitian=True) / np.outer(scale, scale) * alike
+        spread = spread[-len(ways) :, -len(ways) :]
 
+        def stepped(damping: float) -> Bend:
+            step = np.linalg.solve(square + damping * np.eye(scale.size), down) / scale
+            moved = now.unknowns + step[-len(ways) :] @ ways
+            return Bend(moved, ways.T @ spread @ ways, _placed(given, moved, trial))
 
-def _cost(trial: _Trial) -> float:
-    """Huber's loss of a residual, on average."""
-    left = all_residuals(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
-    return huber(left) / left.size
+        return stepped
+
+    return descend(bend, Bend.likelihood, linear)
 
 
 def _placed(given: BallPresses, unknowns: F8, before: _Trial | None) -> _Trial:

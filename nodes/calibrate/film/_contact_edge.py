@@ -9,8 +9,8 @@ from tactograph.nodes.calibrate.ball.balls_on_film import MIN_WEIGHT_LIGHT, Bene
 from tactograph.nodes.optics.film import predict
 from tactograph.nodes.optics.rest_shape import rest_share
 
-MIN_EDGE_RATIO, MAX_EDGE_RATIO = 0.8, 1.25
-"""Radii between which the edge is searched for, relative to the known one."""
+MAX_EDGE_RATIO = 1.25
+"""Radius up to which the edge is searched for over the known one, or the reverse."""
 MAX_DEPARTURE = 0.15
 """Largest departure of the light that counts, because folding film matches neither model."""
 
@@ -46,7 +46,8 @@ def contact_edge(
     away = np.hypot(u - cx, v - cy)
     if beneath is not None:
         away = away_on(u, v, beneath.z, float(beneath.base[0]), centre, radius, film.camera)
-    ring = (away > MIN_EDGE_RATIO * rim) & (away < min(MAX_EDGE_RATIO * rim, radius))
+    least = rim / MAX_EDGE_RATIO
+    ring = (away > least) & (away < min(MAX_EDGE_RATIO * rim, radius))
     u, v, away, light, thrown = u[ring], v[ring], away[ring], light[:, ring], thrown[:, ring]
     if not away.size:
         return rim
@@ -66,7 +67,7 @@ def contact_edge(
     inside, outside = (_departure(light - model, lit) for model in (on_ball, at_rest + thrown))
     order = np.argsort(away)
     beyond = np.concatenate([[0.0], np.cumsum((inside - outside)[order])])
-    edges = np.concatenate([[MIN_EDGE_RATIO * rim], away[order]])
+    edges = np.concatenate([[least], away[order]])
     return float(edges[np.argmin(beyond)])
 
 

@@ -7,10 +7,17 @@ from numpy.typing import NDArray
 from scipy.fft import fftfreq, irfft2, next_fast_len, rfft2
 from scipy.special import ndtr, stdtrit
 
-from tactograph.nodes import BAND_DEVIATIONS, F4, F8, FULL_MISFIT_SLOPE
+from tactograph.nodes import BAND_DEVIATIONS, F4, F8, FULL_MISFIT_SLOPE, Film
 from tactograph.nodes.calibrate import MIN_BOUNCE_ERROR
-from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
+from tactograph.nodes.calibrate.ball.balls_on_film import (
+    MIN_WEIGHT_LIGHT,
+    Balls,
+    Fitted,
+    predicted,
+)
 from tactograph.nodes.calibrate.film._ball_normals import ball_normals
+from tactograph.nodes.calibrate.film.ball_samples import thinned
+from tactograph.nodes.calibrate.lights.light_fit import inverse_places, positions
 from tactograph.nodes.light.touch_misfit import brighter
 from tactograph.nodes.optics.film import direct_share, predict, touch_gain, turned
 
@@ -18,15 +25,9 @@ MIN_LAG_PX = 2
 """Distance from which the noise of pixels is independent, even after undistortion."""
 MAX_LAG_SHARE, LAG_COUNT = 0.7, 12
 """Longest lag, relative to a contact's radius, and number of lags."""
-PIXEL_STRIDE = 7
-"""Stride of the pixels on which other LED positions are tried."""
-MIN_DIRECT_LIGHT = 0.1
-"""Light beyond the diffused share from which an LED is used to measure brightness."""
 BRIGHTENING_FACTOR = 2.5
 """Factor by which another object may brighten the film more than the calibration's balls, which
 all stretch it in the same way."""
-MAX_APPROACH_SHARE = 0.75
-"""Farthest that another place of an LED lies nearer to the film, relative to the LED's height."""
 
 
 class Held(NamedTuple):
@@ -48,7 +49,7 @@ class _Sums(NamedTuple):
     pairs: F8
 
 
-def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
+def misfit(held: list[Held], film: Film, pixel: float, uneven: float) -> F4:
     """Return the (level, width, light, bounce, tilt) of a `Misfit`.
 
     Products of the errors of two pixels contain no noise, because noise is independent.  Their
@@ -66,9 +67,7 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
     Parameters
     ----------
     held : every held-out pixel, fold by fold
-    others
-        8 x K x 3 in mm, deviations of the LED positions, whose error is accounted for
-        separately.
+    film : what was fitted to all samples; the error of its LEDs is accounted for separately
     pixel : mm per px
     """
     rim = float(np.median(np.concatenate([h.balls.rim for h in held])))
@@ -94,7 +93,8 @@ def misfit(held: list[Held], others: F8, pixel: float, uneven: float) -> F4:
     reach = _half_way(lags, possible) * pixel
     near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
     sure = _root(normal[0] - chance[0])
-    known = np.mean([_led_tilt(part, others, uneven) for part in held])
+    away = inverse_places(film.others) - inverse_places(film.lights)
+    known = np.mean([_led_tilt(part, away, uneven) for part in held])
     tilt = _root(float(np.square(tilts).mean() - known * len(held) / max(len(held) - 1, 1)))
     level = _root(possible[0]) * float(np.sqrt(1 + 1 / len(held)))
     presses = np.unique(np.concatenate([part.balls.ball for part in held])).size
@@ -123,10 +123,10 @@ def unevenness(held: list[Held], pixel: float) -> float:
         film, balls = part.fitted.film, part.balls
         seen = predicted(balls, part.fitted)
         direct = balls.on_plane(seen, film) - balls.thrown(part.fitted.shifts, film)
-        lit = direct > film.diffuse[:, None] + MIN_DIRECT_LIGHT
+        lit = direct > film.diffuse[:, None] + MIN_WEIGHT_LIGHT
         left = np.where(lit, balls.on_plane(balls.light - seen, film), 0)
         direct = np.where(lit, direct, 0)
-        brightness = (left * direct).sum(0) / np.maximum(np.square(direct).sum(0), MIN_DIRECT_LIGHT)
+        brightness = (left * direct).sum(0) / np.maximum(np.square(direct).sum(0), MIN_WEIGHT_LIGHT)
         for ball in np.unique(balls.ball):
             at = balls.ball == ball
             place = np.stack([balls.v[at], balls.u[at]]) / pixel
@@ -134,17 +134,14 @@ def unevenness(held: list[Held], pixel: float) -> float:
     return BRIGHTENING_FACTOR * _root(float(total.light[0] / max(total.pairs[0], 1)))
 
 
-def _led_tilt(part: Held, others: F8, uneven: float) -> float:
-    """Mean square effect of other LED positions on `tilt`."""
-    film, some = part.fitted.film, part.balls.only(np.arange(part.balls.u.size) % PIXEL_STRIDE == 0)
+def _led_tilt(part: Held, away: F8, uneven: float) -> float:
+    """Mean square effect on `tilt` of LEDs that lie `away`, 8 x K x 3 of `inverse_places`."""
+    film, some = part.fitted.film, thinned(part.balls)
     truth, place, lift = some.touched_place(part.fitted.shifts, film)
     light, outward = predict(film, truth, *place, None, lift), _outward(truth)
     tilts = []
-    for away in others:
-        # A place that the whole fit allows may be under the film for the LED of a part.
-        most = MAX_APPROACH_SHARE * film.lights[:, 2:]
-        lights = film.lights + most / np.maximum(-away[:, 2:], most) * away
-        other = film._replace(lights=cast(F4, lights))
+    for moved in inverse_places(film.lights) + away:
+        other = film._replace(lights=cast(F4, positions(moved)))
         n = turned(other, light, truth, place, uneven, None, lift)
         tilts.append(((n - truth) * outward).sum() / np.square(outward).sum())
     return float(np.square(tilts).mean())

@@ -16,21 +16,21 @@ from tactograph.nodes.calibrate.film._film_misfit import Held
 from tactograph.nodes.calibrate.film.ball_samples import lights_itself, moved_with, thinned
 from tactograph.nodes.calibrate.film.film_fit import (
     MAX_INDEPENDENT_SAMPLES,
+    MAX_ROUNDS,
     add_harmonics,
     fit,
     place_balls,
 )
-from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS
+from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, surprise, unknowns_of
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.calibrate.rating.verdict import log_odds, pays
+from tactograph.nodes.calibrate.rating.verdict import grows, pays
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
 
 FINAL_SAMPLES = 15000
 """Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
 a ball's height, the coat's index and the albedo uncertain by some per cent."""
-MAX_ROUNDS, MAX_CHANGE = 4, 0.004
-"""Most rounds that find the balls' positions and the light from film to film in turn, and the
-relative change of albedo and contact radius below which they end."""
+MAX_CHANGE = 0.004
+"""Relative change of albedo and contact radius below which rounds end (`MAX_ROUNDS`)."""
 MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
 """Number of balls from which on, and multiple of the median residual above which, a ball is left
 out."""
@@ -67,6 +67,18 @@ class Trial(NamedTuple):
         direct = balls.direct(fitted.shifts, film)
         weight = lit_share(film, direct, np.array(film.contact))
         return fit(balls, self.rest, TOUCHED_PARTS, fitted, *given, start.film.uneven, weight)
+
+    def prefers(self, larger: "Model", model: "Model") -> bool:
+        """Return whether a larger model is the better one (`grows`)."""
+        both = model, larger
+        scales = model.fitted.scale, larger.fitted.scale
+        names = [unknowns_of(each.parts) for each in both]
+        usual, unusual = (
+            surprise(each.fitted, own, self.width_mm) for each, own in zip(both, names, strict=True)
+        )
+        more = len(names[1]) - len(names[0])
+        values = min(self.balls.u.size, MAX_INDEPENDENT_SAMPLES)
+        return grows(model.errors, larger.errors, scales, more, values, unusual - usual)
 
     def folds(self, balls: Balls) -> list[NDArray[np.bool_]]:
         """The samples to hold out in turn: some of the balls, or quarters of a single ball."""
@@ -151,7 +163,8 @@ def grow(
 ) -> tuple[Trial, Model, Metrics]:
     """Add parts to a model one by one, or coat and bounce at once, as long as that pays.
 
-    A part pays that is likelier than none, and lowers the held-out error.  Once the film has a
+    A part pays that is likelier than none, as usual as its values are, and lowers the held-out
+    error.  Once the film has a
     coat or an albedo, the samples are renewed: then the light that it reflects from film to film
     is known.
     """
@@ -165,12 +178,7 @@ def grow(
         first = int(np.argmin([normal_error(trial.balls, fit).degrees for fit in fitted]))
         better = judge(trial, wider[first], fitted[first])
         errors[f"film_heldout_deg/{better}"] = better.error
-        more, values = (
-            len(PART_UNKNOWNS[left[first]]),
-            min(trial.balls.u.size, MAX_INDEPENDENT_SAMPLES),
-        )
-        odds = log_odds(best.fitted.scale, better.fitted.scale, more, values)
-        alone = odds > 0 and pays(best.errors, better.errors)
+        alone = trial.prefers(better, best)
         if not alone and not set(left) >= SHINING_PARTS:
             break
         if not alone:
@@ -186,7 +194,7 @@ def grow(
         explains_all = "bounce" in better.parts or "bounce" not in parts
         if explains_all and pays(better.errors, best.errors):
             break
-        if not alone and not pays(best.errors, better.errors):
+        if not alone and not trial.prefers(better, best):
             break
         trial, best = resampled, better
     return trial, best, errors | {"film_heldout_deg": best.error}

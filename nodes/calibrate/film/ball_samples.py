@@ -23,6 +23,7 @@ from tactograph.nodes.calibrate.ball.ball_surface import (
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Beneath
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
+from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain, film_drift
@@ -36,8 +37,6 @@ FITTED_RADIUS_SHARE = 0.95
 """Share of a contact's radius that is fitted, because the film leaves the ball before the rim."""
 MIN_SAMPLES = 30
 """Fewest samples of each ball."""
-USUAL_ALBEDO = 0.6
-"""Albedo of the film for which a bounce is computed."""
 FINE_CELLS = 4 * DEFAULT_MAX_CELLS
 """Cells of `film_bounce` on a matt film, and in the last fit on one with a coat, which takes seven
 times as long.  With coarser cells the light changes in steps with a ball's height or the rim."""
@@ -45,10 +44,9 @@ LIFT_SHARE = 0.02
 """Share of a ball's radius by which it is lifted, to differentiate a bounce by its height."""
 WIDER_ON_SHAPE = 1.5
 """How much farther than on a plane a contact may reach from a ball's middle."""
-RIM_STEP_MM = 0.5
-"""mm by which the film is widened, to differentiate a bounce by the film's rim."""
-MAX_NOISE_RATIO = 1.5
-"""Multiple of the camera's noise up to which noise explains a departure."""
+BOUNCED_ALBEDO, RIM_STEP_MM = USUAL_ALBEDO.start, SHARED_UNKNOWNS["rim"].spread
+"""Albedo of the film for which a bounce is computed, and mm by which the film is widened, to
+differentiate it by the film's rim."""
 
 
 class _Press(NamedTuple):
@@ -77,6 +75,35 @@ class _AtRest(NamedTuple):
         """Return r of equation F5."""
         share = self.own + np.float32(albedo) * self.bounced
         return np.maximum(share, np.float32(MIN_REST_LIGHT))
+
+
+class _Frame(NamedTuple):
+    """An image of H x W pixels, mm per px, and the film at rest if it is no plane."""
+
+    size: tuple[int, int]
+    pixel: float
+    shape: RestShape | None
+
+    def beneath(self, circle: F4 | F8) -> tuple[F8, F8, F8]:
+        """Where the camera sees the film at rest in the middles of balls: x, y and z in mm."""
+        rows, columns = self.size
+        column, row = np.atleast_2d(circle)[:, :2].astype(np.float64).T
+        u, v = (column - (columns - 1) / 2) * self.pixel, (row - (rows - 1) / 2) * self.pixel
+        if self.shape is None:
+            return u, v, np.zeros_like(u)
+        _, x, y, z = self.shape.at(u, v)
+        return x, y, z
+
+    def scale(self, circle: F4 | F8) -> F8:
+        """The size of a pixel in mm on the film under each ball."""
+        camera = 0.0 if self.shape is None else self.shape.camera
+        return self.pixel * (1 - camera * self.beneath(circle)[2])
+
+    def centre(self, circle: F4, radius: float, shift: F8) -> tuple[float, float, float]:
+        """A ball's centre in mm, moved by `shift`; it may lie outside the image."""
+        x, y, base = (float(part[0]) for part in self.beneath(circle))
+        deep = float(sunk(radius, float(circle[2]) * self.scale(circle)[0]) - base)
+        return float(x + shift[0]), float(y + shift[1]), float(shift[2] - deep)
 
 
 class _Thrown(NamedTuple):
@@ -144,7 +171,8 @@ def sample_balls(
     sigma = coarsen(light_noise(flat, flat, noise))
     moved = np.zeros((len(circle), 3)) if shifts is None else shifts
     throw = bounce if lights_itself(film) else film_bounce
-    scale = _scales(circle, (rows, columns), pixel, shape)
+    frame = _Frame((rows, columns), pixel, shape)
+    scale = frame.scale(circle)
     if rim is not None:
         circle = np.column_stack([circle[:, :2], rim / scale])
     thrown = {}
@@ -156,7 +184,7 @@ def sample_balls(
 
     for i in np.unique(of):
         balls = circle[of == i], radius[of == i], moved[of == i]
-        thrown[i] = _thrown_on(presses[i], sigma, balls, film, pixel, fine, throw, shape, at_rest)
+        thrown[i] = _thrown_on(presses[i], sigma, balls, film, frame, fine, throw, at_rest)
     resting = at_rest(film.refraction > 1, _cells(film, fine))
     if edges:
         masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
@@ -167,7 +195,7 @@ def sample_balls(
                 light = light * resting.share(film.albedo)
             seen = light, masks[i], thrown[i].bounced
             placed = circle[number], float(radius[number]), moved[number]
-            edge[number] = _edge(*seen, *placed, film, pixel, shape)
+            edge[number] = _edge(*seen, *placed, film, frame)
         moved = moved_with(moved, radius, circle[:, 2] * scale, edge)
         circle = np.column_stack([circle[:, :2], edge / scale])
     parts: list[tuple[NDArray[Any], ...]] = []
@@ -184,8 +212,12 @@ def sample_balls(
         ].reshape(2, -1)
         away = np.hypot(xx - u0, yy - v0)
         if shape is not None:
-            placed = circle[number], float(radius[number]), moved[number]
-            away = _away(shape, x[xx], y[yy], *placed, film.camera) / scale[number]
+            u, v = x[xx].astype(np.float64), y[yy].astype(np.float64)
+            base = float(frame.beneath(circle[number])[2][0])
+            centre = frame.centre(circle[number], float(radius[number]), moved[number])
+            beneath = shape.at(u, v)[3]
+            away = away_on(u, v, beneath, base, centre, float(radius[number]), film.camera)
+            away /= scale[number]
         within = away < reach
         if bare is not None:
             within &= bare[i * rows + yy, xx] > 0
@@ -225,7 +257,8 @@ def sample_balls(
 
 def laid_on(balls: Balls, circle: F4, shape: RestShape, glow: F8 | None = None) -> Balls:
     """Return balls on a film that is no plane at rest; `glow` is what it throws on itself there."""
-    _, *under, base = shape.at(*_seen_at(circle, shape.height.shape, shape.pixel))
+    rows, columns = shape.height.shape
+    *under, base = _Frame((rows, columns), shape.pixel, shape).beneath(circle)
     if glow is None and balls.beneath is not None:
         glow = balls.beneath.bounced
     assert glow is not None  # known since the balls were laid first
@@ -262,16 +295,16 @@ def _edge(
     radius: float,
     shift: F8,
     film: Film,
-    pixel: float,
-    shape: RestShape | None,
+    frame: _Frame,
 ) -> float:
     """The radius of a ball's contact in mm, from the light around it."""
     x, y, contact = (float(part) for part in circle)
+    shape = frame.shape
     around = int(MAX_EDGE_RATIO * (1 if shape is None else WIDER_ON_SHAPE) * contact) + 2
     rows = slice(max(0, int(y) - around), int(y) + around + 2)
     columns = slice(max(0, int(x) - around), int(x) + around + 2)
-    u, v = (places(side, np.float32(pixel)).astype(np.float64) for side in press.shape[:0:-1])
-    centre = _centre(circle, radius, shift, press.shape[1:], pixel, shape)
+    u, v = (places(side, np.float32(frame.pixel)).astype(np.float64) for side in frame.size[::-1])
+    centre = frame.centre(circle, radius, shift)
     across, down = (part.ravel() for part in np.meshgrid(u[columns], v[rows]))
     # Film under markers counts as dark, so that `contact_edge` ignores it.
     seen, bounced = (
@@ -283,41 +316,9 @@ def _edge(
     )
     beneath = None
     if shape is not None:
-        base = shape.at(*_seen_at(circle, press.shape[1:], pixel))[3]
-        beneath = Beneath(*shape.at(across, down), bounced, base)
-    scale = _scales(circle[None], press.shape[1:], pixel, shape)[0]
-    rim = float(contact * scale)
+        beneath = Beneath(*shape.at(across, down), bounced, frame.beneath(circle)[2])
+    rim = float(contact * frame.scale(circle)[0])
     return contact_edge(across, down, seen, bounced, centre, radius, rim, film, beneath)
-
-
-def _seen_at(circle: F4 | F8, size: tuple[int, ...], pixel: float) -> tuple[F8, F8]:
-    """Where the camera sees the middles of balls, u and v in mm."""
-    rows, columns = size
-    x, y = np.atleast_2d(circle)[:, :2].astype(np.float64).T
-    return (x - (columns - 1) / 2) * pixel, (y - (rows - 1) / 2) * pixel
-
-
-def _scales(circle: F4 | F8, size: tuple[int, ...], pixel: float, shape: RestShape | None) -> F8:
-    """The size of a pixel in mm on the film under each ball."""
-    scale = np.full(len(circle), pixel, np.float64)
-    return (
-        scale if shape is None else scale * (1 - shape.camera * _base(shape, circle, size, pixel))
-    )
-
-
-def _base(shape: RestShape, circle: F4 | F8, size: tuple[int, ...], pixel: float) -> F8:
-    return shape.at(*_seen_at(circle, size, pixel))[3]
-
-
-def _away(
-    shape: RestShape, u: F4, v: F4, circle: F4, radius: float, shift: F8, camera: float
-) -> F8:
-    """How far samples count as from the middle of a ball, in mm (`away_on`)."""
-    at_u, at_v = u.astype(np.float64), v.astype(np.float64)
-    size = shape.height.shape
-    centre = _centre(circle, radius, shift, size, shape.pixel, shape)
-    base = float(_base(shape, circle, size, shape.pixel)[0])
-    return away_on(at_u, at_v, shape.at(at_u, at_v)[3], base, centre, radius, camera)
 
 
 def _cells(film: Film, fine: bool) -> int:
@@ -335,28 +336,9 @@ def bounced_at_rest(shape: RestShape | None, film: Film, bounce: NodeCall) -> F4
 def _rest_of(shape: RestShape, film: Film, cells: int, fine: bool, bounce: NodeCall) -> _AtRest:
     """The light of the film at rest; what it throws on itself in turn with what falls on it."""
     if film.albedo == 0 and not fine:
-        film = film._replace(albedo=USUAL_ALBEDO)
+        film = film._replace(albedo=BOUNCED_ALBEDO)
     own, thrown = light_at_rest(shape, film, bounce, cells)
     return _AtRest(own, thrown / np.float32(film.albedo or 1))
-
-
-def _centre(
-    circle: F4,
-    radius: float,
-    shift: F8,
-    size: tuple[int, ...],
-    pixel: float,
-    shape: RestShape | None,
-) -> tuple[float, float, float]:
-    """A ball's centre in mm, moved by `shift`; it may lie outside an image of H x W pixels."""
-    x, y, contact = (float(part) for part in circle)
-    rows, columns = size
-    u, v = (x - (columns - 1) / 2) * pixel, (y - (rows - 1) / 2) * pixel
-    deep = float(sunk(radius, contact * pixel))
-    if shape is not None:
-        _, (u,), (v,), (base,) = shape.at(*_seen_at(circle, size, pixel))
-        deep = float(sunk(radius, contact * pixel * (1 - shape.camera * base)) - base)
-    return float(u + shift[0]), float(v + shift[1]), float(shift[2] - deep)
 
 
 def _thrown_on(
@@ -364,10 +346,9 @@ def _thrown_on(
     sigma: F4,
     balls: tuple[F4, F4, F8],
     film: Film,
-    pixel: float,
+    frame: _Frame,
     fine: bool,
     bounce: NodeCall,
-    shape: RestShape | None,
     at_rest: Callable[[bool, int], _AtRest | None],
 ) -> _Press:
     """The light from film to film on a press with these balls (circles, radii and shifts)."""
@@ -375,7 +356,7 @@ def _thrown_on(
         nothing = np.zeros_like(press)
         return _Press(press, nothing, nothing, nothing)
     circle, radius, shifts = balls
-    size = press.shape[1:]
+    size, pixel, shape = frame
     v, u = (places(side, np.float32(pixel)).astype(np.float64) for side in size)
 
     def thrown(film: Film, cells: int, lift: float = 0) -> _Thrown:
@@ -384,7 +365,7 @@ def _thrown_on(
         resting = at_rest(film.refraction > 1, cells)
         lifted = shifts + lift * radius[:, None] * np.array([0, 0, 1])
         for each, r, shift in zip(circle, radius, lifted, strict=True):
-            cx, cy, cz = _centre(each, r, shift, size, pixel, shape)
+            cx, cy, cz = frame.centre(each, r, shift)
             z = ball_height(u, v[:, None], (cx, cy, cz), r, film.camera)
             nearer = 1 - film.camera * z
             away = (u * nearer - cx) ** 2 + (v[:, None] * nearer - cy) ** 2 + (z - cz) ** 2
@@ -392,16 +373,16 @@ def _thrown_on(
             height = np.maximum(height, np.where(away < MAX_SQUARED_RADIUS * r**2, z, low))
         seen = (height / (1 - film.camera * height)).astype(np.float32)
         on_plane = press if resting is None else press * resting.share(film.albedo)
-        light = bounce(on_plane, seen, film._replace(albedo=USUAL_ALBEDO), pixel, cells=cells)
+        light = bounce(on_plane, seen, film._replace(albedo=BOUNCED_ALBEDO), pixel, cells=cells)
         # Balls are not film at rest, although little light is reflected onto their tops.
         if shape is None or resting is None:
             shown = np.where(seen > 0, press, 1 + light)
         else:
-            around = (resting.own + light) / resting.share(USUAL_ALBEDO)
+            around = (resting.own + light) / resting.share(BOUNCED_ALBEDO)
             shown = np.where(seen > shape.seen, press, around)
         drift = film_drift(coarsen(shown), sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
         level = (drift_gain(drift, size) - 1) * on_plane
-        whole, taken = light / np.float32(USUAL_ALBEDO), level / np.float32(USUAL_ALBEDO)
+        whole, taken = light / np.float32(BOUNCED_ALBEDO), level / np.float32(BOUNCED_ALBEDO)
         return _Thrown(whole, whole - taken)
 
     # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
@@ -451,4 +432,4 @@ def grain(balls: Balls, left: F8, flat: F4, noise: F4) -> float:
     camera = (noise[0] * level * balls.light + noise[1]) / level**2
     variance = DEVIATIONS_PER_MAD**2 * np.median(np.square(left / balls.reference_light))
     alone = np.median(camera / balls.reference_light**2)
-    return float(np.sqrt(variance - alone)) if variance > MAX_NOISE_RATIO**2 * alone else 0.0
+    return float(np.sqrt(max(variance - alone, 0.0)))

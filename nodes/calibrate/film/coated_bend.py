@@ -17,8 +17,15 @@ from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, laid_on, sample_balls
 from tactograph.nodes.calibrate.film.film_at_rest import rest_left
-from tactograph.nodes.calibrate.film.film_fit import Further, fit, further_step, start_at
+from tactograph.nodes.calibrate.film.film_fit import (
+    MAX_ROUNDS,
+    Further,
+    fit,
+    further_step,
+    start_at,
+)
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS
+from tactograph.nodes.calibrate.lights.descend import DERIVATIVE_STEP
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS, log_odds
 from tactograph.nodes.optics.film import matt_film
@@ -27,10 +34,6 @@ from tactograph.nodes.optics.sheet import SheetLight
 
 COATED_PARTS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
 """Parts of a film with a coat, and of one that lights itself as well."""
-BEND_STEP = 0.01
-"""Step of a bend, by half the diagonal, and of slope, for derivatives."""
-MAX_ROUNDS, MAX_CHANGE = 3, 2e-3
-"""Most rounds of each model, and the change of all unknowns, in their units, that ends them."""
 
 
 class Laid(NamedTuple):
@@ -98,7 +101,7 @@ def coated_bend(given: Bending, unknowns: F8, independent: float) -> tuple[F8, F
             further = _further(given, unknowns, now)
             step, spread = _step(given, now, parts, further)
             unknowns = unknowns + given.unit * step
-            if np.abs(step).max() < MAX_CHANGE:
+            if (np.square(step) < np.diag(spread)).all():
                 break
     for number in np.unique(now.balls.ball):
         others = now.balls.ball != number
@@ -146,9 +149,9 @@ def _further(given: Bending, unknowns: F8, now: _Round) -> Further:
     light, flat = predicted(now.balls, now.fitted), rest_left(now.rest, now.fitted)
     by_light, by_flat = [], []
     for way in np.eye(len(unknowns)):
-        shape = given.shape(unknowns + BEND_STEP * given.unit * way)
+        shape = given.shape(unknowns + DERIVATIVE_STEP * given.unit * way)
         balls = laid_on(now.balls, now.laid.circle, shape)
-        by_light.append((predicted(balls, now.fitted) - light) / BEND_STEP)
+        by_light.append((predicted(balls, now.fitted) - light) / DERIVATIVE_STEP)
         rest = replace(now.rest, beneath=shape.at(now.rest.x, now.rest.y))
-        by_flat.append((rest_left(rest, now.fitted) - flat) / BEND_STEP)
+        by_flat.append((rest_left(rest, now.fitted) - flat) / DERIVATIVE_STEP)
     return Further(np.stack(by_light), np.stack(by_flat))

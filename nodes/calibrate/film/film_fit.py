@@ -8,10 +8,12 @@ as for a hundred.
 Long because all that is fitted, and what else moves with it, passes the same normal equations.
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple, Self, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.graph import InputError
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8
@@ -19,21 +21,22 @@ from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predict
 from tactograph.nodes.calibrate.film.film_at_rest import by_rest, rest_left, rest_spread
 from tactograph.nodes.calibrate.film.film_unknowns import (
     EMISSION_UNKNOWN,
-    MODEL_UNKNOWNS,
     UNKNOWNS_OF_FLAT_ALONE,
     UNKNOWNS_OF_TOUCH_ALONE,
     UNKNOWNS_PER_LED,
-    albedos,
     differences,
     moved_by,
+    numbered,
     opened,
     priors,
+    surprise,
+    unknowns_of,
 )
 from tactograph.nodes.calibrate.lights.descend import DERIVATIVE_STEP, descend, huber, huber_weight
 from tactograph.nodes.calibrate.lights.light_fit import (
     HEIGHT_DEVIATION_MM,
-    INFINITY_MM,
     LIGHT_DEVIATION,
+    inverse_places,
     places_within,
 )
 from tactograph.nodes.calibrate.lights.light_samples import Rest
@@ -44,10 +47,9 @@ MAX_INDEPENDENT_SAMPLES = 1500
 on a real film are correlated."""
 HEIGHT_DEVIATION_SHARE = 0.2
 """Standard deviation of a ball's height in the film, as a share of its radius."""
-RIDGE_SHARE = 1e-3
-"""Ridge of the harmonics' coefficients, relative to the mean square of a sample."""
-HARMONICS_ROUNDS = 4
-"""Rounds in which harmonics and the balls' positions are found in turn."""
+MAX_ROUNDS = 4
+"""Most rounds in which what depends on one another is found in turn: harmonics or light from film
+to film and the balls' positions, or a bend and the film."""
 
 
 class _Left(NamedTuple):
@@ -99,7 +101,7 @@ class _Problem(NamedTuple):
     def judged(self, left: _Left) -> Self:
         """Return the problem with the standard deviations of residuals."""
         certain = LIGHT_DEVIATION if self.rest is None else rest_spread(left.flat, self.rest)
-        return self._replace(scale=_scale(self.balls, left.light), certain=certain)
+        return self._replace(scale=light_scale(self.balls, left.light), certain=certain)
 
 
 class _Trial(NamedTuple):
@@ -178,7 +180,7 @@ def fit(
     InputError
         If the model has no light for the samples, however it starts.
     """
-    names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
+    names = unknowns_of(parts)
     problem = _Problem(balls, rest, names, shift_mm, width_mm, uneven, sample_weight)
     first = _Trial.of(problem, opened(start, names)).judged()
     if not np.isfinite(first.cost()):
@@ -191,29 +193,45 @@ def fit(
     return found.now._replace(scale=found.problem.scale)
 
 
-def other_places(
+class Certainty(NamedTuple):
+    """How well a fit knows its shared unknowns, with all others free, such as coat and albedo.
+
+    The covariance G x G, the unknowns' numbers by name, and how many independent values tell them.
+    """
+
+    covariance: F8
+    numbers: dict[str, NDArray[np.intp]]
+    values: float
+
+    def shows(self, name: str, value: float) -> bool:
+        """Return whether an unknown is likelier to be its (mean) value than 0 (`log_odds`)."""
+        if name not in self.numbers:
+            return True
+        own = self.numbers[name]
+        variance = float(self.covariance[np.ix_(own, own)].mean())
+        return value**2 > variance * math.log(self.values)
+
+    def other_places(self, leds: F8, width_mm: float) -> F4:
+        """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm."""
+        own = (UNKNOWNS_PER_LED * np.arange(len(leds))[:, None] + np.arange(3)).ravel()
+        return places_within(leds[:, :3], self.covariance[np.ix_(own, own)], width_mm)
+
+
+def certainty(
     balls: Balls,
     rest: Rest | None,
     parts: frozenset[str],
     fitted: Fitted,
     shift_mm: float,
     width_mm: float,
-) -> F4:
-    """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm.
-
-    The uncertainty accounts for all other free parameters, such as coat and albedo.
-    """
-    names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
+) -> Certainty:
+    """Return how well a fit knows LEDs and film."""
+    names = unknowns_of(parts)
     problem = _Problem(balls, rest, names, shift_mm, width_mm)
     left = problem.left(fitted)
     robust = _robust_spread(left.light / balls.reference_light)
-    known = _equations(problem.judged(left)._replace(scale=robust), fitted, left)
-    shared, _ = _without_shifts(known.shared, known.mixed, known.own)
-    scale = np.sqrt(np.diag(shared))
-    spread = np.linalg.pinv(shared / np.outer(scale, scale), hermitian=True)
-    spread /= np.outer(scale, scale)
-    places = [UNKNOWNS_PER_LED * k + j for k in range(len(fitted.leds)) for j in range(3)]
-    return places_within(fitted.leds[:, :3], spread[np.ix_(places, places)], width_mm)
+    covariance = _covariance(_equations(problem.judged(left)._replace(scale=robust), fitted, left))
+    return Certainty(covariance, numbered(fitted, names), problem.each * balls.u.size)
 
 
 def further_step(
@@ -229,16 +247,12 @@ def further_step(
 
     Film, LEDs and balls' places move with them.
     """
-    names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
-    problem = _Problem(balls, rest, names, shift_mm, width_mm)
+    problem = _Problem(balls, rest, unknowns_of(parts), shift_mm, width_mm)
     left = problem.left(fitted)
     equations = _equations(problem.judged(left), fitted, left, further)
     by, _ = _solve(equations, 0.0)
-    shared, _ = _without_shifts(equations.shared, equations.mixed, equations.own)
-    scale = np.sqrt(np.diag(shared))
-    spread = np.linalg.pinv(shared / np.outer(scale, scale), hermitian=True)
-    first = len(scale) - len(further.light)
-    return by[first:], (spread / np.outer(scale, scale))[first:, first:]
+    first = len(by) - len(further.light)
+    return by[first:], _covariance(equations)[first:, first:]
 
 
 def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
@@ -283,9 +297,10 @@ def add_harmonics(
     physics = fitted._replace(film=film)
     place = place_terms(balls.u / reach, balls.v / reach)[:used]
     weight = 1 / balls.reference_light**2
-    held = np.full(count * size + 1, RIDGE_SHARE * balls.u.size)
+    # A coefficient is as far from 0 as the light from the model, of which samples count.
+    held = np.full(count * size + 1, max(1, balls.u.size / MAX_INDEPENDENT_SAMPLES))
     held[-1] = 0
-    for _ in range(HARMONICS_ROUNDS):
+    for _ in range(MAX_ROUNDS):
         n, *_ = balls.seen(now.shifts, film.camera)
         shade = shades(n) * np.clip(1 + (n[2] - film.flattest) / FADE_WIDTH, 0, 1)
         basis = (shade[:, None] * place[None]).reshape(size, -1)
@@ -306,11 +321,11 @@ def add_harmonics(
         gain = film.gain * (1 + float(change[-1]))
         now = now._replace(film=film._replace(harmonics=cast(F4, harmonics), gain=gain))
         left = predicted(balls, now) - balls.light
-        now = place_balls(balls, now._replace(scale=_scale(balls, left)), shift_mm)
+        now = place_balls(balls, now._replace(scale=light_scale(balls, left)), shift_mm)
         away = (balls.light - predicted(balls, now)) / balls.reference_light
         # Cauchy's weights.
         weight = 1 / (1 + (away / (3 * now.scale)) ** 2) / balls.reference_light**2
-    return now._replace(scale=_scale(balls, predicted(balls, now) - balls.light))
+    return now._replace(scale=light_scale(balls, predicted(balls, now) - balls.light))
 
 
 def _weight(balls: Balls, left: F8, scale: float) -> F8:
@@ -319,8 +334,8 @@ def _weight(balls: Balls, left: F8, scale: float) -> F8:
     return np.asarray(huber_weight(left / balls.reference_light / scale) / deviation**2)
 
 
-def _scale(balls: Balls, left: F8) -> float:
-    """Robust standard deviation of a sample's residual."""
+def light_scale(balls: Balls, left: F8) -> float:
+    """Return the robust standard deviation of a sample's residual."""
     return max(LIGHT_DEVIATION, _robust_spread(left / balls.reference_light))
 
 
@@ -333,9 +348,7 @@ def _cost(problem: _Problem, now: Fitted, left: _Left) -> float:
     total = float(np.square(now.shifts / deviations).sum())
     total += problem.each * huber(problem.normed(left.light)) + huber(left.flat / problem.certain)
     total += float(now.leds[:, 3].mean() ** 2)
-    total += sum(away**2 for away, _ in albedos(now, problem.names))
-    held = priors(now, problem.names, problem.width_mm)
-    return total + sum((away / sure) ** 2 for _, away, sure in held)
+    return total + 2 * surprise(now, problem.names, problem.width_mm)
 
 
 def _equations(
@@ -346,7 +359,6 @@ def _equations(
     light, left = residuals.light + balls.light, problem.normed(residuals.light)
     by_own = problem.normed(_by_shift(balls, now, light, seen))
     by = _by_shared(balls, now, names, light, seen)
-    count = len(by)
     by = problem.normed(by if further is None else np.concatenate([by, further.light]))
     weight = problem.each * huber_weight(left)
     spread = place_deviations(balls, shift_mm)
@@ -373,9 +385,6 @@ def _equations(
     for j, away_from, sure_of in priors(now, names, width_mm):
         shared[j, j] += sure_of**-2
         right[j] -= away_from / sure_of**2
-    for away_from, by_all in albedos(now, names):
-        shared[:count, :count] += np.outer(by_all, by_all)
-        right[:count] -= by_all * away_from
     return _Equations(shared, mixed, own, right, right_own)
 
 
@@ -416,11 +425,18 @@ def _without_shifts(shared: F8, mixed: F8, own: F8) -> tuple[F8, F8]:
     return np.asarray(shared - np.einsum("pgi,pih->gh", mixed, less)), np.asarray(less)
 
 
+def _covariance(e: _Equations) -> F8:
+    """The covariance of the shared unknowns."""
+    shared, _ = _without_shifts(e.shared, e.mixed, e.own)
+    scale = np.sqrt(np.diag(shared))
+    spread = np.linalg.pinv(shared / np.outer(scale, scale), hermitian=True)
+    return np.asarray(spread / np.outer(scale, scale))
+
+
 def start_at(lights: F4, strength: F4, count: int) -> Fitted:
     """Return a matt film under roughly known LEDs, as a start value."""
-    ways, nearness = lights[:, :2] / lights[:, 2:], 1 / np.minimum(lights[:, 2], INFINITY_MM)
     emission = np.full(len(lights), EMISSION_UNKNOWN.start)
-    unknowns = ways, nearness, np.log(np.maximum(strength, 1e-6)), emission
+    unknowns = inverse_places(lights), np.log(np.maximum(strength, 1e-6)), emission
     leds = np.column_stack(unknowns).astype(np.float64)
     film = matt_film(lights.astype(np.float64))
     return Fitted(leds, film, np.zeros((count, 3)), LIGHT_DEVIATION).with_leds(leds)

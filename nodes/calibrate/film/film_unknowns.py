@@ -1,6 +1,6 @@
 """The unknowns of a film's fit: start values, priors, and steps from one fit to another."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,24 +23,21 @@ class Unknown(NamedTuple):
 
 TOLD_UNKNOWNS = "size", "power"
 """Unknowns of what was told, not of the film: the balls' radius and the camera's gamma."""
+USUAL_ALBEDO = Unknown(0.5, 0.4)
+"""Of the film, and of the base under its coat: one value, found by both."""
 SHARED_UNKNOWNS = {
     "gain": Unknown(1.0, 0.1),
     "wrap": Unknown(0.0, 0.2),
-    "base": Unknown(0.5, 0.3),
+    "base": USUAL_ALBEDO,
     "roughness": Unknown(0.25, 0.15),
     "refraction": Unknown(1.5, 0.05),
-    "albedo": Unknown(0.5, 0.4),
+    "albedo": USUAL_ALBEDO,
     "rim": Unknown(USUAL_RIM_MM, 1.0),
     "camera": Unknown(0.0, 0.01),
     "diffuse": Unknown(0.2, 0.3),
 }
 """By name; `diffuse` is one for each LED.  Their limits are those of a `Film`."""
 SHARED_UNKNOWNS |= dict.fromkeys(TOLD_UNKNOWNS, Unknown(1.0, 1.0))
-ALBEDO_DIFFERENCE = {"base": 1, "albedo": -1}
-"""The albedo under the coat equals that for light from film to film: they differ by 0, ..."""
-ALBEDO_DEVIATION = 0.002
-"""... with this standard deviation.  Alone, the albedo under a coat nearly trades off against the
-coat's index."""
 EMISSION_UNKNOWN = Unknown(0.0, 0.7)
 """m: an LED that faces the middle of the film emits as cos^m of the angle from its axis.  It is
 fitted to the flat frame only: ignoring it would give a wrong distance there, while touched film,
@@ -52,7 +49,7 @@ UNKNOWNS_PER_LED = len(LED_UNKNOWNS)
 """Number of unknowns of an LED."""
 UNKNOWNS_OF_FLAT_ALONE = "strength", "emission"
 """Unknowns without effect on the light of touched film relative to the film at rest."""
-UNKNOWNS_OF_TOUCH_ALONE = "gain", "wrap", "diffuse", "albedo", "rim", "size"
+UNKNOWNS_OF_TOUCH_ALONE = "gain", "wrap", "diffuse", "rim", "size"
 """Unknowns without effect on the film at rest."""
 PART_UNKNOWNS = {
     "diffuse": ("diffuse", "gain", "wrap"),
@@ -67,6 +64,16 @@ MODEL_UNKNOWNS |= {nuisance: (nuisance,) for nuisance in TOLD_UNKNOWNS}
 those that direct light determines besides the LEDs."""
 
 
+def unknowns_of(parts: Iterable[str]) -> list[str]:
+    """Names of the unknowns of a model.
+
+    The albedo under a coat nearly trades off against the coat's index, so that it is no unknown of
+    its own where light from film to film tells it (`with_values`).
+    """
+    names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
+    return [name for name in names if name != "base" or "albedo" not in names]
+
+
 def opened(start: Fitted, names: list[str]) -> Fitted:
     """Move newly freed parameters away from the values that switch them off."""
     off = matt_film(start.film.lights)
@@ -77,7 +84,7 @@ def opened(start: Fitted, names: list[str]) -> Fitted:
     }
     if "diffuse" in changed:
         changed["diffuse"] = np.full(len(start.leds), changed["diffuse"])
-    return start._replace(film=start.film._replace(**changed))
+    return with_values(start, changed)
 
 
 def priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[int, float, float]]:
@@ -92,15 +99,9 @@ def priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[int
             yield number, value - about.start, about.spread
 
 
-def albedos(now: Fitted, names: list[str]) -> Iterator[tuple[float, F8]]:
-    """Normalised difference of the two albedos, and its derivatives by all shared unknowns."""
-    if not ALBEDO_DIFFERENCE.keys() <= set(names):
-        return
-    numbers = numbered(now, names)
-    by = np.zeros(sum(map(len, numbers.values())))
-    for name, sign in ALBEDO_DIFFERENCE.items():
-        by[numbers[name]] = sign / ALBEDO_DEVIATION
-    yield (now.film.base - now.film.albedo) / ALBEDO_DEVIATION, by
+def surprise(now: Fitted, names: list[str], width_mm: float) -> float:
+    """Return by how much the priors make a fit less likely than the usual film, as a logarithm."""
+    return sum((away / sure) ** 2 for _, away, sure in priors(now, names, width_mm)) / 2
 
 
 def numbered(now: Fitted, names: list[str]) -> dict[str, NDArray[np.intp]]:
@@ -120,10 +121,13 @@ def value_of(now: Fitted, name: str) -> Any:
 
 
 def with_values(now: Fitted, values: dict[str, Any]) -> Fitted:
-    """Return a fit with other values of shared parameters, by name."""
+    """Return a fit with other values of shared parameters; a coat's base has the albedo."""
     nuisances = {name: values[name] for name in values if name in TOLD_UNKNOWNS}
     of_film = {name: values[name] for name in values if name not in TOLD_UNKNOWNS}
-    return now._replace(film=now.film._replace(**of_film), **nuisances)
+    film = now.film._replace(**of_film)
+    if "albedo" in values and film.refraction > 1:
+        film = film._replace(base=film.albedo)
+    return now._replace(film=film, **nuisances)
 
 
 def stepped(now: Fitted, name: str) -> tuple[Fitted, F8]:

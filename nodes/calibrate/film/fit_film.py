@@ -46,7 +46,7 @@ from tactograph.nodes.calibrate.film._film_search import (
 )
 from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, grain, sample_balls
 from tactograph.nodes.calibrate.film.film_at_rest import rest_left
-from tactograph.nodes.calibrate.film.film_fit import other_places, start_at
+from tactograph.nodes.calibrate.film.film_fit import certainty, start_at
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
@@ -60,11 +60,6 @@ MIN_CAP_SHARE = 0.02
 MIN_CONTACT_CELLS = 4
 """Contact radius in cells from which `film_bounce` resolves how a ball lights the film beside it.
 On coarser cells its albedo would absorb residuals of other parts of the model."""
-
-MIN_WRAP = 0.05
-"""Smallest wrap of light around the terminator that is distinguishable from noise."""
-MIN_EMISSION = 0.1
-"""Smallest exponent of an LED's emission distinguishable from fall-off on the flat frame."""
 
 
 class FilmEvidence(NamedTuple):
@@ -118,8 +113,9 @@ def fit_film(
     The fit starts from the LEDs placed for a matt film.  Then parts are added one by one:
     diffuse light with a gain of touched film, a glossy coat, light that bounces from film to
     film, a pupil near the film.  Each time, the part that explains the presses best is taken if
-    it lowers the error of held-out balls by more than a standard error (`pays`).  Harmonics come
-    last, of the highest degree in position that lowers the error further.  With a single ball,
+    it is likelier than none, as usual as its values are, and lowers the error of held-out balls by
+    more than a standard error (`grows`).  Harmonics come last, of the highest degree in position
+    that lowers the error further.  With a single ball,
     quarters of it are held out instead.  No part is tried where a model that leaves noise alone
     would gain too little.
 
@@ -178,9 +174,10 @@ def fit_film(
         best = bend(trial, best, errors)
     best, balls, bad = without_bad(trial, best)
     film = best.fitted.film
-    if film.wrap < MIN_WRAP:
+    sure = certainty(balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width)
+    if not sure.shows("wrap", film.wrap):
         film = film._replace(wrap=0.0)
-    if abs(film.emission) < MIN_EMISSION:
+    if not sure.shows("emission", film.emission):
         film = film._replace(emission=0.0)
     if shape is not None:
         film = film._replace(rim=0.0)
@@ -189,7 +186,8 @@ def fit_film(
         # A matt film under points keeps the LED positions that were fitted to all pixels.
         film = film._replace(lights=lights)
     else:
-        others = other_places(balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width)
+        others = sure.other_places(best.fitted.leds, width)
+    film = film._replace(others=others)
     left = balls.light - predicted(balls, best.fitted)
     held = held_out_of(trial, best, whole, bad)
     uneven = unevenness(held, pixel)
@@ -198,8 +196,8 @@ def fit_film(
         uneven = max(uneven, start.film.uneven)
     rough, slope = grain(balls, left, flat, noise), pressed_slope(balls)
     return FilmFit(
-        stored(film)._replace(uneven=uneven, grain=rough, pressed_slope=slope, others=others),
-        misfit=misfit(held, np.asarray(others - film.lights, np.float64), pixel, uneven),
+        stored(film)._replace(uneven=uneven, grain=rough, pressed_slope=slope),
+        misfit=misfit(held, film, pixel, uneven),
         residual=np.sqrt(np.square(left).mean(axis=1)).astype(np.float32),
         quality=errors | _properties(best, film, trial.rest),
         evidence=evidence,

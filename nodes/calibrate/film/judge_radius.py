@@ -54,12 +54,13 @@ CAMERA_ADVICE = ", or the camera near the film, whose height you have not given 
 RADIUS_INPUTS = " (`evidence.radius`, `evidence.pixel`)"
 
 OTHER_SIZE, OTHER_POWER = TOLD_UNKNOWNS
-AS_TOLD, OTHER_CAMERA, CLEAR_GEL = "told", "camera", "clear"
+AS_TOLD, OTHER_CAMERA, CLEAR_GEL, WITH_COAT = "told", "camera", "clear", "coated"
 FREE_PARTS = {
     name: frozenset({"plain", name} - {AS_TOLD})
     for name in (AS_TOLD, OTHER_SIZE, OTHER_POWER, OTHER_CAMERA)
 }
 FREE_PARTS[CLEAR_GEL] = frozenset({"touched", OTHER_SIZE})
+FREE_PARTS[WITH_COAT] = frozenset({"plain", "lobe"})
 """The parts of a plain film that are fitted, by what is free; a lobe, or light from film to film,
 can hide a wrong radius."""
 
@@ -197,6 +198,7 @@ def explain(
     strength: F4,
     shape: RestShape | None = None,
     camera: float | None = 0.0,
+    coated: bool = False,
 ) -> Alternatives:
     """Fit the plain film with the values told and with each of them free.
 
@@ -206,6 +208,7 @@ def explain(
         Samples as `sample_balls` returns them, and what else `fit_film` is given.
     camera
         One over the pupil's height above the film; 0: it is free.  None: the camera is far.
+    coated : whether a film with a coat is tried, too, with the values told
     """
     rest, width = rest_of(flat, pixel, shape), pixel * flat.shape[2]
     start = start_at(lights, strength, len(balls.centre))
@@ -244,9 +247,8 @@ def explain(
             if has_given_up:
                 yield explained(fitted(parts, fitted(frozenset(), first)))[0]
 
-    free = {
-        name: parts for name, parts in FREE_PARTS.items() if name != OTHER_CAMERA or camera == 0
-    }
+    left_out = {OTHER_CAMERA: camera != 0, WITH_COAT: not coated}
+    free = {name: parts for name, parts in FREE_PARTS.items() if not left_out.get(name)}
     found = {
         name: min(tried(parts), key=lambda each: each.departure) for name, parts in free.items()
     }

@@ -23,7 +23,7 @@ from tactograph.nodes.calibrate.film._ball_normals import normal_error
 from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
 from tactograph.nodes.calibrate.film.ball_samples import grain, sample_balls
 from tactograph.nodes.calibrate.film.film_at_rest import MAX_INDEPENDENT_REST
-from tactograph.nodes.calibrate.film.film_fit import place_deviations
+from tactograph.nodes.calibrate.film.film_fit import light_scale, place_deviations
 from tactograph.nodes.calibrate.film.film_unknowns import (
     PART_UNKNOWNS,
     SHARED_UNKNOWNS,
@@ -34,7 +34,7 @@ from tactograph.nodes.calibrate.film.fit_film import pressed_slope, stored
 from tactograph.nodes.calibrate.lights.descend import by_differences, least_squares
 from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
-from tactograph.nodes.calibrate.rating.verdict import pays
+from tactograph.nodes.calibrate.rating.verdict import grows, pays
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import rest_light
 from tactograph.nodes.optics.sheet import SheetLight
@@ -84,6 +84,10 @@ class _Refitted(NamedTuple):
         """The fit in the form that other functions take."""
         return Fitted(np.zeros((len(self.film.lights), 4)), self.film, self.shifts, LIGHT_DEVIATION)
 
+    def scale(self, balls: Balls) -> float:
+        """Standard deviation of what the fit leaves of the balls' light."""
+        return light_scale(balls, predicted(balls, self.fitted) - balls.light)
+
 
 @node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})
 def refit_film(
@@ -108,9 +112,9 @@ def refit_film(
     with priors fits these few parameters to the check press and to the change of the flat
     frame's fall-off.  Each prior holds a parameter near its old value, as films of one kind
     differ; the albedo's takes the flat frame's brightness into account.  The thickness is always
-    fitted.  Changes of the gel, and then of the coat, are accepted if they lower the error on
-    held-out quarters of the press by more than a standard error (`pays`).  The old film's
-    harmonics are dropped if that lowers the error as much.
+    fitted.  Changes of the gel, and then of the coat, are accepted if they are likelier, and lower
+    the error on held-out quarters of the press by more than a standard error (`grows`).  The old
+    film's harmonics are dropped if that lowers the error as much.
 
     Parameters
     ----------
@@ -156,9 +160,8 @@ def refit_film(
     whole = sample_balls(*given, most=None, bounce=bounce)
     parts = [whole.only(whole.held_by % FOLD_COUNT == number) for number in range(len(folds))]
     held = [Held(b, fold.fitted) for b, fold in zip(parts, folds, strict=True) if b.u.size]
-    away = np.asarray(film.others - film.lights, np.float64)
     uneven = unevenness(held, pixel)
-    new_misfit = misfit(held, away, pixel, uneven)
+    new_misfit = misfit(held, film, pixel, uneven)
     rough = grain(balls, balls.light - predicted(balls, best.fitted), flat, noise)
     figures = {"check_deg/before": before_error, "check_deg/held_out": float(np.mean(errors))}
     thicker = best.changed.get("thicker", 0.0)
@@ -212,9 +215,11 @@ def _level(logarithm: F8) -> F8:
 def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, list[float], list[_Refitted]]:
     """The simplest change that the held-out quarters support, its error and its folds."""
     best, errors, folds = _judged(known, balls, FILM_CHANGES[0])
+    values = min(balls.u.size, MAX_INDEPENDENT * len(balls.centre))
     for names in FILM_CHANGES[1:]:
         tried = _judged(known, balls, names)
-        if pays(errors, tried[1]):
+        scales = best.scale(balls), tried[0].scale(balls)
+        if grows(errors, tried[1], scales, len(names) - len(best.changed), values):
             best, errors, folds = tried
     return best, errors, folds
 

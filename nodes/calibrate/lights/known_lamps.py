@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F8, Light, LightPlaces, LightPositions, Metrics, PixelSize
-from tactograph.nodes.calibrate.lights.light_fit import places_within
+from tactograph.nodes.calibrate.lights.light_fit import inverse_places, places_within
 from tactograph.nodes.calibrate.lights.light_samples import rest_of
 
 DIRECTION_DEVIATION = 0.01
@@ -79,8 +79,7 @@ def _own(logarithm: F8) -> F8:
 
 def _others(lamps: LightPositions, width_mm: float) -> LightPlaces:
     """Eight sets of places that the lamps may have."""
-    x, y, z = lamps.astype(np.float64).T
-    leds = np.stack([x / z, y / z, 1 / z], axis=1)
+    leds = inverse_places(lamps.astype(np.float64))
     # 1 / L_z of a lamp within 1 % of its distance, and ends of directions within 0.01.
-    deviation = DIRECTION_DEVIATION * np.stack([1 + leds[:, 0] ** 2, 1 + leds[:, 1] ** 2, 1 / z], 1)
+    deviation = DIRECTION_DEVIATION * np.column_stack([1 + leds[:, :2] ** 2, leds[:, 2]])
     return places_within(leds, np.diag(deviation.ravel() ** 2), width_mm)

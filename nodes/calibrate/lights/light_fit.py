@@ -13,7 +13,7 @@ from scipy.linalg import hadamard
 
 from tactograph.nodes import F4, F8, OTHER_PLACES
 from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
-from tactograph.nodes.calibrate.lights.descend import huber, least_squares
+from tactograph.nodes.calibrate.lights.descend import by_differences, huber, least_squares
 from tactograph.nodes.calibrate.lights.light_samples import DIM_LIGHT, Object, Rest
 from tactograph.nodes.optics.near_light import irradiance_ratio
 
@@ -149,6 +149,13 @@ def positions(leds: F8) -> F8:
     return np.asarray(ends / np.maximum(leds[:, 2:3], 1 / INFINITY_MM))
 
 
+def inverse_places(lights: F4 | F8) -> F8:
+    """Return L_x / L_z, L_y / L_z, 1 / L_z of positions in mm, ... x K x 3."""
+    ends = lights[..., :2] / lights[..., 2:]
+    nearness = 1 / np.minimum(lights[..., 2:], INFINITY_MM)
+    return np.concatenate([ends, nearness], axis=-1).astype(np.float64)
+
+
 def shift_of(there: Object, placed: Placed) -> F8:
     """Fit the object's shift (x, y, z) in px and mm from where it was found, under known LEDs."""
     weight = 1 / SHIFT_DEVIATIONS
@@ -157,24 +164,7 @@ def shift_of(there: Object, placed: Placed) -> F8:
         left = residual_of(there, placed.leds, shift, placed.flat)
         return np.r_[shift * weight, left.ravel() / LIGHT_DEVIATION]
 
-    def jacobian(shift: F8) -> F8:
-        return np.vstack(
-            [np.diag(weight), by_shift(there, placed.leds, shift, placed.flat) / LIGHT_DEVIATION]
-        )
-
-    return least_squares(residual, jacobian, np.zeros(3))
-
-
-def by_shift(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
-    """The derivative of `residual_of`, flattened, by the shift: K N x 3."""
-    before = residual_of(there, leds, shift, flat)
-    columns = []
-    for axis in range(3):
-        step, changed = DERIVATIVE_STEP * max(1.0, abs(float(shift[axis]))), shift.copy()
-        changed[axis] += step
-        after = residual_of(there, leds, changed, flat)
-        columns.append(((after - before) / step).ravel())
-    return np.stack(columns, axis=1)
+    return least_squares(residual, lambda shift: by_differences(residual, shift, 1), np.zeros(3))
 
 
 def all_residuals(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
@@ -293,6 +283,10 @@ def jacobian_of(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) 
             column[starts[-1] :] = (after - at_rest) / step
     for i, (there, shift) in enumerate(zip(objects, shifts, strict=True)):
         first = leds.size + 3 * i
-        moved = by_shift(there, leds, shift, flat) / LIGHT_DEVIATION
-        jacobian[starts[i] : starts[i + 1], first : first + 3] = moved
+
+        def left(by: F8, there: Object = there) -> F8:
+            return residual_of(there, leds, by, flat).ravel() / LIGHT_DEVIATION
+
+        own = by_differences(left, shift, 1)
+        jacobian[starts[i] : starts[i + 1], first : first + 3] = own
     return jacobian

@@ -13,10 +13,8 @@ from tactograph.nodes.calibrate.ball.find_rest import (
     tried_bends,
 )
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
+from tactograph.nodes.calibrate.rating.rate_calibration import MAX_LED_WIDTHS
 from tactograph.nodes.calibrate.rating.verdict import MAX_ERROR_DEG, SURE_ODDS
-
-MAX_LED_WIDTHS = 100.0
-"""Widths of the image; an LED found farther away makes up for something."""
 
 
 @node

@@ -6,9 +6,8 @@ from numpy.typing import NDArray
 from tactograph.graph import node
 from tactograph.nodes import F8, Light, LightPositions, PixelSize
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
+from tactograph.nodes.calibrate.rest.denoise_flat import TREND_DEGREE
 
-SMOOTH_DEGREE = 6
-"""Degree of what LEDs and lenses do to the light, which is smoother than a touch."""
 MAX_SLOPE = 0.008
 """Slope of untouched film, in root mean square; 0.002 on real and rendered film."""
 MAX_ROUGHNESS = 0.004
@@ -64,7 +63,7 @@ def is_uneven(flat: Light, pixel: PixelSize) -> bool:
 def _rough_part(rest: Rest) -> F8:
     """What polynomials leave of the blocks' light, K x M."""
     x, y = (place / np.abs(place).max() for place in (rest.x, rest.y))
-    terms = [x**i * y**j for i in range(SMOOTH_DEGREE + 1) for j in range(SMOOTH_DEGREE + 1 - i)]
+    terms = [x**i * y**j for i in range(TREND_DEGREE + 1) for j in range(TREND_DEGREE + 1 - i)]
     design: NDArray[np.float64] = np.stack(terms, axis=1)
     seen = rest.logarithm.T
     return np.asarray((seen - design @ np.linalg.lstsq(design, seen, rcond=None)[0]).T)

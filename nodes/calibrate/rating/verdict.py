@@ -41,6 +41,22 @@ def pays(before: list[float], after: list[float]) -> bool:
     return bool(gained.mean() > errors * gained.std(ddof=1) / np.sqrt(gained.size))
 
 
+def grows(
+    errors: list[float],
+    larger_errors: list[float],
+    deviations: tuple[float, float],
+    unknowns: int,
+    values: float,
+    surprise: float = 0.0,
+) -> bool:
+    """Return whether a larger model is the better one: likelier, and better on what is held out.
+
+    `deviations` are those that the smaller and the larger model leave, as for `log_odds`, and
+    `surprise` how much less usual the larger one's values are, as a logarithm.
+    """
+    return log_odds(*deviations, unknowns, values) > surprise and pays(errors, larger_errors)
+
+
 def log_odds(before: float, after: float, unknowns: int, values: float) -> float:
     """Return the logarithm of a larger model's odds, by Schwarz, "Estimating the dimension of a
     model", 1978.

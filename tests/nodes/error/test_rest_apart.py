@@ -23,7 +23,8 @@ def apart(step: float) -> tuple[F4, list[str]]:
 def test_a_piece_lies_apart_by_what_its_slopes_say() -> None:
     found, (line,) = apart(0.3)
     assert found[:, :10] == pytest.approx(0.3, abs=0.003)
-    assert not found[:, 10:].any()
+    assert not found[:, 16:].any()
+    assert (np.diff(found[:, 9:17], axis=1) < 0).all()
     assert "0.3 mm above or below other such film" in line
 
 
