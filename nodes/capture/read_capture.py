@@ -337,7 +337,7 @@ def _what_is_missing(folder: Path, layout: Layout) -> str:
 
 def _of_video(file: Path) -> str:
     return (
-        f"is a video: 'run live camera={file} port=none' takes it, and where coloured LEDs are all "
-        "lit at once live_oneshot and calibrate_live_oneshot; here a folder with one image per LED "
-        "is needed"
+        f"is a video: 'tactograph run live camera={file} port=none' takes it, and where coloured "
+        "LEDs are all lit at once 'tactograph run live_oneshot' and 'tactograph run "
+        "calibrate_live_oneshot'; here a folder with one image per LED is needed"
     )

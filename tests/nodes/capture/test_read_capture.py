@@ -378,7 +378,7 @@ def test_a_file_in_place_of_a_folder_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize("place", ["press.MP4", "."])
 def test_a_video_is_named_with_the_commands_that_take_it(tmp_path: Path, place: str) -> None:
     (tmp_path / "press.MP4").write_bytes(b"a film")
-    message = r"press\.MP4[:,] .*is a video: 'run live camera=.*press\.MP4 port=none' takes it"
+    message = r"a video: 'tactograph run live camera=.*press\.MP4 port=none' takes it"
     with pytest.raises(InputError, match=message):
         read_one(tmp_path / place)
 

@@ -50,7 +50,8 @@ def no_controller() -> InputError:
         if p.vid is not None
     ]
     ports = "serial ports on USB: " + ", ".join(names) if names else "no serial port on USB at all"
-    return InputError(f"no LED controller found; {ports}; plug it in, or give `port`=NAME")
+    hint = "plug it in, or give `port`=NAME (`port`=simulated for a simulated camera)"
+    return InputError(f"no LED controller found; {ports}; {hint}")
 
 
 def holder(port: str) -> str | None:

@@ -122,6 +122,7 @@ def test_without_a_controller_the_ports_are_listed(monkeypatch: pytest.MonkeyPat
     on_usb(monkeypatch)
     said = refusal(None)
     assert "no LED controller found" in said
+    assert "`port`=simulated for a simulated camera" in said
     assert "/dev/ttyUSB9 (Mouse)" in said
 
 
