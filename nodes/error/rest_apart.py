@@ -42,7 +42,10 @@ def rest_apart(rest: Mask, free: Height) -> Height:
             "slopes, and is held at zero as well: a touch may reach the frame's border (the stated "
             "error counts that)"
         )
-    away = [cv2.distanceTransform(np.uint8(pieces != n), cv2.DIST_L2, 5) for n in range(1, count)]
+    away = [
+        cv2.distanceTransform((pieces != n).astype(np.uint8), cv2.DIST_L2, 5)
+        for n in range(1, count)
+    ]
     weights = 1 / np.maximum(away, 1)
     between = np.tensordot(beyond[1:], weights / weights.sum(axis=0), axes=1)
     return np.where(rest != 0, beyond[pieces], between).astype(np.float32)
