@@ -84,28 +84,28 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> Na
     if leds is not None and len(set(leds)) < len(leds):
         raise InputError(f"`leds`={','.join(map(str, leds))}: an LED is named twice")
     if pattern == USUAL_PATTERN:
-        there = _numbered_leds(folder)
+        file_of = _numbered_leds(folder)
     else:
-        asked = leds or range(1, MAX_LED_IMAGES + 1)
-        there = {led: file for led, file in _by_pattern(folder, pattern, asked).items() if file}
-    wanted = leds or range(1, max(there, default=1) + 1)
-    missing = [led for led in wanted if led not in there]
+        numbers = leds or range(1, MAX_LED_IMAGES + 1)
+        file_of = {led: file for led, file in _by_pattern(folder, pattern, numbers).items() if file}
+    leds_due = leds or range(1, max(file_of, default=1) + 1)
+    missing = [led for led in leds_due if led not in file_of]
     if missing:
         name = pattern.format(missing[0])
         raise InputError(f"{folder}: the image of LED {missing[0]} is missing ({name}.png)")
-    if leds is None and MAX_LEDS < len(wanted) <= MAX_LED_IMAGES:
-        wanted = [wanted[number * len(wanted) // MAX_LEDS] for number in range(MAX_LEDS)]
+    if leds is None and MAX_LEDS < len(leds_due) <= MAX_LED_IMAGES:
+        leds_due = [leds_due[number * len(leds_due) // MAX_LEDS] for number in range(MAX_LEDS)]
         warn(
-            f"of {len(there)} LEDs, {', '.join(map(str, wanted))} are taken, as labels hold "
+            f"of {len(file_of)} LEDs, {', '.join(map(str, leds_due))} are taken, as labels hold "
             f"{MAX_LEDS}; {LEDS_ADVICE} takes others"
         )
-    if not MIN_LEDS <= len(wanted) <= MAX_LEDS:
+    if not MIN_LEDS <= len(leds_due) <= MAX_LEDS:
         raise InputError(
-            f"{folder}: {len(wanted)} LED images; a slope needs from {MIN_LEDS} to {MAX_LEDS} "
+            f"{folder}: {len(leds_due)} LED images; a slope needs from {MIN_LEDS} to {MAX_LEDS} "
             f"of them ({LEDS_ADVICE}; if the channels of one colour image are the lights, "
             f"{LIGHTS_ADVICE})"
         )
-    return {led: there[led] for led in wanted}
+    return {led: file_of[led] for led in leds_due}
 
 
 def _numbered_leds(folder: Path) -> Named:
@@ -124,10 +124,10 @@ def _numbered_leds(folder: Path) -> Named:
     if not likely:
         return {}
     led_files = groups[likely[0]]
-    left = [f.name for n, group in groups.items() if n != likely[0] for f in group.values()]
-    if left:
-        more = f" and {len(left) - 3} more" if len(left) > 3 else ""
-        warn(f"{folder}: not read: {', '.join(left[:3])}{more}; the images of LEDs have one name")
+    others = [f.name for n, group in groups.items() if n != likely[0] for f in group.values()]
+    if others:
+        more = f" and {len(others) - 3} more" if len(others) > 3 else ""
+        warn(f"{folder}: not read: {', '.join(others[:3])}{more}; the images of LEDs have one name")
     first, count = min(led_files), len(led_files)
     if likely[0] == usual and first == 1:
         return led_files
@@ -187,8 +187,8 @@ def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> 
         raise InputError(f"`files`={pattern}: write it as led{{}} or image{{:02}}") from None
     name = stem.rpartition("/")[2].lower()
     likely = (s for s in IMAGE_SUFFIXES if listed is None or f"{name}{s}" in listed)
-    there = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]
-    if len(there) > 1:
-        names = " and ".join(file.name for file in there)
+    matching = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]
+    if len(matching) > 1:
+        names = " and ".join(file.name for file in matching)
         raise InputError(f"{folder}: {names} are both there; keep the one that is meant")
-    return there[0] if there else None
+    return matching[0] if matching else None

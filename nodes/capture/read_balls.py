@@ -144,14 +144,14 @@ def _spread(
     """The radius that the parameter gives for each press."""
     if radius_mm is None:
         return [None] * len(names)
-    given = radius_mm if isinstance(radius_mm, tuple) else (radius_mm,)
-    if len(given) not in (1, len(names)):
+    radii = radius_mm if isinstance(radius_mm, tuple) else (radius_mm,)
+    if len(radii) not in (1, len(names)):
         raise InputError(
-            f"{folder}: holds {len(names)} presses, but `radius_mm` has {len(given)} radii; "
+            f"{folder}: holds {len(names)} presses, but `radius_mm` has {len(radii)} radii; "
             "give one for all, one for each in order of name, or write ball_radius_mm into "
             "each press's capture.yaml"
         )
-    return [*given] * (len(names) // len(given))
+    return [*radii] * (len(names) // len(radii))
 
 
 def _radius(press: Path, about: CaptureFile, usual: float | None) -> float:

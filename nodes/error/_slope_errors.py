@@ -85,101 +85,113 @@ class Causes(NamedTuple):
     pixel: np.float32
 
 
-def slope_errors(seen: Unperturbed, causes: Causes, seed: int) -> F4:
+def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
     """Return all errors of the slopes inside the window, ERROR_COUNT x 2 x h x w."""
-    rows, columns = seen.height.shape
+    rows, columns = unperturbed.height.shape
     errors = np.empty((ERROR_COUNT, 2, rows, columns), np.float32)
 
     def enter(part: slice) -> None:
-        here = seen.rows(part)
-        by_light = slope_by_light(here, causes)
-        by_place = light_by_place(causes.film.lights, here.x, here.y, here.height, here.slope)
-        by_seen = by_light / _sharpness(here, causes.film)
-        root = _root_of_noise(here, by_seen, causes)
+        part_of = unperturbed.rows(part)
+        by_light = slope_by_light(part_of, causes)
+        by_place = light_by_place(
+            causes.film.lights, part_of.x, part_of.y, part_of.height, part_of.slope
+        )
+        by_seen = by_light / _sharpness(part_of, causes.film)
+        root = _root_of_noise(part_of, by_seen, causes)
         first = part.start * columns
         for number, other in enumerate(causes.film.others):
             elsewhere = (other - causes.film.lights)[:, :, None, None]
             wrong = (by_place * elsewhere).sum(axis=1)
             wrong += causes.misfit[2] * LED_SIGNS[number, : len(wrong), None, None]
             error = (by_light * wrong).sum(axis=1)
-            error += (by_seen * _wrong_bounce(here, causes.misfit, number)).sum(axis=1)
+            error += (by_seen * _wrong_bounce(part_of, causes.misfit, number)).sum(axis=1)
             error += _noise(root, key_of(seed, number), first, rows * columns)
-            error = _bounded(error + MEAN_SIGNS[number] * here.averaged)
-            leaning = _leaning(here, causes.misfit, causes.pixel, number)
+            error = _bounded(error + MEAN_SIGNS[number] * part_of.averaged)
+            leaning = _leaning(part_of, causes.misfit, causes.pixel, number)
             errors[number, :, part] = _bounded(error + leaning)
 
     in_blocks(enter, rows, columns)
     return errors
 
 
-def slope_by_light(seen: Unperturbed, causes: Causes) -> F4:
+def slope_by_light(unperturbed: Unperturbed, causes: Causes) -> F4:
     """Return the derivative of p and q by each LED's light, 2 x K x h x w; 0 on film at rest.
 
     The derivative of the weighted least-squares normal by the lights, transformed to p and q, in
     the tangent plane n + a (n_z, 0, -n_x) + b (0, n_z, -n_y).  For three LEDs or more the film's
     brightness is free; see `label_lights`.
     """
-    p, q = seen.slope
+    p, q = unperturbed.slope
     nz = 1 / np.sqrt(1 + p * p + q * q)
-    vectors = vectors_at(causes.film.lights, seen.x, seen.y, seen.height)
-    shown = expected_light(vectors, seen.slope)
+    vectors = vectors_at(causes.film.lights, unperturbed.x, unperturbed.y, unperturbed.height)
+    model_light = expected_light(vectors, unperturbed.slope)
     tangents = (vectors[:, 0] + vectors[:, 2] * p) * nz, (vectors[:, 1] + vectors[:, 2] * q) * nz
-    counts = seen.used >> np.arange(len(vectors), dtype=np.uint8)[:, None, None] & 1
-    weight = counts / np.maximum(seen.sigma * seen.sigma, MIN_DIVISOR)
-    weighted = weight * shown
+    counts = unperturbed.used >> np.arange(len(vectors), dtype=np.uint8)[:, None, None] & 1
+    weight = counts / np.maximum(unperturbed.sigma * unperturbed.sigma, MIN_DIVISOR)
+    weighted = weight * model_light
     share = brightness_share(
-        (weighted * shown).sum(axis=0), np.float32(1), np.float32(causes.film.uneven)
+        (weighted * model_light).sum(axis=0), np.float32(1), np.float32(causes.film.uneven)
     )
     share = np.where(counts.sum(axis=0) > 2, share, np.float32(0))
     (a, b), (of_a, of_b) = (
         tangents,
-        (weight * (along - share * (weighted * along).sum(axis=0) * shown) for along in tangents),
+        (
+            weight * (along - share * (weighted * along).sum(axis=0) * model_light)
+            for along in tangents
+        ),
     )
     aa, ab, bb = (of_a * a).sum(axis=0), (of_a * b).sum(axis=0), (of_b * b).sum(axis=0)
     determinant = aa * bb - ab * ab
-    known = (determinant > MIN_DETERMINANT_SHARE * aa * bb) & seen.free
-    inverse = np.where(known, 1 / np.where(known, determinant, 1), np.float32(0))
+    is_determined = (determinant > MIN_DETERMINANT_SHARE * aa * bb) & unperturbed.free
+    inverse = np.where(is_determined, 1 / np.where(is_determined, determinant, 1), np.float32(0))
     by_a, by_b = (bb * of_a - ab * of_b) * inverse, (aa * of_b - ab * of_a) * inverse
     by_p, by_q = (1 + p * p) * by_a + p * q * by_b, p * q * by_a + (1 + q * q) * by_b
     return np.asarray([-by_p, -by_q], np.float32)
 
 
-def _sharpness(seen: Unperturbed, film: Film) -> F4 | np.float32:
+def _sharpness(unperturbed: Unperturbed, film: Film) -> F4 | np.float32:
     """How much more light tells under a coat, whose light changes faster than a matt film's.
 
     What an LED elsewhere changes grows alike, and its part in the slope stays.
     """
     if film.refraction == 1:
         return np.float32(1)
-    p, q = (plane.ravel() for plane in seen.slope)
-    z = (seen.height / (1 + film.camera * seen.height)).ravel()
+    p, q = (plane.ravel() for plane in unperturbed.slope)
+    z = (unperturbed.height / (1 + film.camera * unperturbed.height)).ravel()
     nearer = 1 - film.camera * z
-    x, y = (np.broadcast_to(along, seen.height.shape).ravel() for along in (seen.x, seen.y))
+    x, y = (
+        np.broadcast_to(along, unperturbed.height.shape).ravel()
+        for along in (unperturbed.x, unperturbed.y)
+    )
     normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
-    lit = seen.used >> np.arange(len(seen.light), dtype=np.uint8)[:, None, None] & 1
-    weight = (lit / np.maximum(seen.sigma * seen.sigma, MIN_DIVISOR)).reshape(len(lit), -1)
+    lit = unperturbed.used >> np.arange(len(unperturbed.light), dtype=np.uint8)[:, None, None] & 1
+    weight = (lit / np.maximum(unperturbed.sigma * unperturbed.sigma, MIN_DIVISOR)).reshape(
+        len(lit), -1
+    )
     place = x * nearer, y * nearer, z
     return np.asarray(
-        coat_sharpness(film, normal, place, weight).reshape(seen.height.shape), np.float32
+        coat_sharpness(film, normal, place, weight).reshape(unperturbed.height.shape), np.float32
     )
 
 
-def _wrong_bounce(seen: Unperturbed, misfit: Misfit, number: int) -> F4:
+def _wrong_bounce(unperturbed: Unperturbed, misfit: Misfit, number: int) -> F4:
     """Error of the light that the film throws on itself: a share of it, and what has not settled.
 
     Passes find too much and too little of it in turn, so that it lies between the last two.
     """
     halfway = SETTLING_SIGNS[number] * np.float32(0.5)
-    return np.asarray(BOUNCE_SIGNS[number] * misfit[3] * seen.bounced + halfway * seen.changed)
+    return np.asarray(
+        BOUNCE_SIGNS[number] * misfit[3] * unperturbed.bounced + halfway * unperturbed.changed
+    )
 
 
-def _root_of_noise(seen: Unperturbed, by_light: F4, causes: Causes) -> tuple[F4, F4, F4]:
+def _root_of_noise(unperturbed: Unperturbed, by_light: F4, causes: Causes) -> tuple[F4, F4, F4]:
     """A root of the covariance of p and q by the noise of the lights and of the flat frame.
 
     The noise of p, the noise of q that is correlated with it, and that which is independent.
     """
-    flat = causes.flat_noise * seen.light
-    noise = by_light * (causes.shared * seen.sigma * np.sqrt(1 + flat * flat))
+    flat = causes.flat_noise * unperturbed.light
+    noise = by_light * (causes.shared * unperturbed.sigma * np.sqrt(1 + flat * flat))
     alone = np.sqrt((noise[0] * noise[0]).sum(axis=0))
     along = (noise[0] * noise[1]).sum(axis=0) / np.maximum(alone, MIN_DIVISOR)
     rest = (noise[1] * noise[1]).sum(axis=0) - along * along
@@ -194,11 +206,11 @@ def _noise(root: tuple[F4, F4, F4], key: int, first: int, pixels: int) -> F4:
     return np.asarray([alone * of_both, along * of_both + across * of_q])
 
 
-def _leaning(seen: Unperturbed, misfit: Misfit, pixel: np.float32, number: int) -> F4:
+def _leaning(unperturbed: Unperturbed, misfit: Misfit, pixel: np.float32, number: int) -> F4:
     """The error of the film's model (H3): normals lean in waves, and all too much or too little."""
-    (p, q), waves = seen.sunk, wave(number)
+    (p, q), waves = unperturbed.sunk, wave(number)
     per_mm = np.float32(2 * math.pi) / (waves.length * np.maximum(misfit[1], pixel))
-    turned = per_mm * (waves.across * seen.x + waves.down * seen.y) + waves.phase
+    turned = per_mm * (waves.across * unperturbed.x + waves.down * unperturbed.y) + waves.phase
     square = p * p + q * q
     slant = np.sqrt(square)
     tilted = np.clip(slant / FULL_MISFIT_SLOPE, LEVEL_MISFIT_SHARE, 1)

@@ -56,8 +56,8 @@ def doubt_rest(
     slopes = np.minimum(variance[0] + variance[1], np.float32(2 * steepest * steepest))
     hidden = np.float32((level * pixel) ** 2 / 6) * slopes
     moved = apart * apart
-    held = np.where(rest != 0, np.maximum(free * free, moved) + hidden, error * error + moved)
-    return np.asarray(np.hypot(np.sqrt(held), np.float32(zero or 0)), np.float32)
+    at_rest = np.where(rest != 0, np.maximum(free * free, moved) + hidden, error * error + moved)
+    return np.asarray(np.hypot(np.sqrt(at_rest), np.float32(zero or 0)), np.float32)
 
 
 doubt_rest.opencl(grid="H W", lanes="grid")

@@ -120,12 +120,12 @@ def tie_levels(ties: Ties, levels: Sequence[Level]) -> TieLevels:
     pairs = top * (levels[-1].first + levels[-1].size) + foot
     order = stable_order(pairs)
     begins = np.flatnonzero(np.diff(pairs[order], prepend=-1))
-    own = [np.concatenate([at[n][0], end[order[begins]]]) for n, end in enumerate((top, foot))]
-    numbers = np.arange(own[0].size)
+    place = [np.concatenate([at[n][0], end[order[begins]]]) for n, end in enumerate((top, foot))]
+    numbers = np.arange(place[0].size)
     member_start = np.concatenate([numbers[:count], count + begins, [count + order.size]])
     members = np.concatenate([numbers[:count], finest[order]])
-    order = stable_order(np.concatenate(own))
-    knot_own, knot_other = (np.concatenate(ends)[order] for ends in (own, own[::-1]))
+    order = stable_order(np.concatenate(place))
+    knot_own, knot_other = (np.concatenate(ends)[order] for ends in (place, place[::-1]))
     knot_tie = np.concatenate([numbers, ~numbers])[order]
     arrays = member_start, members, knot_own, knot_tie, knot_other
     return TieLevels(*(array.astype(np.int32) for array in arrays))

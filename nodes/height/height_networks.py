@@ -117,8 +117,8 @@ class HeightNetworks:
         self._unit, self._rise_variance = float(surest(scales)), float(rise_variance(scales))
         stiffness = np.ones(top.size, np.float32)
         self._tie(Ties(top.astype(np.int64), foot.astype(np.int64), stiffness), total)
-        there = [level.there for level in self.levels]
-        self.levels_there = run.put(np.array([*there, (0, 0, 0)], np.int32))
+        sizes = [level.there for level in self.levels]
+        self.levels_there = run.put(np.array([*sizes, (0, 0, 0)], np.int32))
 
     def _system(self, name: str) -> DeviceArray:
         array: DeviceArray = self._run.inputs[f"system.{name}"]
@@ -138,8 +138,8 @@ class HeightNetworks:
         return Stack(self.levels[top], right, down, inverse, steps, steps_there)
 
     def working_planes(self, size: int, base: int = 0, apart: int = 0) -> Planes:
-        force, height, lifted, kept, direction, moved, z = self._new_planes(7, size)
-        return Planes(force, height, lifted, kept, direction, moved, z, base, apart)
+        force, height, lifted, residual, direction, moved, z = self._new_planes(7, size)
+        return Planes(force, height, lifted, residual, direction, moved, z, base, apart)
 
     def _new_planes(self, count: int, size: int) -> list[DeviceArray]:
         return [self._run.scratch((size,)) for _ in range(count)]

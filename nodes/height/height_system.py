@@ -107,9 +107,9 @@ def _steps(slope: F4, variance: F4, bend: float, floor: float, pixel: np.float32
     least = np.minimum(np.minimum(of_before, of_after), MAX_LONE_VARIANCE)
     little = least + LONE_SLOPE_VARIANCE + surer * surer
     alone = np.where(np.isinf(both_known), both_known, little)
-    known = np.maximum(of_before, of_after) < UNKNOWN_VARIANCE
-    steps = np.where(known, step, surer) * pixel
-    variances = (np.where(known, both_known, alone) + np.float32(floor * floor)) * pixel * pixel
+    is_known = np.maximum(of_before, of_after) < UNKNOWN_VARIANCE
+    steps = np.where(is_known, step, surer) * pixel
+    variances = (np.where(is_known, both_known, alone) + np.float32(floor * floor)) * pixel * pixel
     beyond = (0, 0), (0, 1)
     return np.pad(steps, beyond), np.pad(variances, beyond, constant_values=np.inf)
 
@@ -134,9 +134,9 @@ def _rises_inside(
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
     if mask is not None:
         inside &= mask.ravel()[index] != 0
-    kept = inside.all(axis=0)
-    top, foot = (row * width + column).compress(kept, axis=1)
-    return top, foot, rises.rise[kept]
+    is_inside = inside.all(axis=0)
+    top, foot = (row * width + column).compress(is_inside, axis=1)
+    return top, foot, rises.rise[is_inside]
 
 
 def _constants(
@@ -166,7 +166,7 @@ def _launch(run: Launch) -> None:
     anchored = bool((in_rows & 2).any())
     ends = _rises_inside(window, rises, columns, mask_here)
     limits = settings["floor"], settings["rise_px"], settings["robust"]
-    told: list[NDArray[Any]] = [*ends, *_constants(window, anchored, *limits, pixel)]
+    arguments: list[NDArray[Any]] = [*ends, *_constants(window, anchored, *limits, pixel)]
     (top, height), (left, width) = ((part.start, part.stop - part.start) for part in window)
     for symbol, length in (("h", height), ("w", width), ("T", ends[0].size)):
         run.found(symbol, length)
@@ -178,7 +178,7 @@ def _launch(run: Launch) -> None:
         rows * columns, columns, top, left, height, width,
         pixel, settings["bend"], float(np.float32(settings["floor"] ** 2)),
     )  # fmt: skip
-    for name, array in zip(HeightSystem._fields[5:], told, strict=True):
+    for name, array in zip(HeightSystem._fields[5:], arguments, strict=True):
         if array.size:
             run.send(array, out[name])
 
@@ -213,6 +213,6 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
 
 def example_system(rng: np.random.Generator, slope: Slope, **sizes: int) -> dict[str, Any]:
     """The equations of such a film as another node's input `system`."""
-    given = {"pixel": float(rng.uniform(0.01, 0.2)), **_example(rng, **sizes), "slope": slope}
-    system = height_system(*height_system.in_order(given), robust=rng.choice([2.5, 25.0]))
+    inputs = {"pixel": float(rng.uniform(0.01, 0.2)), **_example(rng, **sizes), "slope": slope}
+    system = height_system(*height_system.in_order(inputs), robust=rng.choice([2.5, 25.0]))
     return {f"system.{name}": value for name, value in system._asdict().items()}

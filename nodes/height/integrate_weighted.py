@@ -61,9 +61,9 @@ def integrate_weighted(
     """
     height, warm, robust = system.cut(start), False, float(system.scales[2])
     if before is not None:
-        known = system.cut(before)
-        warm = system.cost(known, robust) < system.cost(height, robust)
-        height = known if warm else height
+        before_cut = system.cut(before)
+        warm = system.cost(before_cut, robust) < system.cost(height, robust)
+        height = before_cut if warm else height
     scales = _scales(rounds, robust, ease, warm=warm)
     for scale in scales:
         last, height = height, _improve(system, height, scale, steps)
@@ -82,7 +82,7 @@ def _scales(rounds: int, robust: float, ease: float, *, warm: bool) -> list[floa
     """The scale of each round; a height that is nearly right needs half of them and no ease."""
     if warm:
         return [robust] * ((rounds + 1) // 2)
-    return [min(robust * ease**left, MAX_SCALE) for left in reversed(range(rounds))]
+    return [min(robust * ease**remaining, MAX_SCALE) for remaining in reversed(range(rounds))]
 
 
 def _improve(system: HeightSystem, height: F4, scale: float, steps: int) -> F4:
@@ -112,9 +112,9 @@ def _launch(run: Launch) -> None:
     solver = HeightSolver(run, networks)
     height, warm = networks.cut(run.inputs["start"]), False
     if run.inputs.get("before") is not None:
-        known = networks.cut(run.inputs["before"])
-        warm = networks.cost(known, networks.robust) < networks.cost(height, networks.robust)
-        height = known if warm else height
+        start = networks.cut(run.inputs["before"])
+        warm = networks.cost(start, networks.robust) < networks.cost(height, networks.robust)
+        height = start if warm else height
     scales = _scales(settings["rounds"], networks.robust, settings["ease"], warm=warm)
     for scale in scales:
         networks.weigh(height, scale)

@@ -105,11 +105,11 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
     for _ in range(FIT_ROUNDS):
         sure = basis * weight[:, None]
         square = sure.T @ basis
-        held = 1e-9 * np.trace(square) * np.eye(used)
-        coefficients = np.linalg.solve(square + held, sure.T @ z)
-        left = z - basis @ coefficients
-        spread = DEVIATIONS_PER_MAD * np.median(np.abs(left)) + 1e-9
-        weight = 1 / (1 + (left / spread) ** 2)
+        ridge = 1e-9 * np.trace(square) * np.eye(used)
+        coefficients = np.linalg.solve(square + ridge, sure.T @ z)
+        residual = z - basis @ coefficients
+        spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual)) + 1e-9
+        weight = 1 / (1 + (residual / spread) ** 2)
     none[:used] = coefficients
     return none
 

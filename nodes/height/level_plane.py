@@ -76,8 +76,8 @@ def level_plane(height: Height, *, level: str = "plane") -> Height:
         warn("fewer than three pixels are known: the height stays as it is")
         return height
     one, across, down = plane_terms(rows, columns)
-    there = one, across[:, every], down[every]
-    sampled = np.stack([np.broadcast_to(term, counts.shape)[counts] for term in there], 1)
+    plane = one, across[:, every], down[every]
+    sampled = np.stack([np.broadcast_to(term, counts.shape)[counts] for term in plane], 1)
     z = height[every, every][counts].astype(float)
     if marked is None:
         shared = shared_plane(sampled, z, MIN_SPREAD)
@@ -91,9 +91,9 @@ def level_plane(height: Height, *, level: str = "plane") -> Height:
     else:
         weights = np.ones_like(z)
     zero, right, below = weighted_plane(sampled, z, weights)
-    found = height - (zero + right * across).astype(np.float32)
-    found -= (below * down).astype(np.float32)
-    return found
+    levelled = height - (zero + right * across).astype(np.float32)
+    levelled -= (below * down).astype(np.float32)
+    return levelled
 
 
 def level_part(level: str, shape: tuple[int, int], cell: int = 1) -> NDArray[np.bool_] | None:

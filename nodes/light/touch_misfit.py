@@ -96,9 +96,9 @@ def touch_misfit(
     The misfit of this touch; its `light` is what the film at rest departs by.  A
     warning is given if the light departs clearly more.
     """
-    total, known = _left(light, slope, height, used, lights, pixel, _lag(misfit, pixel), uneven)
+    total, counts = _left(light, slope, height, used, lights, pixel, _lag(misfit, pixel), uneven)
     departs = _shared(*_at_rest(light, height, lights, pixel, rest, tilt))
-    return _widened(misfit, _typical(total, known), departs)
+    return _widened(misfit, _typical(total, counts), departs)
 
 
 def _widened(misfit: Misfit, residual: float, departs: float) -> Misfit:
@@ -120,15 +120,15 @@ def _widened(misfit: Misfit, residual: float, departs: float) -> Misfit:
     return np.asarray([wider, width, departs, bounce, tilt], np.float32)
 
 
-def _typical(total: F4, known: F4) -> float:
+def _typical(total: F4, counts: F4) -> float:
     """The root mean square of the residual that neighbours share, in the median block.
 
     Noise leaves products of either sign; what the median is beyond its standard error counts.
     """
-    plenty = known > BLOCK_PX * BLOCK_PX
+    plenty = counts > BLOCK_PX * BLOCK_PX
     if not plenty.any():
         return 0.0
-    product = total[plenty] / known[plenty]
+    product = total[plenty] / counts[plenty]
     middle = np.median(product)
     error = MEDIAN_ERROR * np.median(np.abs(product - middle)) / np.sqrt(product.size)
     return float(np.sqrt(max(middle - error, 0)))
@@ -183,29 +183,29 @@ def _left(
     counts, slopes = counts[rows, columns], slope[:, rows, columns]
     x = places(height.shape[1], np.float32(pixel))[None, columns]
     y = places(height.shape[0], np.float32(pixel))[rows, None]
-    shown = expected_light(vectors_at(lights, x, y, height[rows, columns]), slopes)
-    departs = light[:, rows, columns] - shown
-    departs -= brighter(departs, shown, uneven) * shown
+    model_light = expected_light(vectors_at(lights, x, y, height[rows, columns]), slopes)
+    departs = light[:, rows, columns] - model_light
+    departs -= brighter(departs, model_light, uneven) * model_light
     product: F4 | np.float32 = np.float32(0)
     for plane in departs:
-        left = np.where(counts, plane, np.float32(0))
-        product = product + left[:-lag, :-lag] * (left[lag:, :-lag] + left[:-lag, lag:])
+        residual = np.where(counts, plane, np.float32(0))
+        product = product + residual[:-lag, :-lag] * (residual[lag:, :-lag] + residual[:-lag, lag:])
     pairs = counts[:-lag, :-lag] * (counts[lag:, :-lag].astype(np.float32) + counts[:-lag, lag:])
     mean = np.asarray(product / np.float32(len(lights)), np.float32)
     return block_sums(mean, BLOCK_PX), block_sums(pairs, BLOCK_PX)
 
 
-def brighter(departs: F4, shown: F4, uneven: float) -> F4:
+def brighter(departs: F4, model_light: F4, uneven: float) -> F4:
     """Return the share by which film is brighter than predicted, from the light's residuals."""
     noise = np.float32(LIGHT_NOISE_SHARE * LIGHT_NOISE_SHARE)
-    share = brightness_share((shown * shown).sum(axis=0), noise, np.float32(uneven))
-    return np.asarray((departs * shown).sum(axis=0) * share)
+    share = brightness_share((model_light * model_light).sum(axis=0), noise, np.float32(uneven))
+    return np.asarray((departs * model_light).sum(axis=0) * share)
 
 
 def _reach(counts: NDArray[np.bool_], lag: int) -> slice:
     """The span of whole blocks around all that count, plus `lag`; the first block if none does."""
-    there = np.flatnonzero(counts)
-    first, last = (int(there[0]), int(there[-1])) if there.size else (0, 0)
+    indices = np.flatnonzero(counts)
+    first, last = (int(indices[0]), int(indices[-1])) if indices.size else (0, 0)
     return slice(first // BLOCK_PX * BLOCK_PX, (last // BLOCK_PX + 1) * BLOCK_PX + lag)
 
 
@@ -216,18 +216,18 @@ def _launch(run: Launch) -> None:
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
     misfit = run.download(inputs["misfit"])
     lag = _lag(misfit, pixel)
-    left, counts = run.scratch((count, height, width)), run.scratch((height, width))
+    misfits, counts = run.scratch((count, height, width)), run.scratch((height, width))
     run.kernel(
         "leave", run.in_lanes(height, width),
         *(inputs[name] for name in ("light", "slope", "height", "used", "lights")),
-        left, counts, count, height, width, pixel, inputs["uneven"],
+        misfits, counts, count, height, width, pixel, inputs["uneven"],
     )  # fmt: skip
     rows, columns = blocks = tuple(max(side - lag, 0) // BLOCK_PX for side in (height, width))
-    total, known = run.scratch(blocks), run.scratch(blocks)
+    total, block_counts = run.scratch(blocks), run.scratch(blocks)
     if rows * columns:
         run.kernel(
             "add_blocks", blocks,
-            left, counts, total, known, count, height, width, lag, rows, columns,
+            misfits, counts, total, block_counts, count, height, width, lag, rows, columns,
         )  # fmt: skip
     blocks = height // BLOCK_PX, width // BLOCK_PX
     departing, calm = run.scratch((count, *blocks)), run.scratch(blocks)
@@ -237,7 +237,7 @@ def _launch(run: Launch) -> None:
             *(inputs[name] for name in ("light", "height", "lights", "rest")), inputs.get("tilt"),
             departing, calm, count, height, width, pixel, *blocks,
         )  # fmt: skip
-    residual = _typical(run.download(total), run.download(known))
+    residual = _typical(run.download(total), run.download(block_counts))
     widened = _widened(misfit, residual, _shared(run.download(departing), run.download(calm)))
     run.send(widened, run.outputs["touch_misfit"])
 

@@ -12,9 +12,9 @@ FIT_ROUNDS = 5
 """Rounds of robust least squares: film that is touched drops out in the first ones."""
 
 
-def explains(left: float, departure: float) -> bool:
+def explains(residual: float, departure: float) -> bool:
     """Return whether what is left of a mean squared departure shows that it is explained."""
-    return left < (1 - EXPLAINED_SHARE) * departure
+    return residual < (1 - EXPLAINED_SHARE) * departure
 
 
 def explained(change: F4, causes: F4) -> F8:
@@ -29,17 +29,19 @@ def explained(change: F4, causes: F4) -> F8:
     change : K x N, of the light of cells
     causes : M x K x N, the same for one unit of each cause
     """
-    known, count = np.concatenate([causes, change[None]]).astype(np.float64), len(causes)
+    planes, count = np.concatenate([causes, change[None]]).astype(np.float64), len(causes)
     ridge = MIN_ERROR**2 * change.size * np.eye(count)
     weight = np.ones(change.shape[1])
     for _ in range(FIT_ROUNDS):
-        even = known - (known @ (weight / weight.sum()))[..., None]
+        even = planes - (planes @ (weight / weight.sum()))[..., None]
         rows = even.reshape(count + 1, -1)
         square = (even * weight).reshape(count + 1, -1) @ rows.T
-        found = np.linalg.solve(square[:count, :count] + ridge, square[:count, count])
-        left = np.square(rows[count] - found @ rows[:count]).reshape(change.shape).mean(axis=0)
-        noise = DEVIATIONS_PER_MAD**2 * np.median(left) + MIN_ERROR**2
-        weight = 1 / (1 + left / noise) ** 2
+        weights = np.linalg.solve(square[:count, :count] + ridge, square[:count, count])
+        residual = (
+            np.square(rows[count] - weights @ rows[:count]).reshape(change.shape).mean(axis=0)
+        )
+        noise = DEVIATIONS_PER_MAD**2 * np.median(residual) + MIN_ERROR**2
+        weight = 1 / (1 + residual / noise) ** 2
     shares = weight / weight.sum()
-    shown = np.square(even[count]).mean(axis=0)
-    return found if explains(left @ shares, shown @ shares) else np.zeros(count)
+    whole = np.square(even[count]).mean(axis=0)
+    return weights if explains(residual @ shares, whole @ shares) else np.zeros(count)

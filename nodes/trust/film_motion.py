@@ -25,15 +25,15 @@ def motion_size(motion: FilmMotion) -> float:
 def motion_in_words(motion: FilmMotion) -> str:
     """Return the parts of a motion that are above its error, in words."""
     along, down, zoom, turn = motion.tolist()
-    told = []
+    words = []
     for share, side in (-along, "right"), (along, "left"), (-down, "down"), (down, "up"):
         if share > MIN_ERROR:
-            told.append(f"{share:.1%} of the image's width further {side}")
+            words.append(f"{share:.1%} of the image's width further {side}")
     if abs(zoom) > MIN_ERROR:
-        told.append(f"{abs(zoom):.1%} {'smaller' if zoom > 0 else 'larger'}")
+        words.append(f"{abs(zoom):.1%} {'smaller' if zoom > 0 else 'larger'}")
     if abs(turn) > MIN_ERROR:
-        told.append(f"turned by {math.degrees(abs(turn)):.1f} degrees")
-    return ", ".join(told)
+        words.append(f"turned by {math.degrees(abs(turn)):.1f} degrees")
+    return ", ".join(words)
 
 
 @node

@@ -88,14 +88,14 @@ def judge_touch(
     at_light = evidence.read()[2].dirty >= 0
     on_rims = rim_share is not None and rim_share > MAX_RIM_SHARE
     row = (Ranked.RIGID if rims_measured and on_rims else Ranked.SOFT) if at_light else Ranked.PLAIN
-    known = None if ranks is None else ranks[row].astype(np.float64)
+    quantiles = None if ranks is None else ranks[row].astype(np.float64)
     figures: Metrics = {}
-    if known is None or known[-1, -1] < 0:
+    if quantiles is None or quantiles[-1, -1] < 0:
         warn(NOT_CHECKED)
     else:
-        p = p_values(figures_of(evidence, lines, motion), known[:-1])
-        made = ["curl", *["light"] * at_light, *["rest"] * (not filled)]
-        trust, alone, why = _verdict(p, known, made, false_alarms)
+        p = p_values(figures_of(evidence, lines, motion), quantiles[:-1])
+        checks = ["curl", *["light"] * at_light, *["rest"] * (not filled)]
+        trust, alone, why = _verdict(p, quantiles, checks, false_alarms)
         if trust < false_alarms:
             likely = ""
             if light is not None and flat is not None:
@@ -106,7 +106,7 @@ def judge_touch(
                         light,
                         flat,
                         lights,
-                        lambda left: share_left(known, left) >= false_alarms,
+                        lambda left: share_left(quantiles, left) >= false_alarms,
                         has_moved=motion is not None and bool(motion.any()),
                     )
                 )
@@ -114,7 +114,7 @@ def judge_touch(
             if max(alone) < false_alarms and not force:
                 raise InputError(f"{causes}: no height follows; `force`=true goes on all the same")
             warn(f"{causes}; the height may be wrong")
-        figures = {"trust": trust} | {f"check_{c}": a for c, a in zip(made, alone, strict=True)}
+        figures = {"trust": trust} | {f"check_{c}": a for c, a in zip(checks, alone, strict=True)}
     if rim_share is not None:
         figures["rim_share"] = rim_share
         if on_rims and not rims_measured:
@@ -127,16 +127,18 @@ def judge_touch(
 
 
 def _verdict(
-    p: F8, known: F8, made: list[str], false_alarms: float
+    p: F8, quantiles: F8, checks: list[str], false_alarms: float
 ) -> tuple[float, list[float], list[str]]:
     """The trust, that in each check alone, and the causes of those that fail, the surest first."""
-    shares = [of_all_checks(each, known) for each in p.tolist()]
-    found = list(zip(shares, CHECK_FIGURES.values(), strict=True))
-    alone = [min(share for share, figure in found if figure.check == check) for check in made]
+    shares = [of_all_checks(each, quantiles) for each in p.tolist()]
+    ranked_shares = list(zip(shares, CHECK_FIGURES.values(), strict=True))
+    alone = [
+        min(share for share, figure in ranked_shares if figure.check == check) for check in checks
+    ]
     causes: dict[str, str] = {}
-    for share, figure in found:
+    for share, figure in ranked_shares:
         # What several causes show says less than any of them, and stands later.
-        if share < false_alarms and figure.check in made:
+        if share < false_alarms and figure.check in checks:
             causes.setdefault(figure.check, figure.cause)
     return min(alone), alone, [*causes.values()]
 

@@ -98,21 +98,21 @@ def light_departure(
     uneven : standard deviation of the film's brightness, as given to `label_lights`
     cell_px : side in px of the cells that the light is a mean of; `sigma` is that of a single pixel
     """
-    shown = expected_light(light_vectors(lights, height, pixel), slope)
+    model_light = expected_light(light_vectors(lights, height, pixel), slope)
     bits = np.arange(len(light), dtype=np.uint8)[:, None, None]
     lit = (used >> bits & 1).astype(np.float32)
     noise = sigma * np.float32(1 / cell_px)
     error = math.hypot(max(misfit.item(2), MIN_ERROR), UNEVEN_SHARE * uneven)
-    model = np.float32(error) * np.maximum(shown, DARK_LIGHT)
+    model = np.float32(error) * np.maximum(model_light, DARK_LIGHT)
     weight = lit / (noise * noise + model * model)
-    departs, along = light - shown, shown * weight
-    whole = (shown * along).sum(axis=0)
+    departs, along = light - model_light, model_light * weight
+    whole = (model_light * along).sum(axis=0)
     share = brightness_share(whole, np.float32(1), np.float32(uneven))
-    left = departs - (departs * along).sum(axis=0) * share * shown
+    residual = departs - (departs * along).sum(axis=0) * share * model_light
     freedom = lit.sum(axis=0) - np.float32(2) - share * whole
-    reduced = (weight * left * left).sum(axis=0) / np.maximum(freedom, MIN_FREEDOM)
+    reduced = (weight * residual * residual).sum(axis=0) / np.maximum(freedom, MIN_FREEDOM)
     chi = np.where(freedom >= MIN_FREEDOM, reduced, NOT_TESTED)
-    return LightDeparture(np.asarray(chi, np.float32), excess(light, shown, lit))
+    return LightDeparture(np.asarray(chi, np.float32), excess(light, model_light, lit))
 
 
 light_departure.opencl(grid="H W", lanes="grid")

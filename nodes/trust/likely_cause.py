@@ -69,9 +69,9 @@ def likely_cause(
 
     def first_of(mistakes: Iterable[_Mistake]) -> str:
         """The first mistake that leaves least, if it fits."""
-        tried = [(_left(m.light / rest[m.leds], lights[m.leds]), m.words) for m in mistakes]
-        least = min(left for left, _ in tried)
-        simplest = next(words for left, words in tried if left <= least + MIN_ERROR)
+        candidates = [(_left(m.light / rest[m.leds], lights[m.leds]), m.words) for m in mistakes]
+        least = min(residual for residual, _ in candidates)
+        simplest = next(words for residual, words in candidates if residual <= least + MIN_ERROR)
         return simplest if fits(least) else ""
 
     if fits(_left(small / rest, lights)):
@@ -103,14 +103,16 @@ def _at_border(raw: F4, rest: F4) -> str:
     if not ring.any():
         return ""
     logged = np.log(np.maximum(np.stack([raw, rest]), MIN_LIGHT))
-    seen, due = logged[:, :, ring]
-    if contrast := _contrast(seen, due):
+    touched, due = logged[:, :, ring]
+    if contrast := _contrast(touched, due):
         return (
             f"the film at rest has {contrast:.2g} times the contrast of the flat frame (switch off "
             "gamma, automatic contrast and histogram equalisation, and check that the calibration "
             "is this sensor's)"
         )
-    if explained(seen - due, np.broadcast_to((seen - due).mean(axis=0), (1, *seen.shape))).any():
+    if explained(
+        touched - due, np.broadcast_to((touched - due).mean(axis=0), (1, *touched.shape))
+    ).any():
         return (
             "the film at rest is brighter in places and darker in others, under all LEDs alike "
             "(check that it is the film of the calibration, and that film and lens are clean)"
@@ -124,9 +126,9 @@ def _at_border(raw: F4, rest: F4) -> str:
     return ""
 
 
-def _contrast(seen: F4, due: F4) -> float:
+def _contrast(touched: F4, due: F4) -> float:
     """The contrast of the light over that of the flat frame's, both K x N in logarithms; or 0."""
-    times = float(explained(seen, due[None])[0])
+    times = float(explained(touched, due[None])[0])
     if times <= 0 or abs(math.log(times)) < math.log(USUAL_GAMMA) / 2:
         return 0.0
     return times
@@ -161,8 +163,8 @@ def _mistakes(raw: F4) -> Iterator[_Mistake]:
     for order in swaps(len(raw)):
         yield _Mistake(words_of_order(order), raw[list(order)])
     for side, turn in TURNED_IMAGES.items():
-        beside = "beside those of the calibration, with which they would fit"
-        yield _Mistake(f"the images are {side} {beside}", turn(raw))
+        hint = "beside those of the calibration, with which they would fit"
+        yield _Mistake(f"the images are {side} {hint}", turn(raw))
     for order in ring_orders(len(raw)):
         yield _Mistake(words_of_order(order), raw[list(order)])
 

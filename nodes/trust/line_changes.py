@@ -50,11 +50,11 @@ def _fourth(light: Light, axis: int) -> F4:
 
 @line_changes.opencl()
 def _launch(run: Launch) -> None:
-    given = run.inputs["light"], run.inputs["area"]
+    inputs = run.inputs["light"], run.inputs["area"]
     across, along, columns = run.outputs.values()
     count, height, width = (run.sizes[name] for name in "KHW")
-    run.kernel("rows", (height,), *given, across, along, count, height, width)
-    run.kernel("columns", run.in_lanes(width), *given, columns, count, height, width)
+    run.kernel("rows", (height,), *inputs, across, along, count, height, width)
+    run.kernel("columns", run.in_lanes(width), *inputs, columns, count, height, width)
 
 
 @line_changes.example

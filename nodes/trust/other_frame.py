@@ -26,22 +26,22 @@ def other_frame(touch: F4, flat: F4, free: NDArray[np.bool_]) -> str:
     touch, flat : K x h x w, the light of the touch and of the film at rest, on cells
     free : h x w, film at rest in the touch
     """
-    seen, due = (np.log(np.maximum(a, MIN_LIGHT)) for a in (touch, flat))
-    apart = _apart(seen, due, free)
+    touched, due = (np.log(np.maximum(a, MIN_LIGHT)) for a in (touch, flat))
+    apart = _apart(touched, due, free)
     as_it_is = float(np.trace(apart)) / len(apart)
     if np.count_nonzero(free) < MIN_CELLS or not explains(0.0, as_it_is):
         return ""
-    left = {}
+    residuals = {}
     for side, turn in TURNED_IMAGES.items():
         turned = turn(free[None].astype(np.float32))[0] > 0
-        left[side] = float(np.trace(_apart(turn(seen), due, turned))) / len(apart)
+        residuals[side] = float(np.trace(_apart(turn(touched), due, turned))) / len(apart)
     from scipy.optimize import linear_sum_assignment  # takes 0.2 s; most touches end above
 
     image, led = linear_sum_assignment(apart)
     if (image != led).any():
         order = ", ".join(str(k + 1) for k in np.argsort(led))
-        left[f"in another order (taken as {order} they fit)"] = float(apart[image, led].mean())
-    return ", or ".join(words for words, each in left.items() if explains(each, as_it_is))
+        residuals[f"in another order (taken as {order} they fit)"] = float(apart[image, led].mean())
+    return ", or ".join(words for words, each in residuals.items() if explains(each, as_it_is))
 
 
 def other_colours(touch: F4, flat: F4) -> str:
@@ -58,8 +58,8 @@ def other_colours(touch: F4, flat: F4) -> str:
     return f"along the border the image shows the film of the flat frame {other}{colours}"
 
 
-def _apart(seen: F4, due: F4, free: NDArray[np.bool_]) -> F8:
+def _apart(touched: F4, due: F4, free: NDArray[np.bool_]) -> F8:
     """Mean squared difference of each image's fall-off (rows) from each LED's (columns)."""
-    images, leds = (a[:, free].astype(np.float64) for a in (seen, due))
+    images, leds = (a[:, free].astype(np.float64) for a in (touched, due))
     between = images[:, None] - leds[None]
     return np.asarray(between.var(axis=2))

@@ -69,24 +69,24 @@ def touch_evidence(
     matt : K x H x W, the light as of a matt film
     max_dimming : share of the light that film may lack under all LEDs
     """
-    seen = LightFigures(0, 0, 0, 0, dirty=-1)
+    figures = LightFigures(0, 0, 0, 0, dirty=-1)
     if departure is not None and slope is not None:
-        seen = light_evidence(departure, slope, brighter, used, matt, shadow, max_dimming)
+        figures = light_evidence(departure, slope, brighter, used, matt, shadow, max_dimming)
     level, film = rest_evidence(light, height, drift)
-    return TouchEvidence(level, np.array([curl_evidence(curl), *film, *seen], np.float32))
+    return TouchEvidence(level, np.array([curl_evidence(curl), *film, *figures], np.float32))
 
 
 @touch_evidence.opencl()
 def _launch(run: Launch) -> None:
     """One work-group looks at the light and one at the film; others find quantiles and bands."""
     count, height, width = (run.sizes[name] for name in "KHW")
-    step, group, given = thinning(height, width), (run.group,), run.inputs
+    step, group, options = thinning(height, width), (run.group,), run.inputs
     thin = (-(-height // step), -(-width // step))
-    (curl, light), cells = _thinned(run, given["curl"], given["light"])
+    (curl, light), cells = _thinned(run, options["curl"], options["light"])
     values, gains = run.scratch((4, *thin)), run.scratch((count, DRIFT_TERMS))
     names = ("departure", "brighter", "slope", "used", "matt", "shadow")
     level, figures = run.outputs.values()
-    planes = *(given.get(name) for name in names), light, given["height"], given.get("drift")
+    planes = *(options.get(name) for name in names), light, options["height"], options.get("drift")
     scratch = values, run.scratch(cells), gains
     sizes = count, height, width, *thin, step, *cells
     arguments = *planes, *scratch, level, figures, *sizes, run.settings["max_dimming"]
@@ -100,14 +100,14 @@ def _thinned(run: Launch, *planes: DeviceArray) -> tuple[list[DeviceArray], tupl
     rows, columns = (run.sizes[name] for name in "hw")
     step = thinning(rows, columns)
     size = (-(-rows // step), -(-columns // step))
-    made = []
+    thinned = []
     for plane in planes:
         count = plane.shape[0] if len(plane.shape) > 2 else 1
         thin = plane if step == 1 else run.scratch((count, *size))
         if step > 1:
             run.kernel("thin", (count, *size), plane, thin, count, *size, rows, columns, step)
-        made.append(thin)
-    return made, size
+        thinned.append(thin)
+    return thinned, size
 
 
 @touch_evidence.example
@@ -146,5 +146,5 @@ def _example(
         "matt": rng.normal(1, 0.08, (K, H, W)) + 0.3 * band,
     }
     labels = {"used": np.where(shade, every & 3, every), "shadow": np.where(shade, 3, 0)}
-    made = {name: np.asarray(plane, np.float32) for name, plane in planes.items()}
-    return made | {name: np.asarray(bits, np.uint8) for name, bits in labels.items()}
+    arrays = {name: np.asarray(plane, np.float32) for name, plane in planes.items()}
+    return arrays | {name: np.asarray(bits, np.uint8) for name, bits in labels.items()}

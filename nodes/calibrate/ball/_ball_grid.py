@@ -62,23 +62,23 @@ def find_grid(
     peaks, goodness = _peaks(light, radius_px)
     if len(peaks) < 4:
         return None
-    centre, kept = _lattice(peaks, pitch_px)
-    return place_balls(light, Grid(centre[kept], goodness[kept]), radius_px, pixel, rest)
+    centre, inlier = _lattice(peaks, pitch_px)
+    return place_balls(light, Grid(centre[inlier], goodness[inlier]), radius_px, pixel, rest)
 
 
 def place_balls(
-    light: F4, seen: Grid, radius_px: float, pixel: float, rest: Rest | None
+    light: F4, grid: Grid, radius_px: float, pixel: float, rest: Rest | None
 ) -> Grid | None:
     """Return the balls that are wholly seen, placed by their light; None if fewer than four.
 
     As `find_grid`, for balls whose centres are known to some pixels.
     """
-    contact = np.full(len(seen.circle), FIRST_CONTACT_SHARE * radius_px)
-    circle = np.column_stack([seen.circle[:, :2], contact])
+    contact = np.full(len(grid.circle), FIRST_CONTACT_SHARE * radius_px)
+    circle = np.column_stack([grid.circle[:, :2], contact])
     inside = _whole(circle, radius_px, light.shape[1:])
     if inside.sum() < 4:
         return None
-    return Grid(_placed(light, circle[inside], radius_px, pixel, rest), seen.goodness[inside])
+    return Grid(_placed(light, circle[inside], radius_px, pixel, rest), grid.goodness[inside])
 
 
 def _peaks(light: F4, radius_px: float) -> tuple[F8, F8]:
@@ -118,13 +118,13 @@ def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
         phase = np.exp(2j * np.pi * place).mean(axis=0)
         offset = np.angle(phase) / (2 * np.pi)
         step = np.round(place - offset)
-        left = place - offset - step
-        kept = np.hypot(left[:, 0], left[:, 1]) < MAX_OFFSET_PITCHES
+        off = place - offset - step
+        inlier = np.hypot(off[:, 0], off[:, 1]) < MAX_OFFSET_PITCHES
         # A rotation by d moves the point (a, b) by d (-b, a).
-        spread = step[kept] - step[kept].mean(axis=0)
-        turned = spread[:, 0] * left[kept][:, 1] - spread[:, 1] * left[kept][:, 0]
+        spread = step[inlier] - step[inlier].mean(axis=0)
+        turned = spread[:, 0] * off[inlier][:, 1] - spread[:, 1] * off[inlier][:, 0]
         angle += float(turned.sum() / max((spread**2).sum(), 1e-9))
-    return (step + offset) * pitch_px @ turn, kept
+    return (step + offset) * pitch_px @ turn, inlier
 
 
 def _whole(circle: F8, radius_px: float, shape: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -195,11 +195,11 @@ def _contact(light: F4, circle: F8, radius_px: float, pixel: float, fitted: Fitt
     """The contact radius, relative to the ball's: up to there the film follows the balls."""
     balls = _samples(light, circle, EDGE_RADII[-1] * radius_px, radius_px, pixel)
     still = fitted._replace(shifts=fitted.shifts * [0, 0, 1])
-    left = np.square(predicted(balls, still) - balls.light).mean(axis=0)
+    square = np.square(predicted(balls, still) - balls.light).mean(axis=0)
     middle = balls.centre[balls.ball]
     r = np.hypot(balls.u - middle[:, 0], balls.v - middle[:, 1]) / (radius_px * pixel)
     ring = np.digitize(r, EDGE_RADII)
-    rings = (left[ring == i] for i in range(len(EDGE_RADII)))
+    rings = (square[ring == i] for i in range(len(EDGE_RADII)))
     spread = np.array([np.sqrt(np.median(each)) if each.size else 0 for each in rings])
     beyond = np.flatnonzero(spread > MAX_RESIDUAL_RATIO * np.median(spread[:4]))
     return float(EDGE_RADII[beyond[0] - 1] if beyond.size and beyond[0] else EDGE_RADII[-1])

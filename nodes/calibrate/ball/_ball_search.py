@@ -116,9 +116,9 @@ def _share_everywhere(light: F4, radius: float, contact: float, pad: int) -> F8:
     by_smooth = _explained_everywhere(smooth, right_of_smooth, 1e-6 * np.trace(smooth) + 1e-12)
     pixels = (inside + outside).sum() * shape[0]
     share = share_of(power - by_ball, power - by_smooth, pixels)
-    seen = ball[0, 0].sum(0) / (inside.sum() * shape[0])
+    ball_light = ball[0, 0].sum(0) / (inside.sum() * shape[0])
     # With most of the disk in shadow or outside the image, a ball cannot be recognised.
-    return np.where(seen < 0.3, 0.0, share)
+    return np.where(ball_light < 0.3, 0.0, share)
 
 
 def _products(
@@ -205,8 +205,8 @@ def rise_of(r: F8, radius: float) -> F8:
 
 def share_of(ball: F8, smooth: F8, pixels: float) -> F8:
     """Return the share of a smooth film's residual (K x ...) that the ball explains."""
-    left = np.maximum(smooth, 0).sum(0)
-    return (left - np.maximum(ball, 0).sum(0)) / (left + LIGHT_DEVIATION**2 * pixels)
+    excess = np.maximum(smooth, 0).sum(0)
+    return (excess - np.maximum(ball, 0).sum(0)) / (excess + LIGHT_DEVIATION**2 * pixels)
 
 
 def _correlate(images: F8, kernels: F8, pad: int) -> F8:

@@ -162,10 +162,10 @@ def predicted(balls: Balls, fitted: Fitted, rest: F8 | None = None) -> F8:
     """
     film, shifts, balls = fitted.film, fitted.shifts, balls.sized(fitted.size)
     n, place, lift = balls.touched_place(shifts, film)
-    shown = predict(film, n, *place, rest, lift) + balls.thrown(shifts, film)
+    light = predict(film, n, *place, rest, lift) + balls.thrown(shifts, film)
     if balls.beneath is not None:
-        shown = shown / balls.beneath.light(film)
-    return np.asarray(shown if fitted.power == 1 else np.maximum(shown, 0) ** fitted.power)
+        light = light / balls.beneath.light(film)
+    return np.asarray(light if fitted.power == 1 else np.maximum(light, 0) ** fitted.power)
 
 
 def rest_seen(balls: Balls, film: Film) -> F8 | None:

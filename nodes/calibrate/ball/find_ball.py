@@ -139,17 +139,17 @@ def find_ball(
             circle, goodness = shallow, better
     if goodness < MIN_GOODNESS:
         calm = CALM_DEPARTURES[0]
-        seen = (
+        in_view = (
             f"the best circle, at {circle.x:.0f},{circle.y:.0f} px, has a goodness of "
             f"{goodness:.2f} and {MIN_GOODNESS:g} is needed"
         )
         if (np.abs(reduced_to(light, SEEN_WIDTH_PX)[0] - 1) < calm).all():
-            seen = (
+            in_view = (
                 f"the press shows what the flat frame shows, within {calm:.0%} (has the one a "
                 "ball, and the other untouched film?)"
             )
         raise InputError(
-            f"no ball of radius {radius_mm:g} mm found: {seen}; give its place (`center_px`=X,Y "
+            f"no ball of radius {radius_mm:g} mm found: {in_view}; give its place (`center_px`=X,Y "
             "and `contact_px`=R), or press again"
         )
     return _ball(circle, goodness)

@@ -144,8 +144,8 @@ def _grids(
         radius_px, why = float(size) / pixel, "it shows no grid of four balls or more"
         marked = marks[marks[:, 2] == number, :2].astype(float)
         if len(marked):
-            seen = Grid(marked, np.ones(len(marked)))
-            grid = place_balls(press, seen, radius_px, pixel, rest)
+            whole_grid = Grid(marked, np.ones(len(marked)))
+            grid = place_balls(press, whole_grid, radius_px, pixel, rest)
         elif pitch_mm is not None:
             grid = find_grid(press, radius_px, pitch_mm / pixel, pixel, rest)
         else:
@@ -159,9 +159,9 @@ def _grids(
             f"none of {len(names)} presses shows a grid of balls; check `radius`, `pitch_mm` and "
             "`pixel`"
         )
-    numbers, sizes, found = zip(*grids, strict=True)
-    circle, goodness = (np.concatenate(p).astype(np.float32) for p in zip(*found, strict=True))
-    counts = [len(grid.circle) for grid in found]
+    numbers, sizes, placed = zip(*grids, strict=True)
+    circle, goodness = (np.concatenate(p).astype(np.float32) for p in zip(*placed, strict=True))
+    counts = [len(grid.circle) for grid in placed]
     radii = np.repeat(np.array(sizes, np.float32), counts)
     of = np.repeat(np.array(numbers, np.int32), counts)
     return FoundBalls(circle, goodness, radii, of, names)

@@ -97,7 +97,7 @@ class Bend(NamedTuple):
     def samples(self) -> float:
         """Independent samples that tell of it."""
         lights = len(self.trial.placed.leds)
-        each = [min(there.light.shape[1], INDEPENDENT_SAMPLES) for there in self.trial.objects]
+        each = [min(ball.light.shape[1], INDEPENDENT_SAMPLES) for ball in self.trial.objects]
         at_rest = INDEPENDENT_SAMPLES if self.trial.rest is not None else 0
         return lights * float(sum(each) + at_rest)
 
@@ -193,8 +193,8 @@ def find_rest(
             "others near the border"
         )
     camera = 0.0 if camera_mm is None else 1 / camera_mm
-    seen = light, flat, ball.circle, ball.radius, ball.of, pixel, camera
-    presses = ball_presses(*seen)
+    evidence = light, flat, ball.circle, ball.radius, ball.of, pixel, camera
+    presses = ball_presses(*evidence)
     tried, _ = tried_bends(presses)
     is_told = camera_mm is not None
     bend = _under_coat(presses, tried, noise, bounce, is_told) or fitted_bend(presses, tried)
@@ -239,7 +239,7 @@ def bent(size: tuple[int, int], pixel: float, camera: float, unknowns: F8) -> Re
     return rest_shape(by_rays(size, pixel, camera, height).astype(np.float32), pixel, camera)
 
 
-def tried_bends(given: BallPresses) -> tuple[Bend, Bend]:
+def tried_bends(presses: BallPresses) -> tuple[Bend, Bend]:
     """Return the one of several bends that explains balls and flat frame best, and none at all.
 
     Near LEDs light the ball and the film at rest under it from known directions.  So the light of a
@@ -248,12 +248,12 @@ def tried_bends(given: BallPresses) -> tuple[Bend, Bend]:
 
     Parameters
     ----------
-    given : as `ball_presses` returns them
+    presses : as `ball_presses` returns them
     """
     bends = []
     for bend in TRIED_BENDS:
-        unknowns = np.array([1, 0, 1, 0, 0]) * bend / given.half
-        bends.append(Bend(unknowns, np.zeros((5, 5)), _placed(given, unknowns, None)))
+        unknowns = np.array([1, 0, 1, 0, 0]) * bend / presses.half
+        bends.append(Bend(unknowns, np.zeros((5, 5)), _placed(presses, unknowns, None)))
     return min(bends, key=lambda each: each.cost), bends[0]
 
 
@@ -274,90 +274,90 @@ def ball_presses(
     circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
     pixel, camera : mm per px at height 0, one over the height of the pupil
     """
-    sheets, found = cut(light, flat.shape[1]), np.flatnonzero(circle[:, 2] > 0)
-    circles = [Circle(*map(float, circle[b])) for b in found]
+    sheets, used = cut(light, flat.shape[1]), np.flatnonzero(circle[:, 2] > 0)
+    circles = [Circle(*map(float, circle[b])) for b in used]
     return BallPresses(
-        [sheets[of[b]] for b in found], flat, circles, radius[found].tolist(), pixel, camera
+        [sheets[of[b]] for b in used], flat, circles, radius[used].tolist(), pixel, camera
     )
 
 
 def _under_coat(
-    given: BallPresses, bend: Bend, noise: Noise, bounce: NodeCall, is_told: bool
+    presses: BallPresses, bend: Bend, noise: Noise, bounce: NodeCall, is_told: bool
 ) -> Bend | None:
     """The bend by a film's model with a coat; None where the film has none."""
 
     def lay(unknowns: F8) -> Laid:
-        trial = _placed(given, unknowns, bend.trial)
+        trial = _placed(presses, unknowns, bend.trial)
         circle = np.array([(at.x, at.y, at.radius) for at in trial.circles], np.float32)
-        return Laid(given.shape(unknowns), circle, trial.placed.lights, trial.placed.strength)
+        return Laid(presses.shape(unknowns), circle, trial.placed.lights, trial.placed.strength)
 
     bending = Bending(
-        np.concatenate(given.light, axis=1), given.flat, np.array(given.radii, np.float32),
-        np.arange(len(given.radii), dtype=np.int32), noise, given.pixel,
-        given.unit, is_told, given.shape, lay, bounce,
+        np.concatenate(presses.light, axis=1), presses.flat, np.array(presses.radii, np.float32),
+        np.arange(len(presses.radii), dtype=np.int32), noise, presses.pixel,
+        presses.unit, is_told, presses.shape, lay, bounce,
     )  # fmt: skip
-    found = coated_bend(bending, bend.unknowns, bend.samples)
-    return None if found is None else bend._replace(unknowns=found[0], covariance=found[1])
+    coated = coated_bend(bending, bend.unknowns, bend.samples)
+    return None if coated is None else bend._replace(unknowns=coated[0], covariance=coated[1])
 
 
-def fitted_bend(given: BallPresses, bend: Bend, *, only_ball: bool = False) -> Bend:
+def fitted_bend(presses: BallPresses, bend: Bend, *, only_ball: bool = False) -> Bend:
     """Return the best bend by least squares of bend, LEDs and balls together.
 
     Parameters
     ----------
-    given : as `ball_presses` returns them
+    presses : as `ball_presses` returns them
     bend : one that is near
     only_ball : whether the film is a part of a ball, lowest or highest in the middle
     """
-    ways = given.unit * (np.array([[1, 0, 1, 0, 0]]) if only_ball else np.eye(5))
+    ways = presses.unit * (np.array([[1, 0, 1, 0, 0]]) if only_ball else np.eye(5))
 
     def linear(now: Bend) -> Callable[[float], Bend]:
-        left, trial, columns = now.left, now.trial, []
+        residuals, trial, columns = now.left, now.trial, []
         for way in DERIVATIVE_STEP * ways:
-            other = _on(given, now.unknowns + way, trial.circles)
+            other = _on(presses, now.unknowns + way, trial.circles)
             after = all_residuals(*other, trial.placed.leds, trial.placed.shifts)
-            columns.append((after - left) / DERIVATIVE_STEP)
+            columns.append((after - residuals) / DERIVATIVE_STEP)
         by = jacobian_of(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
-        whole, weight = np.column_stack([by, *columns]), huber_weight(left)
+        whole, weight = np.column_stack([by, *columns]), huber_weight(residuals)
         scale = np.sqrt(np.maximum(np.square(whole).sum(axis=0), 1e-30))
         whole = whole / scale
-        square, down = whole.T @ (whole * weight[:, None]), -(whole.T @ (weight * left))
+        square, down = whole.T @ (whole * weight[:, None]), -(whole.T @ (weight * residuals))
         # The variance of a residual, times how many of them count as one.
-        alike = float(np.square(left).mean() * max(left.size / now.samples, 1))
+        alike = float(np.square(residuals).mean() * max(residuals.size / now.samples, 1))
         spread = np.linalg.pinv(square, hermitian=True) / np.outer(scale, scale) * alike
         spread = spread[-len(ways) :, -len(ways) :]
 
         def stepped(damping: float) -> Bend:
             step = np.linalg.solve(square + damping * np.eye(scale.size), down) / scale
             moved = now.unknowns + step[-len(ways) :] @ ways
-            return Bend(moved, ways.T @ spread @ ways, _placed(given, moved, trial))
+            return Bend(moved, ways.T @ spread @ ways, _placed(presses, moved, trial))
 
         return stepped
 
     return descend(bend, Bend.likelihood, linear)
 
 
-def _placed(given: BallPresses, unknowns: F8, before: _Trial | None) -> _Trial:
+def _placed(presses: BallPresses, unknowns: F8, before: _Trial | None) -> _Trial:
     """Balls found anew on a film, and LEDs placed."""
-    shape, near = given.shape(unknowns), before is not None
-    seeds = given.circles if before is None else before.circles
+    shape, near = presses.shape(unknowns), before is not None
+    seeds = presses.circles if before is None else before.circles
     circles = [
-        refined(light, seed, r / given.pixel, None, None, BallOnShape(shape, r), near)
-        for light, seed, r in zip(given.light, seeds, given.radii, strict=True)
+        refined(light, seed, r / presses.pixel, None, None, BallOnShape(shape, r), near)
+        for light, seed, r in zip(presses.light, seeds, presses.radii, strict=True)
     ]
-    objects, rest = _on(given, unknowns, circles)
+    objects, rest = _on(presses, unknowns, circles)
     start = None if before is None else before.placed
-    width = given.pixel * given.flat.shape[2]
+    width = presses.pixel * presses.flat.shape[2]
     return _Trial(circles, objects, rest, place_leds(objects, rest, width, start))
 
 
 def _on(
-    given: BallPresses, unknowns: F8, circles: list[Circle]
+    presses: BallPresses, unknowns: F8, circles: list[Circle]
 ) -> tuple[list[Object], Rest | None]:
     """Samples of balls and flat frame on a film: the same pixels, whatever its shape."""
-    shape, objects = given.shape(unknowns), []
+    shape, objects = presses.shape(unknowns), []
     for light, first, circle, radius in zip(
-        given.light, given.circles, circles, given.radii, strict=True
+        presses.light, presses.circles, circles, presses.radii, strict=True
     ):
         on = BallOnShape(shape, radius)
         y, x = np.indices(light.shape[1:])
@@ -365,5 +365,5 @@ def _on(
         near = (away < SAMPLED_SHARE * first.radius).astype(np.uint8)
         ball = on.known(circle, near)
         press = Press(light, ball.slope, near, ball.height, label_lit(light))
-        objects.append(sample(press, given.pixel, MAX_SAMPLES, shape))
-    return objects, rest_of(given.flat, given.pixel, shape)
+        objects.append(sample(press, presses.pixel, MAX_SAMPLES, shape))
+    return objects, rest_of(presses.flat, presses.pixel, shape)

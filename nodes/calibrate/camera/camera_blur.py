@@ -87,9 +87,9 @@ def camera_blur(
     In px; 0 where the rims are too few or too faint, or as sharp as pixels are.
     """
     scale = np.float32(binned / pixel)
-    found = np.flatnonzero(circle[:, 2] > 0)
+    used = np.flatnonzero(circle[:, 2] > 0)
     presses, edges = cut(image, flat.shape[1]), list[Edge]()
-    for ball in found[:: -(-found.size // MAX_BALLS) or 1]:
+    for ball in used[:: -(-used.size // MAX_BALLS) or 1]:
         x, y, radius = circle[ball] * scale
         middle = float(x + (scale - 1) / 2), float(y + (scale - 1) / 2)
         edges += _edges(presses[of[ball]], flat, middle, float(radius))
@@ -122,9 +122,9 @@ def _edges(image: Light, flat: Light, middle: tuple[float, float], radius: float
         whole = (counts.reshape(SECTOR_COUNT, -1) > 0).all(axis=1)
         for number in np.flatnonzero(whole):
             step, at = _strongest_step(profiles[number])
-            here = (sector == number) & (np.abs(away - first - at) < REACH_PX)
+            in_sector = (sector == number) & (np.abs(away - first - at) < REACH_PX)
             if step > MIN_STEP:
-                edges.append(Edge(step, away[here] - first - at, light[here]))
+                edges.append(Edge(step, away[in_sector] - first - at, light[in_sector]))
     return edges
 
 
@@ -155,6 +155,6 @@ def _left(edge: Edge, width: float) -> float:
     beyond: NDArray[np.float64] = ndtr(x / width)
     columns = np.stack([1 - beyond, beyond, x * (1 - beyond), x * beyond], axis=1)
     normal = columns @ columns.swapaxes(-1, -2) + 1e-9 * np.eye(4)
-    wanted = (columns.reshape(-1, edge.light.size) @ edge.light).reshape(-1, 4)
-    solved = np.linalg.solve(normal, wanted[..., None])[..., 0]
-    return float((edge.light @ edge.light - (wanted * solved).sum(axis=-1)).min())
+    projection = (columns.reshape(-1, edge.light.size) @ edge.light).reshape(-1, 4)
+    solved = np.linalg.solve(normal, projection[..., None])[..., 0]
+    return float((edge.light @ edge.light - (projection * solved).sum(axis=-1)).min())

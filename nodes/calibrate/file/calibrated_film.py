@@ -39,5 +39,5 @@ def read_either(calibration: Path) -> Any:
 
 def calibrated_film(calibration: Path) -> CalibratedFilm:
     """Return the film at rest of a calibration: see `read_either`."""
-    known = read_either(calibration)
-    return CalibratedFilm(known.flat, known.dark, not isinstance(known, Calibration))
+    sensor = read_either(calibration)
+    return CalibratedFilm(sensor.flat, sensor.dark, not isinstance(sensor, Calibration))

@@ -51,12 +51,12 @@ def normal_error(balls: Balls, fitted: Fitted) -> NormalError:
     truth, solved, *_ = ball_normals(balls, fitted)
     part = _parts(balls, truth)
     number = np.maximum(np.bincount(part), 1)
-    seen, away = np.bincount(part) > 0, solved - truth
+    is_sampled, away = np.bincount(part) > 0, solved - truth
     mean = np.stack([np.bincount(part, e) / number for e in away])
     # Parts may hold a single sample, so all tell the noise of one.
-    spread = np.square(away - mean[:, part]).sum() / max(part.size - seen.sum(), 1)
-    noise = spread * (1 / number)[seen].mean()
-    whole, least = np.degrees(np.sqrt([(mean * mean).sum(0)[seen].mean(), noise]))
+    spread = np.square(away - mean[:, part]).sum() / max(part.size - is_sampled.sum(), 1)
+    noise = spread * (1 / number)[is_sampled].mean()
+    whole, least = np.degrees(np.sqrt([(mean * mean).sum(0)[is_sampled].mean(), noise]))
     return NormalError(float(whole), float(least))
 
 

@@ -71,7 +71,7 @@ def contact_edge(
     return float(edges[np.argmin(beyond)])
 
 
-def _departure(left: F8, lit: NDArray[np.bool_]) -> F8:
+def _departure(residual: F8, lit: NDArray[np.bool_]) -> F8:
     """Departure without the LEDs' common part: at the foot, light from film to film is common."""
-    common = (left * lit).sum(0) / np.maximum(lit.sum(0), 1)
-    return np.asarray((np.minimum(np.abs(left - common), MAX_DEPARTURE) ** 2 * lit).sum(0))
+    common = (residual * lit).sum(0) / np.maximum(lit.sum(0), 1)
+    return np.asarray((np.minimum(np.abs(residual - common), MAX_DEPARTURE) ** 2 * lit).sum(0))

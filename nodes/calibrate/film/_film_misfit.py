@@ -49,7 +49,7 @@ class _Sums(NamedTuple):
     pairs: F8
 
 
-def misfit(held: list[Held], film: Film, pixel: float, uneven: float) -> F4:
+def misfit(held_out: list[Held], film: Film, pixel: float, uneven: float) -> F4:
     """Return the (level, width, light, bounce, tilt) of a `Misfit`.
 
     Products of the errors of two pixels contain no noise, because noise is independent.  Their
@@ -66,17 +66,17 @@ def misfit(held: list[Held], film: Film, pixel: float, uneven: float) -> F4:
 
     Parameters
     ----------
-    held : every held-out pixel, fold by fold
+    held_out : every held-out pixel, fold by fold
     film : what was fitted to all samples; the error of its LEDs is accounted for separately
     pixel : mm per px
     """
-    rim = float(np.median(np.concatenate([h.balls.rim for h in held])))
+    rim = float(np.median(np.concatenate([h.balls.rim for h in held_out])))
     farthest = max(MAX_LAG_SHARE * rim / pixel, MIN_LAG_PX + 1)
     lags = np.unique(np.geomspace(MIN_LAG_PX, farthest, LAG_COUNT).round().astype(int))
     total = _Sums(lags, *(np.zeros(lags.size) for _ in range(3)))
     tilts, spread, count = [], 0.0, 0
-    for part in held:
-        errors, left, truth = left_over(part, uneven)
+    for part in held_out:
+        errors, residual, truth = left_over(part, uneven)
         spread += float(np.square(errors).sum())
         count += errors.shape[1]
         for ball in np.unique(part.balls.ball):
@@ -84,7 +84,7 @@ def misfit(held: list[Held], film: Film, pixel: float, uneven: float) -> F4:
             place = np.stack([part.balls.v[at], part.balls.u[at]]) / pixel
             outward = _outward(truth[:, at])
             tilt = float((errors[:, at] * outward).sum() / np.square(outward).sum())
-            _add(total, place, errors[:, at] - tilt * outward, left[:, at])
+            _add(total, place, errors[:, at] - tilt * outward, residual[:, at])
             tilts.append(tilt)
     pairs = np.maximum(total.pairs, 1)
     normal, light = total.normal / pairs, total.light / pairs
@@ -94,18 +94,20 @@ def misfit(held: list[Held], film: Film, pixel: float, uneven: float) -> F4:
     near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
     sure = _root(normal[0] - chance[0])
     away = inverse_places(film.others) - inverse_places(film.lights)
-    known = np.mean([_led_tilt(part, away, uneven) for part in held])
-    tilt = _root(float(np.square(tilts).mean() - known * len(held) / max(len(held) - 1, 1)))
-    level = _root(possible[0]) * float(np.sqrt(1 + 1 / len(held)))
-    presses = np.unique(np.concatenate([part.balls.ball for part in held])).size
+    common = np.mean([_led_tilt(part, away, uneven) for part in held_out])
+    tilt = _root(
+        float(np.square(tilts).mean() - common * len(held_out) / max(len(held_out) - 1, 1))
+    )
+    level = _root(possible[0]) * float(np.sqrt(1 + 1 / len(held_out)))
+    presses = np.unique(np.concatenate([part.balls.ball for part in held_out])).size
     alone = tilt * tilt * rim / max(tilt * tilt * rim + 2 * level * level * reach, 1e-30)
     freedom = len(tilts) / max(alone, 1e-3) ** 2 if presses > 1 else len(tilts)
     tilt *= _wider(freedom)
     tilt = float(np.hypot(tilt, sure / np.sqrt(presses)))
-    return np.asarray([level, reach, _root(light[near]), _doubt(held), tilt], np.float32)
+    return np.asarray([level, reach, _root(light[near]), _doubt(held_out), tilt], np.float32)
 
 
-def unevenness(held: list[Held], pixel: float) -> float:
+def unevenness(held_out: list[Held], pixel: float) -> float:
     """Return the standard deviation of the brightness of touched film, `Film.uneven`.
 
     A pixel's brightness is the least-squares factor between the light of the LEDs that reach it
@@ -114,19 +116,21 @@ def unevenness(held: list[Held], pixel: float) -> float:
 
     Parameters
     ----------
-    held : every held-out pixel, fold by fold
+    held_out : every held-out pixel, fold by fold
     pixel : mm per px
     """
     lags = np.array([MIN_LAG_PX])
     total = _Sums(lags, *(np.zeros(1) for _ in range(3)))
-    for part in held:
+    for part in held_out:
         film, balls = part.fitted.film, part.balls
-        seen = predicted(balls, part.fitted)
-        direct = balls.on_plane(seen, film) - balls.thrown(part.fitted.shifts, film)
+        light = predicted(balls, part.fitted)
+        direct = balls.on_plane(light, film) - balls.thrown(part.fitted.shifts, film)
         lit = direct > film.diffuse[:, None] + MIN_WEIGHT_LIGHT
-        left = np.where(lit, balls.on_plane(balls.light - seen, film), 0)
+        residual = np.where(lit, balls.on_plane(balls.light - light, film), 0)
         direct = np.where(lit, direct, 0)
-        brightness = (left * direct).sum(0) / np.maximum(np.square(direct).sum(0), MIN_WEIGHT_LIGHT)
+        brightness = (residual * direct).sum(0) / np.maximum(
+            np.square(direct).sum(0), MIN_WEIGHT_LIGHT
+        )
         for ball in np.unique(balls.ball):
             at = balls.ball == ball
             place = np.stack([balls.v[at], balls.u[at]]) / pixel
@@ -155,26 +159,26 @@ def _outward(normal: F8) -> F8:
     return np.asarray(rising * np.stack([nx * nz / sine, ny * nz / sine, -sine]))
 
 
-def left_over(held: Held, uneven: float) -> tuple[F8, F8, F8]:
+def left_over(held_out: Held, uneven: float) -> tuple[F8, F8, F8]:
     """Return errors of the normals (3 x N), residual light in matt units, and true normals."""
-    film = held.fitted.film
-    truth, solved, direct, place, lift = ball_normals(held.balls, held.fitted, uneven)
-    left = direct - predict(film, solved, *place, None, lift)
+    film = held_out.fitted.film
+    truth, solved, direct, place, lift = ball_normals(held_out.balls, held_out.fitted, uneven)
+    residual = direct - predict(film, solved, *place, None, lift)
     gain = touch_gain(film, lift)
     matt, diffuse = gain * direct_share(film)[:, None], gain * film.diffuse[:, None]
-    left, shown = left / matt, (direct - left - diffuse) / matt
-    return solved - truth, left - brighter(left, shown, uneven) * shown, truth
+    residual, explained = residual / matt, (direct - residual - diffuse) / matt
+    return solved - truth, residual - brighter(residual, explained, uneven) * explained, truth
 
 
-def _add(total: _Sums, place: F8, errors: F8, left: F8) -> None:
+def _add(total: _Sums, place: F8, errors: F8, residual: F8) -> None:
     """Add the products of one ball's pixels, by the correlation of its planes (Wiener 1930)."""
     row, column = (np.rint(p - p.min()).astype(int) for p in place)
-    planes = np.zeros((1 + len(errors) + len(left), row.max() + 1, column.max() + 1))
-    planes[:, row, column] = np.concatenate([np.ones((1, row.size)), errors, left])
+    planes = np.zeros((1 + len(errors) + len(residual), row.max() + 1, column.max() + 1))
+    planes[:, row, column] = np.concatenate([np.ones((1, row.size)), errors, residual])
     reach = int(total.lags[-1]) + 1
     size = [next_fast_len(side + reach) for side in planes.shape[1:]]
     power = np.square(np.abs(rfft2(planes, size)))
-    kinds = power[:1], power[1 : 1 + len(errors)] / 2, power[1 + len(errors) :] / len(left)
+    kinds = power[:1], power[1 : 1 + len(errors)] / 2, power[1 + len(errors) :] / len(residual)
     products = irfft2(np.stack([kind.sum(axis=0) for kind in kinds]), size)
     down, right = (fftfreq(side, 1 / side) for side in size)
     away = np.hypot(down[:, None], right)
@@ -197,9 +201,9 @@ def _half_way(lags: NDArray[np.intp], covariance: F8) -> float:
     return float(lags[i - 1] + share * (lags[i] - lags[i - 1]))
 
 
-def _doubt(held: list[Held]) -> float:
+def _doubt(held_out: list[Held]) -> float:
     """Relative uncertainty of the film's albedo, which is the mean over parts of the presses."""
-    albedo = np.array([h.fitted.film.albedo for h in held])
+    albedo = np.array([h.fitted.film.albedo for h in held_out])
     parts = len(albedo)
     if parts < 2 or albedo.mean() <= 0:
         return 0.0

@@ -59,14 +59,14 @@ class Trial(NamedTuple):
         light alone, on which slopes rest, and its brightness is as uneven as a plain film's.
         """
         balls = balls or self.balls
-        given = self.shift_mm, self.width_mm
-        fitted = fit(balls, self.rest, parts, start, *given)
+        settings = self.shift_mm, self.width_mm
+        fitted = fit(balls, self.rest, parts, start, *settings)
         if "diffuse" not in parts or len(balls.centre) > 1:
             return fitted
         film = fitted.film
         direct = balls.direct(fitted.shifts, film)
         weight = lit_share(film, direct, np.array(film.contact))
-        return fit(balls, self.rest, TOUCHED_PARTS, fitted, *given, start.film.uneven, weight)
+        return fit(balls, self.rest, TOUCHED_PARTS, fitted, *settings, start.film.uneven, weight)
 
     def prefers(self, larger: "Model", model: "Model") -> bool:
         """Return whether a larger model is the better one (`grows`)."""
@@ -108,9 +108,9 @@ class Model(NamedTuple):
 
 def judge(trial: Trial, parts: frozenset[str], fitted: Fitted) -> Model:
     """Fit without each fold, and measure the error of the normals on that fold."""
-    held = trial.folds(trial.balls)
+    held_out = trial.folds(trial.balls)
     return judged(
-        trial, parts, fitted, [trial.fit(parts, fitted, trial.balls.only(~h)) for h in held]
+        trial, parts, fitted, [trial.fit(parts, fitted, trial.balls.only(~h)) for h in held_out]
     )
 
 
@@ -118,26 +118,26 @@ def judged(
     trial: Trial,
     parts: frozenset[str],
     fitted: Fitted,
-    folds: list[Fitted],
+    fold_fits: list[Fitted],
     degree: int | None = None,
 ) -> Model:
     """Measure the error of the normals on each fold by the fit without it."""
     errors, weights = [], []
-    for held, fold in zip(trial.folds(trial.balls), folds, strict=True):
-        test = trial.balls.only(held)
+    for held_out, fold in zip(trial.folds(trial.balls), fold_fits, strict=True):
+        test = trial.balls.only(held_out)
         placed = place_balls(test, fold, trial.shift_mm) if len(fold.shifts) > 1 else fold
         errors.append(normal_error(test, placed))
-        weights.append(held.sum())
+        weights.append(held_out.sum())
     degrees, noises = ([float(error[i]) for error in errors] for i in range(2))
     error = float(np.average(degrees, weights=weights))
-    return Model(parts, degree, fitted, error, degrees, noises, folds)
+    return Model(parts, degree, fitted, error, degrees, noises, fold_fits)
 
 
 def held_out_of(trial: Trial, best: Model, whole: Balls, bad: NDArray[np.bool_]) -> list[Held]:
     """Every pixel of each fold, without bad balls, with the film fitted to the other folds."""
     good = whole.only(~bad[whole.ball])
-    held = zip(map(good.only, trial.folds(good)), best.folds, strict=True)
-    return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held if b.u.size]
+    held_out = zip(map(good.only, trial.folds(good)), best.folds, strict=True)
+    return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held_out if b.u.size]
 
 
 def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls, Metrics]:
@@ -150,8 +150,8 @@ def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model,
     settled, best, whole = settle(grown, best)
     if "bounce" in best.parts and pays(best.errors, plain.errors):
         others = [part for part in parts if part != "bounce"]
-        without, model, pixels, tried = search(trial, start, others)
-        errors = tried | errors
+        without, model, pixels, candidate = search(trial, start, others)
+        errors = candidate | errors
         if model.error < best.error:
             settled, best, whole = without, model, pixels
     errors[f"film_heldout_deg/{best}"] = errors["film_heldout_deg"] = best.error
@@ -171,18 +171,18 @@ def grow(
     errors = {f"film_heldout_deg/{best}": best.error}
     if "bounce" in parts and may_grow(best):
         trial = trial._replace(balls=trial.samples(start.film))
-    while may_grow(best) and (left := [part for part in parts if part not in best.parts]):
-        wider = [best.parts | {part} for part in left]
+    while may_grow(best) and (untried := [part for part in parts if part not in best.parts]):
+        wider = [best.parts | {part} for part in untried]
         fitted = [trial.fit(parts, best.fitted) for parts in wider]
         # Only the part that explains the presses best is judged on held-out samples.
         first = int(np.argmin([normal_error(trial.balls, fit).degrees for fit in fitted]))
         better = judge(trial, wider[first], fitted[first])
         errors[f"film_heldout_deg/{better}"] = better.error
         alone = trial.prefers(better, best)
-        if not alone and not set(left) >= SHINING_PARTS:
+        if not alone and not set(untried) >= SHINING_PARTS:
             break
         if not alone:
-            coated = fitted[left.index("lobe")]
+            coated = fitted[untried.index("lobe")]
             better = better._replace(parts=best.parts | SHINING_PARTS, fitted=coated)
         if not lights_itself(better.fitted.film):
             best = better
@@ -234,12 +234,12 @@ def bend(trial: Trial, best: Model, errors: Metrics) -> Model:
     for degree in HARMONIC_DEGREES:
         if len(trial.balls.centre) <= term_count(degree):
             break
-        held = zip(trial.folds(trial.balls), physics.folds, strict=True)
-        folds = [_bent(trial, trial.balls.only(~h), fold, degree) for h, fold in held]
-        tried = judged(trial, physics.parts, physics.fitted, folds, degree)
-        errors[f"film_heldout_deg/{tried}"] = tried.error
-        if pays(best.errors, tried.errors):
-            best = tried
+        held_out = zip(trial.folds(trial.balls), physics.folds, strict=True)
+        fold_fits = [_bent(trial, trial.balls.only(~h), fold, degree) for h, fold in held_out]
+        candidate = judged(trial, physics.parts, physics.fitted, fold_fits, degree)
+        errors[f"film_heldout_deg/{candidate}"] = candidate.error
+        if pays(best.errors, candidate.errors):
+            best = candidate
     if best.degree is not None:
         best = best._replace(fitted=_bent(trial, trial.balls, best.fitted, best.degree))
     errors["film_heldout_deg"] = best.error
@@ -256,8 +256,8 @@ def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls, NDArray[np.boo
     Also returns the samples of the others, and which balls are left out.
     """
     balls, count = trial.balls, len(trial.balls.centre)
-    left = np.square(balls.light - predicted(balls, best.fitted)).mean(axis=0)
-    by_ball = np.sqrt(np.bincount(balls.ball, left, count) / np.bincount(balls.ball))
+    squares = np.square(balls.light - predicted(balls, best.fitted)).mean(axis=0)
+    by_ball = np.sqrt(np.bincount(balls.ball, squares, count) / np.bincount(balls.ball))
     bad = by_ball > MAX_RESIDUAL_RATIO * np.median(by_ball)
     if count < MIN_BALLS_TO_REJECT or not bad.any():
         return best, balls, np.zeros(count, bool)

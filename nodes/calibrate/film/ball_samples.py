@@ -193,9 +193,9 @@ def sample_balls(
             light = thrown[i].light
             if resting is not None:
                 light = light * resting.share(film.albedo)
-            seen = light, masks[i], thrown[i].bounced
+            evidence = light, masks[i], thrown[i].bounced
             placed = circle[number], float(radius[number]), moved[number]
-            edge[number] = _edge(*seen, *placed, film, frame)
+            edge[number] = _edge(*evidence, *placed, film, frame)
         moved = moved_with(moved, radius, circle[:, 2] * scale, edge)
         circle = np.column_stack([circle[:, :2], edge / scale])
     parts: list[tuple[NDArray[Any], ...]] = []
@@ -307,7 +307,7 @@ def _edge(
     centre = frame.centre(circle, radius, shift)
     across, down = (part.ravel() for part in np.meshgrid(u[columns], v[rows]))
     # Film under markers counts as dark, so that `contact_edge` ignores it.
-    seen, bounced = (
+    light, bounced = (
         plane.reshape(len(press), -1).astype(np.float64)
         for plane in (
             press[:, rows, columns] * bare[rows, columns],
@@ -318,7 +318,7 @@ def _edge(
     if shape is not None:
         beneath = Beneath(*shape.at(across, down), bounced, frame.beneath(circle)[2])
     rim = float(contact * frame.scale(circle)[0])
-    return contact_edge(across, down, seen, bounced, centre, radius, rim, film, beneath)
+    return contact_edge(across, down, light, bounced, centre, radius, rim, film, beneath)
 
 
 def _cells(film: Film, fine: bool) -> int:
@@ -337,8 +337,8 @@ def _rest_of(shape: RestShape, film: Film, cells: int, fine: bool, bounce: NodeC
     """The light of the film at rest; what it throws on itself in turn with what falls on it."""
     if film.albedo == 0 and not fine:
         film = film._replace(albedo=BOUNCED_ALBEDO)
-    own, thrown = light_at_rest(shape, film, bounce, cells)
-    return _AtRest(own, thrown / np.float32(film.albedo or 1))
+    direct, thrown = light_at_rest(shape, film, bounce, cells)
+    return _AtRest(direct, thrown / np.float32(film.albedo or 1))
 
 
 def _thrown_on(
@@ -371,19 +371,19 @@ def _thrown_on(
             away = (u * nearer - cx) ** 2 + (v[:, None] * nearer - cy) ** 2 + (z - cz) ** 2
             low = 0 if shape is None else height
             height = np.maximum(height, np.where(away < MAX_SQUARED_RADIUS * r**2, z, low))
-        seen = (height / (1 - film.camera * height)).astype(np.float32)
+        as_seen = (height / (1 - film.camera * height)).astype(np.float32)
         on_plane = press if resting is None else press * resting.share(film.albedo)
-        light = bounce(on_plane, seen, film._replace(albedo=BOUNCED_ALBEDO), pixel, cells=cells)
+        light = bounce(on_plane, as_seen, film._replace(albedo=BOUNCED_ALBEDO), pixel, cells=cells)
         # Balls are not film at rest, although little light is reflected onto their tops.
         if shape is None or resting is None:
-            shown = np.where(seen > 0, press, 1 + light)
+            light_here = np.where(as_seen > 0, press, 1 + light)
         else:
             around = (resting.own + light) / resting.share(BOUNCED_ALBEDO)
-            shown = np.where(seen > shape.seen, press, around)
-        drift = film_drift(coarsen(shown), sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
+            light_here = np.where(as_seen > shape.seen, press, around)
+        drift = film_drift(coarsen(light_here), sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
         level = (drift_gain(drift, size) - 1) * on_plane
-        whole, taken = light / np.float32(BOUNCED_ALBEDO), level / np.float32(BOUNCED_ALBEDO)
-        return _Thrown(whole, whole - taken)
+        whole, removed = light / np.float32(BOUNCED_ALBEDO), level / np.float32(BOUNCED_ALBEDO)
+        return _Thrown(whole, whole - removed)
 
     # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
     matt, wider = film._replace(refraction=1.0), film._replace(rim=film.rim + RIM_STEP_MM)
@@ -414,22 +414,22 @@ def _levelled(press: F4, sigma: F4, thrown: _Thrown, albedo: float, resting: _At
     For a film of this albedo, the press minus the light from film to film then is the LEDs'
     light.  For another albedo, `left` accounts for what would have been taken for drift.
     """
-    taken = np.float32(albedo) * (thrown.whole - thrown.left)
+    removed = np.float32(albedo) * (thrown.whole - thrown.left)
     light = np.float32(albedo) * thrown.whole
     if resting is not None:
         share = resting.share(albedo)
-        taken, light = taken / share, (light - np.float32(albedo) * resting.bounced) / share
-    known = coarsen(light)
+        removed, light = removed / share, (light - np.float32(albedo) * resting.bounced) / share
+    direct = coarsen(light)
     drift = film_drift(
-        coarsen(press), sigma, bounced=known, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS
+        coarsen(press), sigma, bounced=direct, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS
     )
-    return np.asarray(press / drift_gain(drift, press.shape[1:]) - taken, np.float32)
+    return np.asarray(press / drift_gain(drift, press.shape[1:]) - removed, np.float32)
 
 
-def grain(balls: Balls, left: F8, flat: F4, noise: F4) -> float:
+def grain(balls: Balls, residual: F8, flat: F4, noise: F4) -> float:
     """Relative standard deviation of the light from the model, beyond the camera's noise."""
     level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
     camera = (noise[0] * level * balls.light + noise[1]) / level**2
-    variance = DEVIATIONS_PER_MAD**2 * np.median(np.square(left / balls.reference_light))
+    variance = DEVIATIONS_PER_MAD**2 * np.median(np.square(residual / balls.reference_light))
     alone = np.median(camera / balls.reference_light**2)
     return float(np.sqrt(max(variance - alone, 0.0)))

@@ -72,7 +72,7 @@ class _Round(NamedTuple):
     fitted: Fitted
 
 
-def coated_bend(given: Bending, unknowns: F8, independent: float) -> tuple[F8, F8] | None:
+def coated_bend(bending: Bending, unknowns: F8, independent: float) -> tuple[F8, F8] | None:
     """Return the unknowns of the bend under a coat and their covariance; None without a coat.
 
     A film has one where it explains the balls' light better by sure odds, for as many
@@ -84,37 +84,37 @@ def coated_bend(given: Bending, unknowns: F8, independent: float) -> tuple[F8, F
     InputError
         If the film has one, and the height of the pupil is not given.
     """
-    matt = _round(given, unknowns, frozenset(), None)
-    coat = fit(matt.balls, matt.rest, COATED_PARTS[0], matt.fitted, *_sizes(given))
+    matt = _round(bending, unknowns, frozenset(), None)
+    coat = fit(matt.balls, matt.rest, COATED_PARTS[0], matt.fitted, *_sizes(bending))
     now = matt._replace(fitted=coat)
     more = len(PART_UNKNOWNS["lobe"])
     if log_odds(matt.fitted.scale, coat.scale, more, independent) < math.log(SURE_ODDS):
         return None
-    if not given.is_told:
+    if not bending.is_told:
         raise InputError(
             "`rest`=find: the film has a coat, and what that mirrors from near looks like a bend: "
             "give `camera_mm`, the height of the camera's pupil above the film (1e6: far away)"
         )
     for parts in COATED_PARTS:
         for _ in range(MAX_ROUNDS):
-            now = _round(given, unknowns, parts, now.fitted)
-            further = _further(given, unknowns, now)
-            step, spread = _step(given, now, parts, further)
-            unknowns = unknowns + given.unit * step
+            now = _round(bending, unknowns, parts, now.fitted)
+            further = _further(bending, unknowns, now)
+            step, spread = _step(bending, now, parts, further)
+            unknowns = unknowns + bending.unit * step
             if (np.square(step) < np.diag(spread)).all():
                 break
     for number in np.unique(now.balls.ball):
         others = now.balls.ball != number
-        kept = Further(further.light[..., others], further.flat)
+        remaining = Further(further.light[..., others], further.flat)
         without = now._replace(balls=now.balls.only(others))
-        moved = _step(given, without, parts, kept)[0] - step
-        spread = spread + np.outer(moved, moved) * (1 - 1 / len(given.radius))
-    return unknowns, spread * np.outer(given.unit, given.unit)
+        moved = _step(bending, without, parts, remaining)[0] - step
+        spread = spread + np.outer(moved, moved) * (1 - 1 / len(bending.radius))
+    return unknowns, spread * np.outer(bending.unit, bending.unit)
 
 
-def _round(given: Bending, unknowns: F8, parts: frozenset[str], before: Fitted | None) -> _Round:
+def _round(bending: Bending, unknowns: F8, parts: frozenset[str], before: Fitted | None) -> _Round:
     """Fit a model's film, LEDs and balls on a bend."""
-    laid = given.lay(unknowns)
+    laid = bending.lay(unknowns)
     start = start_at(laid.lights, laid.strength, len(laid.circle))
     film = matt_film(laid.lights)
     if before is not None:
@@ -125,31 +125,31 @@ def _round(given: Bending, unknowns: F8, parts: frozenset[str], before: Fitted |
         start._replace(film=start.film._replace(camera=camera)),
     )
     balls = sample_balls(
-        given.light, given.flat, laid.circle, given.radius, given.of, film, given.noise,
-        given.pixel, fine="bounce" not in parts, bounce=given.bounce, shape=laid.shape,
+        bending.light, bending.flat, laid.circle, bending.radius, bending.of, film, bending.noise,
+        bending.pixel, fine="bounce" not in parts, bounce=bending.bounce, shape=laid.shape,
     )  # fmt: skip
-    glow = bounced_at_rest(laid.shape, film, given.bounce) if "bounce" in parts else None
-    rest = rest_of(given.flat, given.pixel, laid.shape, glow)
+    glow = bounced_at_rest(laid.shape, film, bending.bounce) if "bounce" in parts else None
+    rest = rest_of(bending.flat, bending.pixel, laid.shape, glow)
     assert rest is not None  # `find_rest` refuses a uniform flat frame
-    fitted = fit(balls, rest, parts, start, *_sizes(given))
+    fitted = fit(balls, rest, parts, start, *_sizes(bending))
     return _Round(laid, balls, rest, fitted)
 
 
-def _sizes(given: Bending) -> tuple[float, float]:
+def _sizes(bending: Bending) -> tuple[float, float]:
     """Standard deviation of a ball's place, and the film's width, in mm."""
-    return SHIFT_DEVIATION_PX * given.pixel, given.pixel * given.flat.shape[2]
+    return SHIFT_DEVIATION_PX * bending.pixel, bending.pixel * bending.flat.shape[2]
 
 
-def _step(given: Bending, now: _Round, parts: frozenset[str], further: Further) -> tuple[F8, F8]:
-    return further_step(now.balls, now.rest, parts, now.fitted, further, *_sizes(given))
+def _step(bending: Bending, now: _Round, parts: frozenset[str], further: Further) -> tuple[F8, F8]:
+    return further_step(now.balls, now.rest, parts, now.fitted, further, *_sizes(bending))
 
 
-def _further(given: Bending, unknowns: F8, now: _Round) -> Further:
+def _further(bending: Bending, unknowns: F8, now: _Round) -> Further:
     """Derivatives of the light by the unknowns of the bend, in their units."""
     light, flat = predicted(now.balls, now.fitted), rest_left(now.rest, now.fitted)
     by_light, by_flat = [], []
     for way in np.eye(len(unknowns)):
-        shape = given.shape(unknowns + DERIVATIVE_STEP * given.unit * way)
+        shape = bending.shape(unknowns + DERIVATIVE_STEP * bending.unit * way)
         balls = laid_on(now.balls, now.laid.circle, shape)
         by_light.append((predicted(balls, now.fitted) - light) / DERIVATIVE_STEP)
         rest = replace(now.rest, beneath=shape.at(now.rest.x, now.rest.y))

@@ -48,11 +48,11 @@ def by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
     return np.asarray(by.mean(axis=1, keepdims=True) - by)
 
 
-def rest_spread(left: F8, rest: Rest) -> float:
+def rest_spread(rough: F8, rest: Rest) -> float:
     """Standard deviation of a block; larger if the flat frame (smoothly) departs from the model."""
     noise = LIGHT_DEVIATION / rest.block
-    residual = float(np.sqrt(np.square(left).mean()))
+    residual = float(np.sqrt(np.square(rough).mean()))
     if rest.beneath is not None:
         # The light of a film of known shape measures the LEDs: a model that leaves more is wrong.
         residual = min(residual, LIGHT_DEVIATION)
-    return float(np.hypot(noise, residual * np.sqrt(max(1, left.shape[1] / MAX_INDEPENDENT_REST))))
+    return float(np.hypot(noise, residual * np.sqrt(max(1, rough.shape[1] / MAX_INDEPENDENT_REST))))

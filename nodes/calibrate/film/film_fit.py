@@ -88,20 +88,20 @@ class _Problem(NamedTuple):
         what another brightness may explain away.
         """
         unit = np.sqrt(self.sample_weight) / (self.scale * self.balls.reference_light)
-        light, seen = light * unit, self.balls.light * unit
-        square = np.maximum(np.square(seen).sum(axis=0), 1e-12)
-        taken = (1 - 1 / np.sqrt(1 + self.uneven**2 * square)) / square
-        return np.asarray(light - taken * seen * (seen * light).sum(axis=-2, keepdims=True))
+        light, ball = light * unit, self.balls.light * unit
+        square = np.maximum(np.square(ball).sum(axis=0), 1e-12)
+        shrink = (1 - 1 / np.sqrt(1 + self.uneven**2 * square)) / square
+        return np.asarray(light - shrink * ball * (ball * light).sum(axis=-2, keepdims=True))
 
     def left(self, now: Fitted) -> _Left:
         """Return the residuals of a fit."""
         flat = np.empty((len(now.leds), 0)) if self.rest is None else rest_left(self.rest, now)
         return _Left(predicted(self.balls, now) - self.balls.light, flat)
 
-    def judged(self, left: _Left) -> Self:
+    def judged(self, residuals: _Left) -> Self:
         """Return the problem with the standard deviations of residuals."""
-        certain = LIGHT_DEVIATION if self.rest is None else rest_spread(left.flat, self.rest)
-        return self._replace(scale=light_scale(self.balls, left.light), certain=certain)
+        certain = LIGHT_DEVIATION if self.rest is None else rest_spread(residuals.flat, self.rest)
+        return self._replace(scale=light_scale(self.balls, residuals.light), certain=certain)
 
 
 class _Trial(NamedTuple):
@@ -189,8 +189,8 @@ def fit(
             "that balls and flat frame are of one zoom, that the flat frame shows untouched "
             "film, and that the film is a plane at rest unless its shape is given"
         )
-    found = descend(first, _Trial.cost, _Trial.linear, _Trial.judged)
-    return found.now._replace(scale=found.problem.scale)
+    best = descend(first, _Trial.cost, _Trial.linear, _Trial.judged)
+    return best.now._replace(scale=best.problem.scale)
 
 
 class Certainty(NamedTuple):
@@ -248,8 +248,8 @@ def further_step(
     Film, LEDs and balls' places move with them.
     """
     problem = _Problem(balls, rest, unknowns_of(parts), shift_mm, width_mm)
-    left = problem.left(fitted)
-    equations = _equations(problem.judged(left), fitted, left, further)
+    residuals = problem.left(fitted)
+    equations = _equations(problem.judged(residuals), fitted, residuals, further)
     by, _ = _solve(equations, 0.0)
     first = len(by) - len(further.light)
     return by[first:], _covariance(equations)[first:, first:]
@@ -260,11 +260,11 @@ def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
     now, scale = fitted, fitted.scale
     spread, rest = place_deviations(balls, shift_mm), rest_seen(balls, fitted.film)
     for _ in range(10):
-        left = predicted(balls, now, rest) - balls.light
-        by = _by_shift(balls, now, left + balls.light, rest)
-        weight = _weight(balls, left, scale)
+        residual = predicted(balls, now, rest) - balls.light
+        by = _by_shift(balls, now, residual + balls.light, rest)
+        weight = _weight(balls, residual, scale)
         normal = balls.by_ball(by * weight, by) + _diagonals(spread**-2)
-        right = -balls.by_ball(by, (weight * left)[None])[..., 0] - now.shifts * spread**-2
+        right = -balls.by_ball(by, (weight * residual)[None])[..., 0] - now.shifts * spread**-2
         step = np.clip(np.linalg.solve(normal, right[..., None])[..., 0], -spread, spread)
         now = now._replace(shifts=now.shifts + step)
         if np.abs(step[:, :2]).max() < 1e-3 * shift_mm:
@@ -298,40 +298,40 @@ def add_harmonics(
     place = place_terms(balls.u / reach, balls.v / reach)[:used]
     weight = 1 / balls.reference_light**2
     # A coefficient is as far from 0 as the light from the model, of which samples count.
-    held = np.full(count * size + 1, max(1, balls.u.size / MAX_INDEPENDENT_SAMPLES))
-    held[-1] = 0
+    ridge = np.full(count * size + 1, max(1, balls.u.size / MAX_INDEPENDENT_SAMPLES))
+    ridge[-1] = 0
     for _ in range(MAX_ROUNDS):
         n, *_ = balls.seen(now.shifts, film.camera)
         shade = shades(n) * np.clip(1 + (n[2] - film.flattest) / FADE_WIDTH, 0, 1)
         basis = (shade[:, None] * place[None]).reshape(size, -1)
         thrown = balls.thrown(now.shifts, film)
         base = predicted(balls, physics._replace(shifts=now.shifts)) - thrown
-        left = balls.light - base - thrown
-        normal, right = np.diag(held), np.zeros(count * size + 1)
+        residual = balls.light - base - thrown
+        normal, right = np.diag(ridge), np.zeros(count * size + 1)
         for k in range(count):
-            own, weighted = slice(k * size, (k + 1) * size), basis * weight[k]
-            normal[own, own] += weighted @ basis.T
-            normal[own, -1] = normal[-1, own] = weighted @ base[k]
-            right[own] = weighted @ left[k]
+            of_led, weighted = slice(k * size, (k + 1) * size), basis * weight[k]
+            normal[of_led, of_led] += weighted @ basis.T
+            normal[of_led, -1] = normal[-1, of_led] = weighted @ base[k]
+            right[of_led] = weighted @ residual[k]
             normal[-1, -1] += (weight[k] * base[k]) @ base[k]
-            right[-1] += (weight[k] * base[k]) @ left[k]
+            right[-1] += (weight[k] * base[k]) @ residual[k]
         change = np.linalg.solve(normal, right)
         harmonics = np.zeros((count, 8, 6))
         harmonics[:, :, :used] = change[:-1].reshape(count, 8, used)
         gain = film.gain * (1 + float(change[-1]))
         now = now._replace(film=film._replace(harmonics=cast(F4, harmonics), gain=gain))
-        left = predicted(balls, now) - balls.light
-        now = place_balls(balls, now._replace(scale=light_scale(balls, left)), shift_mm)
+        residual = predicted(balls, now) - balls.light
+        now = place_balls(balls, now._replace(scale=light_scale(balls, residual)), shift_mm)
         away = (balls.light - predicted(balls, now)) / balls.reference_light
         # Cauchy's weights.
         weight = 1 / (1 + (away / (3 * now.scale)) ** 2) / balls.reference_light**2
     return now._replace(scale=light_scale(balls, predicted(balls, now) - balls.light))
 
 
-def _weight(balls: Balls, left: F8, scale: float) -> F8:
+def _weight(balls: Balls, residual: F8, scale: float) -> F8:
     """Weights of the samples' residuals in the normal equations."""
     deviation = scale * balls.reference_light
-    return np.asarray(huber_weight(left / balls.reference_light / scale) / deviation**2)
+    return np.asarray(huber_weight(residual / balls.reference_light / scale) / deviation**2)
 
 
 def light_scale(balls: Balls, left: F8) -> float:
@@ -339,14 +339,16 @@ def light_scale(balls: Balls, left: F8) -> float:
     return max(LIGHT_DEVIATION, _robust_spread(left / balls.reference_light))
 
 
-def _robust_spread(left: F8) -> float:
-    return DEVIATIONS_PER_MAD * float(np.median(np.abs(left)))
+def _robust_spread(residual: F8) -> float:
+    return DEVIATIONS_PER_MAD * float(np.median(np.abs(residual)))
 
 
-def _cost(problem: _Problem, now: Fitted, left: _Left) -> float:
+def _cost(problem: _Problem, now: Fitted, errors: _Left) -> float:
     deviations = place_deviations(problem.balls, problem.shift_mm)
     total = float(np.square(now.shifts / deviations).sum())
-    total += problem.each * huber(problem.normed(left.light)) + huber(left.flat / problem.certain)
+    total += problem.each * huber(problem.normed(errors.light)) + huber(
+        errors.flat / problem.certain
+    )
     total += float(now.leds[:, 3].mean() ** 2)
     return total + 2 * surprise(now, problem.names, problem.width_mm)
 
@@ -355,18 +357,18 @@ def _equations(
     problem: _Problem, now: Fitted, residuals: _Left, further: Further | None = None
 ) -> _Equations:
     balls, rest, names, shift_mm, width_mm, *_, certain = problem
-    seen = rest_seen(balls, now.film)
-    light, left = residuals.light + balls.light, problem.normed(residuals.light)
-    by_own = problem.normed(_by_shift(balls, now, light, seen))
-    by = _by_shared(balls, now, names, light, seen)
+    at_rest = rest_seen(balls, now.film)
+    light, normed = residuals.light + balls.light, problem.normed(residuals.light)
+    by_own = problem.normed(_by_shift(balls, now, light, at_rest))
+    by = _by_shared(balls, now, names, light, at_rest)
     by = problem.normed(by if further is None else np.concatenate([by, further.light]))
-    weight = problem.each * huber_weight(left)
+    weight = problem.each * huber_weight(normed)
     spread = place_deviations(balls, shift_mm)
-    sure, away = by * weight, (weight * left)[None]
+    sure, away = by * weight, (weight * normed)[None]
     shared = sure.reshape(len(by), -1) @ by.reshape(len(by), -1).T
     right = -(by.reshape(len(by), -1) @ away.ravel())
     mixed = balls.by_ball(sure, by_own)
-    own = balls.by_ball(by_own * weight, by_own) + _diagonals(spread**-2)
+    by_shift = balls.by_ball(by_own * weight, by_own) + _diagonals(spread**-2)
     right_own = -balls.by_ball(by_own, away)[..., 0] - now.shifts * spread**-2
     if rest is not None:
         flat = by_rest(rest, now, names)
@@ -379,13 +381,13 @@ def _equations(
     # The flat frame leaves the strengths' common factor free; without one, all of them are free.
     # So a prior holds them.
     strengths = np.arange(3, now.leds.size, UNKNOWNS_PER_LED)
-    held = 1 / len(strengths) ** 2 if rest is not None else np.eye(len(strengths))
-    shared[np.ix_(strengths, strengths)] += held
+    ridge = 1 / len(strengths) ** 2 if rest is not None else np.eye(len(strengths))
+    shared[np.ix_(strengths, strengths)] += ridge
     right[strengths] -= now.leds[:, 3].mean() / len(strengths)
     for j, away_from, sure_of in priors(now, names, width_mm):
         shared[j, j] += sure_of**-2
         right[j] -= away_from / sure_of**2
-    return _Equations(shared, mixed, own, right, right_own)
+    return _Equations(shared, mixed, by_shift, right, right_own)
 
 
 def _by_shift(balls: Balls, now: Fitted, before: F8, rest: F8 | None) -> F8:
@@ -409,19 +411,19 @@ def _by_shared(balls: Balls, now: Fitted, names: list[str], before: F8, rest: F8
 
 def _solve(e: _Equations, damping: float) -> tuple[F8, F8]:
     """The steps of the shared unknowns and of each ball, by Schur's complement."""
-    own = e.own * (1 + damping * np.eye(3))
+    damped = e.own * (1 + damping * np.eye(3))
     shared = e.shared + damping * np.diag(np.diag(e.shared) + 1e-12)
-    schur, less = _without_shifts(shared, e.mixed, own)
-    solved = np.linalg.solve(own, e.right_own[..., None])[..., 0]
+    schur, less = _without_shifts(shared, e.mixed, damped)
+    solved = np.linalg.solve(damped, e.right_own[..., None])[..., 0]
     right = e.right - np.einsum("pgi,pi->g", e.mixed, solved)
     scale = np.sqrt(np.maximum(np.diag(schur), 1e-30))
     by = np.linalg.solve(schur / np.outer(scale, scale), right / scale) / scale
     return by, solved - np.einsum("pig,g->pi", less, by)
 
 
-def _without_shifts(shared: F8, mixed: F8, own: F8) -> tuple[F8, F8]:
+def _without_shifts(shared: F8, mixed: F8, by_shift: F8) -> tuple[F8, F8]:
     """Schur's complement of the balls' own blocks, and the shifts' coupling to the shared step."""
-    less = np.linalg.solve(own, np.transpose(mixed, (0, 2, 1)))
+    less = np.linalg.solve(by_shift, np.transpose(mixed, (0, 2, 1)))
     return np.asarray(shared - np.einsum("pgi,pih->gh", mixed, less)), np.asarray(less)
 
 

@@ -168,7 +168,7 @@ def differences(
     return by
 
 
-def moved_by(now: Fitted, names: list[str], by: F8, own: F8) -> Fitted:
+def moved_by(now: Fitted, names: list[str], by: F8, shifts: F8) -> Fitted:
     """Return a fit after a step of the shared unknowns and of the balls' shifts."""
     leds = now.leds + by[: now.leds.size].reshape(now.leds.shape)
     leds[:, 2] = np.maximum(leds[:, 2], 1 / INFINITY_MM)
@@ -178,7 +178,7 @@ def moved_by(now: Fitted, names: list[str], by: F8, own: F8) -> Fitted:
     for name in names:
         value = within(name, value_of(now, name) + by[numbers[name]])
         changed[name] = value if name == "diffuse" else float(value[0])
-    return with_values(now._replace(shifts=now.shifts + own), changed).with_leds(leds)
+    return with_values(now._replace(shifts=now.shifts + shifts), changed).with_leds(leds)
 
 
 def within(name: str, value: F8) -> F8:

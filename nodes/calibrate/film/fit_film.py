@@ -150,8 +150,8 @@ def fit_film(
     circle, radius, of = circle[used], radius[used], of[used]
 
     def samples(film: Film, **options: Any) -> Balls:
-        given = light, flat, circle, radius, of, film, noise, pixel
-        return sample_balls(*given, bare=bare, bounce=bounce, shape=shape, **options)
+        evidence = light, flat, circle, radius, of, film, noise, pixel
+        return sample_balls(*evidence, bare=bare, bounce=bounce, shape=shape, **options)
 
     # A matt film throws no light onto itself, and is sampled again where it may be another.
     balls = samples(matt_film(lights), fine=True)
@@ -188,17 +188,17 @@ def fit_film(
     else:
         others = sure.other_places(best.fitted.leds, width)
     film = film._replace(others=others)
-    left = balls.light - predicted(balls, best.fitted)
-    held = held_out_of(trial, best, whole, bad)
-    uneven = unevenness(held, pixel)
+    residual = balls.light - predicted(balls, best.fitted)
+    held_out = held_out_of(trial, best, whole, bad)
+    uneven = unevenness(held_out, pixel)
     if len(balls.centre) == 1 and "diffuse" in best.parts:
         # One ball does not tell by how much the gain of touched film varies.
         uneven = max(uneven, start.film.uneven)
-    rough, slope = grain(balls, left, flat, noise), pressed_slope(balls)
+    rough, slope = grain(balls, residual, flat, noise), pressed_slope(balls)
     return FilmFit(
         stored(film)._replace(uneven=uneven, grain=rough, pressed_slope=slope),
-        misfit=misfit(held, film, pixel, uneven),
-        residual=np.sqrt(np.square(left).mean(axis=1)).astype(np.float32),
+        misfit=misfit(held_out, film, pixel, uneven),
+        residual=np.sqrt(np.square(residual).mean(axis=1)).astype(np.float32),
         quality=errors | _properties(best, film, trial.rest),
         evidence=evidence,
     )
@@ -234,6 +234,6 @@ def _properties(best: Model, film: Film, rest: Rest | None) -> Metrics:
         figures["camera_mm"] = 1 / film.camera
     figures["film_residual_percent"] = 100 * best.fitted.scale
     if rest is not None:
-        left = rest_left(rest, best.fitted)
-        figures["flat_residual_percent"] = 100 * float(np.sqrt(np.square(left).mean()))
+        residual = rest_left(rest, best.fitted)
+        figures["flat_residual_percent"] = 100 * float(np.sqrt(np.square(residual).mean()))
     return figures

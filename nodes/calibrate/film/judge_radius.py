@@ -155,38 +155,40 @@ def judge_radius(
     InputError
         If the light contradicts the values told and `force` is not set.
     """
-    light, flat, circle, radius, of, kept, lights, strength, noise, pixel, shape = evidence
-    used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
+    light, flat, circle, radius, of, is_used, lights, strength, noise, pixel, shape = evidence
+    used = np.flatnonzero((is_used[of] > 0) & (circle[:, 2] > 0))
     balls = sample_balls(
         *(light, flat, circle[used], radius[used], of[used], matt_film(lights), noise, pixel),
         most=None,
         fine=True,
         shape=shape,
     )
-    first, left = float(radius[used[0]]), _left(fitted)
+    first, percent = float(radius[used[0]]), _left(fitted)
     # On a film that is no plane, the pupil is where its shape was seen from.
     camera = film.camera if shape is None else film.camera or None
-    found = explain(balls, flat, pixel, lights, strength, shape, camera)
-    doubts, is_clear = doubts_of(found, first, left, RADIUS_INPUTS)
+    alternatives = explain(balls, flat, pixel, lights, strength, shape, camera)
+    doubts, is_clear = doubts_of(alternatives, first, percent, RADIUS_INPUTS)
     if is_clear and not (force or of_pixels):
         raise InputError([*(others or []), *doubts][0] + FORCE_ADVICE)
-    scale, is_open = scale_error(found, left), ""
+    scale, is_open = scale_error(alternatives, percent), ""
     if led_distance_mm is not None:
         mean = float(np.linalg.norm(film.lights, axis=1).mean())
-        doubts += _of_distance(mean, led_distance_mm, first, found)
+        doubts += _of_distance(mean, led_distance_mm, first, alternatives)
         scale = scale if doubts else 0.0
     elif not doubts:
         advice = ", or give `led_distance_mm`=MM"
-        is_open = unconfirmed(found, first, left, RADIUS_INPUTS, advice)
+        is_open = unconfirmed(alternatives, first, percent, RADIUS_INPUTS, advice)
         # The small balls of a grid throw no shadow, however deep they are pressed.
         doubts += [is_open] * bool(is_open and np.bincount(of[used]).max() == 1)
     scale = math.hypot(scale, rest_error or 0.0)
-    departure = found.by_name[AS_TOLD].departure
+    departure = alternatives.by_name[AS_TOLD].departure
     quality = fitted | {"light_departure_percent": 100 * departure}
     quality["scale_error_percent"] = 100 * scale
-    if found.odds(OTHER_SIZE, left) > 1 / SURE_ODDS:
-        likelier = _is_other(found) and found.odds(OTHER_SIZE) > SURE_ODDS
-        quality["light_radius_mm"] = first * (found.by_name[OTHER_SIZE].size if likelier else 1)
+    if alternatives.odds(OTHER_SIZE, percent) > 1 / SURE_ODDS:
+        likelier = _is_other(alternatives) and alternatives.odds(OTHER_SIZE) > SURE_ODDS
+        quality["light_radius_mm"] = first * (
+            alternatives.by_name[OTHER_SIZE].size if likelier else 1
+        )
     return JudgedRadius(quality, doubts, is_open, scale)
 
 
@@ -242,24 +244,24 @@ def explain(
         # What a fit leaves of the flat frame counts as the flat frame's own error.  One that
         # leaves more there than on the balls may depart less from a matt film on.
         for first in starts(parts):
-            found, has_given_up = explained(fitted(parts, first))
-            yield found
+            best, has_given_up = explained(fitted(parts, first))
+            yield best
             if has_given_up:
                 yield explained(fitted(parts, fitted(frozenset(), first)))[0]
 
     left_out = {OTHER_CAMERA: camera != 0, WITH_COAT: not coated}
     free = {name: parts for name, parts in FREE_PARTS.items() if not left_out.get(name)}
-    found = {
+    by_name = {
         name: min(tried(parts), key=lambda each: each.departure) for name, parts in free.items()
     }
     # A camera that is found far away is as told, and its fit may end in a lower minimum.
-    if (far := found.get(OTHER_CAMERA)) is not None and far.camera == 0:
-        found[AS_TOLD] = min(found[AS_TOLD], far, key=lambda each: each.departure)
+    if (far := by_name.get(OTHER_CAMERA)) is not None and far.camera == 0:
+        by_name[AS_TOLD] = min(by_name[AS_TOLD], far, key=lambda each: each.departure)
     values = min(samples.light.size, MAX_INDEPENDENT_REST * len(lights))
     cap = {
-        name: _cap(balls, found[name].size) / _cap(balls, 1.0) for name in (OTHER_SIZE, CLEAR_GEL)
+        name: _cap(balls, by_name[name].size) / _cap(balls, 1.0) for name in (OTHER_SIZE, CLEAR_GEL)
     }
-    return Alternatives(found, values, cap)
+    return Alternatives(by_name, values, cap)
 
 
 def doubts_of(
@@ -285,11 +287,11 @@ def doubts_of(
         best, *rest = likely
         least = found.by_name[best].departure
         alike = [name for name in rest if found.odds(name, least) > 1 / REFUSED_ODDS]
-        given = found.by_name[AS_TOLD].departure
+        as_told = found.by_name[AS_TOLD].departure
         doubt = (
             f"{_value(found, best, radius)} explains the light better than "
             f"{_told(best, radius)}, {_times(found.odds(best))} likelier "
-            f"({least:.1%} unexplained instead of {given:.1%})"
+            f"({least:.1%} unexplained instead of {as_told:.1%})"
             + "".join(f"; so does {_value(found, name, radius)}" for name in alike)
             + _cure(found, best, which)
         )

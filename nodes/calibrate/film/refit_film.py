@@ -142,26 +142,26 @@ def refit_film(
     if not used.any():
         return _result(precise, film, old_misfit, even_pixel, {})
     circle, radius, of = circle[used], radius[used], of[used]
-    given = (light, flat, circle, radius, of, film, noise, pixel)
-    balls = sample_balls(*given, bounce=bounce)
+    evidence = (light, flat, circle, radius, of, film, noise, pixel)
+    balls = sample_balls(*evidence, bounce=bounce)
     if (slope := pressed_slope(balls)) < SHALLOW_SHARE * film.pressed_slope:
         warn(
             f"the check press has slopes of up to {slope:.2f}, the calibration's presses of up to "
             f"{film.pressed_slope:.2f}: press as deep as slopes will be, and recalibrate"
         )
-    known = _known(precise, flat, before, pixel)
-    best, errors, folds = _choose(known, balls)
+    before_refit = _known(precise, flat, before, pixel)
+    best, errors, fold_fits = _choose(before_refit, balls)
     if precise.harmonics.any():
         plain = precise._replace(harmonics=np.zeros_like(precise.harmonics))
-        other = _choose(known._replace(film=plain), balls)
+        other = _choose(before_refit._replace(film=plain), balls)
         if pays(errors, other[1]):
-            best, errors, folds = other
-    before_error = float(np.mean(_judged(known, balls, ())[1]))
-    whole = sample_balls(*given, most=None, bounce=bounce)
-    parts = [whole.only(whole.held_by % FOLD_COUNT == number) for number in range(len(folds))]
-    held = [Held(b, fold.fitted) for b, fold in zip(parts, folds, strict=True) if b.u.size]
-    uneven = unevenness(held, pixel)
-    new_misfit = misfit(held, film, pixel, uneven)
+            best, errors, fold_fits = other
+    before_error = float(np.mean(_judged(before_refit, balls, ())[1]))
+    whole = sample_balls(*evidence, most=None, bounce=bounce)
+    parts = [whole.only(whole.held_by % FOLD_COUNT == number) for number in range(len(fold_fits))]
+    held_out = [Held(b, fold.fitted) for b, fold in zip(parts, fold_fits, strict=True) if b.u.size]
+    uneven = unevenness(held_out, pixel)
+    new_misfit = misfit(held_out, film, pixel, uneven)
     rough = grain(balls, balls.light - predicted(balls, best.fitted), flat, noise)
     figures = {"check_deg/before": before_error, "check_deg/held_out": float(np.mean(errors))}
     thicker = best.changed.get("thicker", 0.0)
@@ -174,10 +174,10 @@ def refit_film(
     )
 
 
-def _result(new: Film, old: Film, left: F4, pixel: float, figures: Metrics) -> FilmRefit:
+def _result(new: Film, old: Film, residual: F4, pixel: float, figures: Metrics) -> FilmRefit:
     film = stored(new)
     others = np.asarray(old.others + (film.lights - old.lights), np.float32)
-    return FilmRefit(film._replace(others=others), np.asarray(left, np.float32), pixel, figures)
+    return FilmRefit(film._replace(others=others), np.asarray(residual, np.float32), pixel, figures)
 
 
 def _changes(old: Film, new: Film, thicker: float) -> Metrics:
@@ -214,14 +214,14 @@ def _level(logarithm: F8) -> F8:
 
 def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, list[float], list[_Refitted]]:
     """The simplest change that the held-out quarters support, its error and its folds."""
-    best, errors, folds = _judged(known, balls, FILM_CHANGES[0])
+    best, errors, fold_fits = _judged(known, balls, FILM_CHANGES[0])
     values = min(balls.u.size, MAX_INDEPENDENT * len(balls.centre))
     for names in FILM_CHANGES[1:]:
-        tried = _judged(known, balls, names)
-        scales = best.scale(balls), tried[0].scale(balls)
-        if grows(errors, tried[1], scales, len(names) - len(best.changed), values):
-            best, errors, folds = tried
-    return best, errors, folds
+        candidate = _judged(known, balls, names)
+        scales = best.scale(balls), candidate[0].scale(balls)
+        if grows(errors, candidate[1], scales, len(names) - len(best.changed), values):
+            best, errors, fold_fits = candidate
+    return best, errors, fold_fits
 
 
 def _judged(
@@ -229,15 +229,15 @@ def _judged(
 ) -> tuple[_Refitted, list[float], list[_Refitted]]:
     """The fit to all samples, the held-out error, and the fit without each fold."""
     whole = _fit(known, balls, names, {})
-    folds, errors = [], []
+    fold_fits, errors = [], []
     for number in range(FOLD_COUNT):
-        held = balls.held_by % FOLD_COUNT == number
-        if not held.any():
+        held_out = balls.held_by % FOLD_COUNT == number
+        if not held_out.any():
             continue
-        fold = _fit(known, balls.only(~held), names, whole.changed)
-        folds.append(fold)
-        errors.append(normal_error(balls.only(held), fold.fitted).degrees)
-    return whole, errors, folds
+        fold = _fit(known, balls.only(~held_out), names, whole.changed)
+        fold_fits.append(fold)
+        errors.append(normal_error(balls.only(held_out), fold.fitted).degrees)
+    return whole, errors, fold_fits
 
 
 def _changed(film: Film, names: dict[str, float]) -> Film:
@@ -245,11 +245,11 @@ def _changed(film: Film, names: dict[str, float]) -> Film:
     values: dict[str, Any] = dict(names)
     thicker, diffuse = values.pop("thicker", 0.0), values.pop("diffuse", 0.0)
     values["diffuse"] = film.diffuse + diffuse
-    kept: dict[str, Any] = {name: within(name, value) for name, value in values.items()}
+    fields: dict[str, Any] = {name: within(name, value) for name, value in values.items()}
     return film._replace(
         lights=film.lights + np.array([0, 0, thicker]),
         camera=film.camera / (1 + film.camera * thicker),
-        **kept,
+        **fields,
     )
 
 
@@ -283,14 +283,14 @@ def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, f
         return _Refitted(named, _changed(film, named), values[: 3 * count].reshape(-1, 3))
 
     def left(values: F8) -> F8:
-        tried = at(values)
+        candidate = at(values)
         # On a film that is farther from the camera, positions are scaled.
-        scale = 1 + film.camera * tried.changed.get("thicker", 0.0)
+        scale = 1 + film.camera * candidate.changed.get("thicker", 0.0)
         farther = {name: getattr(balls, name) * scale for name in ("u", "v", "centre", "rim")}
-        light = predicted(replace(balls, **farther), tried.fitted)
+        light = predicted(replace(balls, **farther), candidate.fitted)
         parts = [((balls.light - light) / whole).ravel(), (values - usual) / spread]
         if names and known.fall.x.size:
-            fallen = np.log(rest_light(tried.film, known.fall.x * scale, known.fall.y * scale))
+            fallen = np.log(rest_light(candidate.film, known.fall.x * scale, known.fall.y * scale))
             parts.append(((known.ratio - _level(fallen - level)) / blocks).ravel())
         return np.concatenate(parts)
 

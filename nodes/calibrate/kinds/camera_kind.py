@@ -23,11 +23,11 @@ def draw(arrays: Mapping[str, Any], title: str, target: Path) -> None:
     figure = Figure(figsize=(8, 8 * rows / columns + 1), dpi=100, layout="constrained")
     axes = figure.subplots()
     step = max(columns // MARKS_ACROSS, 1)
-    seen = [plane[::step, ::step] for plane in seen_places(arrays["lens"], (rows, columns))]
+    places = [plane[::step, ::step] for plane in seen_places(arrays["lens"], (rows, columns))]
     y, x = (plane[::step, ::step] for plane in np.mgrid[:rows, :columns])
     axes.plot(x.ravel(), y.ravel(), ".", color="#9a9a9a", label="even grid")
     axes.plot(
-        *(plane.ravel() for plane in seen), "+", color="#ffb000", label="as the camera sees it"
+        *(plane.ravel() for plane in places), "+", color="#ffb000", label="as the camera sees it"
     )
     axes.set(title=title, xlabel="x / px", ylabel="y / px", aspect="equal")
     axes.invert_yaxis()

@@ -98,10 +98,10 @@ def calibrate_lights(
     rest, width = rest_of(flat, pixel, shape), pixel * light.shape[2]
     placed = place_leds(objects, rest, width, slants=slants)
     residual = [
-        residual_of(there, placed.leds, shift, placed.flat)
-        for there, shift in zip(objects, placed.shifts, strict=True)
+        residual_of(each, placed.leds, shift, placed.flat)
+        for each, shift in zip(objects, placed.shifts, strict=True)
     ]
-    lit = np.hstack([there.lit for there in objects])
+    lit = np.hstack([each.lit for each in objects])
     spread = np.sqrt(np.square(np.hstack(residual)).sum(axis=1) / lit.sum(axis=1))
     others = other_places(objects, rest, placed, width)
     return LightsFit(placed.lights, placed.strength, spread.astype(np.float32), others)

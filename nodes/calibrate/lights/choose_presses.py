@@ -103,14 +103,14 @@ def choose_presses(
         If no press can be used.
     """
     rows = flat.shape[1]
-    pressed = [i for i, known in enumerate(cut(mask, rows)) if known.any()]
+    pressed = [i for i, bared in enumerate(cut(mask, rows)) if bared.any()]
     lost, spoilt = _saturated(image, mask, rows)
     if spoilt.any():
         bare = np.asarray(~spoilt if bare is None else ~spoilt & (bare > 0), np.uint8)
-    known = mask if bare is None else mask * bare
-    presses = presses_of(light, slope, known, height, lit, rows)
-    kept, residual = np.zeros(len(presses), np.uint8), np.zeros(len(presses), np.float32)
-    kept[pressed] = 1
+    bared = mask if bare is None else mask * bare
+    presses = presses_of(light, slope, bared, height, lit, rows)
+    is_used, residual = np.zeros(len(presses), np.uint8), np.zeros(len(presses), np.float32)
+    is_used[pressed] = 1
     why = {
         i: f"{lost[i]:.0%} of its contact is saturated; expose shorter"
         for i in pressed
@@ -119,9 +119,9 @@ def choose_presses(
     if len(presses) == 1 and why:
         raise InputError(why[0].replace("its contact", "the ball"))
     if len(presses) > 1:
-        seen = [i for i in pressed if i not in why]
-        objects = {i: sample(presses[i], pixel, MAX_SAMPLES_EACH, shape) for i in seen}
-        why |= {i: reason for i in seen if (reason := _unlit(objects[i]))}
+        judged = [i for i in pressed if i not in why]
+        objects = {i: sample(presses[i], pixel, MAX_SAMPLES_EACH, shape) for i in judged}
+        why |= {i: reason for i in judged if (reason := _unlit(objects[i]))}
         usable = [i for i in pressed if i not in why]
         if not usable:
             raise InputError(
@@ -135,8 +135,8 @@ def choose_presses(
         why |= {usable[i]: reason for i, reason in _out_of_line(agreed)}
         for i in sorted(why):
             warn(f"press {names[i]} is left out: {why[i]}")
-            kept[i] = 0
-    return ChosenPresses(np.repeat(kept, rows)[:, None] * known, bare, kept, residual)
+            is_used[i] = 0
+    return ChosenPresses(np.repeat(is_used, rows)[:, None] * bared, bare, is_used, residual)
 
 
 class _Agreement(NamedTuple):
@@ -150,15 +150,15 @@ def _saturated(image: F4, mask: U1, rows: int) -> tuple[list[float], NDArray[np.
     """The share of each contact that is saturated, and the pixels where that is too much."""
     full = np.any(image >= SATURATED_LIGHT, axis=0)
     lost = [
-        float(f[known > 0].mean()) if known.any() else 0.0
-        for f, known in zip(cut(full, rows), cut(mask, rows), strict=True)
+        float(f[inside > 0].mean()) if inside.any() else 0.0
+        for f, inside in zip(cut(full, rows), cut(mask, rows), strict=True)
     ]
     return lost, full & np.repeat(np.array(lost) > MAX_SATURATED_SHARE, rows)[:, None]
 
 
-def _unlit(there: Object) -> str | None:
+def _unlit(press: Object) -> str | None:
     """The reason why the light of a press cannot be used; None if it can."""
-    dark = unreached([there])
+    dark = unreached([press])
     if dark:
         return f"LED {dark[0]} reaches only {dark[1]} pixels of its contact; is it on?"
     return None
@@ -166,46 +166,46 @@ def _unlit(there: Object) -> str | None:
 
 def _consensus(objects: list[Object], rest: Rest | None, width_mm: float) -> _Agreement:
     """The fit to each press of the LEDs that most presses agree on."""
-    tried = np.unique(np.linspace(0, len(objects) - 1, CANDIDATE_PRESSES).astype(int))
-    alone = [place_leds([objects[i]], rest, width_mm) for i in tried]
+    candidates = np.unique(np.linspace(0, len(objects) - 1, CANDIDATE_PRESSES).astype(int))
+    alone = [place_leds([objects[i]], rest, width_mm) for i in candidates]
     explanations = [_explain(objects, placed) for placed in alone]
     # `_middle` is the lower median: of two presses, the one that explains itself better counts.
     best = min(range(len(alone)), key=lambda i: _middle(explanations[i].residual))
     far = _far(explanations[best].residual, INLIER_RESIDUAL)
-    good = [there for there, bad in zip(objects, far, strict=True) if not bad]
+    good = [press for press, bad in zip(objects, far, strict=True) if not bad]
     return _explain(objects, place_leds(good, rest, width_mm, alone[best]))
 
 
 def _explain(objects: list[Object], placed: Placed) -> _Agreement:
-    left, moved = [], []
-    for there in objects:
-        shift = shift_of(there, placed)
-        error = residual_of(there, placed.leds, shift, placed.flat)
-        left.append(np.sqrt((error * error).sum() / there.lit.sum()))
-        moved.append(_movement(there, placed, shift, error))
-    return _Agreement(np.array(left), np.array(moved))
+    residuals, moved = [], []
+    for press in objects:
+        shift = shift_of(press, placed)
+        error = residual_of(press, placed.leds, shift, placed.flat)
+        residuals.append(np.sqrt((error * error).sum() / press.lit.sum()))
+        moved.append(_movement(press, placed, shift, error))
+    return _Agreement(np.array(residuals), np.array(moved))
 
 
-def _movement(there: Object, placed: Placed, shift: F8, error: F8) -> float:
+def _movement(press: Object, placed: Placed, shift: F8, error: F8) -> float:
     """The largest distance in px between the object's positions under two LEDs.
 
     Zero unless a separate position for each LED explains most of the residual.
     """
     step = 0.25
     slopes = [
-        (residual_of(there, placed.leds, shift + by, placed.flat) - error) / step
+        (residual_of(press, placed.leds, shift + by, placed.flat) - error) / step
         for by in step * np.eye(2, 3)
     ]
-    seen, left = [], 0.0
-    for k, lit in enumerate(there.lit):
-        used = lit & (there.light[k] > 2 * DIM_LIGHT)
+    used_leds, squares = [], 0.0
+    for k, lit in enumerate(press.lit):
+        used = lit & (press.light[k] > 2 * DIM_LIGHT)
         by_shift = np.stack([s[k, used] for s in slopes], axis=1)
         place = np.linalg.lstsq(by_shift, -error[k, used], rcond=None)[0]
-        seen.append(place)
-        left += float(((by_shift @ place + error[k, used]) ** 2).sum())
-    if left > MAX_RESIDUAL_SHARE * float((error * error).sum()):
+        used_leds.append(place)
+        squares += float(((by_shift @ place + error[k, used]) ** 2).sum())
+    if squares > MAX_RESIDUAL_SHARE * float((error * error).sum()):
         return 0.0
-    apart = np.asarray(seen)[:, None] - np.asarray(seen)[None]
+    apart = np.asarray(used_leds)[:, None] - np.asarray(used_leds)[None]
     return float(np.hypot(apart[..., 0], apart[..., 1]).max())
 
 
@@ -223,6 +223,6 @@ def _out_of_line(agreement: _Agreement) -> Iterator[tuple[int, str]]:
         if moved[i]:
             yield i, f"the ball moved by {agreement.moved[i]:.1f} px between two LEDs"
         else:
-            left, others = agreement.residual[i], _middle(agreement.residual)
-            explained = f"LEDs that explain the others' light to {others:.1%} leave {left:.1%}"
+            residual, others = agreement.residual[i], _middle(agreement.residual)
+            explained = f"LEDs that explain the others' light to {others:.1%} leave {residual:.1%}"
             yield i, f"{explained} of its; is its radius right?"

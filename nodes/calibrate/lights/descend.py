@@ -22,15 +22,17 @@ FIRST_DAMPING, MIN_DAMPING, MAX_DAMPING = 1e-3, 1e-9, 1e8
 State = TypeVar("State")
 
 
-def huber(left: F8) -> float:
+def huber(residual: F8) -> float:
     """Return Huber's loss of residuals in standard deviations."""
-    far, most = np.abs(left), HUBER_DEVIATIONS
+    far, most = np.abs(residual), HUBER_DEVIATIONS
     return float(np.where(far < most, far * far, most * (2 * far - most)).sum())
 
 
-def huber_weight(left: F8) -> F8:
+def huber_weight(residual: F8) -> F8:
     """Return the weights of residuals in least squares that minimise Huber's loss."""
-    return np.asarray(np.minimum(1, HUBER_DEVIATIONS / np.maximum(np.abs(left), HUBER_DEVIATIONS)))
+    return np.asarray(
+        np.minimum(1, HUBER_DEVIATIONS / np.maximum(np.abs(residual), HUBER_DEVIATIONS))
+    )
 
 
 def descend(
@@ -72,11 +74,11 @@ def least_squares(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], st
     """
 
     def linear(unknown: F8) -> Callable[[float], F8]:
-        left, slopes = residual(unknown), jacobian(unknown)
-        weight = huber_weight(left)
+        residuals, slopes = residual(unknown), jacobian(unknown)
+        weight = huber_weight(residuals)
         normal = slopes.T @ (slopes * weight[:, None])
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
-        normal, down = normal / np.outer(scale, scale), -(slopes.T @ (weight * left)) / scale
+        normal, down = normal / np.outer(scale, scale), -(slopes.T @ (weight * residuals)) / scale
 
         def stepped(damping: float) -> F8:
             by = np.linalg.solve(normal + damping * np.eye(scale.size), down)

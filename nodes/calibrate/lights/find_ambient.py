@@ -104,8 +104,8 @@ def find_ambient(
         objects = []
         for press in presses:
             light = flat_field(press.light, rest_light, dark)
-            there = press._replace(light=light, lit=label_lit(light))
-            objects.append(sample(there, pixel, MAX_SAMPLES_EACH, shape))
+            brightened = press._replace(light=light, lit=label_lit(light))
+            objects.append(sample(brightened, pixel, MAX_SAMPLES_EACH, shape))
         if unreached(objects):
             return np.inf
         rest = rest_of(rest_light, pixel, shape)

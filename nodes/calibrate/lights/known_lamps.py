@@ -52,8 +52,8 @@ def known_lamps(lamps: LightPositions, flat: Light, pixel: PixelSize) -> KnownLa
     if rest is not None:
         places = lamps.astype(np.float64)[:, :, None]
         square = (places[:, 0] - rest.x) ** 2 + (places[:, 1] - rest.y) ** 2 + places[:, 2] ** 2
-        modelled, taken = _own(-1.5 * np.log(square)), _own(rest.logarithm)
-        wrong = np.square(taken[:, None] - modelled[None]).mean(axis=-1)
+        modelled, measured = _own(-1.5 * np.log(square)), _own(rest.logarithm)
+        wrong = np.square(measured[:, None] - modelled[None]).mean(axis=-1)
         images, order = linear_sum_assignment(wrong)
         misfit, best = np.sqrt(np.diag(wrong).mean()), np.sqrt(wrong[images, order].mean())
         if misfit > MAX_MISFIT and best < MAX_MISFIT_RATIO * misfit:

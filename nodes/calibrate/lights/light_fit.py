@@ -107,7 +107,7 @@ def other_places(objects: list[Object], rest: Rest | None, placed: Placed, width
         [residual_of(o, leds, s, flat) for o, s in zip(objects, placed.shifts, strict=True)], axis=1
     )
     on_film = np.concatenate([np.zeros(1), *_rest_residual(rest, leds)])
-    lit = np.hstack([there.lit for there in objects])
+    lit = np.hstack([press.lit for press in objects])
     first, last = placed.shifts.size, placed.shifts.size + on_objects.size
     noise = np.ones(len(slopes))
     noise[first:last] = np.square(on_objects).sum() / max(lit.sum(), 1) / LIGHT_DEVIATION**2
@@ -156,13 +156,13 @@ def inverse_places(lights: F4 | F8) -> F8:
     return np.concatenate([ends, nearness], axis=-1).astype(np.float64)
 
 
-def shift_of(there: Object, placed: Placed) -> F8:
+def shift_of(press: Object, placed: Placed) -> F8:
     """Fit the object's shift (x, y, z) in px and mm from where it was found, under known LEDs."""
     weight = 1 / SHIFT_DEVIATIONS
 
     def residual(shift: F8) -> F8:
-        left = residual_of(there, placed.leds, shift, placed.flat)
-        return np.r_[shift * weight, left.ravel() / LIGHT_DEVIATION]
+        residuals = residual_of(press, placed.leds, shift, placed.flat)
+        return np.r_[shift * weight, residuals.ravel() / LIGHT_DEVIATION]
 
     return least_squares(residual, lambda shift: by_differences(residual, shift, 1), np.zeros(3))
 
@@ -170,20 +170,20 @@ def shift_of(there: Object, placed: Placed) -> F8:
 def all_residuals(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
     """Residuals of the shifts, the objects' light and the film at rest, in standard deviations."""
     flat = rest is not None
-    left = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
+    residuals = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
     return np.concatenate(
         [
             (shifts / SHIFT_DEVIATIONS).ravel(),
-            *(part.ravel() / LIGHT_DEVIATION for part in left),
+            *(part.ravel() / LIGHT_DEVIATION for part in residuals),
             *_rest_residual(rest, leds),
         ]
     )
 
 
-def residual_of(there: Object, leds: F8, shift: F8, flat: bool) -> F8:
+def residual_of(press: Object, leds: F8, shift: F8, flat: bool) -> F8:
     """Light minus model, K x N; zero where an LED does not reach."""
-    normal, z = there.moved(shift)
-    return np.stack([_led_residual(there, normal, z, k, leds[k], flat) for k in range(len(leds))])
+    normal, z = press.moved(shift)
+    return np.stack([_led_residual(press, normal, z, k, leds[k], flat) for k in range(len(leds))])
 
 
 def _distant(objects: list[Object], rest: Rest | None, k: int, width_mm: float, flat: bool) -> F8:
@@ -195,8 +195,8 @@ def _distant(objects: list[Object], rest: Rest | None, k: int, width_mm: float, 
     if objects[0].beneath is not None:
         gain = 1.0
         below = np.hstack([o.beneath[0][:, o.lit[k]] for o in objects if o.beneath is not None])
-        left = normal - light * below
-        a, *_ = np.linalg.lstsq(left[:2].T, -left[2], rcond=None)
+        residual = normal - light * below
+        a, *_ = np.linalg.lstsq(residual[:2].T, -residual[2], rcond=None)
     elif flat:
         gain = 1.0
         a, *_ = np.linalg.lstsq(normal[:2].T, light - normal[2], rcond=None)
@@ -224,18 +224,18 @@ def _over(beneath: tuple[F8, F8, F8, F8], a: float, b: float, c: float) -> F8:
     return np.asarray((nx * dx + ny * dy + nz * dz) * (dx * dx + dy * dy + dz * dz) ** -1.5)
 
 
-def _led_residual(there: Object, normal: F8, z: F8, k: int, led: F8, flat: bool) -> F8:
+def _led_residual(press: Object, normal: F8, z: F8, k: int, led: F8, flat: bool) -> F8:
     """The residual of one LED, computed in units of L_z, which stay finite for a distant LED."""
     (nx, ny, nz), (a, b, c, log_strength) = normal, led
-    dx, dy, dz = a - c * there.x, b - c * there.y, 1 - c * z
+    dx, dy, dz = a - c * press.x, b - c * press.y, 1 - c * z
     plan = dx * dx + dy * dy
     at_rest = plan + 1 if flat else (a * a + b * b + 1) * np.exp(log_strength / 1.5)
     model = (nx * dx + ny * dy + nz * dz) * irradiance_ratio(at_rest, plan + dz * dz)
-    if flat and there.beneath is not None:
+    if flat and press.beneath is not None:
         model /= irradiance_ratio(at_rest, 1.0) * np.maximum(
-            _over(there.beneath, a, b, c), MIN_OVER
+            _over(press.beneath, a, b, c), MIN_OVER
         )
-    return np.where(there.lit[k] & (model > DIM_LIGHT), there.light[k] - model, 0)
+    return np.where(press.lit[k] & (model > DIM_LIGHT), press.light[k] - model, 0)
 
 
 def _rest_residual(rest: Rest | None, leds: F8) -> list[F8]:
@@ -249,9 +249,9 @@ def _rest_residual(rest: Rest | None, leds: F8) -> list[F8]:
         if rest.beneath is not None:
             model[k] = log_strength + np.log(np.maximum(_over(rest.beneath, a, b, c), MIN_OVER))
     # The mean of a block is `block` times less noisy than a pixel.
-    left = (rest.logarithm - (model - model.mean(axis=0))) * rest.block
+    residual = (rest.logarithm - (model - model.mean(axis=0))) * rest.block
     # The strengths' common factor is free: hold their mean.
-    return [left.ravel() / LIGHT_DEVIATION, leds[:, 3].mean(keepdims=True) / LIGHT_DEVIATION]
+    return [residual.ravel() / LIGHT_DEVIATION, leds[:, 3].mean(keepdims=True) / LIGHT_DEVIATION]
 
 
 def jacobian_of(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
@@ -267,25 +267,25 @@ def jacobian_of(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) 
     )
     bases = [o.moved(s) for o, s in zip(objects, shifts, strict=True)]
     before = [
-        [_led_residual(there, normal, z, k, leds[k], flat) for k in range(count)]
-        for there, (normal, z) in zip(objects, bases, strict=True)
+        [_led_residual(press, normal, z, k, leds[k], flat) for k in range(count)]
+        for press, (normal, z) in zip(objects, bases, strict=True)
     ]
     for k, j in np.ndindex(leds.shape):
         step, changed = DERIVATIVE_STEP * max(1.0, abs(float(leds[k, j]))), leds.copy()
         changed[k, j] += step
         column = jacobian[:, 4 * k + j]
-        for number, (there, (normal, z)) in enumerate(zip(objects, bases, strict=True)):
-            after = _led_residual(there, normal, z, k, changed[k], flat)
+        for number, (press, (normal, z)) in enumerate(zip(objects, bases, strict=True)):
+            after = _led_residual(press, normal, z, k, changed[k], flat)
             first, size = starts[number] + k * sizes[number], sizes[number]
             column[first : first + size] = (after - before[number][k]) / step / LIGHT_DEVIATION
         if flat:
             after = np.concatenate(_rest_residual(rest, changed))
             column[starts[-1] :] = (after - at_rest) / step
-    for i, (there, shift) in enumerate(zip(objects, shifts, strict=True)):
+    for i, (press, shift) in enumerate(zip(objects, shifts, strict=True)):
         first = leds.size + 3 * i
 
-        def left(by: F8, there: Object = there) -> F8:
-            return residual_of(there, leds, by, flat).ravel() / LIGHT_DEVIATION
+        def left(by: F8, press: Object = press) -> F8:
+            return residual_of(press, leds, by, flat).ravel() / LIGHT_DEVIATION
 
         own = by_differences(left, shift, 1)
         jacobian[starts[i] : starts[i + 1], first : first + 3] = own

@@ -95,8 +95,8 @@ def sample(
     light, slope, mask, height, lit = press
     p, q = slope
     nz = 1 / np.sqrt(1 + p * p + q * q)
-    known = binary_erosion(mask > 0, iterations=EDGE_MARGIN_PX, border_value=1)
-    rows, columns = np.nonzero(known & (p * p + q * q < MAX_SAMPLE_SLOPE * MAX_SAMPLE_SLOPE))
+    inside = binary_erosion(mask > 0, iterations=EDGE_MARGIN_PX, border_value=1)
+    rows, columns = np.nonzero(inside & (p * p + q * q < MAX_SAMPLE_SLOPE * MAX_SAMPLE_SLOPE))
     stride = max(1, int(np.sqrt(rows.size / most)))
     chosen = (rows % stride == 0) & (columns % stride == 0)
     rows, columns = rows[chosen], columns[chosen]
@@ -118,7 +118,7 @@ def samples_for(presses: int) -> float:
 
 def unreached(objects: list[Object]) -> tuple[int, int] | None:
     """Return an LED (from 1) that reaches too few pixels of the objects, and their number."""
-    reach = np.sum([there.reach for there in objects], axis=0)
+    reach = np.sum([press.reach for press in objects], axis=0)
     weakest = int(reach.argmin())
     return (weakest + 1, int(reach[weakest])) if reach[weakest] < MIN_PIXELS else None
 

@@ -152,7 +152,7 @@ def film_of_objects(
     scene = _Scene(presses, rest, pixel * factor, camera, bounce)
     matt = _solved(scene, _start(scene), coated=False)
     coat = np.r_[matt.x, [usual.start for usual in SHARED_PRIORS[1:]]]
-    best = min(matt, _solved(scene, coat, coated=True), key=lambda found: found.cost)
+    best = min(matt, _solved(scene, coat, coated=True), key=lambda solved: solved.cost)
     return _stated(scene, best)
 
 
@@ -203,15 +203,15 @@ def _solved(scene: _Scene, unknowns: F8, *, coated: bool) -> OptimizeResult:
             _raised(scene, press, state, film, rounds)
             for press, state in zip(scene.presses, states, strict=True)
         ]
-        found = least_squares(
+        solved = least_squares(
             partial(_left, scene), unknowns, args=(states,), loss="soft_l1", x_scale=units,
             bounds=bounds, max_nfev=MAX_STEPS, diff_step=np.full(unknowns.size, DERIVATIVE_STEP),
         )  # fmt: skip
-        change, unknowns = np.abs((found.x - unknowns) / units).max(), found.x
+        change, unknowns = np.abs((solved.x - unknowns) / units).max(), solved.x
         rounds = LATER_ROUNDS
         if change < MAX_CHANGE:
             break
-    return found
+    return solved
 
 
 def _vectors(scene: _Scene, film: Film, z: F8) -> F8:
@@ -234,9 +234,9 @@ def _matt(scene: _Scene, press: F8, state: _State, film: Film, vectors: F8) -> F
     n = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
     nearer = 1 - scene.camera * state.height
     x, y, z = (u * nearer).ravel(), (v * nearer).ravel(), state.height.ravel()
-    made = predict(film, n.reshape(3, -1), x, y, z).reshape(press.shape)
+    light = predict(film, n.reshape(3, -1), x, y, z).reshape(press.shape)
     direct = np.einsum("kihw,ihw->khw", vectors, n)
-    return np.asarray(press - film.albedo * state.bounced - (made - direct))
+    return np.asarray(press - film.albedo * state.bounced - (light - direct))
 
 
 def _normals(matt: F8, press: F8, vectors: F8) -> tuple[F8, F8]:
@@ -272,8 +272,8 @@ def _bounced(scene: _Scene, press: F8, z: F8, film: Film) -> F8:
     """The light from film to film, for an albedo of 1."""
     if film.albedo == 0:
         return np.zeros_like(press)
-    seen = (z / (1 - scene.camera * z)).astype(np.float32)
-    light = scene.bounce(press.astype(np.float32), seen, stored(film), np.float32(scene.pixel))
+    as_seen = (z / (1 - scene.camera * z)).astype(np.float32)
+    light = scene.bounce(press.astype(np.float32), as_seen, stored(film), np.float32(scene.pixel))
     return np.asarray(light, np.float64) / film.albedo
 
 
@@ -295,10 +295,10 @@ def _left(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     ]
     for press, state in zip(scene.presses, states, strict=True):
         vectors = _vectors(scene, film, state.height)
-        n, left = _normals(_matt(scene, press, state, film, vectors), press, vectors)
+        n, residual = _normals(_matt(scene, press, state, film, vectors), press, vectors)
         z, (p, q) = _height(scene, n)
         length = np.sqrt(np.square(n).sum(axis=0)) - 1
-        parts += [left.ravel() / LIGHT_ERROR, length.ravel() / LIGHT_ERROR]
+        parts += [residual.ravel() / LIGHT_ERROR, length.ravel() / LIGHT_ERROR]
         parts += [
             ((p[:, 1:] + p[:, :-1]) / 2 - np.diff(z, axis=1) / scene.pixel).ravel() / SLOPE_ERROR,
             ((q[1:] + q[:-1]) / 2 - np.diff(z, axis=0) / scene.pixel).ravel() / SLOPE_ERROR,
@@ -306,23 +306,23 @@ def _left(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     return np.concatenate(parts)
 
 
-def _stated(scene: _Scene, found: OptimizeResult) -> FilmOfObjects:
+def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
     """The film, and how well it is known."""
-    film, count = _film(scene, found.x), len(scene.presses[0])
+    film, count = _film(scene, solved.x), len(scene.presses[0])
     independent = count * INDEPENDENT_SAMPLES * len(scene.presses)
-    variance = 2 * found.cost / found.fun.size * max(1, found.fun.size / independent)
-    spread = variance * np.linalg.pinv(found.jac.T @ found.jac, hermitian=True)
-    leds, spread = found.x[: 3 * count].reshape(count, 3), spread[: 3 * count, : 3 * count]
+    variance = 2 * solved.cost / solved.fun.size * max(1, solved.fun.size / independent)
+    spread = variance * np.linalg.pinv(solved.jac.T @ solved.jac, hermitian=True)
+    leds, spread = solved.x[: 3 * count].reshape(count, 3), spread[: 3 * count, : 3 * count]
     others = places_within(leds, spread, scene.width)
     steeper: NDArray[np.float64] = np.zeros((count, 3))
     steeper[:, :2] = leds[:, :2] / np.square(leds[:, :2]).sum(axis=1, keepdims=True) / count
     scale = math.sqrt(float(steeper.ravel() @ spread @ steeper.ravel()))
-    level = math.sqrt(variance) * SLOPE_ERROR / math.sqrt(max(1, found.fun.size / independent))
+    level = math.sqrt(variance) * SLOPE_ERROR / math.sqrt(max(1, solved.fun.size / independent))
     doubts = [
         f"presses and flat frame leave {scale:.0%} of the heights' scale open: press other "
         "objects, steep and at other places, or calibrate with a ball"
     ] * (scale > DOUBTFUL_SCALE)
-    figures = {"scale_error_percent": 100 * scale, "led_emission": float(found.x[3 * count])}
+    figures = {"scale_error_percent": 100 * scale, "led_emission": float(solved.x[3 * count])}
     if film.refraction > 1:
         figures |= {"film_albedo": film.albedo, "coat_roughness": film.roughness}
         figures |= {"coat_index": film.refraction}

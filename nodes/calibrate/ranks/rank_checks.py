@@ -69,27 +69,27 @@ def rank_checks(
         # Larger images are drawn on fewer, larger pixels: checks look at as many cells at most.
         few = few_cells(arrays["flat"], MAX_CELLS * USUAL_SIDE**2).shape[1:]
         np.savez(small, **_resized(arrays, few, kind.record))  # type: ignore[arg-type]
-        given = {"calibration": str(small), "count": count, "seed": seed}
+        params = {"calibration": str(small), "count": count, "seed": seed}
         presses = [] if flat is None or press is None else _kept(press, mask, flat.shape[1])
         if presses:
             size = presses[0].shape[1:]
             np.savez(even, **_resized(arrays, size, kind.record))  # type: ignore[arg-type]
         if brought is not None and kind is not CALIBRATION_KIND:
-            drawn = _drawn(brought.GRAPH, brought.OVERLAY, given)
-            own = _own(brought.GRAPH, presses, even, ONE_SHOT_PORTS)[0]
-            ranks = [ranked(drawn, own)] * len(Ranked)
+            drawn = _drawn(brought.GRAPH, brought.OVERLAY, params)
+            presses_figures = _own(brought.GRAPH, presses, even, ONE_SHOT_PORTS)[0]
+            ranks = [ranked(drawn, presses_figures)] * len(Ranked)
         else:
             # Three lights are never linearly dependent, so the paper's shadow test takes four.
             tables = "paper" if len(arrays["flat"]) > MIN_LEDS else "paper_no_shadow"
-            walls = given | {"count": max(count // 2, 1), "rigid": True}
-            own, rims = _own("reconstruct", presses, even, RIM_PORTS | CAUSE_PORTS)
+            walls = params | {"count": max(count // 2, 1), "rigid": True}
+            presses_figures, rims = _own("reconstruct", presses, even, RIM_PORTS | CAUSE_PORTS)
             on_rims = rims > MAX_RIM_SHARE
             soft = [each for each, has_rims in zip(presses, on_rims, strict=True) if not has_rims]
             drawn_of = partial(_drawn, "reconstruct", "drawn_touches", more=CAUSE_PORTS)
             ranks = [
-                ranked(drawn_of(given), own[~on_rims]),
-                ranked(drawn_of(walls), own[on_rims]),
-                ranked(_drawn(tables, "drawn_touches", given), _own(tables, soft, even)[0]),
+                ranked(drawn_of(params), presses_figures[~on_rims]),
+                ranked(drawn_of(walls), presses_figures[on_rims]),
+                ranked(_drawn(tables, "drawn_touches", params), _own(tables, soft, even)[0]),
             ]
     replace_arrays(file, kind, {"ranks": np.stack(ranks)})
 
@@ -104,12 +104,12 @@ def _resized(
     rows, columns = size
     flat = [cv2.resize(p, (columns, rows), interpolation=cv2.INTER_AREA) for p in arrays["flat"]]
     finer = arrays["flat"].shape[2] / columns
-    made = {"flat": np.stack(flat), "pixel_size": arrays["pixel_size"] * finer}
+    resized = {"flat": np.stack(flat), "pixel_size": arrays["pixel_size"] * finer}
     for plane in {"dark", "rest"} & arrays.keys():
-        made[plane] = cv2.resize(arrays[plane], (columns, rows), interpolation=cv2.INTER_AREA)
-    made["area"] = np.ones(size, np.uint8)
+        resized[plane] = cv2.resize(arrays[plane], (columns, rows), interpolation=cv2.INTER_AREA)
+    resized["area"] = np.ones(size, np.uint8)
     kept = {name: array for name, array in arrays.items() if name not in ("lens", "ranks")}
-    return with_plain(record, kept | made)
+    return with_plain(record, kept | resized)
 
 
 def _kept(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:
@@ -126,19 +126,19 @@ def _own(
     """The figures of the calibration's presses, P x 15, and how much of each hangs on rims."""
     figures, rims = [], []
     if presses:
-        given = {"calibration": str(calibration), "accept_contradictions": True}
+        params = {"calibration": str(calibration), "accept_contradictions": True}
         declared = {"format": 1, "extends": graph, "outputs": EVIDENCE_PORTS | (more or {})}
-        with load(declared, given) as pipeline:
+        with load(declared, params) as pipeline:
             for press in presses:
                 # Where a frame shows no film, what continues it may leave the camera's range.
-                found = pipeline(frames=np.clip(press, 0, 1)).outputs
-                figures.append(_figures(found))
-                rims.append(float(found.get("rims", 0.0)))
+                outputs = pipeline(frames=np.clip(press, 0, 1)).outputs
+                figures.append(_figures(outputs))
+                rims.append(float(outputs.get("rims", 0.0)))
     return np.array(figures).reshape(len(figures), len(CHECK_FIGURES)), np.array(rims)
 
 
 def _drawn(
-    graph: str, overlay: str, given: dict[str, Any], more: dict[str, str] | None = None
+    graph: str, overlay: str, params: dict[str, Any], more: dict[str, str] | None = None
 ) -> F8:
     """The figures of drawn touches whose height the graph finds, N x 15.
 
@@ -148,23 +148,23 @@ def _drawn(
     """
     figures, off = [], []
     declared = {"format": 1, "extends": [graph, overlay], "outputs": more or {}}
-    with load(declared, given) as pipeline:
+    with load(declared, params) as pipeline:
         for result in pipeline.items():
-            found = result.outputs
-            figures.append(_figures(found))
-            wrong = np.square(found["height"] - found["truth"], dtype=np.float64).mean()
-            off.append(np.sqrt(wrong) / (float(found["pixel"]) * found["height"].shape[1]))
-    most = np.inf if given.get("rigid") else max(MIN_ERROR, np.median(off))
+            outputs = result.outputs
+            figures.append(_figures(outputs))
+            wrong = np.square(outputs["height"] - outputs["truth"], dtype=np.float64).mean()
+            off.append(np.sqrt(wrong) / (float(outputs["pixel"]) * outputs["height"].shape[1]))
+    most = np.inf if params.get("rigid") else max(MIN_ERROR, np.median(off))
     return np.array(figures)[np.array(off) <= most]
 
 
-def _figures(found: Mapping[str, Any]) -> F8:
+def _figures(outputs: Mapping[str, Any]) -> F8:
     """The figures of one touch."""
-    evidence = TouchEvidence(found["level"], found["figures"])
-    lines = LineChanges(*(found[n] for n in LINE_PORTS)) if LINE_PORTS[0] in found else None
-    left = 0.0
-    if "leds" in found:
+    evidence = TouchEvidence(outputs["level"], outputs["figures"])
+    lines = LineChanges(*(outputs[n] for n in LINE_PORTS)) if LINE_PORTS[0] in outputs else None
+    residual = 0.0
+    if "leds" in outputs:
         # Infinite where nothing touches: that explains no touch.
-        left = left_as_matt(found["light"], found["cells"], found["leds"])
-        left = left if math.isfinite(left) else 0.0
-    return figures_of(evidence, lines, found["motion"], left)
+        residual = left_as_matt(outputs["light"], outputs["cells"], outputs["leds"])
+        residual = residual if math.isfinite(residual) else 0.0
+    return figures_of(evidence, lines, outputs["motion"], residual)

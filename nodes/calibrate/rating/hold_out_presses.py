@@ -99,17 +99,17 @@ def hold_out_presses(
     """
     rows = flat.shape[1]
     presses = presses_of(light, slope, mask, height, lit, rows)
-    kept = [i for i, press in enumerate(presses) if press.mask.any()]
+    used = [i for i, press in enumerate(presses) if press.mask.any()]
     degrees, microns = np.full((2, len(presses)), np.nan, np.float32)
-    quality = {"presses": float(len(kept))}
-    if len(kept) < 2:
+    quality = {"presses": float(len(used))}
+    if len(used) < 2:
         return HeldOut(degrees, microns, quality)
     rest, width_mm = rest_of(flat, pixel), pixel * flat.shape[2]
-    most = samples_for(len(kept) - 1)
-    objects = {i: sample(presses[i], pixel, most) for i in kept}
+    most = samples_for(len(used) - 1)
+    objects = {i: sample(presses[i], pixel, most) for i in used}
     everything = place_leds(list(objects.values()), rest, width_mm)
     percent = []
-    for i in kept:
+    for i in used:
         others = [other for j, other in objects.items() if j != i]
         placed = place_leds(others, rest, width_mm, start=everything)
         shift = shift_of(objects[i], placed)

@@ -35,10 +35,10 @@ def judge_bend(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]
     presses = np.count_nonzero(evidence.circle[:, 2])
     if evidence.shape is not None or not wrong or not MIN_PRESSES <= presses == len(evidence.kept):
         return []
-    seen = evidence.light, evidence.flat, evidence.circle, evidence.radius, evidence.of
-    balls = ball_presses(*seen, evidence.pixel, film.camera)
-    tried, plane = tried_bends(balls)
-    bend = fitted_bend(balls, tried, only_ball=True)
+    samples = evidence.light, evidence.flat, evidence.circle, evidence.radius, evidence.of
+    balls = ball_presses(*samples, evidence.pixel, film.camera)
+    bent, plane = tried_bends(balls)
+    bend = fitted_bend(balls, bent, only_ball=True)
     gained = bend.samples / 2 * math.log(plane.cost / bend.cost) - math.log(bend.samples) / 2
     digits = gained / math.log(10)
     if digits < math.log10(SURE_ODDS):

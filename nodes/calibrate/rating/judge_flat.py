@@ -65,5 +65,5 @@ def _rough_part(rest: Rest) -> F8:
     x, y = (place / np.abs(place).max() for place in (rest.x, rest.y))
     terms = [x**i * y**j for i in range(TREND_DEGREE + 1) for j in range(TREND_DEGREE + 1 - i)]
     design: NDArray[np.float64] = np.stack(terms, axis=1)
-    seen = rest.logarithm.T
-    return np.asarray((seen - design @ np.linalg.lstsq(design, seen, rcond=None)[0]).T)
+    logarithm = rest.logarithm.T
+    return np.asarray((logarithm - design @ np.linalg.lstsq(design, logarithm, rcond=None)[0]).T)

@@ -75,12 +75,12 @@ def judge_labels(
     ``turn`` for `label_lights`; on a film that diffuses light ``labels_gain_deg``, by how much
     nearer the normals of the balls' heights are with labels.
     """
-    found = np.flatnonzero(balls.circle[:, 2] > 0)
-    if film.diffuse.mean() < MIN_DIFFUSED_SHARE or not found.size:
+    used = np.flatnonzero(balls.circle[:, 2] > 0)
+    if film.diffuse.mean() < MIN_DIFFUSED_SHARE or not used.size:
         return LabelGain(0.0, {})
     sheets = [cut(sheet, flat.shape[1]) for sheet in (image, light, matt, height)]
     gains = []
-    for ball in found[:: -(-found.size // MAX_BALLS)]:
+    for ball in used[:: -(-used.size // MAX_BALLS)]:
         press = [sheet[balls.of[ball]] for sheet in sheets]
         errors = list(_errors(press, flat, film, balls, ball, noise, pixel))
         gains.append(errors[1] - errors[0])
@@ -103,8 +103,8 @@ def _errors(
         slice(max(0, int(at - REACH_RADII * radius)), int(at + REACH_RADII * radius) + 2)
         for at in circle[1::-1]
     )
-    taken, relative, matt, height = (image[..., rows, columns] for image in press)
-    sigma = light_noise(taken, flat[:, rows, columns], noise)
+    light_share, relative, matt, height = (image[..., rows, columns] for image in press)
+    sigma = light_noise(light_share, flat[:, rows, columns], noise)
     sigma = np.hypot(sigma, np.float32(film.grain) * relative)
     sigma /= direct_share(film)[:, None, None]
     light, sigma = unwrapped(wrapped(matt, film.wrap), sigma, film.wrap)
@@ -112,8 +112,8 @@ def _errors(
     middle = corner + np.array([*np.subtract(height.shape[::-1], flat.shape[:0:-1]) / 2, 0])
     lights = (film.lights - middle * pixel).astype(np.float32)
     level = np.zeros((2, *height.shape), np.float32)
-    given = light, sigma, lights, height, level, pixel, film.uneven, film.wrap
+    inputs = light, sigma, lights, height, level, pixel, film.uneven, film.wrap
     for turn in (0.0, CAUTIOUS_TURN_RAD):
-        surface = integrate_dct(label_lights(*given, turn).slope, pixel)
+        surface = integrate_dct(label_lights(*inputs, turn).slope, pixel)
         slope = height_slopes(surface, pixel).slope
         yield judge_contact(slope, surface, circle - corner, radius, pixel)[0]

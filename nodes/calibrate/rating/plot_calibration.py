@@ -202,9 +202,9 @@ def _residual(light: F4, mask: U1, slope: F4, lit: U1, reflectance: F4) -> F4:
 def _draw_residual(figure: Figure, axes: Axes, error: F4, wide: int) -> None:
     # Single pixels at the rim, which are partly in shadow, must not hide the rest.
     most = float(np.nanpercentile(error, 99))
-    known = np.ma.masked_invalid(100 * error)
+    percent = np.ma.masked_invalid(100 * error)
     extent = _extent(error.shape, wide)
-    drawn = axes.imshow(known, cmap="magma", vmin=0, vmax=100 * most, extent=extent)
+    drawn = axes.imshow(percent, cmap="magma", vmin=0, vmax=100 * most, extent=extent)
     figure.colorbar(drawn, ax=axes, label="% of the light of the film at rest")
     title = "misfit of the reflectance |I - R|, the largest of all LEDs"
     axes.set(title=title, xlabel="x / px", ylabel="y / px")

@@ -164,13 +164,13 @@ def rate_calibration(
         warn(doubt)
     if not twins:
         _note_order(lights)
-    known = mask > 0
+    in_contact = mask > 0
     rated = {
         "entries": float(len(lut_slope)),
         "steepest_slope": steepest,
         "residual_percent": float(100 * residual[worst]),
         "spread_percent": 100 * spread,
-        "fully_lit_percent": float(100 * (lit[known] == (1 << count) - 1).mean()),
+        "fully_lit_percent": float(100 * (lit[in_contact] == (1 << count) - 1).mean()),
         "near_light_residual_percent": float(100 * mismatch[poorest]),
     }
     if goodness is not None:
@@ -213,9 +213,9 @@ def _note_order(lights: LightPositions) -> None:
     around = np.argsort(np.arctan2(lights[:, 1], lights[:, 0]))
     steps = np.diff(around, append=around[:1]) % len(lights)
     if not ((steps == 1).all() or (steps == len(lights) - 1).all()):
-        found = ", ".join(str(k + 1) for k in np.roll(around, -int(np.argmin(around))))
+        order = ", ".join(str(k + 1) for k in np.roll(around, -int(np.argmin(around))))
         warn(
-            f"the LEDs are found around the film in the order {found}: if they are numbered around "
+            f"the LEDs are found around the film in the order {order}: if they are numbered around "
             "it, images are swapped"
         )
 

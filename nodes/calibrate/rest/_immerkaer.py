@@ -21,7 +21,7 @@ def responses(plane: F4, apart: int = 1) -> F4:
     return np.abs(cv2.sepFilter2D(plane, -1, taps, taps, borderType=cv2.BORDER_REPLICATE))
 
 
-def variances(left: F4) -> NDArray[Any]:
+def variances(residual: F4) -> NDArray[Any]:
     """The variance of a pixel from the smaller responses along the last axis (... x N)."""
-    calm = np.sort(left)[..., : max(1, int(USED_SHARE * left.shape[-1]))]
+    calm = np.sort(residual)[..., : max(1, int(USED_SHARE * residual.shape[-1]))]
     return np.asarray(np.square(calm.mean(axis=-1, dtype=np.float64) / (USED_MEAN * 6)))

@@ -53,10 +53,10 @@ def denoise_flat(flat: Light, image: SheetLight) -> Light:
 
 def _confirmed(flat: F4, presses: list[F4]) -> F4:
     bands, smooth = _bands(flat)
-    shown = [_bands(press)[0] for press in presses]
-    calm = [_calm(of_press[-1]) for of_press in shown] if bands else []
+    bands_shown = [_bands(press)[0] for press in presses]
+    calm = [_calm(of_press[-1]) for of_press in bands_shown] if bands else []
     for i, band in enumerate(bands):
-        others = [of_press[i] for of_press in shown]
+        others = [of_press[i] for of_press in bands_shown]
         shared = sum(
             (block_sums(band * other, BLOCK_PX) * c).sum()
             for other, c in zip(others, calm, strict=True)
@@ -79,9 +79,9 @@ def _bands(plane: F4) -> tuple[list[F4], F4]:
     The trend is removed first, so that the remainder may be mirrored at the borders.
     """
     trend = _trend(plane)
-    left = plane - trend
+    residual = plane - trend
     scales = [s for s in SCALES_PX if MIN_SIDE_DEVIATIONS * s < min(plane.shape)]
-    levels = [left, *(cv2.GaussianBlur(left, (0, 0), scale) for scale in scales)]
+    levels = [residual, *(cv2.GaussianBlur(residual, (0, 0), scale) for scale in scales)]
     return [fine - coarse for fine, coarse in pairwise(levels)], trend + levels[-1]
 
 

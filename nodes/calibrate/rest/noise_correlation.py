@@ -59,14 +59,17 @@ def noise_correlation(
     black = np.zeros(flat.shape[1:], np.float32)
     ratios = []
     for press in cut(image, flat.shape[1]):
-        for seen, rest in zip(press[:, None], flat[:, None], strict=True):
-            (relative,), (camera,) = flat_field(seen, rest, black), light_noise(seen, rest, noise)
-            is_lit = (seen[0] > LIGHT_LEVELS[0]) & (seen[0] < LIGHT_LEVELS[-1])
+        for touched, rest in zip(press[:, None], flat[:, None], strict=True):
+            (relative,), (camera,) = (
+                flat_field(touched, rest, black),
+                light_noise(touched, rest, noise),
+            )
+            is_lit = (touched[0] > LIGHT_LEVELS[0]) & (touched[0] < LIGHT_LEVELS[-1])
             lit = _in_tiles(is_lit, TILE_PX).all(axis=1)
-            asked = np.flatnonzero(lit)[:: 1 + int(lit.sum()) // MAX_TILES]
+            tiles = np.flatnonzero(lit)[:: 1 + int(lit.sum()) // MAX_TILES]
             alone = camera**2 + (grain * relative) ** 2
-            expected = _in_tiles(alone, TILE_PX)[asked].mean(axis=1)
-            ratios.append(_of_cells(relative)[asked] / np.maximum(expected, MIN_VARIANCE))
+            expected = _in_tiles(alone, TILE_PX)[tiles].mean(axis=1)
+            ratios.append(_of_cells(relative)[tiles] / np.maximum(expected, MIN_VARIANCE))
     ratios_of_tiles = np.concatenate(ratios)
     if ratios_of_tiles.size < MIN_TILES:
         return 1.0

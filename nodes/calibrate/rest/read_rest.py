@@ -82,8 +82,8 @@ def read_rest(
         If more than one is given, the file cannot be read or is of another size, or the film does
         not fill half of the frame.
     """
-    given = {"`file`": file, "`radius_mm`": radius_mm, "`cylinder_mm`": cylinder_mm}
-    names = [name for name, value in given.items() if value is not None]
+    params = {"`file`": file, "`radius_mm`": radius_mm, "`cylinder_mm`": cylinder_mm}
+    names = [name for name, value in params.items() if value is not None]
     if wants_search(file) and len(names) == 1:
         return Resting(None, None, is_plane=False)
     if len(names) > 1:
@@ -98,41 +98,42 @@ def read_rest(
     elif file.suffix.lower() in MESH_SUFFIXES:
         height = _by_mesh(file, size, pixel, camera, (x, y, z, turn)).astype(np.float64)
     else:
-        found = read_height_file(file).height
-        if found.shape != size:
+        stored = read_height_file(file).height
+        if stored.shape != size:
             raise InputError(
-                f"{file}: is {found.shape[1]} x {found.shape[0]} pixels, but the images are "
+                f"{file}: is {stored.shape[1]} x {stored.shape[0]} pixels, but the images are "
                 f"{size[1]} x {size[0]}: give the height that each pixel sees"
             )
-        even = undistort(np.asarray(found, np.float32)[None], lens)[0]
+        even = undistort(np.asarray(stored, np.float32)[None], lens)[0]
         height = (even + np.float32(z)).astype(np.float64)
-    known = np.isfinite(height)
-    if not known.all():
-        height = _continued(height, known, file or names[0])
+    is_known = np.isfinite(height)
+    if not is_known.all():
+        height = _continued(height, is_known, file or names[0])
     if camera * float(height.max()) >= 1:
         raise InputError(
             f"{file or names[0]}: the film rises to the pupil at {camera_mm:g} mm; "
             "check `camera_mm`"
         )
     shape = rest_shape(np.asarray(height, np.float32), pixel, camera)
-    seen = None if known.all() else known.astype(np.uint8)
+    seen = None if is_known.all() else is_known.astype(np.uint8)
     return Resting(shape.height, shape, is_plane=False, seen=seen)
 
 
-def _continued(height: F8, known: NDArray[np.bool_], told: Path | str) -> F8:
+def _continued(height: F8, is_known: NDArray[np.bool_], source: Path | str) -> F8:
     """The height with that of the nearest film where a pixel sees none."""
-    missing = float(1 - known.mean())
+    missing = float(1 - is_known.mean())
     if missing >= MAX_MISSING_SHARE:
         raise InputError(
-            f"{told}: {missing:.1%} of the frame sees no film of this shape: check its "
+            f"{source}: {missing:.1%} of the frame sees no film of this shape: check its "
             "radius or unit, and where it lies (`at_mm`)"
         )
     warn(
-        f"{told}: {missing:.1%} of the frame sees no film of this shape, and is left out as unknown"
+        f"{source}: {missing:.1%} of the frame sees no film of this shape, and is left out as "
+        "unknown"
     )
     from scipy.ndimage import distance_transform_edt
 
-    nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    nearest = distance_transform_edt(~is_known, return_distances=False, return_indices=True)
     return np.asarray(height[tuple(nearest)])
 
 
@@ -189,6 +190,6 @@ def _by_mesh(
     # Zero is where no triangle is, so all lie above it.
     low = float(z.min()) - 1
     corners = np.stack([x / pixel + (columns - 1) / 2, y / pixel + (rows - 1) / 2, z - low], axis=1)
-    seen = rasterised(corners[triangles], rows, columns)
-    seen = np.where(seen > 0, seen + low, np.nan)
-    return np.asarray(seen / (1 + camera * seen), np.float32)
+    depth = rasterised(corners[triangles], rows, columns)
+    depth = np.where(depth > 0, depth + low, np.nan)
+    return np.asarray(depth / (1 + camera * depth), np.float32)
