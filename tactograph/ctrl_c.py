@@ -29,9 +29,9 @@ def interrupt(number: int, frame: FrameType | None) -> None:
     now = time.monotonic()
     _first = now if _first is None else _first
     if _is_in_import(frame) and now - _first < PATIENCE_S:
-        again = threading.Timer(AGAIN_S, _send, [number])
-        again.daemon = True
-        again.start()
+        timer = threading.Timer(AGAIN_S, _send, [number])
+        timer.daemon = True
+        timer.start()
         return
     _first = None
     signal.default_int_handler(number, frame)

@@ -68,8 +68,8 @@ def build_ahead(context: cl.Context, needed: Sequence[Recipe], perhaps: Sequence
 
 def _tell(helper: subprocess.Popen[bytes], recipes: Sequence[Recipe]) -> None:
     assert helper.stdin is not None
-    with suppress(OSError), helper.stdin as told:  # it may have ended
-        pickle.dump(recipes, told)
+    with suppress(OSError), helper.stdin as pipe:  # it may have ended
+        pickle.dump(recipes, pipe)
 
 
 def main() -> None:

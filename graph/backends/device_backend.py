@@ -32,11 +32,11 @@ def open_device(
         If `text` matches no device that works.
     """
     with_device = [name for name in BACKENDS if name != "numpy"]
-    wanted = [name for name in backends if name in with_device]
-    if not wanted and text is None:
+    names = [name for name in backends if name in with_device]
+    if not names and text is None:
         return None, f"{' or '.join(with_device)} is not among the preferred back ends"
     reasons = []
-    for name in dict.fromkeys(wanted or with_device):
+    for name in dict.fromkeys(names or with_device):
         module = importlib.import_module(f"tactograph.graph.backends.{name}")
         device, reason = module.open_device(text)
         if device is not None:

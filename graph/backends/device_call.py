@@ -34,36 +34,36 @@ class DeviceCall:
             If two inputs disagree on a size, or the device fails (`DeviceError`).
         """
         node, device = self._node, self._device
-        given = node.by_port(inputs)
-        if self._is_idle(given):
+        arrays = node.by_port(inputs)
+        if self._is_idle(arrays):
             return node(*inputs, **settings)
         settings = {**self._defaults, **settings}
-        sizes = self._sizes(given, settings)
+        sizes = self._sizes(arrays, settings)
         try:
-            sent = {name: self._sent(name, value) for name, value in given.items()}
+            sent = {name: self._sent(name, value) for name, value in arrays.items()}
             outputs, _ = device.prepare(node, settings, sizes).launch(sent)
-            made = [device.download(outputs[name]) for name in node.outputs]
+            values = [device.download(outputs[name]) for name in node.outputs]
         except device.error as error:
             raise DeviceError(f"{device.name} failed at {node.name}: {error}") from error
-        return made[0] if node.output_record is None else make_record(node.output_record, made)
+        return values[0] if node.output_record is None else make_record(node.output_record, values)
 
-    def _is_idle(self, given: Mapping[str, Any]) -> bool:
+    def _is_idle(self, arrays: Mapping[str, Any]) -> bool:
         is_idle = self._node.is_idle
         if is_idle is None:
             return False
-        known = {name.replace(".", "_"): value for name, value in given.items()}
-        return is_idle(**{name: known[name] for name in inspect.signature(is_idle).parameters})
+        values = {name.replace(".", "_"): value for name, value in arrays.items()}
+        return is_idle(**{name: values[name] for name in inspect.signature(is_idle).parameters})
 
-    def _sizes(self, given: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, int]:
+    def _sizes(self, arrays: Mapping[str, Any], settings: Mapping[str, Any]) -> dict[str, int]:
         sizes: dict[str, int] = {}
-        for name, value in given.items():
+        for name, value in arrays.items():
             port = self._node.inputs[name]
             if port.kind == "array" and value is not None:
                 for dim, size in zip(port.dims, np.shape(value), strict=True):
-                    known = dim if isinstance(dim, int) else sizes.setdefault(dim, size)
-                    if known != size:
+                    due = dim if isinstance(dim, int) else sizes.setdefault(dim, size)
+                    if due != size:
                         raise NodeError(
-                            f"{self._node.name}: {dim} is {size} in '{name}', not {known}"
+                            f"{self._node.name}: {dim} is {size} in '{name}', not {due}"
                         )
         derived = self._node.derived.items()
         return sizes | {symbol: parts.size(sizes, settings) for symbol, parts in derived}

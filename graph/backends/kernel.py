@@ -60,8 +60,8 @@ class Kernel:
             try:
                 convert(value)
             except (TypeError, ValueError, OverflowError):
-                taken = " ".join(self._signature[number - 1])
-                return f"{name}: argument {number} is '{taken}', not {in_words(value)}"
+                type_name = " ".join(self._signature[number - 1])
+                return f"{name}: argument {number} is '{type_name}', not {in_words(value)}"
         raise AssertionError(name)
 
     def copy(self) -> Kernel:
@@ -113,8 +113,8 @@ class Kernel:
         if not faulthandler.is_enabled():
             faulthandler.enable()
         names = [name for _, name in self._signature] or [""] * len(arguments)
-        given = ", ".join(map(_in_short, names, arguments))
-        return partial(renamed(_launch_and_wait, f"kernel {self.name}({given})"), launch)
+        listed = ", ".join(map(_in_short, names, arguments))
+        return partial(renamed(_launch_and_wait, f"kernel {self.name}({listed})"), launch)
 
     def _be_typed(self, arguments: Sequence[Any]) -> None:
         if not self._typed:
@@ -160,8 +160,8 @@ def converter(c_type: str) -> Callable[[Any], Any]:
     """A function that converts a value to a kernel argument, or raises if it cannot."""
     if c_type.endswith("*"):
         dtypes = _ELEMENT_DTYPES.get(c_type.rstrip("*").rstrip("0123456789"))
-        known = None if dtypes is None else frozenset(map(np.dtype, dtypes))
-        return partial(_buffer, known)
+        types = None if dtypes is None else frozenset(map(np.dtype, dtypes))
+        return partial(_buffer, types)
     if c_type == "float":
         return _float
     return partial(_whole, _INTEGER_TYPES[c_type]) if c_type in _INTEGER_TYPES else _as_it_is

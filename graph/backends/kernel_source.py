@@ -205,11 +205,11 @@ def _check(node: Node) -> None:
     if stated is None:
         raise NodeError(f"{file} holds no kernel '{node.name}'")
     expected = [(c_type, name.rstrip("_")) for c_type, name in expected_arguments(node)]
-    for index, (wanted, there) in enumerate(zip(expected, stated, strict=False), start=1):
-        if wanted != there:
+    for index, (due, declared) in enumerate(zip(expected, stated, strict=False), start=1):
+        if due != declared:
             raise NodeError(
-                f"{file}: argument {index} is '{' '.join(there)}', "
-                f"but the declaration says '{' '.join(wanted)}'"
+                f"{file}: argument {index} is '{' '.join(declared)}', "
+                f"but the declaration says '{' '.join(due)}'"
             )
     if len(expected) != len(stated):
         raise NodeError(

@@ -186,10 +186,10 @@ class Launch:
 
     def scratch(self, shape: tuple[int, ...], dtype: Any = np.float32) -> DeviceArray:
         """Take a buffer for this launch alone from the pool."""
-        taken = self._device.empty(shape, np.dtype(dtype))
+        buffer = self._device.empty(shape, np.dtype(dtype))
         if self._record is not None:
-            self._record.scratch.append(taken)
-        return taken
+            self._record.scratch.append(buffer)
+        return buffer
 
     def put(self, array: NDArray[Any]) -> DeviceArray:
         """Copy a host array, which may be empty, to a buffer of its own; `keep` keeps a constant.

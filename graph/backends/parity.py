@@ -71,11 +71,11 @@ def compare(node: Node, device: DeviceBackend, case: Case) -> str | None:
 def compare_on(node: Node, devices: Iterable[DeviceBackend], case: Case) -> str | None:
     """Run a case on several devices, and on NumPy once; return the first difference."""
     inputs = make_inputs(node, case)
-    kept = {name: np.copy(v) for name, v in inputs.items() if isinstance(v, np.ndarray)}
+    copies = {name: np.copy(v) for name, v in inputs.items() if isinstance(v, np.ndarray)}
     wanted = EVERYTHING if case.wanted is None else Wanted(frozenset(case.wanted))
     keywords = {**case.settings, **({node.wanted: wanted} if node.wanted else {})}
     reference = by_port(node, node(*node.in_order(inputs), **keywords))
-    changed = _changed(inputs, kept)
+    changed = _changed(inputs, copies)
     if changed:
         return f"the NumPy function changed its input '{changed}'"
     for device in devices:
@@ -85,7 +85,7 @@ def compare_on(node: Node, devices: Iterable[DeviceBackend], case: Case) -> str 
             outputs, after = launch(node, device, case, inputs, wanted)
         finally:
             device.poison = poisoned
-        changed = _changed(after, kept)
+        changed = _changed(after, copies)
         if changed:
             return f"the kernel changed its input '{changed}'"
         wrong = _difference(node, reference, outputs, wanted)
@@ -144,11 +144,11 @@ def _on_device(
 
 def _known_sizes(node: Node, case: Case) -> dict[str, int]:
     """The sizes of the ports that are there."""
-    there = [port for name, port in node.inputs.items() if name not in case.left_out]
-    known = {dim for port in (*there, *node.outputs.values()) for dim in port.dims}
-    return {symbol: size for symbol, size in case.sizes.items() if symbol in known}
+    ports = [port for name, port in node.inputs.items() if name not in case.left_out]
+    dims = {dim for port in (*ports, *node.outputs.values()) for dim in port.dims}
+    return {symbol: size for symbol, size in case.sizes.items() if symbol in dims}
 
 
-def by_port(node: Node, made: Any) -> dict[str, NDArray[Any]]:
+def by_port(node: Node, results: Any) -> dict[str, NDArray[Any]]:
     """A node's results by output."""
-    return dict(zip(node.outputs, node.results(made), strict=True))
+    return dict(zip(node.outputs, node.results(results), strict=True))

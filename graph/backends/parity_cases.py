@@ -75,13 +75,13 @@ def cases(node: Node, shapes: tuple[tuple[int, int], ...] = CASE_SHAPES) -> list
 def make_inputs(node: Node, case: Case) -> dict[str, Any]:
     """Inputs by port name, the same for the same case on every machine."""
     rng = np.random.default_rng(zlib.crc32(f"{node.name} {case}".encode()))
-    made: dict[str, Any] = {}
+    arrays: dict[str, Any] = {}
     if node.make_example is not None:
-        made = dict(node.make_example(rng, **case.sizes))
+        arrays = dict(node.make_example(rng, **case.sizes))
     for name, port in node.inputs.items():
-        if name not in made and port.kind != "object":
-            made[name] = _drawn(port, case, rng)
-    return {name: value for name, value in made.items() if name not in case.left_out}
+        if name not in arrays and port.kind != "object":
+            arrays[name] = _drawn(port, case, rng)
+    return {name: value for name, value in arrays.items() if name not in case.left_out}
 
 
 def _drawn(port: PortType, case: Case, rng: np.random.Generator) -> Any:
@@ -131,7 +131,7 @@ def _demands(node: Node) -> list[tuple[str, ...]]:
     if node.wanted is None:
         return []
     names = tuple(node.outputs)
-    others = [tuple(n for n in names if n != left) for left in names] if len(names) > 2 else []
+    others = [tuple(n for n in names if n != one) for one in names] if len(names) > 2 else []
     return [*((name,) for name in names), *others]
 
 

@@ -37,20 +37,20 @@ def heed_crashes() -> None:
     folder = _place()
     if folder is None:
         return
-    told, ours = os.environ.get(CACHE_VARIABLE), folder / "pocl"
+    chosen, ours = os.environ.get(CACHE_VARIABLE), folder / "pocl"
     if how := _crashes(folder):
-        damaged = Path(told) if told else ours if ours.is_dir() else _usual_place()
+        damaged = Path(chosen) if chosen else ours if ours.is_dir() else _usual_place()
         damage = (
             f"a run before died of '{how}' while it used PoCL: what {damaged} holds may be damaged"
         )
-        if told:
+        if chosen:
             warnings.warn(f"{damage}; empty that folder", stacklevel=2)
         else:
             shutil.rmtree(ours, ignore_errors=True)
             with suppress(OSError):
                 ours.mkdir(parents=True, mode=0o700)
             warnings.warn(f"{damage}; PoCL keeps its programs in {ours} from now on", stacklevel=2)
-    if not told and ours.is_dir():
+    if not chosen and ours.is_dir():
         os.environ[CACHE_VARIABLE] = str(ours)
 
 

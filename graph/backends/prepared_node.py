@@ -105,7 +105,7 @@ class Prepared:
             By name: device arrays of the prepared sizes, None for an absent one, and numbers.
         """
         take = self._device.take
-        outputs = {name: take(*known) for name, known in self._outputs.items()}
+        outputs = {name: take(*layout) for name, layout in self._outputs.items()}
         if not self._repeats or self._device.poison is not None:
             return self._launched(inputs, outputs)
         key = (*map(_told, map(inputs.get, self._read)), *map(_told, outputs.values()))
@@ -120,11 +120,11 @@ class Prepared:
             return self._launched(inputs, outputs)
         # Not the first time: copying kernels takes longer than enqueuing them a few times.
         record = Record() if key in self._known else None
-        made = self._launched(inputs, outputs, record)
+        results = self._launched(inputs, outputs, record)
         self._known[key] = None if record is None else _repeatable(record)
         if len(self._known) > MAX_BUFFER_SETS:
             del self._known[next(iter(self._known))]
-        return made
+        return results
 
     def _launched(
         self,

@@ -62,12 +62,12 @@ def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Prog
     file = _kept(context.devices[0], source, options)
     if file is None:
         return _compiled(context, source, options)
-    while (known := _from_disk(context, file, options)) is None:
+    while (binary := _from_disk(context, file, options)) is None:
         with suppress(BlockingIOError), _alone(file, wait=not ahead):
             return _from_disk(context, file, options) or _onto_disk(context, source, options, file)
         with suppress(IndexError):  # another thread took it
             build_if_free(context, *ahead.popleft())
-    return known
+    return binary
 
 
 def build_if_free(context: cl.Context, source: str, options: tuple[str, ...]) -> None:

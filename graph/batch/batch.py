@@ -44,13 +44,13 @@ def open_batch(
     or cannot be written; or if none of the first captures can be done.
     """
     place = store_place(out, job)
-    wanted = [capture for capture in captures if not lies_in(capture, place, job.folders)]
-    if not wanted:
+    to_do = [capture for capture in captures if not lies_in(capture, place, job.folders)]
+    if not to_do:
         raise InputError(f"--over: it holds nothing but --out {out}")
     store = open_store(place)
     identity = identity_of(job, origin)
-    if store is None or _holds_nothing_for(store, identity, wanted, chunk or store.chunk):
-        types = _map_types(job, wanted, workers) if job.maps else {}
+    if store is None or _holds_nothing_for(store, identity, to_do, chunk or store.chunk):
+        types = _map_types(job, to_do, workers) if job.maps else {}
         together = chunk or captures_together(types.values())
         store = create_store(place, job, origin, together, overwrite=store is not None)
         store.add_maps(types)
@@ -61,8 +61,8 @@ def open_batch(
         )
     elif chunk and chunk != store.chunk:
         raise InputError(f"{place}: was made with --chunk {store.chunk}; leave --chunk out")
-    there = set(store.captures)
-    added = [capture for capture in wanted if capture not in there]
+    stored = set(store.captures)
+    added = [capture for capture in to_do if capture not in stored]
     _refuse_outside(added, store.job, out)
     store.append(added)
     return store
@@ -134,19 +134,19 @@ def run_batch(store: Store, chunks: Sequence[Chunk], workers: Workers) -> Iterat
 
 def _map_types(job: Job, captures: Sequence[str], workers: Workers) -> dict[str, MapType]:
     """The types of the maps, from the first capture that can be done."""
-    reason, tried = "", captures[:MAX_TRIED_CAPTURES]
-    for capture in tried:
+    reason, first = "", captures[:MAX_TRIED_CAPTURES]
+    for capture in first:
         try:
             return workers.ask(find_map_types, job, capture)
         except TactographError as error:
             reason = str(error)
-    none = f"none of the first {len(tried)} captures can" if tried[1:] else "the capture cannot"
+    none = f"none of the first {len(first)} captures can" if first[1:] else "the capture cannot"
     raise InputError(f"{none} be processed: {reason}")
 
 
 def _other_sensors(then: Job, now: Job) -> str:
     """Name the sensors of a store and of a command, where these differ."""
-    pairs = [(then.files.get(name, {}), known) for name, known in now.files.items()]
+    pairs = [(then.files.get(name, {}), identity) for name, identity in now.files.items()]
     named = [(a["sensor"], b["sensor"]) for a, b in pairs if "sensor" in a and "sensor" in b]
     return "".join(f", for sensor '{a}' and not '{b}'" for a, b in named if a != b)
 

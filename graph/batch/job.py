@@ -74,7 +74,7 @@ def make_job(
     fixed = {**given, **read}
     of_each = {name: NOT_GIVEN for name in (CAPTURE_PARAM, "out") if name in graph.params}
     draft = names.bind(graph, {**fixed, **of_each}, sinks=folders is not None)
-    kept = _maps(draft, maps)
+    map_names = _maps(draft, maps)
     named = {n: str(file) for n, file in named_files(draft, {*fixed, CAPTURE_PARAM, "out"}).items()}
     return Job(
         graph=dump_graph(graph),
@@ -82,7 +82,7 @@ def make_job(
         hash=graph.hash,
         given={**fixed, CAPTURE_PARAM: "."},
         inputs={name: content_hash(Path(place)) for name, place in {**read, **named}.items()},
-        maps=() if folders else kept,
+        maps=() if folders else map_names,
         backend=backend,
         device=device,
         strict=strict,

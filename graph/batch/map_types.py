@@ -88,6 +88,6 @@ def pixel_of(group: zarr.Group) -> float | None:
     axis = AXIS_NAMES["W"]
     if axis not in group:
         return None
-    held: Any = group[axis]
-    places = np.asarray(held[:2], np.float64)
+    stored: Any = group[axis]
+    places = np.asarray(stored[:2], np.float64)
     return float(places[1] - places[0]) if len(places) == 2 else None

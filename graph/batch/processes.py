@@ -51,8 +51,8 @@ class Processes:
         """
         pool = self._idle = self._idle or start_processes(self.number)
         try:
-            asked = [hand_over(pool, question, *about) for _ in range(self.number)]
-            return wait(asked, return_when=FIRST_COMPLETED).done.pop().result()
+            answers = [hand_over(pool, question, *about) for _ in range(self.number)]
+            return wait(answers, return_when=FIRST_COMPLETED).done.pop().result()
         except PROCESS_DEATHS:
             self._idle = None
             raise InputError(f"{about[-1]}: its process died; {RUN_ALONE_HINT}") from None

@@ -77,7 +77,7 @@ class Store:
             job = about["job"]
             self.stamp, self.chunk = about["stamp"], int(about["chunk"])
             typed = {"maps": tuple(map(str, job["maps"])), "given": dict(job["given"])}
-            files = {str(n): dict(said) for n, said in dict(job["files"]).items()}
+            files = {str(n): dict(identity) for n, identity in dict(job["files"]).items()}
             self.job = Job(**{**job, **typed, "files": files})
             self.origin = Origin(**about["origin"])
         except (KeyError, TypeError, ValueError) as error:
@@ -128,9 +128,9 @@ class Store:
     def statuses(self) -> NDArray[np.uint8]:
         return self.statuses_of(slice(None))
 
-    def statuses_of(self, here: slice) -> NDArray[np.uint8]:
+    def statuses_of(self, part: slice) -> NDArray[np.uint8]:
         """The statuses of some of the captures."""
-        return np.asarray(self._read("status", here), np.uint8)
+        return np.asarray(self._read("status", part), np.uint8)
 
     def damaged(self) -> list[int]:
         """The captures that are marked done, but are not whole.
@@ -143,29 +143,29 @@ class Store:
             return [int(number) for number in finished]
         whole = np.ones(len(self), bool)
         for first in range(0, len(self), self.chunk):
-            here = self._chunk_of(first)
-            if ((here.start <= finished) & (finished < here.stop)).any():
-                whole[here] = self.are_whole(here)
+            part = self._chunk_of(first)
+            if ((part.start <= finished) & (finished < part.stop)).any():
+                whole[part] = self.are_whole(part)
         return [int(number) for number in finished if not whole[number]]
 
-    def are_whole(self, here: slice) -> list[bool]:
+    def are_whole(self, part: slice) -> list[bool]:
         """Return whether captures are read as they were written.
 
         They are read all at once, which takes as long as one, unless some cannot be decoded.
         """
         try:
-            entries = self.read_all(here)
-            arrays = {name: self._reaching(name, here.stop) for name in self.job.maps}
-            maps = {name: np.asarray(array[here]) for name, array in arrays.items()}
+            entries = self.read_all(part)
+            arrays = {name: self._reaching(name, part.stop) for name in self.job.maps}
+            maps = {name: np.asarray(array[part]) for name, array in arrays.items()}
         except _DECODE_ERRORS:
-            if here.stop - here.start == 1:
+            if part.stop - part.start == 1:
                 return [False]
-            middle = (here.start + here.stop) // 2
-            halves = slice(here.start, middle), slice(middle, here.stop)
+            middle = (part.start + part.stop) // 2
+            halves = slice(part.start, middle), slice(middle, part.stop)
             return [is_whole for half in halves for is_whole in self.are_whole(half)]
         for at, entry in enumerate(entries):
             entry.maps = {name: maps[name][at] for name in maps}
-        checksums = self._read("checksum", here)
+        checksums = self._read("checksum", part)
         return [int(c) == e.checksum for c, e in zip(checksums, entries, strict=True)]
 
     def reopen(self, numbers: Sequence[int]) -> None:
@@ -235,13 +235,13 @@ class Store:
 
         Raises InputError if the store cannot be written.
         """
-        here = self._chunk_of(min(entries))
+        part = self._chunk_of(min(entries))
         with self._refusing():
             for name in self.job.maps:
-                if made := {n: e.maps[name] for n, e in entries.items() if name in e.maps}:
-                    self._merge(name, here, made)
+                if values := {n: e.maps[name] for n, e in entries.items() if name in e.maps}:
+                    self._merge(name, part, values)
             for name, (_, _, cell) in _CAPTURE_COLUMNS.items():
-                self._merge(name, here, {n: cell(entry) for n, entry in entries.items()})
+                self._merge(name, part, {n: cell(entry) for n, entry in entries.items()})
 
     @contextmanager
     def _refusing(self) -> Iterator[None]:
@@ -255,36 +255,36 @@ class Store:
                 "same command goes on"
             ) from None
 
-    def _merge(self, name: str, here: slice, values: Mapping[int, Any]) -> None:
+    def _merge(self, name: str, part: slice, values: Mapping[int, Any]) -> None:
         """Put values among the present ones of the chunk, and write the chunk at once."""
-        array = self._reaching(name, here.stop)
-        if len(values) == here.stop - here.start:
+        array = self._reaching(name, part.stop)
+        if len(values) == part.stop - part.start:
             # The whole chunk is replaced.
-            array[here] = np.array([values[n] for n in range(here.start, here.stop)], array.dtype)
+            array[part] = np.array([values[n] for n in range(part.start, part.stop)], array.dtype)
             return
-        block = np.array(self._read(name, here))
+        block = np.array(self._read(name, part))
         for number, value in values.items():
-            block[number - here.start] = value
-        array[here] = block
+            block[number - part.start] = value
+        array[part] = block
 
-    def _read(self, name: str, here: slice) -> NDArray[Any]:
+    def _read(self, name: str, part: slice) -> NDArray[Any]:
         """Part of an array; parts that cannot be decoded count as never written."""
-        array = self._reaching(name, here.stop)
+        array = self._reaching(name, part.stop)
         try:
-            return np.asarray(array[here])
+            return np.asarray(array[part])
         except _DECODE_ERRORS:
-            start, stop, _ = here.indices(array.shape[0])
+            start, stop, _ = part.indices(array.shape[0])
             if stop - start == 1:
                 return np.full((1, *array.shape[1:]), array.fill_value, array.dtype)
         middle = (start + stop) // 2
         parts = [self._read(name, slice(start, middle)), self._read(name, slice(middle, stop))]
         return np.concatenate(parts)
 
-    def read_all(self, here: slice = slice(None)) -> list[Entry]:
+    def read_all(self, part: slice = slice(None)) -> list[Entry]:
         """The entries of the captures, without their maps."""
-        here = slice(*here.indices(len(self)))
+        part = slice(*part.indices(len(self)))
         names = ("status", "reason", "figures", "warnings", "milliseconds")
-        columns = [self._read(name, here) for name in names]
+        columns = [self._read(name, part) for name in names]
         return [
             Entry(int(s), str(r), read_figures(str(f)), str(w).splitlines(), float(ms))
             for s, r, f, w, ms in zip(*columns, strict=True)
@@ -304,10 +304,10 @@ class Store:
 
     def _reaching(self, name: str, stop: int | None) -> zarr.Array[Any]:
         """An array that reaches `stop`, opened again, which takes a millisecond, only if needed."""
-        known = self._open.get(name)
-        if known is None or stop is None or known.shape[0] < stop:
+        array = self._open.get(name)
+        if array is None or stop is None or array.shape[0] < stop:
             return self._array(name)
-        return known
+        return array
 
 
 def create_store(

@@ -138,5 +138,5 @@ def _versions_around(package: str) -> Mapping[str, str]:
         needs = importlib.metadata.requires(package) or []
     except importlib.metadata.PackageNotFoundError:
         return {}
-    wanted = [package, *(need for need in needs if not _FOR_DEVELOPERS.search(need))]
-    return installed(tuple(re.split(r"[^\w.-]", need, maxsplit=1)[0] for need in wanted))
+    packages = [package, *(need for need in needs if not _FOR_DEVELOPERS.search(need))]
+    return installed(tuple(re.split(r"[^\w.-]", need, maxsplit=1)[0] for need in packages))

@@ -40,16 +40,16 @@ def recall_or_make(
         if stored is not None:
             return stored[0]
     start = time.perf_counter()
-    told: list[str] = []
+    warnings: list[str] = []
     try:
-        with collect_warnings(told):
-            made = make()
+        with collect_warnings(warnings):
+            result = make()
     finally:
-        for warning in told:
+        for warning in warnings:
             warn(warning)
-    if not told and 1e3 * (time.perf_counter() - start) > MIN_STORED_MS:
-        _write(file or _file(folder, node, settings, arguments), node, made)
-    return made
+    if not warnings and 1e3 * (time.perf_counter() - start) > MIN_STORED_MS:
+        _write(file or _file(folder, node, settings, arguments), node, result)
+    return result
 
 
 def has_stored(node: Node) -> bool:
@@ -81,10 +81,10 @@ def _read(file: Path, node: Node) -> tuple[Any] | None:
         return None
 
 
-def _write(file: Path, node: Node, made: Any) -> None:
+def _write(file: Path, node: Node, result: Any) -> None:
     """Keep a node's result, if it is plain data."""
     with suppress(Exception):
-        plain = made if node.output_record is None else node.results(made)
+        plain = result if node.output_record is None else node.results(result)
         body = pickle.dumps(plain, protocol=5)
         _Reader(io.BytesIO(body)).load()  # only what can be read again
         write_cached(file, body)

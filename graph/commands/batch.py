@@ -176,13 +176,13 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
     """Show what is done, how fast, and the time left; and fallbacks."""
     start = time.monotonic()
     done = failed = 0
-    told: set[str] = set()
+    shown_lines: set[str] = set()
     with ProgressLine() as line:
         line.at(f"0 of {total} captures", 0.0)
         for tally in tallies:
-            for text in {*tally.fallbacks} - told:
+            for text in {*tally.fallbacks} - shown_lines:
                 line.say(f"fallback: {text}", err=True)
-            told.update(tally.fallbacks)
+            shown_lines.update(tally.fallbacks)
             done, failed = done + tally.done + tally.failed, failed + tally.failed
             rate = done / max(time.monotonic() - start, 1e-9)
             line.at(

@@ -135,7 +135,7 @@ def _run_all(study: Study, out: Path) -> list[Row]:
     cache = Cache()
     jobs = make_jobs(study)
     rows: list[Row] = []
-    kept = 0
+    recalled = 0
     with ProgressLine() as line:
         for number, job in enumerate(jobs):
             line.at(f"{job.row.label}, {number + 1} of {len(jobs)} runs", number / len(jobs))
@@ -143,7 +143,7 @@ def _run_all(study: Study, out: Path) -> list[Row]:
             if row.error:
                 line.say(f"failed: {job.row.label}", err=True)
             rows.append(row)
-            kept += was_there
-    if kept:
-        say(f"{kept} of {len(jobs)} runs were there already", err=True)
+            recalled += was_there
+    if recalled:
+        say(f"{recalled} of {len(jobs)} runs were there already", err=True)
     return rows

@@ -63,7 +63,7 @@ def complete_value(ctx: click.Context, param: click.Parameter, begun: str) -> li
 
     zsh and fish give ``name=begun`` as one word, bash as three.
     """
-    said = ctx.params.get("values") or ()
+    words = ctx.params.get("values") or ()
     read = _read(ctx.params.get("graph"), ctx.params.get("overlays") or ())
     if read is None:
         return []
@@ -72,14 +72,14 @@ def complete_value(ctx: click.Context, param: click.Parameter, begun: str) -> li
         values = _words(read.params[name])
         values = _files(text) if values is None else values
         return [CompletionItem(f"{name}={value}") for value in values if value.startswith(text)]
-    before = next((word for word in reversed(said) if word != "="), "")
+    before = next((word for word in reversed(words) if word != "="), "")
     if before in read.params:
         return _values(read.params[before], begun)
-    taken = {word.partition("=")[0] for word in said}
+    names = {word.partition("=")[0] for word in words}
     return [
         CompletionItem(f"{name}=", help=param.help)
         for name, param in read.params.items()
-        if name.startswith(begun) and name not in taken
+        if name.startswith(begun) and name not in names
     ]
 
 
@@ -109,7 +109,7 @@ def _words(param: Param) -> list[str] | None:
 def _files(begun: str) -> list[str]:
     folder, slash, name = begun.rpartition("/")
     try:
-        there = [f for f in Path(folder + slash).iterdir() if f.name.startswith(name)]
+        files = [f for f in Path(folder + slash).iterdir() if f.name.startswith(name)]
     except OSError:
         return []
-    return sorted(f"{folder}{slash}{f.name}{'/' if f.is_dir() else ''}" for f in there)
+    return sorted(f"{folder}{slash}{f.name}{'/' if f.is_dir() else ''}" for f in files)

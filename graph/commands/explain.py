@@ -30,8 +30,8 @@ def command(graph: str, values: tuple[str, ...], every: bool, options: RunOption
     plan = options.open(read, given).plan
     moves = [step for step in plan.steps if step.is_transfer]
     title = f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}"
-    shown = [step for step in plan.steps if every or not step.is_transfer]
-    rows = [_row(plan, step) for step in shown]
+    steps = [step for step in plan.steps if every or not step.is_transfer]
+    rows = [_row(plan, step) for step in steps]
     _print(title, rows if every else _by_box(rows, plan))
     if moves and not every:
         each = sum(step.stream for step in moves)

@@ -77,17 +77,17 @@ class ProgressLine:
             say(f"{stage}: {self._time(now)}", err=True)
 
     def _time(self, now: float) -> str:
-        left = self.left(now)
-        return f"{now:.0f} s" if left is None else f"{left:.0f} s left"
+        remaining = self.left(now)
+        return f"{now:.0f} s" if remaining is None else f"{remaining:.0f} s left"
 
     def _draw(self, stage: str, now: float) -> None:
-        left = self.left(now)
+        remaining = self.left(now)
         if self._bar is None:
             self._bar = _make_bar()
         self._bar.update(
             self._bar.task_ids[0],
             description=stage,
-            total=None if left is None else now + left,
+            total=None if remaining is None else now + remaining,
             completed=now,
             left=self._time(now),
         )

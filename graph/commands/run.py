@@ -152,8 +152,8 @@ class _Report:
             self._news(result.warnings)
         else:
             self.warnings(result.warnings)
-        said = warning_kind(" ".join(v for v in result.outputs.values() if isinstance(v, str)))
-        news, self._said = number == 1 or said != self._said, said
+        kind = warning_kind(" ".join(v for v in result.outputs.values() if isinstance(v, str)))
+        news, self._said = number == 1 or kind != self._said, kind
         if not self._quiet and (not endless or news):
             self._line.say(_summary(number, result, figures=self._figures))
         if endless:
@@ -178,7 +178,7 @@ class _Report:
             self.told[kind] = now
 
 
-def _ending(pipeline: Pipeline, told: Collection[str]) -> str:
+def _ending(pipeline: Pipeline, warnings: Collection[str]) -> str:
     """The last line: where the results are, and the number of warnings."""
     plan = pipeline.plan
     places = {
@@ -190,7 +190,9 @@ def _ending(pipeline: Pipeline, told: Collection[str]) -> str:
         if (param := plan.graph.params[name[1:]]).kind == "path"
     }
     written = ", ".join(place for place in places if Path(place).exists())
-    warned = f"{len(told)} warning{'s' if len(told) > 1 else ''}, see above" if told else ""
+    warned = (
+        f"{len(warnings)} warning{'s' if len(warnings) > 1 else ''}, see above" if warnings else ""
+    )
     return "; ".join(filter(None, [f"written to {written}" if written else "", warned]))
 
 
@@ -201,15 +203,15 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
     Python drops an interrupt that arrives while it frees an object.  The yielded function raises it
     again, between items.
     """
-    asked = False
+    is_stopping = False
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        nonlocal asked
-        asked = True
+        nonlocal is_stopping
+        is_stopping = True
         ctrl_c.interrupt(number, frame)
 
     def stop_if_asked() -> None:
-        if asked:
+        if is_stopping:
             raise KeyboardInterrupt
 
     # A shell's background jobs ignore Ctrl-C, and go on doing so.
@@ -256,12 +258,12 @@ def _times(result: Result) -> str:
     by_backend: dict[str, float] = {}
     for step in steps:
         by_backend[step.backend] = by_backend.get(step.backend, 0) + times[step.name]
-    told = ", ".join(f"{ms:.1f} ms on {backend}" for backend, ms in by_backend.items())
+    listed = ", ".join(f"{ms:.1f} ms on {backend}" for backend, ms in by_backend.items())
     nodes = [step.name for step in steps if step.name in tasks]
     if not nodes or sum(by_backend.values()) < FRAME_MS:
-        return told
+        return listed
     slowest = max(nodes, key=lambda name: times[name])
-    return f"{told}; slowest: {slowest} ({tasks[slowest].node.name}) {times[slowest]:.1f} ms"
+    return f"{listed}; slowest: {slowest} ({tasks[slowest].node.name}) {times[slowest]:.1f} ms"
 
 
 def _name_of(result: Result) -> str:

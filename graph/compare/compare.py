@@ -168,15 +168,15 @@ def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]
     }
     try:
         row.made_by = _made_by(job, values, study.device, row)
-        kept = _done(folder, row)
-        if kept is not None:
-            return kept, True
+        done = _done(folder, row)
+        if done is not None:
+            return done, True
         results = _run(job, values, study.device, row, cache)
     except WriteError:
         raise  # no other run can be kept either
     except Exception as error:  # it must not end the other runs
-        known = isinstance(error, TactographError)
-        row.error = str(error) if known else f"{type(error).__name__}: {error}"
+        is_ours = isinstance(error, TactographError)
+        row.error = str(error) if is_ours else f"{type(error).__name__}: {error}"
         return row, False
     with atomic_files(folder) as stage:
         save_views(views_of(results), stage)
@@ -243,9 +243,9 @@ def _places(job: Job, folder: Path) -> dict[str, str]:
     return {name: place for name, place in places.items() if name in job.graph.params}
 
 
-def _done(folder: Path, wanted: Row) -> Row | None:
+def _done(folder: Path, job: Row) -> Row | None:
     try:
         row = Row(**json.loads((folder / "row.json").read_text()))
     except (OSError, ValueError, TypeError):
         return None
-    return row if row.made_by == wanted.made_by else None
+    return row if row.made_by == job.made_by else None

@@ -23,8 +23,8 @@ def differences(base: Graph, other: Graph) -> dict[str, list[Difference]]:
 
     A box is a node, or the outermost use of a group with all its nodes.
     """
-    gone = {n: entry for n, entry in base.nodes.items() if n not in other.nodes}
-    changes = [Difference(n, "removed", _described(entry), "") for n, entry in gone.items()]
+    removed = {n: entry for n, entry in base.nodes.items() if n not in other.nodes}
+    changes = [Difference(n, "removed", _described(entry), "") for n, entry in removed.items()]
     for node_id, entry in other.nodes.items():
         if node_id not in base.nodes:
             changes.append(Difference(node_id, "added", "", _described(entry)))

@@ -108,12 +108,12 @@ def _variant(graph: Any, study: Study) -> dict[str, Any]:
 
 def _table(lines: Sequence[Line], details: bool = False) -> dict[str, Any]:
     """Headings and cells, in blocks of one capture each."""
-    shown = [*lines, *([] if details else over_all(lines))]
+    rows = [*lines, *([] if details else over_all(lines))]
     names, targets = columns(lines, details), sweep_columns(lines)
     blocks: dict[str, list[dict[str, Any]]] = {}
-    for line in shown:
+    for line in rows:
         cells = [
-            {"text": str(line.figures.get(name, "")), "best": is_best(line, name, shown)}
+            {"text": str(line.figures.get(name, "")), "best": is_best(line, name, rows)}
             for name in names
         ]
         labels = [line.variant, *(short(line.sweep.get(t, "")) for t in targets), line.where]
@@ -138,8 +138,8 @@ def _curves(sweep: Sweep, lines: Sequence[Line]) -> list[Picture]:
     """A picture for each capture: every figure over the swept parameter."""
     pictures = []
     for capture in dict.fromkeys(line.capture for line in lines):
-        here = [line for line in lines if line.capture == capture]
-        figures = {name: _curves_of(name, sweep, here) for name in columns(here)}
+        of_capture = [line for line in lines if line.capture == capture]
+        figures = {name: _curves_of(name, sweep, of_capture) for name in columns(of_capture)}
         figures = {name: curves for name, curves in figures.items() if _varies(curves)}
         if figures:
             on = f" on {capture}" if capture else ""
@@ -211,20 +211,20 @@ class _Shown:
     """
 
     def __init__(self, name: str, runs: Mapping[str, Mapping[str, View]]) -> None:
-        shown = {label: views[name] for label, views in runs.items() if name in views}
-        shape = next(iter(shown.values())).array.shape
+        by_label = {label: views[name] for label, views in runs.items() if name in views}
+        shape = next(iter(by_label.values())).array.shape
         equal: dict[tuple[bytes, bytes], list[str]] = {}
         truths: dict[str, NDArray[Any] | None] = {}
-        for label, view in shown.items():
+        for label, view in by_label.items():
             if view.array.shape == shape:
                 truth = find_truth(view, runs[label])
                 truths[label] = None if truth is None else truth.array
                 key = view.array.tobytes(), b"" if truth is None else truth.array.tobytes()
                 equal.setdefault(key, []).append(label)
         panels = {_panel(labels): labels[0] for labels in equal.values()}
-        self.found = {panel: shown[label].array for panel, label in panels.items()}
-        known = {panel: truths[label] for panel, label in panels.items()}
-        self.truths = {panel: truth for panel, truth in known.items() if truth is not None}
+        self.found = {panel: by_label[label].array for panel, label in panels.items()}
+        truth_of = {panel: truths[label] for panel, label in panels.items()}
+        self.truths = {panel: truth for panel, truth in truth_of.items() if truth is not None}
 
     @property
     def truth(self) -> NDArray[Any] | None:

@@ -55,10 +55,10 @@ def points(graph: Graph, sweeps: Iterable[Sweep]) -> list[dict[str, Any]]:
 
     A graph without the node, or with it taken out, is run once for that sweep.
     """
-    own = [sweep for sweep in sweeps if has_parameter(graph, sweep.target)]
+    own_sweeps = [sweep for sweep in sweeps if has_parameter(graph, sweep.target)]
     return [
-        dict(zip((sweep.target for sweep in own), values, strict=True))
-        for values in itertools.product(*(sweep.values for sweep in own))
+        dict(zip((sweep.target for sweep in own_sweeps), values, strict=True))
+        for values in itertools.product(*(sweep.values for sweep in own_sweeps))
     ]
 
 
@@ -156,12 +156,12 @@ def _own_value(graph: Graph, target: str, given: Mapping[str, Any]) -> Any:
 def _what_there_is(graphs: Sequence[Graph], target: str) -> str:
     node_id, _, name = target.rpartition(".")
     for graph in graphs:
-        known = ", ".join(_values_at(graph, node_id)) or "none"
+        names = ", ".join(_values_at(graph, node_id)) or "none"
         if group_of(graph, node_id) is not None:
-            return f"'{node_id}' has no param '{name}'; it has: {known}"
+            return f"'{node_id}' has no param '{name}'; it has: {names}"
         for entry in map(graph.nodes.__getitem__, meant_nodes(graph, node_id)):
             if entry.neutral:
                 return f"node '{node_id}' is taken out of every graph"
-            return f"node '{node_id}' ({entry.op}) has no parameter '{name}'; it has: {known}"
+            return f"node '{node_id}' ({entry.op}) has no parameter '{name}'; it has: {names}"
     nodes = dict.fromkeys(n for graph in graphs for n in graph.nodes)
     return f"no graph has a node '{node_id}'; there are: {', '.join(nodes)}"

@@ -172,10 +172,10 @@ def print_table(
 
 
 def _chosen(lines: Sequence[Line], wanted: Sequence[str]) -> list[str]:
-    known = columns(lines, details=True)
+    names = columns(lines, details=True)
     for name in wanted:
-        if name not in known:
-            raise InputError(f"--columns: there is no figure '{name}'{did_you_mean(name, known)}")
+        if name not in names:
+            raise InputError(f"--columns: there is no figure '{name}'{did_you_mean(name, names)}")
     return [*wanted]
 
 
@@ -264,8 +264,8 @@ def _write_csv(lines: Sequence[Line], file: Path) -> None:
             ends = [end for f in figures for end in (("", "") if f is None else (f.low, f.high))]
             more = [len(line.rows), *ends] if several else []
             start = [line.variant, line.capture, line.backend]
-            told = ["; ".join(line.warnings), line.error]
-            writer.writerow([*start, *swept, *means, *more, line.hash, *told])
+            messages = ["; ".join(line.warnings), line.error]
+            writer.writerow([*start, *swept, *means, *more, line.hash, *messages])
 
 
 def _markdown(lines: Sequence[Line]) -> str:

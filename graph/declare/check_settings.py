@@ -75,8 +75,8 @@ def _message(
         message = "a path is needed"
     if first["type"] in ("too_long", "too_short"):
         message = message.replace(" after validation", "").partition(", not")[0]
-    given = settings.get(name)
-    is_pair = isinstance(given, list) and len(given) == 2 and all(type(n) is int for n in given)
+    value = settings.get(name)
+    is_pair = isinstance(value, list) and len(value) == 2 and all(type(n) is int for n in value)
     hint = " (if the comma is a decimal one, write a point)" if is_pair else ""
     at = "".join(f"[{part}]" for part in first["loc"][1:] if isinstance(part, int))
     text = f"{message[0].lower()}{message[1:]}, not {shortened(repr(first['input']))}"
@@ -139,8 +139,8 @@ def _split(are_numbers: bool, lengths: Collection[int], names: str, value: Any) 
         for part in value:
             _only_number(part)
     if lengths and isinstance(value, list | tuple) and len(value) not in lengths:
-        wanted = " or ".join(map(str, sorted(lengths)))
-        raise ValueError(f"{wanted} values are needed{names and f' ({names})'}")
+        lengths_due = " or ".join(map(str, sorted(lengths)))
+        raise ValueError(f"{lengths_due} values are needed{names and f' ({names})'}")
     return value
 
 

@@ -21,8 +21,8 @@ class Session:
         """Return the result of the first call of `make`; it is closed with the pipeline."""
         if not self._kept:
             self._kept.append(make())
-        kept: T = self._kept[0]
-        return kept
+        value: T = self._kept[0]
+        return value
 
     def close(self) -> None:
         """Close the kept object, if it has a ``close()``, and forget it."""

@@ -68,9 +68,9 @@ def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
         return own[name]
     places = _all_places(tuple(sys.path)).get(name, [])
     if not places:
-        known = [*(own or ()), *node_names()]
+        names = [*(own or ()), *node_names()]
         raise GraphError(
-            f"no node is called '{name}'{did_you_mean(name, known, 'tactograph nodes')}"
+            f"no node is called '{name}'{did_you_mean(name, names, 'tactograph nodes')}"
         )
     first, *others = places
     packages = " and ".join(sorted(place.ring.distribution for place in others))

@@ -230,15 +230,17 @@ class Node:
             return None
         return make_record(self.input_records[name], values)
 
-    def results(self, made: Any) -> tuple[Any, ...]:
+    def results(self, result: Any) -> tuple[Any, ...]:
         """The values that the function returned or yielded, in the order of the outputs."""
         if self.sink:
             return ()
-        return (made,) if self.output_record is None else record_values(self.output_record, made)
+        return (
+            (result,) if self.output_record is None else record_values(self.output_record, result)
+        )
 
-    def name_of(self, made: Any) -> str:
+    def name_of(self, result: Any) -> str:
         """The text ``name`` among the values that the function yielded; "" if there is none."""
-        name = dict(zip(self.outputs, self.results(made), strict=True)).get("name")
+        name = dict(zip(self.outputs, self.results(result), strict=True)).get("name")
         return name if isinstance(name, str) else ""
 
     def output_shape(self, port: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
@@ -248,16 +250,16 @@ class Node:
     @cached_property
     def symbols(self) -> tuple[str, ...]:
         """The size symbols in the order in which they first appear: the kernel's order."""
-        seen: dict[str, None] = {}
+        symbols: dict[str, None] = {}
         for port in (*self.inputs.values(), *self.outputs.values()):
-            seen.update(dict.fromkeys(d for d in port.dims if isinstance(d, str)))
-        return tuple(seen)
+            symbols.update(dict.fromkeys(d for d in port.dims if isinstance(d, str)))
+        return tuple(symbols)
 
     @cached_property
     def free_symbols(self) -> tuple[str, ...]:
         """The size symbols that neither an input nor a `derived` rule gives."""
-        given = {dim for port in self.inputs.values() for dim in port.dims} | {*self.derived}
-        return tuple(symbol for symbol in self.symbols if symbol not in given)
+        dims = {dim for port in self.inputs.values() for dim in port.dims} | {*self.derived}
+        return tuple(symbol for symbol in self.symbols if symbol not in dims)
 
     @cached_property
     def finds_sizes(self) -> bool:

@@ -35,15 +35,15 @@ def describe(node: Node) -> Description:
     for each in (param for page in (*records, parsed) for param in page.params):
         for name in each.arg_name.split(","):
             name = name.strip(" *")
-            told = meanings.get(name), each.type_name
-            meanings[name] = _one_line(each.description) or "; ".join(filter(None, told))
-    known = [*node.input_names, *node.parameters]
-    known += [node.repeated.name] if node.repeated else []
+            meaning = meanings.get(name), each.type_name
+            meanings[name] = _one_line(each.description) or "; ".join(filter(None, meaning))
+    names = [*node.input_names, *node.parameters]
+    names += [node.repeated.name] if node.repeated else []
     returns = _RETURNS_SECTION.search(inspect.cleandoc(node.doc or ""))
     return Description(
         summary=_one_line(parsed.short_description),
         text=parsed.long_description or "",
-        arguments={name: meanings.get(name, "") for name in known},
+        arguments={name: meanings.get(name, "") for name in names},
         returns=_one_line(returns[1]) if returns else "",
         raises=[(each.type_name or "", _one_line(each.description)) for each in parsed.raises],
     )

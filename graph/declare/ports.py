@@ -154,10 +154,10 @@ def make_record(record: type, values: Iterable[Any]) -> Any:
     """Make a record of values in the order of its ports."""
     if not any(_inner_records(record)):
         return record(*values)
-    left = iter(values)
+    rest = iter(values)
     return record(
         *(
-            make_record(inner, islice(left, len(record_ports(inner)))) if inner else next(left)
+            make_record(inner, islice(rest, len(record_ports(inner)))) if inner else next(rest)
             for inner in _inner_records(record)
         )
     )

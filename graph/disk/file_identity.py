@@ -51,7 +51,7 @@ def _said(file: Path, key: str) -> Mapping[str, str]:
 def identities(paths: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """Return the identities of the files among a graph's params, by name; ``out`` is no input."""
     return {
-        name: known
+        name: identity
         for name, path in paths.items()
-        if name != "out" and path is not None and (known := file_identity(Path(path)))
+        if name != "out" and path is not None and (identity := file_identity(Path(path)))
     }

@@ -79,10 +79,10 @@ class Document:
             return kind.model_validate(self.data)
         except ValidationError as error:
             first = error.errors()[0]
-            said = first["msg"].lower()
+            message = first["msg"].lower()
             if first["type"] == "extra_forbidden":
-                said = f"unknown key{did_you_mean(str(first['loc'][-1]), kind.model_fields)}"
-            raise InputError(f"{self.place(first['loc'])}: {said}") from None
+                message = f"unknown key{did_you_mean(str(first['loc'][-1]), kind.model_fields)}"
+            raise InputError(f"{self.place(first['loc'])}: {message}") from None
 
 
 def dotted(path: Path_) -> str:
@@ -152,11 +152,13 @@ def parse_scalar(text: str) -> Any:
         raise InputError(f"'{shortened(text, 40)}' is not a number") from None
 
 
-def _plain(node: Node, path: Path_, name: str, places: dict[Path_, Place], seen: set[int]) -> Any:
+def _plain(
+    node: Node, path: Path_, name: str, places: dict[Path_, Place], parents: set[int]
+) -> Any:
     mark = node.start_mark
     place = Place(name, mark.line + 1, mark.column + 1, dotted(path))
     places[path] = place
-    _refuse_extras(node, place, seen)
+    _refuse_extras(node, place, parents)
     if len(path) > MAX_DEPTH:
         raise GraphError(f"{place}: nested too deeply for a graph file")
     if isinstance(node, ScalarNode):
@@ -165,16 +167,16 @@ def _plain(node: Node, path: Path_, name: str, places: dict[Path_, Place], seen:
         except ValueError:
             raise GraphError(f"{place}: '{shortened(node.value, 40)}' is not a number") from None
     if isinstance(node, SequenceNode):
-        return [_plain(v, (*path, i), name, places, seen) for i, v in enumerate(node.value)]
+        return [_plain(v, (*path, i), name, places, parents) for i, v in enumerate(node.value)]
     assert isinstance(node, MappingNode)
-    return _mapping(node, path, name, places, seen)
+    return _mapping(node, path, name, places, parents)
 
 
-def _refuse_extras(node: Node, place: Place, seen: set[int]) -> None:
+def _refuse_extras(node: Node, place: Place, parents: set[int]) -> None:
     """Refuse sharing, tags and half characters, which plain data does not need."""
-    if id(node) in seen or node.anchor is not None:
+    if id(node) in parents or node.anchor is not None:
         raise GraphError(f"{place}: anchors and aliases are not allowed; use 'extends' to share")
-    seen.add(id(node))
+    parents.add(id(node))
     if isinstance(node, ScalarNode):
         natural = node.tag == _implicit_tag(node.value, plain=node.style is None)
         if any("\ud800" <= character <= "\udfff" for character in node.value):
@@ -188,7 +190,7 @@ def _refuse_extras(node: Node, place: Place, seen: set[int]) -> None:
 
 
 def _mapping(
-    node: MappingNode, path: Path_, name: str, places: dict[Path_, Place], seen: set[int]
+    node: MappingNode, path: Path_, name: str, places: dict[Path_, Place], parents: set[int]
 ) -> dict[str, Any]:
     data: dict[str, Any] = {}
     for key_node, value_node in node.value:
@@ -198,10 +200,10 @@ def _mapping(
             raise GraphError(f"{where}: keys must be plain words")
         key = str(key_node.value)
         place = Place(name, mark.line + 1, mark.column + 1, dotted((*path, key)))
-        _refuse_extras(key_node, place, seen)
+        _refuse_extras(key_node, place, parents)
         if key in data:
             raise GraphError(f"{place}: duplicate key")
-        data[key] = _plain(value_node, (*path, key), name, places, seen)
+        data[key] = _plain(value_node, (*path, key), name, places, parents)
         places[(*path, key)] = place
     return data
 

@@ -58,9 +58,9 @@ def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
     elif target in graph.uses or target in graph.groups:
         return change_uses(graph, target, change, places)
     elif target not in graph.nodes:
-        known = [*graph.nodes, *graph.uses]
-        known += [f"{g}.{node}" for g, its in graph.groups.items() for node in its.body.nodes]
-        raise GraphError(f"{place}: {verb}: there is no node '{target}'{graph.hint(target, known)}")
+        names = [*graph.nodes, *graph.uses]
+        names += [f"{g}.{node}" for g, its in graph.groups.items() for node in its.body.nodes]
+        raise GraphError(f"{place}: {verb}: there is no node '{target}'{graph.hint(target, names)}")
     if "group" in change:
         return put_use(graph, target, change, places)
     return VERB_FUNCTIONS[verb](graph, target, flat_change(graph, change, places, ""), places)
@@ -68,19 +68,19 @@ def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
 
 def _check_keys(verb: str, change: Change, places: Places) -> None:
     place = places[""]
-    given = set(change) - {verb}
+    keys = set(change) - {verb}
     required, optional = KEYS_BY_VERB[verb]
-    for key in sorted(required - given):
+    for key in sorted(required - keys):
         raise GraphError(f"{place}: {verb} needs '{IN_FILE.get(key, key)}'")
-    for key in sorted(given - required - optional):
+    for key in sorted(keys - required - optional):
         raise GraphError(f"{place}: {verb} takes no '{IN_FILE.get(key, key)}'")
-    if verb == "set" and not given:
+    if verb == "set" and not keys:
         raise GraphError(f"{place}: set needs 'with' or 'in'")
     for port, reference in change.get("inputs", {}).items():
         if reference is None and verb != "set":
             raise GraphError(f"{places.get(f'in.{port}', place)}: only 'set' takes an input away")
-    if "op" in optional and len(given & {"op", "group"}) != 1:
+    if "op" in optional and len(keys & {"op", "group"}) != 1:
         raise GraphError(f"{place}: {verb} needs 'op' or 'group'")
-    for key in sorted(given & {"repeat", "carry", "while_"} if "op" in given else ()):
-        said = IN_FILE.get(key, key)
-        raise GraphError(f"{places.get(said, place)}: only a group has '{said}'")
+    for key in sorted(keys & {"repeat", "carry", "while_"} if "op" in keys else ()):
+        word = IN_FILE.get(key, key)
+        raise GraphError(f"{places.get(word, place)}: only a group has '{word}'")

@@ -225,8 +225,8 @@ class Graph:
 
     def _called(self, name: str) -> list[str]:
         """The nodes and uses of that name that lie in the fewest uses."""
-        gone = self.gone.keys() - self.nodes.keys() - self.uses.keys()
-        paths = [path for path in self._inside.get(name, ()) if path not in gone]
+        removed = self.gone.keys() - self.nodes.keys() - self.uses.keys()
+        paths = [path for path in self._inside.get(name, ()) if path not in removed]
         least = min((path.count(".") for path in paths), default=0)
         return [path for path in paths if path.count(".") == least]
 
@@ -246,11 +246,11 @@ class Graph:
             body = self.definition(use).body
             paths += [f"{path}.{name}" for name in (*body.nodes, *body.uses)]
         turns = tuple(f"{path}." for path, use in self.uses.items() if use.turns)
-        found: dict[str, list[str]] = {}
+        inside: dict[str, list[str]] = {}
         for path in dict.fromkeys(paths):
             if not path.startswith(turns):
-                found.setdefault(path.rpartition(".")[2], []).append(path)
-        return found
+                inside.setdefault(path.rpartition(".")[2], []).append(path)
+        return inside
 
     def with_entry(self, node_id: str, entry: Entry) -> Graph:
         return replace(self, nodes={**self.nodes, node_id: entry})

@@ -373,8 +373,8 @@ def _sentence(first: ErrorDetails, document: Document, whole: type[BaseModel]) -
     if kind == "extra_forbidden":
         if model is UseModel and path[-1] in ("op", "backend", "neutral"):
             return f"{place}: a node with 'group' has no '{path[-1]}'"
-        known = [field.alias or name for name, field in model.model_fields.items()]
-        return f"{place}: unknown key '{path[-1]}'{did_you_mean(str(path[-1]), known)}"
+        names = [field.alias or name for name, field in model.model_fields.items()]
+        return f"{place}: unknown key '{path[-1]}'{did_you_mean(str(path[-1]), names)}"
     if kind == "missing":
         return f"{place}: '{path[-1]}' is missing"
     value = shortened(repr(first.get("input")))
@@ -382,10 +382,10 @@ def _sentence(first: ErrorDetails, document: Document, whole: type[BaseModel]) -
         return f"{place}: {value} is not a name such as 'cal' or 'cal.flat'"
     if path == ("format",):
         return f"{place}: this version reads format {GRAPH_FORMAT}, not {value}"
-    wanted = _WANTED_BY_TYPE.get(kind)
-    if wanted is None and kind == "literal_error":
-        wanted = f"{first['ctx']['expected']} is needed"
-    return f"{place}: {wanted or first['msg'].lower()}, not {value}"
+    what = _WANTED_BY_TYPE.get(kind)
+    if what is None and kind == "literal_error":
+        what = f"{first['ctx']['expected']} is needed"
+    return f"{place}: {what or first['msg'].lower()}, not {value}"
 
 
 def _model_at(whole: type[BaseModel], loc: Path_) -> type[BaseModel]:

@@ -49,7 +49,7 @@ def _shipped_files(pattern: str) -> list[Path]:
         for file in ring.files("pipelines", pattern):
             kind = file.parent.name if file.parent.name in _CHANGE_FOLDERS else ""
             files.setdefault((kind, file.name), []).append((file, ring.shipped))
-    return [found[0][0] for found in files.values() if found[0][1] or len(found) == 1]
+    return [entry[0][0] for entry in files.values() if entry[0][1] or len(entry) == 1]
 
 
 def find_file(name: str, base_folder: Path | None, shipped: dict[str, Path]) -> Path | None:

@@ -132,8 +132,8 @@ def _named(name: str, base_folder: Path | None, chain: Chain) -> Graph:
         file = find_file(file_name, base_folder, shipped_graphs())
     except InputError as error:
         joined = name.replace("/", "_")
-        known = "" if _shipped_variant(joined) is None else f"; did you mean '{joined}'?"
-        raise InputError(f"{error}{known}") from None
+        hint = "" if _shipped_variant(joined) is None else f"; did you mean '{joined}'?"
+        raise InputError(f"{error}{hint}") from None
     if file is None:
         return _composed(name, chain)
     layer = read_layer(file)
@@ -247,12 +247,14 @@ def _graph_of(layer: Layer, chain: Chain) -> Graph:
 
 def _variants(layer: Layer) -> dict[str, Layer]:
     """The variants in a file, and those that rings add to it if it ships."""
-    own = layer.variants(layer.base or layer.name)
+    variants = layer.variants(layer.base or layer.name)
     ships = shipped_graphs().get(layer.name)
     if layer.base or ships is None or ships.resolve() != layer.file.resolve():
-        return own
+        return variants
     added = map(read_layer, variants_added_to(layer.name))
-    return {key: each for file in added for key, each in file.variants(layer.name).items()} | own
+    return {
+        key: each for file in added for key, each in file.variants(layer.name).items()
+    } | variants
 
 
 def _base_of(layer: Layer) -> str | None:
@@ -285,8 +287,8 @@ def _overlay(
             return replace(variant, name=name)
         if name in variants:
             _further(chain, variants[name])  # which tells the loop
-        known = list(dict.fromkeys([*variants, *shipped_overlays()]))
-        hint = did_you_mean(name, known) or f" (there are: {', '.join(known)})"
+        names = list(dict.fromkeys([*variants, *shipped_overlays()]))
+        hint = did_you_mean(name, names) or f" (there are: {', '.join(names)})"
         if name in shipped_graphs():
             hint = "; it is a graph, and only the first of 'extends' can be one"
         raise InputError(f"there is no overlay '{name}'{hint}")

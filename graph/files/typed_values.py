@@ -20,7 +20,7 @@ def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
     Raises InputError if a word is not of that form, names no param, or its value is of the wrong
     kind.
     """
-    given: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for word in words:
         name, equals, text = word.partition("=")
         if not equals:
@@ -28,10 +28,10 @@ def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
         if name not in graph.params and (settings := settings_called(graph, name)):
             raise InputError(f"{graph.name} has no param '{name}', but nodes have: {settings}")
         graph.check_param(name)
-        if name in given:
+        if name in values:
             raise InputError(f"{name} is given twice")
-        given[name] = _read(name, text, graph.params[name])
-    return given
+        values[name] = _read(name, text, graph.params[name])
+    return values
 
 
 def _how_to_write(graph: Graph, word: str) -> str:

@@ -32,8 +32,8 @@ def _place(
     if task.filled:
         # A constant is made where the first preference can hold it.
         why = "neutral: a constant stands in"
-        there = "numpy" if device is None or prefer[0] == "numpy" else device.backend
-        return Placement(there if there in task.node.backends else "numpy", why)
+        backend = "numpy" if device is None or prefer[0] == "numpy" else device.backend
+        return Placement(backend if backend in task.node.backends else "numpy", why)
     bound = task.entry.backend
     if bound is not None:
         obstacle = _obstacle(task.node, bound, device, no_device)
@@ -48,19 +48,19 @@ def _preferred(
     node: Node, prefer: tuple[str, ...], device: DeviceBackend | None, no_device: str
 ) -> Placement:
     refusals: list[str] = []
-    for wanted in prefer:
-        if wanted == "numpy":
+    for backend in prefer:
+        if backend == "numpy":
             break
-        if wanted not in node.implementations:
+        if backend not in node.implementations:
             continue
-        obstacle = _obstacle(node, wanted, device, no_device) or Obstacle()
+        obstacle = _obstacle(node, backend, device, no_device) or Obstacle()
         # Checked before `missing`, which matters only on the device.
         if obstacle.slower and "numpy" in prefer:
             return Placement("numpy", f"faster than on the device: {obstacle.slower}")
         if obstacle.missing is None:
-            return Placement(wanted, "; ".join(refusals) or "preferred", fallback=bool(refusals))
+            return Placement(backend, "; ".join(refusals) or "preferred", fallback=bool(refusals))
         how = "is preferred" if "numpy" in prefer else "was asked for"
-        refusals.append(f"{wanted} {how}, but {obstacle.missing}")
+        refusals.append(f"{backend} {how}, but {obstacle.missing}")
     if refusals:
         return Placement("numpy", "; ".join(refusals), fallback=True)
     why = "preferred" if prefer[0] == "numpy" else f"has no {prefer[0]} kernel"
@@ -68,10 +68,10 @@ def _preferred(
     for placement in called.values():
         if placement.fallback:
             return placement
-    there = tuple(name for name, placement in called.items() if placement.on_device)
-    if there:
-        why += f"; calls {', '.join(node.calls[name].name for name in there)} on {prefer[0]}"
-    return Placement("numpy", why, calls=there)
+    on_device = tuple(name for name, placement in called.items() if placement.on_device)
+    if on_device:
+        why += f"; calls {', '.join(node.calls[name].name for name in on_device)} on {prefer[0]}"
+    return Placement("numpy", why, calls=on_device)
 
 
 def _obstacle(

@@ -20,8 +20,8 @@ def in_order(before: Before, rank: Callable[[str], Any] = str) -> list[str]:
 
 def with_all_before(before: Before, names: Iterable[str]) -> set[str]:
     """Find the names, what comes before them, and what before that."""
-    dag, found = _dag(before), set(names)
-    return found.union(*(nx.ancestors(dag, name) for name in found))
+    dag, names_before = _dag(before), set(names)
+    return names_before.union(*(nx.ancestors(dag, name) for name in names_before))
 
 
 def find_cycle(before: Before) -> list[str]:

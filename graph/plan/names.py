@@ -61,12 +61,12 @@ def bind(
     _refuse_cycles(graph, before)
     references = graph.outputs if outputs is None else outputs
     values = {name: _output(names, name, reference) for name, reference in references.items()}
-    wanted = {value.node for value in values.values()}
-    wanted |= {name for name, task in tasks.items() if task.node.sink} if sinks else set()
-    if not wanted:
+    needed = {value.node for value in values.values()}
+    needed |= {name for name, task in tasks.items() if task.node.sink} if sinks else set()
+    if not needed:
         raise GraphError(f"{graph.name}: nothing to do: the graph has neither outputs nor sinks")
     recalled = {name: {v.node for v in task.recalls.values()} for name, task in tasks.items()}
-    live = with_all_before({name: before[name] | recalled[name] for name in tasks}, wanted)
+    live = with_all_before({name: before[name] | recalled[name] for name in tasks}, needed)
     unused = [name for name in tasks if name not in live]
     tasks = {name: task for name, task in tasks.items() if name in live}
     # A stream yields items of its own, for which no array can be handed in.
@@ -243,24 +243,24 @@ def _instead(names: _Names, node_id: str) -> str | None:
 
 def _conditions(tasks: Mapping[str, Task], task: Task) -> tuple[Value, ...]:
     """The conditions of a task, and of those that make what it cannot do without."""
-    found = dict.fromkeys([task.when] if task.when else [])
+    conditions = dict.fromkeys([task.when] if task.when else [])
     for name, value in task.reads.items():
         optional = {name, name.partition(".")[0]} & task.node.optional_inputs
         needed = not (optional or task.node.inputs[name].optional)
         maker = tasks[value.node]
         while maker.instead is not None:
             maker = tasks[maker.instead]
-        found |= dict.fromkeys(maker.conditions) if needed else {}
-    return tuple(found)
+        conditions |= dict.fromkeys(maker.conditions) if needed else {}
+    return tuple(conditions)
 
 
 def _refuse_unknown_inputs(entry: Entry, node: Node) -> None:
-    known = list(dict.fromkeys([*node.input_names, *node.further_names]))
+    names = list(dict.fromkeys([*node.input_names, *node.further_names]))
     for name in entry.inputs:
-        if name not in known and name not in ENGINE_INPUTS:
+        if name not in names and name not in ENGINE_INPUTS:
             raise GraphError(
                 f"{entry.where(f'in.{name}')}: node '{node.name}' has no input '{name}'"
-                f"{did_you_mean(name, known)} (it takes: {', '.join(known) or 'none'})"
+                f"{did_you_mean(name, names)} (it takes: {', '.join(names) or 'none'})"
             )
 
 

@@ -65,9 +65,9 @@ def _with_releases(steps: list[Step], draft: Draft) -> list[Step]:
         if step.on_device:
             for value in (*step.reads, *step.writes):
                 last[value] = index
-    made = {v for s in steps if s.stream for v in s.writes}
-    made -= draft.stays.union(*(task.recalls.values() for task in draft.tasks.values()))
+    streamed = {v for s in steps if s.stream for v in s.writes}
+    streamed -= draft.stays.union(*(task.recalls.values() for task in draft.tasks.values()))
     return [
-        replace(step, release=tuple(v for v, at in last.items() if at == index and v in made))
+        replace(step, release=tuple(v for v, at in last.items() if at == index and v in streamed))
         for index, step in enumerate(steps)
     ]

@@ -19,27 +19,27 @@ def check(draft: Draft) -> None:
 
 
 def _check_edge(draft: Draft, task: Task, name: str, value: Value) -> None:
-    wanted, offered = task.node.inputs[name], draft.port_of(value)
-    if clash := _clash(wanted, offered):
+    due, offered = task.node.inputs[name], draft.port_of(value)
+    if clash := _clash(due, offered):
         where = task.entry.where(f"in.{name}")
         raise GraphError(
-            f"{where}: '{name}' of {task.node.name} wants {wanted}, but {value} is "
+            f"{where}: '{name}' of {task.node.name} wants {due}, but {value} is "
             f"{offered}: {clash}{draft.graph.stands(value.node, where)}"
         )
 
 
-def _clash(wanted: PortType, offered: PortType) -> str | None:
-    if wanted.kind != offered.kind:
-        return f"{_a(offered.kind)} is not {_a(wanted.kind)}"
-    if wanted.kind == "object":
-        return None if wanted.python == offered.python else "the types differ"
-    if wanted.dtype != offered.dtype:
+def _clash(due: PortType, offered: PortType) -> str | None:
+    if due.kind != offered.kind:
+        return f"{_a(offered.kind)} is not {_a(due.kind)}"
+    if due.kind == "object":
+        return None if due.python == offered.python else "the types differ"
+    if due.dtype != offered.dtype:
         return "the element types differ"
-    if len(wanted.dims) != len(offered.dims):
+    if len(due.dims) != len(offered.dims):
         return "the numbers of axes differ"
-    if wanted.unit != offered.unit:
+    if due.unit != offered.unit:
         return "the units differ"
-    if offered.optional and not wanted.optional:
+    if offered.optional and not due.optional:
         return "it may be absent"
     return None
 

@@ -175,11 +175,11 @@ def unify(draft: Draft) -> SizeClasses:
         for symbol, limit in task.node.sizes.items():
             if not task.filled:
                 limits.setdefault(root[task.id, symbol], []).append((task.id, limit))
-    for top, known in fixed.items():
+    for top, bound in fixed.items():
         for who, limit in limits.get(top, ()):
-            if limit.refuses(known.size):
+            if limit.refuses(bound.size):
                 where = draft.tasks[who].entry.where("in")
-                raise GraphError(f"{where}: {known.by} has size {known.size}: {limit.why}")
+                raise GraphError(f"{where}: {bound.by} has size {bound.size}: {limit.why}")
     return SizeClasses(root, fixed, limits)
 
 
@@ -218,13 +218,13 @@ def _fixed(
     fixed: dict[Symbol, Bound] = {}
     for each in joints:
         names = (each.reader, f"{each.reader[0]}.{each.input}"), (each.maker, str(each.value))
-        known = [Bound(dim, by) for (_, dim), by in names if isinstance(dim, int)]
+        bounds = [Bound(dim, by) for (_, dim), by in names if isinstance(dim, int)]
         tops = [root[node, dim] for (node, dim), _ in names if isinstance(dim, str)]
-        if not known:
+        if not bounds:
             continue
         for top in tops:
-            known.append(fixed.setdefault(top, known[0]))
-        a, b = known[0], known[-1]
+            bounds.append(fixed.setdefault(top, bounds[0]))
+        a, b = bounds[0], bounds[-1]
         if a.size != b.size:
             where = draft.tasks[each.reader[0]].entry.where(f"in.{each.input}")
             raise GraphError(f"{where}: sizes clash: {a.by} has {a.size}, {b.by} has {b.size}")

@@ -40,11 +40,11 @@ def insert(
                 raise GraphError(f"{where}: '{task.id}' and '{task.instead}' run on two back ends")
         for name, value in task.reads.items():
             moves = task.node.inputs[name].kind == "array" and not task.filled
-            there = placements[task.id].on_device if moves else None
-            before[task.id].add(bring(value, there, task.conditions))
+            side = placements[task.id].on_device if moves else None
+            before[task.id].add(bring(value, side, task.conditions))
         for value in task.conditions:
-            there = False if draft.port_of(value).kind == "array" else None
-            before[task.id].add(bring(value, there))
+            side = False if draft.port_of(value).kind == "array" else None
+            before[task.id].add(bring(value, side))
         for name, value in task.recalls.items():
             if task.node.inputs[name].kind == "array" and not task.filled:
                 # Moved at the end of an item, for the reader of the next one.

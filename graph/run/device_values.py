@@ -130,8 +130,8 @@ class DeviceValues:
         for name, port in task.node.outputs.items():
             read = task.reads.get(task.node.handed_on(name))
             array = None if read is None else self._values.get(read)
-            made = Value(task.id, name)
-            as_float = made in self._plan.inspected or made not in self._read_whole
+            value = Value(task.id, name)
+            as_float = value in self._plan.inspected or value not in self._read_whole
             if array is None or (as_float and array.dtype != port.dtype):
                 return None
             arrays[name] = array
@@ -143,8 +143,8 @@ class DeviceValues:
         differing = [value for _, value in first.reads.items() ^ task.reads.items()]
         if first.settings != task.settings or any(map(self._counts, differing)):
             return None
-        made, wanted = self._to_repeat.pop(first.id, {}), self._wanted[task.id]
-        return made if all(n in made for n in task.node.outputs if n in wanted) else None
+        results, wanted = self._to_repeat.pop(first.id, {}), self._wanted[task.id]
+        return results if all(n in results for n in task.node.outputs if n in wanted) else None
 
     def _counts(self, value: Value) -> bool:
         """Whether a value is there, and not the 0 that stands for an absent number in kernels."""
@@ -155,8 +155,8 @@ class DeviceValues:
         asked, absent = self._asked[task.id]
         if any(value in self._values for value in absent):
             return False
-        known = {name: self._host.ready(value) for name, value in asked.items()}
-        return all(value is not None for value in known.values()) and is_idle(**known)
+        values = {name: self._host.ready(value) for name, value in asked.items()}
+        return all(value is not None for value in values.values()) and is_idle(**values)
 
     def launch(self, task: Task, step: Step, sizes: Mapping[str, int]) -> Shapes:
         """Enqueue a node; return the shapes of its outputs."""
@@ -229,9 +229,9 @@ class DeviceValues:
         """
         free = set() if kept else {v for v in values if self._plan.tasks[v.node].stream}
         free -= {*self._recalled}
-        held = [*self.given.values(), *self._before.values()]
-        held += [array for value, array in self._values.items() if value not in free]
-        numbers = {array.memory.number for array in held}
+        in_use = [*self.given.values(), *self._before.values()]
+        in_use += [array for value, array in self._values.items() if value not in free]
+        numbers = {array.memory.number for array in in_use}
         lent: dict[Value, Any] = dict.fromkeys(values)
         for value in lent:
             if (array := self._values.get(value)) is not None:
@@ -243,11 +243,11 @@ class DeviceValues:
 
     def remember(self) -> None:
         """Keep the values that the next item recalls; the caller may refill what was given."""
-        taken = {v: self._values.pop(v, None) for v in self._recalled}
-        given = {array.memory.number for array in self.given.values()}
+        recalled = {v: self._values.pop(v, None) for v in self._recalled}
+        numbers = {array.memory.number for array in self.given.values()}
         self._before = {
-            v: self._device.copied(array) if array.memory.number in given else array
-            for v, array in taken.items()
+            v: self._device.copied(array) if array.memory.number in numbers else array
+            for v, array in recalled.items()
             if array is not None
         }
 
@@ -265,8 +265,8 @@ def _asked(task: Task) -> tuple[dict[str, Value | None], list[Value]]:
         return {}, []
     reads = {name.replace(".", "_"): value for name, value in task.reads.items()}
     arguments = inspect.signature(task.node.is_idle).parameters.values()
-    asked = {a.name: reads.get(a.name) for a in arguments if a.default is a.empty}
-    return asked, [reads[a.name] for a in arguments if a.name in reads and a.name not in asked]
+    values = {a.name: reads.get(a.name) for a in arguments if a.default is a.empty}
+    return values, [reads[a.name] for a in arguments if a.name in reads and a.name not in values]
 
 
 def _sent(task: Task) -> list[tuple[str, Value, bool]]:

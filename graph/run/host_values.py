@@ -112,11 +112,11 @@ class HostValues:
         with Blaming(self._plan, task):
             arguments = _positional(task, self._values, recalled, self._objects[task.id])
             if step.stream or task.looks_outside:
-                made = node(*arguments, **keywords)
+                result = node(*arguments, **keywords)
             else:
                 make = partial(node, *arguments, **keywords)
-                made = recall_or_make(node, keywords, arguments, make)
-        return made, 1e3 * (time.perf_counter() - start)
+                result = recall_or_make(node, keywords, arguments, make)
+        return result, 1e3 * (time.perf_counter() - start)
 
     def enter(self, task: Task, step: Step, made: Any) -> Shapes:
         """Enter the result of a node, or a caller's in its place; return the arrays' shapes."""
@@ -210,12 +210,12 @@ def _positional(
 
 
 def _as_declared(task: Task, port: PortType, array: NDArray[Any]) -> NDArray[Any]:
-    made = f"a {type(array).__name__}"
+    actual = f"a {type(array).__name__}"
     if isinstance(array, np.ndarray):
         pairs = zip(port.dims, array.shape, strict=False)
         fits = array.ndim == len(port.dims) and all(isinstance(d, str) or d == n for d, n in pairs)
         if fits and array.dtype == port.dtype:
             return np.ascontiguousarray(array)
-        made = f"{array.dtype} of shape {array.shape}"
+        actual = f"{array.dtype} of shape {array.shape}"
     declared = f"declares {port} as '{port.name}'"
-    raise NodeError(f"node '{task.id}' ({task.node.name}) {declared} but made {made}")
+    raise NodeError(f"node '{task.id}' ({task.node.name}) {declared} but made {actual}")

@@ -131,8 +131,8 @@ class OnlyChanged(Executor):
             self._make(steps, [spot], {}, 1)
         # On the device it was released at once if nothing in the graph reads it.
         kept = Kept(self._keys[value.node], value.port, spot.side)
-        held = self._runner.side(spot.side)
-        content = self._cache.take(kept) if kept in self._cache else held.get(value)
+        values = self._runner.side(spot.side)
+        content = self._cache.take(kept) if kept in self._cache else values.get(value)
         if isinstance(content, DeviceArray) and self._runner.device is not None:
             content = self._runner.device.download(content)
         self._settle()
@@ -243,8 +243,8 @@ class OnlyChanged(Executor):
             shapes = dict(self._runner.shapes_of(step))
             self._runs[step.name] = Run(shapes, 0.0, tuple(warnings))
             if task.looks_outside:
-                made = [self._runner.host[value] for value in step.writes]
-                self._outside[step.name] = content_key(*made)
+                results = [self._runner.host[value] for value in step.writes]
+                self._outside[step.name] = content_key(*results)
                 self._lies_here(step, self._outside[step.name])
                 return
         asks = task is not None and task.node.wanted is not None

@@ -170,19 +170,19 @@ def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
     refuse_to_write_over(f"out={out}", out, {f"{n}={place}": place for n, place in places.items()})
 
 
-def refuse_to_write_over(said: str, out: str | Path, read: Mapping[str, Any]) -> None:
+def refuse_to_write_over(source: str, out: str | Path, read: Mapping[str, Any]) -> None:
     """Refuse to write results over one of the places that are read, by the words that name it."""
     target = os.path.realpath(out)
     for words, place in read.items():
         # Not Path.resolve, which fails at circular links; their reader names them.
         if isinstance(place, str | Path) and os.path.realpath(place) == target:
-            raise InputError(f"{said}: is what {words} reads; give another place")
+            raise InputError(f"{source}: is what {words} reads; give another place")
 
 
-def _chosen_outputs(graph: Graph, wanted: Collection[str]) -> dict[str, str]:
-    if isinstance(wanted, str | bytes) or not wanted:
-        raise InputError(f"outputs={wanted!r}: a list of names is needed: {list(graph.outputs)}")
-    for name in wanted:
+def _chosen_outputs(graph: Graph, chosen: Collection[str]) -> dict[str, str]:
+    if isinstance(chosen, str | bytes) or not chosen:
+        raise InputError(f"outputs={chosen!r}: a list of names is needed: {list(graph.outputs)}")
+    for name in chosen:
         if not isinstance(name, str):
             raise InputError(f"outputs: {name!r} is no name; there are {', '.join(graph.outputs)}")
         if name not in graph.outputs:
@@ -190,7 +190,7 @@ def _chosen_outputs(graph: Graph, wanted: Collection[str]) -> dict[str, str]:
                 f"{graph.name} has no output '{name}'{did_you_mean(name, graph.outputs)}"
                 f" (it has: {', '.join(graph.outputs) or 'none'})"
             )
-    return {name: graph.outputs[name] for name in wanted}
+    return {name: graph.outputs[name] for name in chosen}
 
 
 def _ungiven_sources(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:

@@ -16,6 +16,6 @@ def own(value: Any) -> Any:
     """A copy in memory that nobody else holds."""
     if not isinstance(value, np.ndarray):
         return lent(value)
-    kept = value.copy()
-    kept.flags.writeable = False
-    return kept
+    copy = value.copy()
+    copy.flags.writeable = False
+    return copy

@@ -124,14 +124,14 @@ class Pipeline:
             )
 
     def _on_arrays(self, handed_in: HandedIn) -> Result:
-        arrays, there = self._stand_ins.split(handed_in.arrays)
+        arrays, on_device = self._stand_ins.split(handed_in.arrays)
         if self._items.keeps:  # what is kept must not change with the caller's arrays
-            arrays, there = {name: own(array) for name, array in arrays.items()}, {}
+            arrays, on_device = {name: own(array) for name, array in arrays.items()}, {}
         self._items.begin()
         self._runner.notes += handed_in.told
         self._has_run = False
         try:
-            result = self._items.item(self._stand_ins.item(arrays), there=there)
+            result = self._items.item(self._stand_ins.item(arrays), there=on_device)
         finally:
             raise_warnings(self._runner.notes, self._raised)
         # An array that a node passed on is still the caller's own memory.

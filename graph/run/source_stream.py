@@ -113,11 +113,11 @@ class ReadAhead(Generic[Item]):
 
         What `read` raises is raised here, in its item's place.
         """
-        made = self._made.get()
+        item = self._made.get()
         self._wanted.put(True)
-        if isinstance(made, BaseException):
-            raise made
-        return made
+        if isinstance(item, BaseException):
+            raise item
+        return item
 
     def close(self, *, wait: bool) -> None:
         """End the thread; with `wait`, return once it has read the item that it is at."""

@@ -57,10 +57,10 @@ class StandIns:
             raise InputError(
                 f"{graph.name}: arrays are needed for {self.names}, and were given for {given_for}"
             )
-        told: list[str] = []
-        with collect_warnings(told):
+        warnings: list[str] = []
+        with collect_warnings(warnings):
             checked = {name: self._checked(name, array) for name, array in arrays.items()}
-        return HandedIn(checked, told)
+        return HandedIn(checked, warnings)
 
     def owned(self, item: Any) -> HandedIn:
         """A copy of what a caller's stream yields: a mapping, or an array for the one source."""
@@ -77,36 +77,36 @@ class StandIns:
         node = self._plan.tasks[name].node
         port = next(iter(node.outputs.values()))
         name = self._plan.graph.in_short(name)
-        there, adopt = array, None
+        on_device, adopt = array, None
         if hasattr(array, "map_to_host"):
             if self._device is None:
                 raise InputError(f"{name} lies on a device, which is not used here: {name}.get()")
-            array, adopt = self._device.mapped(there, name), self._device.adopted
+            array, adopt = self._device.mapped(on_device, name), self._device.adopted
         given = _images(array) if _takes_images(port) else _values(array, name, port)
         if node.check_handed_in is not None:
             node.check_handed_in(given, name)
         array = _converted(given, port).view()
         stays = adopt is not None and array.dtype == given.dtype
-        return Given(array, adopt(there) if adopt is not None and stays else None)
+        return Given(array, adopt(on_device) if adopt is not None and stays else None)
 
     def split(
         self, given: Mapping[str, Given]
     ) -> tuple[dict[str, NDArray[Any]], dict[Value, DeviceArray]]:
         """Arrays of the host by node, and those on the device by the values they stand for."""
-        there = {
+        on_device = {
             Value(name, next(iter(self._plan.tasks[name].node.outputs))): each.there
             for name, each in given.items()
             if each.there is not None
         }
-        return {name: each.array for name, each in given.items()}, there
+        return {name: each.array for name, each in given.items()}, on_device
 
     def item(self, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
         """The item that the nodes would have yielded."""
-        made: dict[str, Any] = {}
+        results: dict[str, Any] = {}
         for name, array in arrays.items():
             record = self._plan.tasks[name].node.output_record
-            made[name] = array if record is None else record(array)
-        return made
+            results[name] = array if record is None else record(array)
+        return results
 
 
 def _takes_images(port: PortType) -> bool:

@@ -136,8 +136,8 @@ class StepRunner:
     def lent(self, values: Iterable[Value], *, kept: bool) -> dict[Value, Any]:
         """Outputs for the caller; `kept` ones are held by a cache, too."""
         stays = {value for value in values if value in self.plan.stays}
-        there = {} if self.device is None else self.device.lent(stays, kept=kept)
-        return {**{v: self.host.lent(v) for v in values if v not in stays}, **there}
+        on_device = {} if self.device is None else self.device.lent(stays, kept=kept)
+        return {**{v: self.host.lent(v) for v in values if v not in stays}, **on_device}
 
     def settings_changed(self, node: str) -> None:
         """Recompute a node's sizes and launch: they may follow from its settings."""
@@ -162,8 +162,8 @@ class StepRunner:
         if task.node.provenance is not None:
             provenance = make_provenance(self.plan, self.times, sized.derived, self.notes)
             keywords[task.node.provenance] = provenance
-        made, self.times[task.id] = self.host.run(task, step, sized.sizes, keywords)
-        return self.host.enter(task, step, made)
+        result, self.times[task.id] = self.host.run(task, step, sized.sizes, keywords)
+        return self.host.enter(task, step, result)
 
     def _wait_for_device(self) -> None:
         device = self.device

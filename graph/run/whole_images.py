@@ -16,10 +16,10 @@ def read_whole(plan: Plan) -> set[Value]:
     They come from callers, from sources, and from idle nodes that hand them on.
     """
     tasks = [t for t in plan.tasks.values() if may_be_whole(t) or t.node.is_idle is not None]
-    made = {Value(task.id, port) for task in tasks for port in task.node.outputs}
-    kept = {*plan.outputs.values(), *recalled_values(plan)}
-    given = {value for value in made if may_be_whole(plan.tasks[value.node])}
-    return {value for value in given | (made - kept) if _is_read_whole(plan, value)}
+    values = {Value(task.id, port) for task in tasks for port in task.node.outputs}
+    needed = {*plan.outputs.values(), *recalled_values(plan)}
+    whole_values = {value for value in values if may_be_whole(plan.tasks[value.node])}
+    return {value for value in whole_values | (values - needed) if _is_read_whole(plan, value)}
 
 
 def may_be_whole(task: Task) -> bool:
@@ -49,9 +49,9 @@ def is_whole(array: Any) -> bool:
     return isinstance(array, np.ndarray) and array.ndim == 3 and array.dtype.kind == "u"
 
 
-def in_fractions(task: Task, made: Any) -> Any:
+def in_fractions(task: Task, result: Any) -> Any:
     """A task's result, with integer images converted to fractions of full scale."""
-    return as_fractions(made) if may_be_whole(task) and is_whole(made) else made
+    return as_fractions(result) if may_be_whole(task) and is_whole(result) else result
 
 
 def as_fractions(array: NDArray[Any]) -> NDArray[np.float32]:

@@ -47,8 +47,8 @@ def to_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
     segments = _segments(layer, sketch.edges)
     layers = _ordered(layer, segments)
     centre = _centres(layers, layer, segments)
-    left = min((x for x in centre.values()), default=0.0) - WIDTH_PX / 2 - MARGIN_PX
-    centre = {spot: x - left for spot, x in centre.items()}
+    x_min = min((x for x in centre.values()), default=0.0) - WIDTH_PX / 2 - MARGIN_PX
+    centre = {spot: x - x_min for spot, x in centre.items()}
     right = max(centre.values(), default=0.0) + WIDTH_PX / 2 + MARGIN_PX
     right += RECALL_PX if sketch.recalls else 0
     bottom = 2 * MARGIN_PX + len(layers) * (HEIGHT_PX + LAYER_GAP_PX) - LAYER_GAP_PX
@@ -150,15 +150,15 @@ def _centres(
             centre[spot] -= at / 2
     for sweep in range(ORDER_SWEEPS):
         for row in layers[:: -1 if sweep % 2 else 1]:
-            wanted = []
+            targets = []
             for spot in row:
                 above, below = joined.get(spot, ([], []))
                 others = [*above, *below] or [spot]
-                wanted.append(sum(centre[o] for o in others) / len(others))
+                targets.append(sum(centre[o] for o in others) / len(others))
             offsets = [0.0]
             for a, b in itertools.pairwise(row):
                 offsets.append(offsets[-1] + distance_px(a, b))
-            free = isotonic_regression(np.subtract(wanted, offsets)).x
+            free = isotonic_regression(np.subtract(targets, offsets)).x
             centre |= {s: f + o for s, f, o in zip(row, free, offsets, strict=True)}
     return centre
 

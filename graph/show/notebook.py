@@ -25,8 +25,8 @@ def result_html(
         port = ports[name]
         if isinstance(value, np.ndarray):
             kind = kind_of(port) if value.ndim == len(port.dims) else None  # else of a batch
-            shown = kind in ("map", "labels") and bool(value.size) and np.isfinite(value).any()
-            if shown and len(pictures) < MAX_MAPS:
+            is_drawn = kind in ("map", "labels") and bool(value.size) and np.isfinite(value).any()
+            if is_drawn and len(pictures) < MAX_MAPS:
                 draw = draw_labels if kind == "labels" else draw_maps
                 uri = draw({name: value}, f"{name} / {port.unit}")
                 pictures.append(f'<img alt="{escape(name)}" style="max-width:26em" src="{uri}">')

@@ -143,9 +143,14 @@ def draw_curves(figures: Mapping[str, Mapping[str, Curve]], target: str, log: bo
         _plain(ax)
     for ax in grid[len(figures) :]:
         ax.set_axis_off()
-    known = {k: h for ax in grid for h, k in zip(*ax.get_legend_handles_labels(), strict=True)}
+    handles = {k: h for ax in grid for h, k in zip(*ax.get_legend_handles_labels(), strict=True)}
     figure.legend(
-        known.values(), known.keys(), loc="outside upper left", ncols=4, frameon=False, fontsize=8
+        handles.values(),
+        handles.keys(),
+        loc="outside upper left",
+        ncols=4,
+        frameon=False,
+        fontsize=8,
     )
     return _svg(figure)
 

@@ -27,14 +27,14 @@ def _blocks(
 ) -> Iterator[list[Sequence[str]]]:
     """The columns in blocks that fit beside `head`."""
     block: list[Sequence[str]] = []
-    left = width - _width(head)
+    room = width - _width(head)
     for column in columns:
         needed = len(COLUMN_GAP) + _width(column)
-        if block and needed > left:
+        if block and needed > room:
             yield block
-            block, left = [], width - _width(head)
+            block, room = [], width - _width(head)
         block.append(column)
-        left -= needed
+        room -= needed
     yield block
 
 

@@ -74,7 +74,7 @@ def height_error(
     used: Labels,
     film: Film,
     misfit: Misfit,
-    unperturbed: Slope,
+    seen: Slope,
     bounced: Light | None = None,
     earlier: Light | None = None,
     correlation: NoiseCorrelation | None = None,
@@ -137,7 +137,7 @@ def height_error(
         Where the LEDs are and may be instead, and how uneven the film's brightness is.
     misfit
         Length 5, errors of the film's model, as `touch_misfit` gives them.
-    unperturbed
+    seen
         2 x H x W, the slopes of the pixels' mean normals (`pixel_mean_slope`).
     bounced, earlier
         K x H x W, the light that the film throws on itself, already subtracted from `light`; and
@@ -178,7 +178,7 @@ def height_error(
         window.of(thrown),
         window.of(thrown - (thrown if bounced is None or earlier is None else earlier)),
         window.of(slope if tilt is None else slope - tilt),
-        window.of(slope - unperturbed),
+        window.of(slope - seen),
     )
     inside = system.cut(height)
     *_, residual = system.residuals(inside)
@@ -239,7 +239,7 @@ def _launch(run: Launch) -> None:
     shape, ties, cells = networks.shape, networks.rises, networks.cells
     coarse = networks.pixels if cells is None else cells
     wants = networks.room(networks.pixels, ERROR_COUNT if cells is None else 1)
-    bytes_needed = wants if cells is None else networks.room(cells, ERROR_COUNT)
+    of_cells = wants if cells is None else networks.room(cells, ERROR_COUNT)
     keys = [np.uint32(key_of(settings["seed"], number)) for number in range(ERROR_COUNT)]
     # Not earlier, although the host must build networks first: the slopes stay in the cache.
     slopes = _launch_slopes(run, networks, keys)
@@ -256,10 +256,10 @@ def _launch(run: Launch) -> None:
                 networks.rise_error, float(RISE_SIGNS[number]), 2 * math.prod(shape), keys[number],
             )  # fmt: skip
         if cells is not None:
-            networks.wants_of_cells(wants, bytes_needed, number)
-    enough = networks.enough(MIN_ENERGY_SHARE, coarse, bytes_needed, ERROR_COUNT)
+            networks.wants_of_cells(wants, of_cells, number)
+    enough = networks.enough(MIN_ENERGY_SHARE, coarse, of_cells, ERROR_COUNT)
     coarse_errors, mean = run.scratch((ERROR_COUNT, *coarse.shape)), run.scratch(coarse.shape)
-    solver.solve_all(coarse, bytes_needed, coarse_errors, settings["steps"], enough)
+    solver.solve_all(coarse, of_cells, coarse_errors, settings["steps"], enough)
     size = math.prod(coarse.shape)
     run.kernel("mean_square", run.in_lanes(size), coarse_errors, mean, size, ERROR_COUNT)
     total = mean

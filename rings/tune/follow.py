@@ -43,8 +43,8 @@ class Follow:
 
     async def send(self) -> None:
         """Send the new changes, and wait until they are shown."""
-        there = self._client.elements
-        self._sent = {key: words for key, words in self._sent.items() if key[0] in there}
+        elements = self._client.elements
+        self._sent = {key: words for key, words in self._sent.items() if key[0] in elements}
         new = {key: words for key, words in self._wanted.items() if self._sent.get(key) != words}
         self._wanted.clear()
         if not new:

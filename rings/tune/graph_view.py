@@ -55,15 +55,15 @@ class GraphView:
 
     def draw(self) -> None:
         """Draw the plan with the times of the last result, and mark the chosen node."""
-        shown = self._tuning.shown
-        if shown.result is None:
+        state = self._tuning.shown
+        if state.result is None:
             return
-        plan = shown.result.plan
-        self.drawn = shown.number
+        plan = state.result.plan
+        self.drawn = state.number
         if not self._finder.options:
             self._finder.set_options(sorted(plan.tasks))
         chosen = self._tuning.asked.node or ""
         self._opened |= {use for use in plan.graph.uses if chosen.startswith(f"{use}.")}
-        svg = plan_svg(plan, shown.result.times, self._opened)
+        svg = plan_svg(plan, state.result.times, self._opened)
         mark = f'<style>[data-node="{chosen}"] rect{{stroke:#d1495b;stroke-width:3}}</style>'
         self._drawing.set_content(f"{svg}{mark if chosen else ''}")

@@ -42,15 +42,15 @@ class NodePanel:
         if shows is None or now[0] is not shows[0] or now != shows:
             self.build()
 
-    def draw(self, shown: Shown) -> None:
+    def draw(self, state: Shown) -> None:
         """Draw the output of the node that is looked at."""
         name = self._tuning.asked.node
-        if name is None or shown.result is None or (shown.asked and shown.asked.node != name):
+        if name is None or state.result is None or (state.asked and state.asked.node != name):
             return
         if self._shows is None or self._shows[1] != name:
             return  # another browser has chosen it: the panel follows
-        if self._inside is not None and name in shown.result.plan.tasks:
-            self._inside.draw(shown)
+        if self._inside is not None and name in state.result.plan.tasks:
+            self._inside.draw(state)
 
     def build(self) -> None:
         """Rebuild the card."""
@@ -207,22 +207,22 @@ class _Inside:
         self._text.props("data-testid=inside-text")
         ui.separator()
 
-    def draw(self, shown: Shown) -> None:
+    def draw(self, state: Shown) -> None:
         """Draw the chosen port, unless it is drawn already."""
         port = str(self._ports.value)
-        if shown.result is None or self._name not in shown.result.plan.tasks:
+        if state.result is None or self._name not in state.result.plan.tasks:
             return
-        plan = shown.result.plan
-        if port == self._port and shown.inspected is self._values:
+        plan = state.result.plan
+        if port == self._port and state.inspected is self._values:
             return
-        self._port, self._values = port, shown.inspected
-        declared, value = plan.tasks[self._name].node.outputs[port], shown.inspected.get(port)
+        self._port, self._values = port, state.inspected
+        declared, value = plan.tasks[self._name].node.outputs[port], state.inspected.get(port)
         planes = planes_of(declared.dims, value)
         self._picture.set_visibility(bool(planes))
         if planes:
             side = planes[0] if len(planes) == 1 else np.concatenate(planes[:MAX_PLANES], axis=1)
             self._picture.show(draw(side, declared.unit), "", height_vh=26)
-        took = shown.result.times.get(self._name, 0.0)
+        took = state.result.times.get(self._name, 0.0)
         where = plan.placements[self._name]
         head = f"{declared} · {took:.2f} ms on {where.backend} ({where.why})"
         self._text.set_text(head if planes else f"{head}\n{_described(value)}")

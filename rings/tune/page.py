@@ -67,25 +67,25 @@ class Page:
             self._panel.build()
             self._graph.draw()
 
-    def take_up(self, shown: Shown) -> None:
+    def take_up(self, state: Shown) -> None:
         """Show a result, or an error."""
-        self._seen = shown.number
-        self._error.set_text(shown.error)
-        self._error.set_visibility(bool(shown.error))
-        if shown.result is None:
+        self._seen = state.number
+        self._error.set_text(state.error)
+        self._error.set_visibility(bool(state.error))
+        if state.result is None:
             return
         if self._graph.drawn < 0:
             self._graph.draw()
-        self._tell(shown.result)
+        self._tell(state.result)
         self._result.draw()
-        self._panel.draw(shown)
+        self._panel.draw(state)
 
     def take_up_late(self) -> None:
         """Take up slow changes: the file and, where the hand rests, the drawing's times."""
         self.tuning.reload()
         self._follow_others()
-        shown = self.tuning.shown
-        if shown.asked is not None and self._graph.drawn != shown.number:
+        state = self.tuning.shown
+        if state.asked is not None and self._graph.drawn != state.number:
             self._graph.draw()
 
     def _head(self) -> None:

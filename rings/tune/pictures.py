@@ -45,8 +45,8 @@ def draw(array: NDArray[Any], unit: str) -> Picture:
     if array.dtype.kind in "iub":
         return _labels(array, unit)
     finite = np.isfinite(array)
-    known = array[finite]
-    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    values = array[finite]
+    low, high = (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
     last = NAN_LEVEL - 1
     levels = np.clip((array - low) * (last / ((high - low) or 1.0)), 0, last)
     levels[~finite] = NAN_LEVEL
@@ -75,8 +75,8 @@ def _table() -> NDArray[np.uint8]:
     from matplotlib import colormaps
 
     rgb = colormaps["viridis"](np.linspace(0, 1, NAN_LEVEL))[:, :3]
-    known = (255 * rgb).round().astype(np.uint8)
-    return np.concatenate([known, np.full((1, 3), 128, np.uint8)])
+    colours = (255 * rgb).round().astype(np.uint8)
+    return np.concatenate([colours, np.full((1, 3), 128, np.uint8)])
 
 
 def _uri(levels: NDArray[np.uint8], table: NDArray[np.uint8]) -> str:

@@ -35,14 +35,14 @@ class ResultView:
 
     def draw(self) -> None:
         """Draw the chosen output."""
-        shown = self._tuning.shown
-        if shown.result is None:
+        state = self._tuning.shown
+        if state.result is None:
             return
-        self._offer_outputs(shown.result)
-        array = _plane(shown.result, self._output)
+        self._offer_outputs(state.result)
+        array = _plane(state.result, self._output)
         if array is None:
             return
-        unit = shown.result.plan.port(self._output).unit
+        unit = state.result.plan.port(self._output).unit
         height, width = array.shape
         row = int(self._row * (height - 1))
         dashed = f'x1="0" x2="{width}" y1="{row}" y2="{row}" stroke-dasharray="6 4"'
@@ -78,8 +78,8 @@ def _plane(result: Result, name: str) -> NDArray[Any] | None:
 
 def _section_svg(line: NDArray[Any], unit: str, row: int) -> str:
     """One row of the output as a curve."""
-    known = line[np.isfinite(line)]
-    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    heights = line[np.isfinite(line)]
+    low, high = (float(heights.min()), float(heights.max())) if heights.size else (0.0, 1.0)
     span = (high - low) or 1.0
     step = max(1, line.size // 600)
     xs = np.arange(0, line.size, step) * (1000 / max(line.size - 1, 1))

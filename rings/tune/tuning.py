@@ -306,7 +306,7 @@ class Tuning:
         ports = pipeline.plan.tasks[node].node.outputs
         return {port: pipeline.inspect(f"{node}.{port}") for port in ports}
 
-    def _publish(self, shown: Shown) -> None:
+    def _publish(self, state: Shown) -> None:
         """Publish a result; the error of an unreadable file stays until it can be read."""
-        error = self._unreadable or shown.error
-        self.shown = replace(shown, number=self.shown.number + 1, error=error)
+        error = self._unreadable or state.error
+        self.shown = replace(state, number=self.shown.number + 1, error=error)

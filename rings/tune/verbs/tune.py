@@ -5,8 +5,8 @@ import socket
 
 import click
 
-from tactograph.sdk import need, read_graph
-from tactograph.sdk.unstable import graph_command, read_words
+from tactograph.sdk import need
+from tactograph.sdk.unstable import graph_command
 
 
 @graph_command("tune", short_help="Change a graph in the browser, and see what it gives.")
@@ -26,6 +26,10 @@ def command(
 
     Values are given as NAME=VALUE, as to 'run'.  Nothing is written but what is saved.
     """
+    # Readers of graphs take longer to load than all that --help needs.
+    from tactograph.sdk import read_graph
+    from tactograph.sdk.unstable import read_words
+
     given = read_words(read_graph(graph), values)
     need("tune", "tune", "nicegui")
     from tactograph.rings.tune.page import serve
