@@ -27,7 +27,8 @@ def rest_apart(rest: Mask, free: Height) -> Height:
     -------
     H x W in mm; 0 on the largest piece, and where all film at rest lies together.
     """
-    count, pieces = cv2.connectedComponents(rest, connectivity=4)
+    count, labels = cv2.connectedComponents(rest, connectivity=4)
+    pieces = np.asarray(labels, np.int32)
     if count <= 2:
         return np.zeros_like(free)
     area, sums = (np.bincount(pieces.ravel(), each, count) for each in (None, free.ravel()))
