@@ -108,7 +108,7 @@ class Prepared:
         outputs = {name: take(*layout) for name, layout in self._outputs.items()}
         if not self._repeats or self._device.poison is not None:
             return self._launched(inputs, outputs)
-        key = (*map(_told, map(inputs.get, self._read)), *map(_told, outputs.values()))
+        key = (*map(_identity, map(inputs.get, self._read)), *map(_identity, outputs.values()))
         repeatable = self._known.get(key)
         if repeatable is not None:
             scratch = [self._device.pool.take(nbytes) for nbytes in repeatable.scratch]
@@ -182,7 +182,7 @@ def _repeatable(record: Record) -> Repeatable | None:
     )
 
 
-def _told(given: DeviceArray | float | None) -> Hashable:
+def _identity(given: DeviceArray | float | None) -> Hashable:
     """The identity of an argument: its buffer, element type and shape, or the number itself."""
     if isinstance(given, DeviceArray):
         return given.memory.number, given.dtype.num, given.shape

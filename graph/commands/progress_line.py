@@ -55,7 +55,7 @@ class ProgressLine:
             self._thread.join()
         self._hide()
 
-    def left(self, now: float) -> float | None:
+    def seconds_left(self, now: float) -> float | None:
         """Seconds to the end of the work, `now` after its start; None if unknown."""
         return now / self._share - now if self._share else None
 
@@ -77,11 +77,11 @@ class ProgressLine:
             say(f"{stage}: {self._time(now)}", err=True)
 
     def _time(self, now: float) -> str:
-        remaining = self.left(now)
+        remaining = self.seconds_left(now)
         return f"{now:.0f} s" if remaining is None else f"{remaining:.0f} s left"
 
     def _draw(self, stage: str, now: float) -> None:
-        remaining = self.left(now)
+        remaining = self.seconds_left(now)
         if self._bar is None:
             self._bar = _make_bar()
         self._bar.update(

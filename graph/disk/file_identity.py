@@ -33,11 +33,11 @@ def file_identity(file: Path) -> dict[str, str]:
     """
     if file.suffix != ".npz" or not file.is_file():
         return {}
-    return {"hash": (key := content_hash(file)), **_said(file, key)}
+    return {"hash": (key := content_hash(file)), **_stated(file, key)}
 
 
 @cache
-def _said(file: Path, key: str) -> Mapping[str, str]:
+def _stated(file: Path, key: str) -> Mapping[str, str]:
     try:
         head = about_in(load_arrays(file, only=ABOUT_ARRAY))
     except (OSError, ValueError):

@@ -142,11 +142,11 @@ class HostValues:
             return {}
         return {task.node.session: self._sessions.setdefault(task.id, Session())}
 
-    def told(self, source: Task) -> dict[str, Any]:
+    def source_keywords(self, source: Task) -> dict[str, Any]:
         """The keyword arguments of a source besides its settings."""
-        return {**self.told_of_images(source), **self.session(source)}
+        return {**self.whole_images(source), **self.session(source)}
 
-    def told_of_images(self, source: Task) -> dict[str, bool]:
+    def whole_images(self, source: Task) -> dict[str, bool]:
         """The keyword argument that says whether a source's images may stay integers."""
         whole = source.node.whole
         return {} if whole is None else {whole: self._whole[source.id]}

@@ -223,7 +223,7 @@ class Pipeline:
         if make is None or any(t.node.session for t in others if t is not source):
             return
         with self._turn, Blaming(self.plan, source):
-            item = make(**source.settings, **self._runner.host.told_of_images(source))
+            item = make(**source.settings, **self._runner.host.whole_images(source))
         with self._turn:
             self._items.rehearse({source.id: item})
 
@@ -240,7 +240,7 @@ class Pipeline:
         return self._begun(source, settings_of(source.entry, self.plan.graph, source.node, given))
 
     def _begun(self, source: Task, settings: dict[str, Any], *, ahead: bool = True) -> SourceStream:
-        keywords = {**settings, **self._runner.host.told(source)}
+        keywords = {**settings, **self._runner.host.source_keywords(source)}
         return SourceStream(self.plan, source, keywords, ahead=ahead)
 
     def set(self, node: str, /, **settings: Any) -> None:

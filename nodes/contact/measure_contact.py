@@ -70,7 +70,9 @@ def measure_contact(
             "measured; `most` sets how many"
         )
         numbers = largest_contacts(contact, most)
-    shape = None if rest is None else rest_shape(_seen(rest, view), pixel, view.camera or 0.0)
+    shape = (
+        None if rest is None else rest_shape(_rest_as_seen(rest, view), pixel, view.camera or 0.0)
+    )
     if shape is not None:
         figures["rest_relief_mm"] = float(np.ptp(shape.height))
     for number in numbers:
@@ -82,7 +84,7 @@ def measure_contact(
     return figures
 
 
-def _seen(rest: F4, view: View) -> Height:
+def _rest_as_seen(rest: F4, view: View) -> Height:
     """The height of the film at rest that each pixel of the camera sees."""
     return rest if view.lens is None else as_seen(rest, view.lens)
 

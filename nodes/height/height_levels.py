@@ -31,7 +31,7 @@ class Level(NamedTuple):
         return self.rows * self.stride
 
     @property
-    def there(self) -> tuple[int, int, int]:
+    def place(self) -> tuple[int, int, int]:
         """Its kernel arguments."""
         return self.first, self.rows, self.stride
 

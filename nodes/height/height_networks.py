@@ -100,7 +100,7 @@ class HeightNetworks:
         self.planes = self.working_planes(total)
         self.parts = run.scratch((SUM_PARTS,))
         self.pixels = self._stack(0, gaps)
-        first, _, stride = self.levels[0].there
+        first, _, stride = self.levels[0].place
         run.kernel(
             "hold", run.in_row_lanes(rows, stride),
             self.state, self.ground, first, rows, columns, stride,
@@ -117,7 +117,7 @@ class HeightNetworks:
         self._unit, self._rise_variance = float(surest(scales)), float(rise_variance(scales))
         stiffness = np.ones(top.size, np.float32)
         self._tie(Ties(top.astype(np.int64), foot.astype(np.int64), stiffness), total)
-        sizes = [level.there for level in self.levels]
+        sizes = [level.place for level in self.levels]
         self.levels_there = run.put(np.array([*sizes, (0, 0, 0)], np.int32))
 
     def _system(self, name: str) -> DeviceArray:
@@ -176,7 +176,7 @@ class HeightNetworks:
     def cut(self, height: DeviceArray) -> DeviceArray:
         """A height over the frame, inside the window, and zero on the film at rest."""
         run, inside = self._run, self._run.scratch(self.shape)
-        first, _, stride = self.levels[0].there
+        first, _, stride = self.levels[0].place
         run.kernel(
             "cut", run.in_row_lanes(*self.shape),
             height, self.ground, inside, first, stride, run.sizes["W"], *self.place,
@@ -205,7 +205,7 @@ class HeightNetworks:
                 "stiffen_knots", entries.shape, self._finest, *self._members, self.knot_tie,
                 entries, *entries.shape,
             )  # fmt: skip
-        first, rows, stride = self.levels[0].there
+        first, rows, stride = self.levels[0].place
         run.kernel(
             "stiffen", run.in_row_lanes(rows, stride), height, *self.wants[:2], *self._variances,
             self.pixels.right, self.pixels.down, first, rows, self.shape[1], stride, unit, square,
@@ -227,10 +227,10 @@ class HeightNetworks:
         joined = *planes, marks, starts, own, stiffness
         while not self.is_small(levels[number]):
             fine, coarse = levels[number], levels[number + 1]
-            run.kernel("invert_diagonal", run.in_lanes(fine.size), *joined, *fine.there)
+            run.kernel("invert_diagonal", run.in_lanes(fine.size), *joined, *fine.place)
             run.kernel(
                 "coarsen_level", run.in_lanes(coarse.size),
-                stack.right, stack.down, self.ground, *fine.there, *coarse.there,
+                stack.right, stack.down, self.ground, *fine.place, *coarse.place,
             )  # fmt: skip
             number += 1
         run.kernel(
@@ -266,7 +266,7 @@ class HeightNetworks:
 
     def enough(self, share: float, stack: Stack, wants: Wants, loads: int = 1) -> DeviceArray:
         """A share of `Springs.energy` for the first loads."""
-        run, (first, rows, stride) = self._run, stack.top.there
+        run, (first, rows, stride) = self._run, stack.top.place
         parts, limits = run.scratch((loads, SUM_PARTS)), run.scratch((loads,))
         run.kernel(
             "energy_parts", (loads * SUM_PARTS * run.group,), stack.right, stack.down,

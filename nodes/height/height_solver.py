@@ -43,7 +43,7 @@ class HeightSolver:
     ) -> None:
         """Improve height `to` under load `number` in place, as `conjugate_gradients` does."""
         run, planes, (rows, columns) = self._run, self._planes, stack.shape
-        first, _, stride = stack.top.there
+        first, _, stride = stack.top.place
         by_rows = run.in_row_lanes(rows, stride)
         run.kernel("take_height", by_rows, height, planes.z, first, rows, columns, stride, to)
         self._unbalance(stack, wants, planes, number, 1)
@@ -80,7 +80,7 @@ class HeightSolver:
         self, stack: Stack, wants: Wants, planes: Planes, number: int, loads: int
     ) -> None:
         """The residual forces of the loads from `number` on at the heights z."""
-        run, (rows, columns), (first, _, stride) = self._run, stack.shape, stack.top.there
+        run, (rows, columns), (first, _, stride) = self._run, stack.shape, stack.top.place
         run.kernel(
             "imbalance", run.in_row_lanes(loads * rows, stride), *self._networks.arguments(stack),
             self._networks.knot_tie, *wants, planes.z, planes.force, planes.lifted,
@@ -90,7 +90,7 @@ class HeightSolver:
     def _give_heights(
         self, stack: Stack, planes: Planes, heights: DeviceArray, to: int, loads: int
     ) -> None:
-        run, (rows, columns), (first, _, stride) = self._run, stack.shape, stack.top.there
+        run, (rows, columns), (first, _, stride) = self._run, stack.shape, stack.top.place
         run.kernel(
             "give_heights", run.in_row_lanes(loads * rows, columns), planes.z, heights,
             first, rows, columns, stride, to, loads, *planes.place,
@@ -110,7 +110,7 @@ class HeightSolver:
         run.kernel(
             "small_gradients", (loads * run.group,), *self._cycle_there(stack, planes), 0,
             len(stack.steps), planes.direction, planes.moved, planes.z, enough, number, steps,
-            *stack.top.there, *planes.place, local=(run.group,),
+            *stack.top.place, *planes.place, local=(run.group,),
         )  # fmt: skip
 
     def _gradients(self, stack: Stack, steps: int, enough: DeviceArray, number: int) -> None:
@@ -123,7 +123,7 @@ class HeightSolver:
 
     def _step(self, stack: Stack, gain: DeviceArray, enough: DeviceArray, number: int) -> None:
         """A step and the cycle after it; or, as a solution begins, the cycle alone."""
-        run, there, planes = self._run, stack.top.there, self._planes
+        run, there, planes = self._run, stack.top.place, self._planes
         run.kernel(
             "turn", self._by_parts, *self._networks.arguments(stack), planes.height,
             planes.direction, planes.moved, self._parts, *there, gain, local=run.part,
@@ -153,7 +153,7 @@ class HeightSolver:
             at = end
         run.kernel(
             "smooth_and_sum", self._by_parts, *self._networks.arguments(stack),
-            *self._planes[:3], self._parts, *stack.top.there, gain, local=run.part,
+            *self._planes[:3], self._parts, *stack.top.place, gain, local=run.part,
         )  # fmt: skip
 
     def _is_small(self, step: Step) -> bool:
@@ -177,20 +177,20 @@ class HeightSolver:
         if step.action == STEP_RESTRICT:
             run.kernel(
                 "restrict_level", blocks,
-                *network, force, lifted, *level.there, *coarse.there, gain,
+                *network, force, lifted, *level.place, *coarse.place, gain,
             )  # fmt: skip
         elif step.action == STEP_REDO:
             run.kernel(
                 "redo_level", here,
-                *network, force, height, lifted, kept, *level.there, gain,
+                *network, force, height, lifted, kept, *level.place, gain,
             )  # fmt: skip
         elif step.action == STEP_LIFT:
             run.kernel(
                 "lift_level", blocks, height, lifted, kept, int(step.twice),
-                *level.there, *coarse.there, gain,
+                *level.place, *coarse.place, gain,
             )  # fmt: skip
         else:
             run.kernel(
                 "smooth_level", here,
-                *network, force, height, lifted, *level.there, gain,
+                *network, force, height, lifted, *level.place, gain,
             )  # fmt: skip

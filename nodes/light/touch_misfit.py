@@ -96,7 +96,9 @@ def touch_misfit(
     The misfit of this touch; its `light` is what the film at rest departs by.  A
     warning is given if the light departs clearly more.
     """
-    total, counts = _left(light, slope, height, used, lights, pixel, _lag(misfit, pixel), uneven)
+    total, counts = _lag_products(
+        light, slope, height, used, lights, pixel, _lag(misfit, pixel), uneven
+    )
     departs = _shared(*_at_rest(light, height, lights, pixel, rest, tilt))
     return _widened(misfit, _typical(total, counts), departs)
 
@@ -164,7 +166,7 @@ def _at_rest(
     return total, block_sums(calm, BLOCK_PX)
 
 
-def _left(
+def _lag_products(
     light: Light,
     slope: Slope,
     height: Height,

@@ -89,7 +89,7 @@ class _Looking(NamedTuple):
     """Factor from F to the share of the light that arrives, per radian of azimuth."""
 
 
-def _seen(cells: Cells, grid: Grid, camera: float, number: int) -> Sight:
+def _sight_lines(cells: Cells, grid: Grid, camera: float, number: int) -> Sight:
     """Return the pairs of cells that see one another along one of the grid's azimuths."""
     frame = slice(None), *grid.frame
     x, y = azimuth_directions(grid.azimuths)[number]
@@ -197,7 +197,7 @@ def arriving(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
     size = grid.rows * grid.columns
 
     def along(number: int) -> NDArray[np.float64]:
-        share, direction, cell, source = _seen(cells, grid, camera, number)
+        share, direction, cell, source = _sight_lines(cells, grid, camera, number)
         thrown = share * law(cell, direction, source)
         return np.stack([np.bincount(cell, plane, size) for plane in thrown])
 

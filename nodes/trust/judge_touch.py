@@ -110,7 +110,7 @@ def judge_touch(
                         has_moved=motion is not None and bool(motion.any()),
                     )
                 )
-            causes = likely or _said(why, evidence, motion, on_rims)
+            causes = likely or _sentence(why, evidence, motion, on_rims)
             if max(alone) < false_alarms and not force:
                 raise InputError(f"{causes}: no height follows; `force`=true goes on all the same")
             warn(f"{causes}; the height may be wrong")
@@ -143,7 +143,7 @@ def _verdict(
     return min(alone), alone, [*causes.values()]
 
 
-def _said(
+def _sentence(
     causes: list[str],
     evidence: TouchEvidence,
     motion: FilmMotion | None,

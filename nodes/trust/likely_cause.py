@@ -69,12 +69,14 @@ def likely_cause(
 
     def first_of(mistakes: Iterable[_Mistake]) -> str:
         """The first mistake that leaves least, if it fits."""
-        candidates = [(_left(m.light / rest[m.leds], lights[m.leds]), m.words) for m in mistakes]
+        candidates = [
+            (_unexplained(m.light / rest[m.leds], lights[m.leds]), m.words) for m in mistakes
+        ]
         least = min(residual for residual, _ in candidates)
         simplest = next(words for residual, words in candidates if residual <= least + MIN_ERROR)
         return simplest if fits(least) else ""
 
-    if fits(_left(small / rest, lights)):
+    if fits(_unexplained(small / rest, lights)):
         return _at_border(small, rest)
     # Fewer LEDs fit anything better, and so do they if the camera has moved.
     may_be_foreign = len(raw) > MIN_LEDS and not has_moved
@@ -88,7 +90,7 @@ def left_as_matt(light: CoarseLight, flat: CoarseLight, lights: LightPositions) 
 
     Infinite where there is no touch, or one that goes below the film at rest.
     """
-    return _left(few_cells(light * flat) / _divisor(flat), lights)
+    return _unexplained(few_cells(light * flat) / _divisor(flat), lights)
 
 
 def _at_border(raw: F4, rest: F4) -> str:
@@ -192,7 +194,7 @@ def _without_one(raw: F4) -> Iterator[_Mistake]:
         )
 
 
-def _left(light: F4, lights: LightPositions) -> float:
+def _unexplained(light: F4, lights: LightPositions) -> float:
     """What a matt film leaves of the light: residual, length of the normal, curl, film at rest."""
     median = np.median(light, axis=(1, 2), keepdims=True)
     light = np.asarray(light / np.maximum(median, MIN_LIGHT), np.float32)

@@ -27,14 +27,14 @@ def other_frame(touch: F4, flat: F4, free: NDArray[np.bool_]) -> str:
     free : h x w, film at rest in the touch
     """
     touched, due = (np.log(np.maximum(a, MIN_LIGHT)) for a in (touch, flat))
-    apart = _apart(touched, due, free)
+    apart = _difference(touched, due, free)
     as_it_is = float(np.trace(apart)) / len(apart)
     if np.count_nonzero(free) < MIN_CELLS or not explains(0.0, as_it_is):
         return ""
     residuals = {}
     for side, turn in TURNED_IMAGES.items():
         turned = turn(free[None].astype(np.float32))[0] > 0
-        residuals[side] = float(np.trace(_apart(turn(touched), due, turned))) / len(apart)
+        residuals[side] = float(np.trace(_difference(turn(touched), due, turned))) / len(apart)
     from scipy.optimize import linear_sum_assignment  # takes 0.2 s; most touches end above
 
     image, led = linear_sum_assignment(apart)
@@ -58,7 +58,7 @@ def other_colours(touch: F4, flat: F4) -> str:
     return f"along the border the image shows the film of the flat frame {other}{colours}"
 
 
-def _apart(touched: F4, due: F4, free: NDArray[np.bool_]) -> F8:
+def _difference(touched: F4, due: F4, free: NDArray[np.bool_]) -> F8:
     """Mean squared difference of each image's fall-off (rows) from each LED's (columns)."""
     images, leds = (a[:, free].astype(np.float64) for a in (touched, due))
     between = images[:, None] - leds[None]

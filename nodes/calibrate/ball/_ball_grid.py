@@ -182,7 +182,7 @@ def _samples(light: F4, circle: F8, reach: float, radius_px: float, pixel: float
 
 def _start(balls: Balls) -> Fitted:
     """Distant LEDs by linear least squares: light is a constant plus a product with the normal."""
-    n, *_ = balls.seen(np.zeros((len(balls.centre), 3)), 0.0)
+    n, *_ = balls.surface(np.zeros((len(balls.centre), 3)), 0.0)
     basis = np.vstack([np.ones(n.shape[1]), n]).T
     planes, *_ = np.linalg.lstsq(basis, balls.light.T, rcond=None)
     ends = planes[1:3] / np.maximum(planes[3], 0.05)

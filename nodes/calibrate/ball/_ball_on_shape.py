@@ -31,7 +31,7 @@ class BallOnShape(NamedTuple):
     shape: RestShape
     radius: float
 
-    def seen(self, x: F8, y: F8, circle: Circle, radius_px: float) -> tuple[list[F8], F8]:
+    def normals_at(self, x: F8, y: F8, circle: Circle, radius_px: float) -> tuple[list[F8], F8]:
         """Return the ball's normals, and how far from the middle pixels count as, in px.
 
         A pixel lies as far from the middle as on a plane the ball rises as high above the film.
@@ -50,11 +50,13 @@ class BallOnShape(NamedTuple):
         normal = [part / self.radius for part in (dx, dy, np.maximum(z - at.z, 0))]
         return normal, away * circle.radius / max(at.rim, 1e-9)
 
-    def known(self, circle: Circle, mask: U1 | None = None) -> KnownBall:
+    def known_ball(self, circle: Circle, mask: U1 | None = None) -> KnownBall:
         """Return the slope and height of a ball within its contact, or where a mask is not 0."""
         rows, columns = self.shape.height.shape
         y, x = np.mgrid[:rows, :columns].astype(np.float64)
-        (nx, ny, nz), away = self.seen(x.ravel(), y.ravel(), circle, self.radius / self.shape.pixel)
+        (nx, ny, nz), away = self.normals_at(
+            x.ravel(), y.ravel(), circle, self.radius / self.shape.pixel
+        )
         within = away < circle.radius - MARGIN_PX if mask is None else mask.ravel() > 0
         inside = within & (nz > MIN_FACING)
         up = np.where(inside, nz, 1)

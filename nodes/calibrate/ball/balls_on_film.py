@@ -89,7 +89,7 @@ class Balls:
         radius = self.radius * size
         return replace(self, radius=radius, rim=np.minimum(self.rim, radius))
 
-    def seen(self, shifts: F8, camera: float) -> tuple[F8, F8, F8, F8]:
+    def surface(self, shifts: F8, camera: float) -> tuple[F8, F8, F8, F8]:
         """Normals 3 x N and x, y, z where the camera's rays meet the balls, moved by `shifts`."""
         radius = self.radius[self.ball]
         cx, cy = (self.centre + shifts[:, :2])[self.ball].T
@@ -116,7 +116,7 @@ class Balls:
 
     def touched_place(self, shifts: F8, film: Film) -> tuple[F8, tuple[F8, F8, F8], F8]:
         """Normals, places and lift for F1: film on a ball is touched, however low its rim is."""
-        n, x, y, z = self.seen(shifts, film.camera)
+        n, x, y, z = self.surface(shifts, film.camera)
         lift = np.maximum(z, film.contact)
         if self.beneath is None:
             return n, (x, y, lift), lift

@@ -313,7 +313,7 @@ def _residual(samples: _Samples, circle: Circle, radius: float) -> float:
     r = np.hypot(dx, dy)
     normal = [dx / radius, dy / radius, rise_of(r, radius)]
     if samples.beneath is not None:
-        normal, r = samples.beneath.seen(samples.x, samples.y, circle, radius)
+        normal, r = samples.beneath.normals_at(samples.x, samples.y, circle, radius)
     # A pixel on the rim mixes ball and film by area.
     inside = np.clip(circle.radius - r + 0.5, 0, 1)
     ball = [inside, *(inside * part for part in normal)]
@@ -321,10 +321,10 @@ def _residual(samples: _Samples, circle: Circle, radius: float) -> float:
     turns = np.stack([np.ones_like(r), dx / away, dy / away])
     hats = [np.interp(r / circle.radius, FOLD_KNOTS, hat) for hat in np.eye(len(FOLD_KNOTS))]
     fold = ((1 - inside) * np.stack(hats))[:, None] * turns
-    return float(_left(samples, np.vstack([ball, fold.reshape(-1, r.size)])).sum())
+    return float(_unexplained(samples, np.vstack([ball, fold.reshape(-1, r.size)])).sum())
 
 
-def _left(samples: _Samples, basis: F8) -> F8:
+def _unexplained(samples: _Samples, basis: F8) -> F8:
     """Return each LED's residual sum of squares on lit pixels, for a basis (columns x N)."""
     weighted = samples.lit * samples.light
     # Few pixels are not lit: to take them from all is faster than to weigh every pixel.
@@ -343,5 +343,7 @@ def _goodness(light: F4, circle: Circle, radius: float) -> float:
     if not window.any():  # of a contact that the reduced image does not resolve
         return 0.0
     samples = samples._replace(lit=samples.lit * window)
-    share = share_of(_left(samples, ball), _left(samples, smooth), window.sum() * len(light))
+    share = share_of(
+        _unexplained(samples, ball), _unexplained(samples, smooth), window.sum() * len(light)
+    )
     return float(np.clip(share, 0, 1))

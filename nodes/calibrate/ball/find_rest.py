@@ -363,7 +363,7 @@ def _on(
         y, x = np.indices(light.shape[1:])
         away = np.hypot(x - first.x, y - first.y)
         near = (away < SAMPLED_SHARE * first.radius).astype(np.uint8)
-        ball = on.known(circle, near)
+        ball = on.known_ball(circle, near)
         press = Press(light, ball.slope, near, ball.height, label_lit(light))
         objects.append(sample(press, presses.pixel, MAX_SAMPLES, shape))
     return objects, rest_of(presses.flat, presses.pixel, shape)

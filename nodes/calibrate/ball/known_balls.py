@@ -57,7 +57,7 @@ def known_balls(
         if shape is None:
             ball = ball_slopes(flat, c[:2], float(c[2]), pixel, radius_mm=float(r))
         elif c[2] > 0:
-            ball = BallOnShape(shape, float(r)).known(Circle(*map(float, c)))
+            ball = BallOnShape(shape, float(r)).known_ball(Circle(*map(float, c)))
         else:
             continue
         inside, at = ball.mask > 0, slice(press * rows, (press + 1) * rows)

@@ -142,14 +142,14 @@ def _width(edge: Edge) -> float:
 
     Some widths are tried first, then those on either side of the best.
     """
-    residual = {width: _left(edge, width) for width in WIDTHS_PX[::COARSE_STEP]}
+    residual = {width: _residual(edge, width) for width in WIDTHS_PX[::COARSE_STEP]}
     best = int(np.searchsorted(WIDTHS_PX, min(residual, key=residual.__getitem__)))
     near = WIDTHS_PX[max(best - COARSE_STEP + 1, 0) : best + COARSE_STEP]
-    residual |= {width: _left(edge, width) for width in near if width not in residual}
+    residual |= {width: _residual(edge, width) for width in near if width not in residual}
     return float(min(residual, key=residual.__getitem__))
 
 
-def _left(edge: Edge, width: float) -> float:
+def _residual(edge: Edge, width: float) -> float:
     """Sum of squares that a step of this width leaves, wherever it is."""
     x = edge.away[None] - SHIFTS_PX[:, None]
     beyond: NDArray[np.float64] = ndtr(x / width)

@@ -52,7 +52,7 @@ MAX_ROUNDS = 4
 to film and the balls' positions, or a bend and the film."""
 
 
-class _Left(NamedTuple):
+class _Residuals(NamedTuple):
     """Residuals of the balls' light, K x N, and of the flat frame (`rest_left`)."""
 
     light: F8
@@ -93,12 +93,12 @@ class _Problem(NamedTuple):
         shrink = (1 - 1 / np.sqrt(1 + self.uneven**2 * square)) / square
         return np.asarray(light - shrink * ball * (ball * light).sum(axis=-2, keepdims=True))
 
-    def left(self, now: Fitted) -> _Left:
+    def residuals(self, now: Fitted) -> _Residuals:
         """Return the residuals of a fit."""
         flat = np.empty((len(now.leds), 0)) if self.rest is None else rest_left(self.rest, now)
-        return _Left(predicted(self.balls, now) - self.balls.light, flat)
+        return _Residuals(predicted(self.balls, now) - self.balls.light, flat)
 
-    def judged(self, residuals: _Left) -> Self:
+    def judged(self, residuals: _Residuals) -> Self:
         """Return the problem with the standard deviations of residuals."""
         certain = LIGHT_DEVIATION if self.rest is None else rest_spread(residuals.flat, self.rest)
         return self._replace(scale=light_scale(self.balls, residuals.light), certain=certain)
@@ -109,16 +109,16 @@ class _Trial(NamedTuple):
 
     problem: _Problem
     now: Fitted
-    left: _Left
+    residuals: _Residuals
 
     @classmethod
     def of(cls, problem: _Problem, now: Fitted) -> Self:
         """Return the trial of a film."""
-        return cls(problem, now, problem.left(now))
+        return cls(problem, now, problem.residuals(now))
 
     def judged(self) -> Self:
         """Return the trial with the standard deviations of its residuals."""
-        return self._replace(problem=self.problem.judged(self.left))
+        return self._replace(problem=self.problem.judged(self.residuals))
 
     def cost(self) -> float:
         """Return the cost in squared standard deviations."""
@@ -228,9 +228,11 @@ def certainty(
     """Return how well a fit knows LEDs and film."""
     names = unknowns_of(parts)
     problem = _Problem(balls, rest, names, shift_mm, width_mm)
-    left = problem.left(fitted)
-    robust = _robust_spread(left.light / balls.reference_light)
-    covariance = _covariance(_equations(problem.judged(left)._replace(scale=robust), fitted, left))
+    residuals = problem.residuals(fitted)
+    robust = _robust_spread(residuals.light / balls.reference_light)
+    covariance = _covariance(
+        _equations(problem.judged(residuals)._replace(scale=robust), fitted, residuals)
+    )
     return Certainty(covariance, numbered(fitted, names), problem.each * balls.u.size)
 
 
@@ -248,7 +250,7 @@ def further_step(
     Film, LEDs and balls' places move with them.
     """
     problem = _Problem(balls, rest, unknowns_of(parts), shift_mm, width_mm)
-    residuals = problem.left(fitted)
+    residuals = problem.residuals(fitted)
     equations = _equations(problem.judged(residuals), fitted, residuals, further)
     by, _ = _solve(equations, 0.0)
     first = len(by) - len(further.light)
@@ -292,7 +294,7 @@ def add_harmonics(
     """
     used = term_count(degree)
     count, size, now = len(fitted.leds), 8 * used, fitted
-    n, *_ = balls.seen(now.shifts, now.film.camera)
+    n, *_ = balls.surface(now.shifts, now.film.camera)
     film = fitted.film._replace(flattest=float(np.quantile(n[2], 0.005)), reach=reach)
     physics = fitted._replace(film=film)
     place = place_terms(balls.u / reach, balls.v / reach)[:used]
@@ -301,7 +303,7 @@ def add_harmonics(
     ridge = np.full(count * size + 1, max(1, balls.u.size / MAX_INDEPENDENT_SAMPLES))
     ridge[-1] = 0
     for _ in range(MAX_ROUNDS):
-        n, *_ = balls.seen(now.shifts, film.camera)
+        n, *_ = balls.surface(now.shifts, film.camera)
         shade = shades(n) * np.clip(1 + (n[2] - film.flattest) / FADE_WIDTH, 0, 1)
         basis = (shade[:, None] * place[None]).reshape(size, -1)
         thrown = balls.thrown(now.shifts, film)
@@ -334,16 +336,16 @@ def _weight(balls: Balls, residual: F8, scale: float) -> F8:
     return np.asarray(huber_weight(residual / balls.reference_light / scale) / deviation**2)
 
 
-def light_scale(balls: Balls, left: F8) -> float:
+def light_scale(balls: Balls, residual: F8) -> float:
     """Return the robust standard deviation of a sample's residual."""
-    return max(LIGHT_DEVIATION, _robust_spread(left / balls.reference_light))
+    return max(LIGHT_DEVIATION, _robust_spread(residual / balls.reference_light))
 
 
 def _robust_spread(residual: F8) -> float:
     return DEVIATIONS_PER_MAD * float(np.median(np.abs(residual)))
 
 
-def _cost(problem: _Problem, now: Fitted, errors: _Left) -> float:
+def _cost(problem: _Problem, now: Fitted, errors: _Residuals) -> float:
     deviations = place_deviations(problem.balls, problem.shift_mm)
     total = float(np.square(now.shifts / deviations).sum())
     total += problem.each * huber(problem.normed(errors.light)) + huber(
@@ -354,7 +356,7 @@ def _cost(problem: _Problem, now: Fitted, errors: _Left) -> float:
 
 
 def _equations(
-    problem: _Problem, now: Fitted, residuals: _Left, further: Further | None = None
+    problem: _Problem, now: Fitted, residuals: _Residuals, further: Further | None = None
 ) -> _Equations:
     balls, rest, names, shift_mm, width_mm, *_, certain = problem
     at_rest = rest_seen(balls, now.film)

@@ -163,7 +163,7 @@ def judge_radius(
         fine=True,
         shape=shape,
     )
-    first, percent = float(radius[used[0]]), _left(fitted)
+    first, percent = float(radius[used[0]]), _unexplained_percent(fitted)
     # On a film that is no plane, the pupil is where its shape was seen from.
     camera = film.camera if shape is None else film.camera or None
     alternatives = explain(balls, flat, pixel, lights, strength, shape, camera)
@@ -240,7 +240,7 @@ def explain(
             start._replace(size=size) for size in (FIRST_SIZES if OTHER_SIZE in parts else (1.0,))
         ]
 
-    def tried(parts: frozenset[str]) -> Iterable[Explained]:
+    def candidates(parts: frozenset[str]) -> Iterable[Explained]:
         # What a fit leaves of the flat frame counts as the flat frame's own error.  One that
         # leaves more there than on the balls may depart less from a matt film on.
         for first in starts(parts):
@@ -252,7 +252,8 @@ def explain(
     left_out = {OTHER_CAMERA: camera != 0, WITH_COAT: not coated}
     free = {name: parts for name, parts in FREE_PARTS.items() if not left_out.get(name)}
     by_name = {
-        name: min(tried(parts), key=lambda each: each.departure) for name, parts in free.items()
+        name: min(candidates(parts), key=lambda each: each.departure)
+        for name, parts in free.items()
     }
     # A camera that is found far away is as told, and its fit may end in a lower minimum.
     if (far := by_name.get(OTHER_CAMERA)) is not None and far.camera == 0:
@@ -290,7 +291,7 @@ def doubts_of(
         as_told = found.by_name[AS_TOLD].departure
         doubt = (
             f"{_value(found, best, radius)} explains the light better than "
-            f"{_told(best, radius)}, {_times(found.odds(best))} likelier "
+            f"{_in_words(best, radius)}, {_times(found.odds(best))} likelier "
             f"({least:.1%} unexplained instead of {as_told:.1%})"
             + "".join(f"; so does {_value(found, name, radius)}" for name in alike)
             + _cure(found, best, which)
@@ -383,7 +384,7 @@ def _value(found: Alternatives, name: str, radius: float) -> str:
     return f"a camera {1 / each.camera:.3g} mm above the film"
 
 
-def _told(name: str, radius: float) -> str:
+def _in_words(name: str, radius: float) -> str:
     if name == OTHER_SIZE:
         return f"one of {radius:.3g} mm"
     return "linear light" if name == OTHER_POWER else "one far away"
@@ -421,7 +422,7 @@ def _cap(balls: Balls, size: float) -> float:
     return float((sized.radius - sunk(sized.radius, sized.rim)).mean())
 
 
-def _left(fitted: Metrics) -> float:
+def _unexplained_percent(fitted: Metrics) -> float:
     """The share of the balls' light and of the flat frame that `fit_film` leaves."""
     left = fitted["film_residual_percent"], fitted.get("flat_residual_percent", 0.0)
     return float(np.hypot(*left)) / 100

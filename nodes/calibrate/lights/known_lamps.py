@@ -52,7 +52,7 @@ def known_lamps(lamps: LightPositions, flat: Light, pixel: PixelSize) -> KnownLa
     if rest is not None:
         places = lamps.astype(np.float64)[:, :, None]
         square = (places[:, 0] - rest.x) ** 2 + (places[:, 1] - rest.y) ** 2 + places[:, 2] ** 2
-        modelled, measured = _own(-1.5 * np.log(square)), _own(rest.logarithm)
+        modelled, measured = _less_mean(-1.5 * np.log(square)), _less_mean(rest.logarithm)
         wrong = np.square(measured[:, None] - modelled[None]).mean(axis=-1)
         images, order = linear_sum_assignment(wrong)
         misfit, best = np.sqrt(np.diag(wrong).mean()), np.sqrt(wrong[images, order].mean())
@@ -68,16 +68,16 @@ def known_lamps(lamps: LightPositions, flat: Light, pixel: PixelSize) -> KnownLa
                 "their places, the pixel size and that other light is kept out"
             ]
             warn(doubts[0])
-    return KnownLamps(lamps, _others(lamps, pixel * flat.shape[2]), quality, doubts)
+    return KnownLamps(lamps, _other_places(lamps, pixel * flat.shape[2]), quality, doubts)
 
 
-def _own(logarithm: F8) -> F8:
+def _less_mean(logarithm: F8) -> F8:
     """Each lamp's own part, K x N: without the common part, and without its strength."""
     shared = logarithm - logarithm.mean(axis=0)
     return np.asarray(shared - shared.mean(axis=1, keepdims=True))
 
 
-def _others(lamps: LightPositions, width_mm: float) -> LightPlaces:
+def _other_places(lamps: LightPositions, width_mm: float) -> LightPlaces:
     """Eight sets of places that the lamps may have."""
     leds = inverse_places(lamps.astype(np.float64))
     # 1 / L_z of a lamp within 1 % of its distance, and ends of directions within 0.01.

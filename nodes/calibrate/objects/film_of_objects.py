@@ -204,7 +204,7 @@ def _solved(scene: _Scene, unknowns: F8, *, coated: bool) -> OptimizeResult:
             for press, state in zip(scene.presses, states, strict=True)
         ]
         solved = least_squares(
-            partial(_left, scene), unknowns, args=(states,), loss="soft_l1", x_scale=units,
+            partial(_residuals, scene), unknowns, args=(states,), loss="soft_l1", x_scale=units,
             bounds=bounds, max_nfev=MAX_STEPS, diff_step=np.full(unknowns.size, DERIVATIVE_STEP),
         )  # fmt: skip
         change, unknowns = np.abs((solved.x - unknowns) / units).max(), solved.x
@@ -277,7 +277,7 @@ def _bounced(scene: _Scene, press: F8, z: F8, film: Film) -> F8:
     return np.asarray(light, np.float64) / film.albedo
 
 
-def _left(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
+def _residuals(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     """What LEDs and film leave unexplained, in standard deviations."""
     film, count = _film(scene, unknowns), len(scene.presses[0])
     shared = unknowns[3 * count :]

@@ -70,26 +70,28 @@ def rank_checks(
         few = few_cells(arrays["flat"], MAX_CELLS * USUAL_SIDE**2).shape[1:]
         np.savez(small, **_resized(arrays, few, kind.record))  # type: ignore[arg-type]
         params = {"calibration": str(small), "count": count, "seed": seed}
-        presses = [] if flat is None or press is None else _kept(press, mask, flat.shape[1])
+        presses = [] if flat is None or press is None else _presses_of(press, mask, flat.shape[1])
         if presses:
             size = presses[0].shape[1:]
             np.savez(even, **_resized(arrays, size, kind.record))  # type: ignore[arg-type]
         if brought is not None and kind is not CALIBRATION_KIND:
             drawn = _drawn(brought.GRAPH, brought.OVERLAY, params)
-            presses_figures = _own(brought.GRAPH, presses, even, ONE_SHOT_PORTS)[0]
-            ranks = [ranked(drawn, presses_figures)] * len(Ranked)
+            pressed = _press_figures(brought.GRAPH, presses, even, ONE_SHOT_PORTS)[0]
+            ranks = [ranked(drawn, pressed)] * len(Ranked)
         else:
             # Three lights are never linearly dependent, so the paper's shadow test takes four.
             tables = "paper" if len(arrays["flat"]) > MIN_LEDS else "paper_no_shadow"
             walls = params | {"count": max(count // 2, 1), "rigid": True}
-            presses_figures, rims = _own("reconstruct", presses, even, RIM_PORTS | CAUSE_PORTS)
+            pressed, rims = _press_figures("reconstruct", presses, even, RIM_PORTS | CAUSE_PORTS)
             on_rims = rims > MAX_RIM_SHARE
             soft = [each for each, has_rims in zip(presses, on_rims, strict=True) if not has_rims]
             drawn_of = partial(_drawn, "reconstruct", "drawn_touches", more=CAUSE_PORTS)
             ranks = [
-                ranked(drawn_of(params), presses_figures[~on_rims]),
-                ranked(drawn_of(walls), presses_figures[on_rims]),
-                ranked(_drawn(tables, "drawn_touches", params), _own(tables, soft, even)[0]),
+                ranked(drawn_of(params), pressed[~on_rims]),
+                ranked(drawn_of(walls), pressed[on_rims]),
+                ranked(
+                    _drawn(tables, "drawn_touches", params), _press_figures(tables, soft, even)[0]
+                ),
             ]
     replace_arrays(file, kind, {"ranks": np.stack(ranks)})
 
@@ -112,7 +114,7 @@ def _resized(
     return with_plain(record, kept | resized)
 
 
-def _kept(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:
+def _presses_of(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:
     """The presses that the calibration used."""
     presses = cut(press, rows)
     if mask is None:
@@ -120,7 +122,7 @@ def _kept(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:
     return [p for p, used in zip(presses, cut(mask, rows), strict=True) if used.any()]
 
 
-def _own(
+def _press_figures(
     graph: str, presses: list[Light], calibration: Path, more: dict[str, str] | None = None
 ) -> tuple[F8, F8]:
     """The figures of the calibration's presses, P x 15, and how much of each hangs on rims."""

@@ -97,7 +97,7 @@ def _noise(light: F4) -> float:
 
 def _directions(balls: Balls) -> F4:
     """Roughly where the lights are: distant ones, by linear least squares."""
-    (nx, ny, nz), *_ = balls.seen(np.zeros((len(balls.centre), 3)), 0.0)
+    (nx, ny, nz), *_ = balls.surface(np.zeros((len(balls.centre), 3)), 0.0)
     directions = []
     for light in balls.light:
         lit = light > MIN_LIGHT
