@@ -53,8 +53,10 @@ def descend(
     for _ in range(MAX_STEPS):
         before, trial_at = cost(now), linear(now)
         while damping < MAX_DAMPING:
-            trial = trial_at(damping)
-            gain = before - cost(trial)
+            # A trial whose light no number holds gains nothing, and is refused.
+            with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+                trial = trial_at(damping)
+                gain = before - cost(trial)
             if gain >= 0:
                 break
             damping *= 10

@@ -1,0 +1,24 @@
+"""A descent ends at the least cost, and refuses what no number holds."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from tactograph.nodes import F8
+from tactograph.nodes.calibrate.lights.descend import least_squares
+
+
+def test_a_step_beyond_all_numbers_is_refused_without_a_word() -> None:
+    """A first step that is much too long overflows, as the light of an LED in the film does."""
+
+    def residual(unknown: F8) -> F8:
+        return np.exp(10 * unknown) - np.exp(10.0)
+
+    def slope(unknown: F8) -> F8:
+        return np.diag(10 * np.exp(10 * unknown))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = least_squares(residual, slope, np.array([0.0]))
+    assert found == pytest.approx(1, abs=1e-3)
