@@ -47,6 +47,8 @@ WIDER_ON_SHAPE = 1.5
 BOUNCED_ALBEDO, RIM_STEP_MM = USUAL_ALBEDO.start, SHARED_UNKNOWNS["rim"].spread
 """Albedo of the film for which a bounce is computed, and mm by which the film is widened, to
 differentiate it by the film's rim."""
+MAX_NOISE_RATIO = 1.5
+"""Multiple of the camera's noise up to which noise explains a departure."""
 
 
 class _Press(NamedTuple):
@@ -432,4 +434,4 @@ def grain(balls: Balls, residual: F8, flat: F4, noise: F4) -> float:
     camera = (noise[0] * level * balls.light + noise[1]) / level**2
     variance = DEVIATIONS_PER_MAD**2 * np.median(np.square(residual / balls.reference_light))
     alone = np.median(camera / balls.reference_light**2)
-    return float(np.sqrt(max(variance - alone, 0.0)))
+    return float(np.sqrt(variance - alone)) if variance > MAX_NOISE_RATIO**2 * alone else 0.0

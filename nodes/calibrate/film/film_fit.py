@@ -204,12 +204,15 @@ class Certainty(NamedTuple):
     values: float
 
     def shows(self, name: str, value: float) -> bool:
-        """Return whether an unknown is likelier to be its (mean) value than 0 (`log_odds`)."""
+        """Return whether an unknown is likelier to be its (mean) value than 0 (`log_odds`).
+
+        All others stay as they were found with it, since nothing is fitted again.
+        """
         if name not in self.numbers:
             return True
         own = self.numbers[name]
-        variance = float(self.covariance[np.ix_(own, own)].mean())
-        return value**2 > variance * math.log(self.values)
+        information = float(np.linalg.inv(self.covariance)[np.ix_(own, own)].sum())
+        return value**2 * information > math.log(self.values)
 
     def other_places(self, leds: F8, width_mm: float) -> F4:
         """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm."""
@@ -300,7 +303,7 @@ def add_harmonics(
     place = place_terms(balls.u / reach, balls.v / reach)[:used]
     weight = 1 / balls.reference_light**2
     # A coefficient is as far from 0 as the light from the model, of which samples count.
-    ridge = np.full(count * size + 1, max(1, balls.u.size / MAX_INDEPENDENT_SAMPLES))
+    ridge = np.full(count * size + 1, max(1.0, balls.u.size / MAX_INDEPENDENT_SAMPLES))
     ridge[-1] = 0
     for _ in range(MAX_ROUNDS):
         n, *_ = balls.surface(now.shifts, film.camera)
