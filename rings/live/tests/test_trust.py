@@ -35,7 +35,7 @@ def test_a_live_stream_is_forced_from_the_start(name: str) -> None:
 COLOURS: dict[str, Wrong] = {
     **{what: WRONG[what] for what in ("gamma 2.2", "gamma 1/2.2", "turned", "mirrored")},
     "channels reversed": lambda touch, _: touch[::-1].copy(),
-    "other light": lambda touch, _: np.minimum(touch, 250) + np.uint8(5),
+    "other light": lambda touch, _: np.minimum(touch, 250) + np.uint8(6),
     "torn": torn,
     "every fourth line mirrored": every_fourth_line_mirrored,
     "grey": lambda touch, _: touch.mean(axis=0).astype(np.uint8)[None].repeat(3, axis=0),
