@@ -126,7 +126,7 @@ def test_a_command_that_is_typed_wrong_exits_with_2_and_says_where_to_look(
         (("run", "paper", "--capture", "a"), "'--capture'; a param is written capture=a (see"),
         (("run", "paper", "--capture=a"), "'--capture'; a param is written capture=a (see"),
         (("run", "paper", "--capture", "flat=a"), "a param is written capture=VALUE (see"),
-        (("run", "paper", "--quiett"), "written quiett=VALUE (Did you mean one of: '--quiet'"),
+        (("run", "paper", "--quiett"), "a param is written quiett=VALUE ("),
         (("run", "paper", "captur=x"), "has no parameter 'captur'; did you mean 'capture'?"),
         (("run", "paper", "zzz=x"), "paper has no parameter 'zzz' (it takes: capture, "),
         (("run", "paper", "capture=a", "capture=b"), "capture is given twice"),
