@@ -91,23 +91,23 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
     errors = np.empty((ERROR_COUNT, 2, rows, columns), np.float32)
 
     def enter(part: slice) -> None:
-        part_of = unperturbed.rows(part)
-        by_light = slope_by_light(part_of, causes)
+        inside = unperturbed.rows(part)
+        by_light = slope_by_light(inside, causes)
         by_place = light_by_place(
-            causes.film.lights, part_of.x, part_of.y, part_of.height, part_of.slope
+            causes.film.lights, inside.x, inside.y, inside.height, inside.slope
         )
-        by_seen = by_light / _sharpness(part_of, causes.film)
-        root = _root_of_noise(part_of, by_seen, causes)
+        by_seen = by_light / _sharpness(inside, causes.film)
+        root = _root_of_noise(inside, by_seen, causes)
         first = part.start * columns
         for number, other in enumerate(causes.film.others):
             elsewhere = (other - causes.film.lights)[:, :, None, None]
             wrong = (by_place * elsewhere).sum(axis=1)
             wrong += causes.misfit[2] * LED_SIGNS[number, : len(wrong), None, None]
             error = (by_light * wrong).sum(axis=1)
-            error += (by_seen * _wrong_bounce(part_of, causes.misfit, number)).sum(axis=1)
+            error += (by_seen * _wrong_bounce(inside, causes.misfit, number)).sum(axis=1)
             error += _noise(root, key_of(seed, number), first, rows * columns)
-            error = _bounded(error + MEAN_SIGNS[number] * part_of.averaged)
-            leaning = _leaning(part_of, causes.misfit, causes.pixel, number)
+            error = _bounded(error + MEAN_SIGNS[number] * inside.averaged)
+            leaning = _leaning(inside, causes.misfit, causes.pixel, number)
             errors[number, :, part] = _bounded(error + leaning)
 
     in_blocks(enter, rows, columns)

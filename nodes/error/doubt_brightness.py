@@ -30,7 +30,7 @@ def doubt_brightness(
     is brighter than is not seen.  Slopes of a film whose brightness is known and of one whose
     brightness is any are the two ends of what the light may mean.  A step of known depth settles
     it, and the scale that the calibration left open, up to the uncertainty of the scale that it
-    gives.  Brightness that is more than all other errors is told.
+    gives.  A warning says when brightness makes up more than all other errors.
 
     Parameters
     ----------

@@ -30,8 +30,9 @@ def doubt_rest(
         sqrt(free^2 + (level pixel)^2 / 3 (variance_p + variance_q) / 2)
 
     `free` is a height integrated from the slopes alone.  It shows what is wide: a step, or a
-    touch whose top reaches the border of the frame and looks calm there; where that is more, it is
-    how far such pieces lie apart.  What hangs between them errs by as much.  What is narrow hides
+    touch whose top reaches the border of the frame and looks calm there.  Where pieces of such film
+    lie farther `apart` than that, their distance counts, as it does for film that hangs between
+    them.  What is narrow hides
     below the noise of a slope, over a pixel, times the `level` up to which light counts as
     noise; any height up to there is equally likely, whose variance is a third of the square.
     The error of the height's zero is added everywhere.  A film that is tilted as a whole is in

@@ -12,11 +12,12 @@ from tactograph.nodes import Height, Mask
 def rest_apart(rest: Mask, free: Height) -> Height:
     """Return how high film may lie with the film at rest that holds it, by slopes alone.
 
-    All film at rest is held at zero.  A touch whose calm top reaches the border of the frame looks
-    like film at rest, too, and the light does not tell which of both it is.  Each piece departs
-    from its own mean by errors of the slopes alone; what lies between two means counts as far as it
-    is more than both do.  A piece that is nearer to the top of the touch than to the film is told.
-    Film between pieces hangs on each of them by the inverse of its distance.
+    All film at rest is held at zero.  A touch whose calm top reaches the border of the frame
+    looks like film at rest, too, and the light does not tell which of both it is.  Each piece
+    departs from its own mean by errors of the slopes alone; what lies between two means counts as
+    far as it is more than both do.  A warning names a piece that is nearer to the top of the
+    touch than to the film.  Film between pieces hangs on each of them by the inverse of its
+    distance.
 
     Parameters
     ----------
@@ -43,10 +44,13 @@ def rest_apart(rest: Mask, free: Height) -> Height:
             "slopes, and is held at zero as well: a touch may reach the frame's border (the stated "
             "error counts that)"
         )
-    away = [
-        cv2.distanceTransform((pieces != n).astype(np.uint8), cv2.DIST_L2, 5)
-        for n in range(1, count)
-    ]
-    weights = 1 / np.maximum(away, 1)
-    between = np.tensordot(beyond[1:], weights / weights.sum(axis=0), axes=1)
-    return np.where(rest != 0, beyond[pieces], between).astype(np.float32)
+    if not beyond.any():
+        return np.zeros_like(free)
+    # One plane a piece would not fit into memory where film at rest is in a hundred specks.
+    total, hanging = np.zeros(rest.shape), np.zeros(rest.shape)
+    for piece in range(1, count):
+        away = cv2.distanceTransform((pieces != piece).astype(np.uint8), cv2.DIST_L2, 5)
+        weight = 1 / np.maximum(away, 1)
+        total += weight
+        hanging += beyond[piece] * weight
+    return np.where(rest != 0, beyond[pieces], hanging / total).astype(np.float32)

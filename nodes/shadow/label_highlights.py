@@ -86,9 +86,9 @@ def label_highlights(
         # If level film explains the light, the best normal explains it, too.
         where = (weight * np.square(m - v[2])).sum(axis=0) > unlikely
         # Double precision, because lights may be nearly parallel.
-        lit: Any = (np.ascontiguousarray(part[..., where], np.float64) for part in (v, m, weight))
+        parts: Any = (np.ascontiguousarray(part[..., where], np.float64) for part in (v, m, weight))
         highlight[rows][where] = _mirrored(
-            *lit, unlikely=unlikely, likely=likely, excess=excess, near=near
+            *parts, unlikely=unlikely, likely=likely, excess=excess, near=near
         )
 
     if len(light) > MIN_LEDS_LEFT:

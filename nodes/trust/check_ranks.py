@@ -20,6 +20,7 @@ import numpy as np
 
 from tactograph.graph import Port
 from tactograph.nodes import F4, F8
+from tactograph.nodes.stored import Stored
 from tactograph.nodes.trust.checked_cells import MIN_LIGHT
 from tactograph.nodes.trust.film_motion import FilmMotion, motion_size
 from tactograph.nodes.trust.light_departure import MIN_ERROR
@@ -136,6 +137,12 @@ FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()
 CheckRanks = Annotated[F4, Port("3 16 100", "1", low=0, high=3)]
 """Quantiles of the figures of right touches, in ascending order, and last of their least p-values:
 by `Ranked`.  Below 0: none were drawn."""
+StoredRanks = Annotated[
+    CheckRanks,
+    Stored(-1, 1e6, plain=-1.0),
+    "figures of right touches, by quantiles: what a touch is compared with; -1: not known",
+]
+"""As a calibration keeps them."""
 
 
 class Ranked(IntEnum):

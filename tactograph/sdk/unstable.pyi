@@ -369,7 +369,7 @@ from tactograph.nodes.stream.rest_film import (
     upper_median as upper_median,
 )
 from tactograph.nodes.trust.check_ranks import (
-    CheckRanks as CheckRanks,
+    StoredRanks as StoredRanks,
 )
 from tactograph.nodes.trust.light_departure import (
     LightDeparture as LightDeparture,

@@ -144,8 +144,8 @@ def _grids(
         radius_px, why = float(size) / pixel, "it shows no grid of four balls or more"
         marked = marks[marks[:, 2] == number, :2].astype(float)
         if len(marked):
-            whole_grid = Grid(marked, np.ones(len(marked)))
-            grid = place_balls(press, whole_grid, radius_px, pixel, rest)
+            marked_grid = Grid(marked, np.ones(len(marked)))
+            grid = place_balls(press, marked_grid, radius_px, pixel, rest)
         elif pitch_mm is not None:
             grid = find_grid(press, radius_px, pitch_mm / pixel, pixel, rest)
         else:

@@ -39,7 +39,7 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.files.calibration_file import MIN_OPTICAL_MM, FileKind, free_for
 from tactograph.nodes.stored import Stored
-from tactograph.nodes.trust.check_ranks import CheckRanks
+from tactograph.nodes.trust.check_ranks import StoredRanks
 
 MIN_LED_HEIGHT_MM = 1e-3
 """Height of the lowest LED that a sensor can have."""
@@ -119,14 +119,7 @@ class Calibration(NamedTuple):
         Stored(0, 1e3, plain=0.0),
         "relative error of the heights' scale that the light left open; 0: it confirmed the radius",
     ] = 0.0
-    ranks: (
-        Annotated[
-            CheckRanks,
-            Stored(-1, 1e6, plain=-1.0),
-            "figures of right touches, by quantiles: what a touch is compared with; -1: not known",
-        ]
-        | None
-    ) = None
+    ranks: StoredRanks | None = None
 
 
 def _check_sensor(arrays: Mapping[str, NDArray[Any]]) -> None:

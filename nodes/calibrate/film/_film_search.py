@@ -163,10 +163,9 @@ def grow(
 ) -> tuple[Trial, Model, Metrics]:
     """Add parts to a model one by one, or coat and bounce at once, as long as that pays.
 
-    A part pays that is likelier than none, as usual as its values are, and lowers the held-out
-    error.  Once the film has a
-    coat or an albedo, the samples are renewed: then the light that it reflects from film to film
-    is known.
+    A part pays if the film is likelier with it, given how usual its values are, and if it lowers
+    the held-out error (`grows`).  Once the film has a coat or an albedo, the samples are renewed:
+    then the light that it reflects from film to film is known.
     """
     errors = {f"film_heldout_deg/{best}": best.error}
     if "bounce" in parts and may_grow(best):

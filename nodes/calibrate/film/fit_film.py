@@ -113,11 +113,11 @@ def fit_film(
     The fit starts from the LEDs placed for a matt film.  Then parts are added one by one:
     diffuse light with a gain of touched film, a glossy coat, light that bounces from film to
     film, a pupil near the film.  Each time, the part that explains the presses best is taken if
-    it is likelier than none, as usual as its values are, and lowers the error of held-out balls by
-    more than a standard error (`grows`).  Harmonics come last, of the highest degree in position
-    that lowers the error further.  With a single ball,
-    quarters of it are held out instead.  No part is tried where a model that leaves noise alone
-    would gain too little.
+    the film is likelier with it, given how usual its values are, and if it lowers the error of
+    held-out balls by more than a standard error (`grows`).  Harmonics come last, of the highest
+    degree in position that lowers the error further.  With a single ball, quarters of it are
+    held out instead.  No part is tried where a model that leaves noise alone would gain too
+    little.
 
     Parameters
     ----------

@@ -103,8 +103,8 @@ def _errors(
         slice(max(0, int(at - REACH_RADII * radius)), int(at + REACH_RADII * radius) + 2)
         for at in circle[1::-1]
     )
-    light_share, relative, matt, height = (image[..., rows, columns] for image in press)
-    sigma = light_noise(light_share, flat[:, rows, columns], noise)
+    raw, relative, matt, height = (image[..., rows, columns] for image in press)
+    sigma = light_noise(raw, flat[:, rows, columns], noise)
     sigma = np.hypot(sigma, np.float32(film.grain) * relative)
     sigma /= direct_share(film)[:, None, None]
     light, sigma = unwrapped(wrapped(matt, film.wrap), sigma, film.wrap)

@@ -108,8 +108,8 @@ def press_to_pressure(
     by_cell = layer.pressure(place.cells(height, cell_px), place.cells(contact > 0, cell_px))
     size = by_cell.shape[1] * cell_px, by_cell.shape[0] * cell_px
     enlarged = np.asarray(cv2.resize(by_cell, size, interpolation=cv2.INTER_LINEAR), np.float32)
-    in_view = place.as_seen(enlarged[: height.shape[0], : height.shape[1]])
-    pressure = np.where(contact > 0, in_view, np.float32(0))
+    as_seen = place.as_seen(enlarged[: height.shape[0], : height.shape[1]])
+    pressure = np.where(contact > 0, as_seen, np.float32(0))
     figures = _figures(pressure, contact, numbers, pixel**2 * place.areas)
     if error is not None:
         cells = place.cells(height, cell_px), by_cell, place.cells(error, cell_px)

@@ -12,11 +12,11 @@ from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import Reflectance
 from tactograph.sdk import Dark, Light, Mask, Metrics, PixelSize
 from tactograph.sdk.unstable import (
     MIN_OPTICAL_MM,
-    CheckRanks,
     FileKind,
     Lens,
     Misfit,
     Stored,
+    StoredRanks,
     free_for,
 )
 
@@ -48,14 +48,7 @@ class PressCalibration(NamedTuple):
         "k1 k2 cx cy a b gx gy: how the camera departs from an even grid",
     ]
     serial: Annotated[str, "the camera's serial number, if it has one"] | None = None
-    ranks: (
-        Annotated[
-            CheckRanks,
-            Stored(-1, 1e6, plain=-1.0),
-            "figures of right presses, by quantiles: what a press is compared with; -1: not known",
-        ]
-        | None
-    ) = None
+    ranks: StoredRanks | None = None
     walls: WallGain = 0.0
     matt: MattDeviation = 0.0
 
