@@ -24,7 +24,7 @@ from tactograph.graph.declare.engine_arguments import (
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.ports import NamedPorts, Port
 from tactograph.graph.declare.provenance import Provenance
-from tactograph.graph.declare.size_rules import Parts, SizeLimit, SizeRule
+from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
 from tactograph.graph.declare.tolerance import Close, Exact, Flips
 from tactograph.graph.errors import (
     EndOfStream,
@@ -57,7 +57,6 @@ __all__ = [
     "Node",
     "NodeCall",
     "NodeError",
-    "Parts",
     "Pipeline",
     "Port",
     "Provenance",

@@ -59,8 +59,8 @@ def node(
     sizes
         Limits on size symbols, each with the message for a size outside them.
     derived
-        Size symbols that follow from others: ``{"h": Parts("H", by="factor")}``, or by any
-        rule, a `SizeRule`.
+        Size symbols that follow from others: ``{"h": SizeRule("H", by="factor")}``
+        divides, or has a rule of its own.
     endless
         A source that yields until it is stopped, such as a camera, or as long as one ran: Ctrl-C
         is then a way to end a run, not an accident, and not every item is told.

@@ -36,7 +36,3 @@ class SizeRule:
 
     def __str__(self) -> str:
         return f"{self.of}{', ' if self.rule else ' / '}{self.by}"
-
-
-Parts = SizeRule
-"""A size that is another one divided by a parameter, rounded up: a rule without a function."""

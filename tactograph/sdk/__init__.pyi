@@ -6,7 +6,6 @@ from tactograph.graph import (
     GraphError as GraphError,
     InputError as InputError,
     NodeError as NodeError,
-    Parts as Parts,
     Port as Port,
     Provenance as Provenance,
     Session as Session,

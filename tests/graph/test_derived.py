@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tactograph.graph import EVERYTHING, InputError, Parts, node
+from tactograph.graph import EVERYTHING, InputError, SizeRule, node
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.node import Node
 from tactograph.graph.run.open_pipeline import open_pipeline
@@ -98,7 +98,7 @@ def test_a_rule_that_names_nothing_is_refused() -> None:
         return image
 
     with pytest.raises(TypeError, match=r"thin: size h = H / rows names no size or no parameter"):
-        node(derived={"h": Parts("H", by="rows")})(thin)
+        node(derived={"h": SizeRule("H", by="rows")})(thin)
 
 
 @pytest.mark.parametrize("read", ["low", "high"])

@@ -18,10 +18,10 @@ from tactograph.graph import (
     InputError,
     Node,
     NodeCall,
-    Parts,
     Port,
     Session,
     SizeLimit,
+    SizeRule,
     Wanted,
     Whole,
     node,
@@ -175,7 +175,7 @@ def bits(labels: Annotated[NDArray[np.uint8], Port("K H W", "LED bits")]) -> Lig
 bits.opencl(grid="K H W")
 
 
-@node(derived={"h": Parts("H", by="rows")})
+@node(derived={"h": SizeRule("H", by="rows")})
 def strips(image: Light, *, rows: int = 2) -> Annotated[F4, Port("K h W", "1")]:
     """The brightest pixel of so many rows each; see strips.cl."""
     return np.maximum.reduceat(image, np.arange(0, image.shape[1], rows), axis=1)
