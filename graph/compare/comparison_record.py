@@ -2,10 +2,10 @@
 
 import json
 import shlex
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from tactograph.graph.compare.compare import Row, Study
 from tactograph.graph.declare.provenance import versions
@@ -16,39 +16,25 @@ from tactograph.graph.files.dump_graph import dump_graph
 RECORD_FILE = "report.json"
 
 
-@dataclass(frozen=True)
-class Record:
-    """The contents of ``report.json``; the resolved graphs lie beside it in ``graphs/``."""
-
-    command: str
-    made: str
-    graphs: dict[str, str]
-    capture_hashes: dict[str, str]
-    devices_used: list[str]
-    sweeps: list[str]
-    seed: str | None
-    repeats: int
-    versions: dict[str, str] = field(default_factory=versions)
-
-
-def make_record(study: Study, rows: Sequence[Row], argv: list[str]) -> Record:
-    """Describe a comparison that has been run."""
-    return Record(
-        command=shlex.join(["tactograph", *argv]),
-        made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        graphs={graph.name: graph.hash for graph in study.graphs},
-        capture_hashes={capture.name: content_hash(capture) for capture in study.captures},
-        devices_used=sorted({row.device for row in rows if row.device}),
-        sweeps=[sweep.text for sweep in study.sweeps],
-        seed=study.seed,
-        repeats=study.repeats,
-    )
+def make_record(study: Study, rows: Sequence[Row], argv: list[str]) -> dict[str, Any]:
+    """Describe a comparison that has been run, as ``report.json`` holds it."""
+    return {
+        "command": shlex.join(["tactograph", *argv]),
+        "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "graphs": {graph.name: graph.hash for graph in study.graphs},
+        "capture_hashes": {capture.name: content_hash(capture) for capture in study.captures},
+        "devices_used": sorted({row.device for row in rows if row.device}),
+        "sweeps": [sweep.text for sweep in study.sweeps],
+        "seed": study.seed,
+        "repeats": study.repeats,
+        "versions": versions(),
+    }
 
 
-def write_record(record: Record, study: Study, out: Path) -> None:
-    """Write ``report.json`` and the resolved graphs."""
+def write_record(record: Mapping[str, Any], study: Study, out: Path) -> None:
+    """Write ``report.json``, and the resolved graphs beside it in ``graphs/``."""
     for graph in study.graphs:
         with atomic_file(out / "graphs" / f"{graph.name}.yaml") as file:
             file.write_text(dump_graph(graph))
     with atomic_file(out / RECORD_FILE) as file:
-        file.write_text(json.dumps(asdict(record), indent=1) + "\n")
+        file.write_text(json.dumps(record, indent=1) + "\n")

@@ -12,7 +12,6 @@ from jinja2 import Environment, StrictUndefined
 from numpy.typing import NDArray
 
 from tactograph.graph.compare.compare import Row, Study
-from tactograph.graph.compare.comparison_record import Record
 from tactograph.graph.compare.differences import differences
 from tactograph.graph.compare.stored_views import find_truth, load_views
 from tactograph.graph.compare.sweep import Sweep
@@ -68,7 +67,7 @@ class Section:
     pictures: list[Picture]
 
 
-def write_report(study: Study, rows: Sequence[Row], record: Record, out: Path) -> Path:
+def write_report(study: Study, rows: Sequence[Row], record: Mapping[str, Any], out: Path) -> Path:
     """Write ``report.html`` into the folder of the runs, whose views are drawn; return its path."""
     lines = make_lines(rows)
     source = resources.files("tactograph.graph.compare").joinpath("report.html.j2")
