@@ -13,7 +13,7 @@ from tactograph import ctrl_c
 from tactograph.graph.cores import cores, environment, share_of, take_over
 from tactograph.graph.errors import Terminated
 
-Given = TypeVar("Given")
+Answer = TypeVar("Answer")
 SAFE_PATH = {"PYTHONSAFEPATH": "1"}
 """The setting for helpers: as ``python -c`` they would import from the working folder first."""
 
@@ -49,8 +49,8 @@ def start_processes(number: int) -> ProcessPoolExecutor:
 
 
 def hand_over(
-    processes: ProcessPoolExecutor, do: Callable[..., Given], *about: Any
-) -> Future[Given]:
+    processes: ProcessPoolExecutor, do: Callable[..., Answer], *about: Any
+) -> Future[Answer]:
     """Call a function in one of the processes.
 
     Ctrl-C waits while a process starts: one that starts after its parent's end prints a long

@@ -24,7 +24,7 @@ _OBJECT_BYTES = 2**23
 """The assumed size of an object that is no array."""
 
 
-class Kept(NamedTuple):
+class CacheKey(NamedTuple):
     """A kept output of a node's run: the run's key, the port, and its side (host or device)."""
 
     run: str
@@ -56,7 +56,7 @@ class Cache:
     def __init__(self, megabytes: float = MAX_MEGABYTES) -> None:
         self.most = int(megabytes * 1e6)
         self.bytes = 0
-        self._values: OrderedDict[Kept, tuple[Any, int]] = OrderedDict()
+        self._values: OrderedDict[CacheKey, tuple[Any, int]] = OrderedDict()
         self._runs: OrderedDict[str, Run] = OrderedDict()
         self._devices: dict[
             tuple[str | None, tuple[str, ...]], tuple[DeviceBackend | None, str]
@@ -66,31 +66,31 @@ class Cache:
     def __len__(self) -> int:
         return len(self._values)
 
-    def __contains__(self, kept: Kept) -> bool:
-        return kept in self._values
+    def __contains__(self, key: CacheKey) -> bool:
+        return key in self._values
 
-    def take(self, kept: Kept) -> Any:
+    def take(self, key: CacheKey) -> Any:
         """A value that is in the cache."""
         with self._lock:
-            self._values.move_to_end(kept)
-            return self._values[kept][0]
+            self._values.move_to_end(key)
+            return self._values[key][0]
 
-    def put(self, kept: Kept, value: Any) -> None:
+    def put(self, key: CacheKey, value: Any) -> None:
         """Keep a value, unless it alone is too large."""
         size = _ENTRY_BYTES + _bytes(value)
         if size > self.most:
             return
         with self._lock:
-            self._drop(kept)
-            self._values[kept] = value, size
+            self._drop(key)
+            self._values[key] = value, size
             self.bytes += size
             while self.bytes > self.most:
                 self._drop(next(iter(self._values)))
 
-    def drop(self, kept: Kept) -> None:
+    def drop(self, key: CacheKey) -> None:
         """Forget a value, if it is there."""
         with self._lock:
-            self._drop(kept)
+            self._drop(key)
 
     def run(self, key: str) -> Run | None:
         """Shapes, time and warnings of a run, or None."""
@@ -115,8 +115,8 @@ class Cache:
             self._devices[key] = open_device(backends, text)
         return self._devices[key]
 
-    def _drop(self, kept: Kept) -> None:
-        dropped = self._values.pop(kept, None)
+    def _drop(self, key: CacheKey) -> None:
+        dropped = self._values.pop(key, None)
         if dropped is not None:
             self.bytes -= dropped[1]
 

@@ -76,18 +76,18 @@ class _Wanted:
 
 def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
     from tactograph.graph.files.typed_values import read_words
-    from tactograph.graph.run.keep_values import read_kept
+    from tactograph.graph.run.keep_values import read_selection
 
     read = wanted.options.read(wanted.graph)
     given = read_words(read, wanted.values)
-    kept = read_kept(wanted.keep, read) if wanted.keep is not None else {}
-    pipeline = wanted.options.open(read, given, outputs={**read.outputs, **kept})
+    selection = read_selection(wanted.keep, read) if wanted.keep is not None else {}
+    pipeline = wanted.options.open(read, given, outputs={**read.outputs, **selection})
     report = _Report(line, pipeline, figures=wanted.figures, quiet=wanted.quiet)
     for fallback in pipeline.plan.fallbacks:
         line.say(f"fallback: {fallback}", err=True)
     line.stage_of = lambda: pipeline.stage
     try:
-        _run_items(pipeline, report, kept)
+        _run_items(pipeline, report, selection)
     finally:
         report.warnings(pipeline.closing_warnings)
     line.end()
@@ -96,17 +96,17 @@ def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
         say(ending)
 
 
-def _run_items(pipeline: Pipeline, report: _Report, kept: Mapping[str, str]) -> None:
+def _run_items(pipeline: Pipeline, report: _Report, selection: Mapping[str, str]) -> None:
     """Run all items, and write the values that are to be kept."""
-    from tactograph.graph.run.keep_values import write_kept
+    from tactograph.graph.run.keep_values import write_selection
 
     folder = _out_folder(pipeline) / "kept"
     count = 0
     try:
         with pipeline, _stoppable(pipeline) as stop_if_asked:
             for count, result in enumerate(pipeline.items(), start=1):
-                if kept:
-                    write_kept(result, kept, folder / str(count))
+                if selection:
+                    write_selection(result, selection, folder / str(count))
                 report.item(count, result)
                 stop_if_asked()
             # Not after Ctrl-C, which may come when an item's files are there but it has not ended.

@@ -24,17 +24,17 @@ def atomic_file(path: Path) -> Iterator[Path]:
     """
     refuse_other_names(path)
     _refuse_special(path)
-    with atomic_files(path.parent, told=path) as folder:
+    with atomic_files(path.parent, target=path) as folder:
         yield folder / path.name
 
 
 @contextmanager
 def atomic_files(
-    folder: Path, *, last: str = "", instead_of: Collection[str] = (), told: Path | None = None
+    folder: Path, *, last: str = "", instead_of: Collection[str] = (), target: Path | None = None
 ) -> Iterator[Path]:
     """Yield a temporary folder; move every file in it to `folder` if the block succeeds.
 
-    Errors name `told`, else `folder`.  Folders that it makes go again if nothing comes into them.
+    Errors name `target`, else `folder`.  Folders that it makes go again if they stay empty.
 
     The file `last`, which vouches for the others, is moved after them, and before that those of
     `instead_of` are removed that the block did not write.  A kill leaves the temporary folder, and
@@ -43,10 +43,10 @@ def atomic_files(
     name is not UTF-8, or the block could not read another file.
     """
     refuse_other_names(folder)
-    place = told or (folder if folder.name else folder.absolute())
-    made: list[Path] = []
+    place = target or (folder if folder.name else folder.absolute())
+    new_folders: list[Path] = []
     try:
-        made += [each for each in (folder, *folder.parents) if not each.exists()]
+        new_folders += [each for each in (folder, *folder.parents) if not each.exists()]
         folder.mkdir(parents=True, exist_ok=True)
         _remove_leftovers(folder)
         stage, lock = _new_stage(folder)
@@ -55,7 +55,7 @@ def atomic_files(
             folder, "a folder is needed, and a file is there; give another place"
         ) from None
     except OSError as error:
-        _remove_empty(made)
+        _remove_empty(new_folders)
         raise _refusal(place, _reason(error, folder)) from None
     try:
         yield stage
@@ -77,7 +77,7 @@ def atomic_files(
         shutil.rmtree(stage, ignore_errors=True)
         if lock is not None:
             os.close(lock)
-        _remove_empty(made)
+        _remove_empty(new_folders)
 
 
 def _remove_empty(folders: Iterable[Path]) -> None:

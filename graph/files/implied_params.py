@@ -30,11 +30,11 @@ def with_implied_params(graph: Graph) -> Graph:
             if value != f"${name}" or name in graph.params:
                 continue
             param = _param_of(graph, entry, name)
-            known = implied.setdefault(name, param) if param else None
-            if param and known and (known.kind, known.state) != (param.kind, param.state):
+            first = implied.setdefault(name, param) if param else None
+            if param and first and (first.kind, first.state) != (param.kind, param.state):
                 raise GraphError(
                     f"{entry.where(f'with.{name}')}: '{name}' is {param.kind}, {param.state}, for "
-                    f"{entry.op}, but {known.kind}, {known.state}, for another node; state it "
+                    f"{entry.op}, but {first.kind}, {first.state}, for another node; state it "
                     "under 'params'"
                 )
     return replace(graph, params={**graph.params, **implied})
@@ -74,9 +74,9 @@ def _kind_of(parameter: Parameter) -> str:
     if members:
         return "numbers" if {int, float} & {*members} else "text"
     kinds = {Path: "path", bool: "flag", float: "number", int: "integer", str: "text"}
-    found = [kind for type_, kind in kinds.items() if type_ in parts]
+    matches = [kind for type_, kind in kinds.items() if type_ in parts]
     is_literal = any(typing.get_origin(part) is typing.Literal for part in parts)
-    return found[0] if found else "text" * is_literal
+    return matches[0] if matches else "text" * is_literal
 
 
 def _plain(default: Any) -> Any:

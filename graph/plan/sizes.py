@@ -28,7 +28,7 @@ class Bound(NamedTuple):
     by: str
 
 
-Known = dict[Symbol, Bound]
+Bounds = dict[Symbol, Bound]
 Shapes = dict[str, tuple[int, ...]]
 """Shapes by output port."""
 
@@ -42,11 +42,11 @@ class Sized:
     settings have changed, from which sizes may follow.
     """
 
-    before: Known
-    derived: Known
+    before: Bounds
+    derived: Bounds
     sizes: dict[str, int]
     shapes: Shapes | None = None
-    after: Known = field(default_factory=dict)
+    after: Bounds = field(default_factory=dict)
     doubtful: bool = False
 
 
@@ -58,21 +58,21 @@ class SizeClasses:
     fixed: dict[Symbol, Bound]
     limits: dict[Symbol, list[tuple[str, SizeLimit]]]
 
-    def around(self, task: Task, known: Known, last: Sized | None) -> Sized:
-        """The sizes around a node; `last` if it follows from the same `known`.
+    def around(self, task: Task, bounds: Bounds, last: Sized | None) -> Sized:
+        """The sizes around a node; `last` if it follows from the same `bounds`.
 
         Raises InputError if a size that follows from others clashes with one that is known.
         """
-        if last is not None and last.before is known and not last.doubtful:
+        if last is not None and last.before is bounds and not last.doubtful:
             return last
-        derived = dict(known)
+        derived = dict(bounds)
         self.derive(derived, task)
-        if last is not None and last.before is known and last.derived == derived:
+        if last is not None and last.before is bounds and last.derived == derived:
             last.doubtful = False
             return last
-        return Sized(known, derived, self.sizes_of(task, derived))
+        return Sized(bounds, derived, self.sizes_of(task, derived))
 
-    def behind(self, task: Task, sized: Sized, shapes: Shapes) -> Known:
+    def behind(self, task: Task, sized: Sized, shapes: Shapes) -> Bounds:
         """The sizes that are known behind a node with outputs of the given shapes.
 
         Raises InputError as `bind` does.
@@ -84,8 +84,8 @@ class SizeClasses:
             sized.shapes, sized.after = shapes, after
         return sized.after
 
-    def bind(self, known: Known, task: Task, port: str, shape: tuple[int, ...]) -> None:
-        """Enter the shape of an output into `known`.
+    def bind(self, bounds: Bounds, task: Task, port: str, shape: tuple[int, ...]) -> None:
+        """Enter the shape of an output into `bounds`.
 
         Raises InputError if a size clashes with one that is known, naming both ports, or is one
         that a node does not accept, with that node's reason.
@@ -94,23 +94,23 @@ class SizeClasses:
         for dim, size in zip(dims, shape, strict=True):
             if isinstance(dim, str):
                 bound = Bound(size, _in_graph(task, port))
-                self._bind_one(known, self.root[task.id, dim], dim, bound, dims)
+                self._bind_one(bounds, self.root[task.id, dim], dim, bound, dims)
 
-    def derive(self, known: Known, task: Task) -> None:
-        """Enter the sizes that follow from others, by a node's parameters, into `known`.
+    def derive(self, bounds: Bounds, task: Task) -> None:
+        """Enter the sizes that follow from others, by a node's parameters, into `bounds`.
 
         Raises InputError if such a size clashes with one that is known.
         """
-        sizes = self.sizes_of(task, known) if task.node.derived else {}
+        sizes = self.sizes_of(task, bounds) if task.node.derived else {}
         for symbol, parts in task.node.derived.items():
             if sizes.keys() >= {*parts.of.split()}:
                 bound = Bound(parts.size(sizes, task.settings), f"{task.id} ({parts})")
-                self._bind_one(known, self.root[task.id, symbol], symbol, bound)
+                self._bind_one(bounds, self.root[task.id, symbol], symbol, bound)
 
     def _bind_one(
-        self, known: Known, root: Symbol, dim: str, bound: Bound, dims: tuple[Dim, ...] = ()
+        self, bounds: Bounds, root: Symbol, dim: str, bound: Bound, dims: tuple[Dim, ...] = ()
     ) -> None:
-        other = known.get(root)
+        other = bounds.get(root)
         if other is not None and other.size == bound.size:
             return
         other = other or self.fixed.get(root)
@@ -119,14 +119,14 @@ class SizeClasses:
         for who, limit in self.limits.get(root, ()):
             if limit.refuses(bound.size):
                 raise InputError(f"{who}: {dim} = {bound.size}: {limit.why}")
-        known[root] = bound
+        bounds[root] = bound
 
-    def sizes_of(self, task: Task, known: Mapping[Symbol, Bound]) -> dict[str, int]:
+    def sizes_of(self, task: Task, bounds: Mapping[Symbol, Bound]) -> dict[str, int]:
         """The known sizes of a node's symbols."""
         sizes: dict[str, int] = {}
         for symbol in task.node.symbols:
             root = self.root[task.id, symbol]
-            bound = known.get(root) or self.fixed.get(root)
+            bound = bounds.get(root) or self.fixed.get(root)
             if bound is not None:
                 sizes[symbol] = bound.size
         return sizes

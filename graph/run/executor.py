@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan, Step
-from tactograph.graph.plan.sizes import Known
+from tactograph.graph.plan.sizes import Bounds
 from tactograph.graph.run.step_runner import StepRunner
 
 
@@ -35,7 +35,7 @@ class Executor:
 
     def __init__(self, runner: StepRunner) -> None:
         self._runner = runner
-        self._behind_once: Known = {}
+        self._behind_once: Bounds = {}
         self.kept: frozenset[str] = frozenset()
 
     def begin(self, *, same_item: bool) -> None:
@@ -43,7 +43,7 @@ class Executor:
 
     def compute(
         self, part: Part, given: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
-    ) -> tuple[Known, float]:
+    ) -> tuple[Bounds, float]:
         """Compute the wanted outputs, and the values that the part's sinks read.
 
         `given` are values that the stream's source yielded, by node.  With several `repeats`, times
@@ -51,20 +51,20 @@ class Executor:
         milliseconds of a run.
         """
         runner, before = self._runner, self._behind_once if part.stream else {}
-        known = before
+        bounds = before
         runs: list[dict[str, float]] = []
         totals: list[float] = []
         for _ in range(repeats):
             start = time.perf_counter()
-            known = runner.walk(part.computing, before, partial(self._run, given=given))
+            bounds = runner.walk(part.computing, before, partial(self._run, given=given))
             totals.append(1e3 * (time.perf_counter() - start))
             if repeats > 1:
                 runs.append(dict(runner.times))
         for name in runner.times if runs else ():
             runner.times[name] = median(run[name] for run in runs[1:])
         if not part.stream:
-            self._behind_once = known
-        return known, median(totals[1:] or totals)
+            self._behind_once = bounds
+        return bounds, median(totals[1:] or totals)
 
     def end(self) -> None:
         """End an item that was computed and written."""
@@ -80,7 +80,7 @@ class Executor:
         for side in self._runner.sides:
             side.forget()
 
-    def _run(self, step: Step, known: Known, *, given: Mapping[str, Any]) -> Known:
-        known = self._runner.execute(step, known, given)
+    def _run(self, step: Step, bounds: Bounds, *, given: Mapping[str, Any]) -> Bounds:
+        bounds = self._runner.execute(step, bounds, given)
         self._runner.release(step)
-        return known
+        return bounds

@@ -16,13 +16,13 @@ from statistics import median
 from typing import Any
 
 from tactograph.graph.backends.arrays import DeviceArray
-from tactograph.graph.cache.cache import Cache, Kept, Run
+from tactograph.graph.cache.cache import Cache, CacheKey, Run
 from tactograph.graph.cache.keys import content_key, key_of
 from tactograph.graph.errors import GraphNames, collect_warnings, warn
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.feeds import feed_of
 from tactograph.graph.plan.plan import Step
-from tactograph.graph.plan.sizes import Known
+from tactograph.graph.plan.sizes import Bounds
 from tactograph.graph.plan.spots import Spot, put_out, read_by, recalled_by, written_by
 from tactograph.graph.run.executor import Executor, Part, part_of
 from tactograph.graph.run.ownership import lent
@@ -54,9 +54,9 @@ class OnlyChanged(Executor):
         self._before: dict[Value, str] = {}
         """The keys of the values that this item recalls."""
         self._known_needs: dict[tuple[Spot, ...], set[str]] = {}
-        self._sizes: dict[str, Known] = {}
+        self._sizes: dict[str, Bounds] = {}
         """The sizes that are known before each step."""
-        self._captured: list[tuple[Spot, Kept]] = []
+        self._captured: list[tuple[Spot, CacheKey]] = []
         self._ran: set[str] = set()
         self._to_repeat: set[str] = set()
         self._targets: dict[str, set[Spot]] = {}
@@ -85,7 +85,7 @@ class OnlyChanged(Executor):
 
     def compute(
         self, part: Part, given: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
-    ) -> tuple[Known, float]:
+    ) -> tuple[Bounds, float]:
         if not part.stream and not part.sinks:
             return {}, 0.0  # it is made when an item needs it
         steps = [*self._once, *part.computing] if part.stream else part.computing
@@ -97,13 +97,13 @@ class OnlyChanged(Executor):
         steps = [step for step in steps if step.name in needed]
         start = time.perf_counter()
         try:
-            known = self._make(steps, targets, given, repeats)
+            bounds = self._make(steps, targets, given, repeats)
         finally:
             self._settle()
         total = 1e3 * (time.perf_counter() - start)
         self._tell_warnings()
         self.kept = frozenset(step.name for step in steps if step.name not in self._ran)
-        return known, total
+        return bounds, total
 
     def end(self) -> None:
         self._has_item = True
@@ -130,9 +130,9 @@ class OnlyChanged(Executor):
             steps = [*self._once, *part_of(plan, stream=True).computing]
             self._make(steps, [spot], {}, 1)
         # On the device it was released at once if nothing in the graph reads it.
-        kept = Kept(self._keys[value.node], value.port, spot.side)
+        cached = CacheKey(self._keys[value.node], value.port, spot.side)
         values = self._runner.side(spot.side)
-        content = self._cache.take(kept) if kept in self._cache else values.get(value)
+        content = self._cache.take(cached) if cached in self._cache else values.get(value)
         if isinstance(content, DeviceArray) and self._runner.device is not None:
             content = self._runner.device.download(content)
         self._settle()
@@ -140,7 +140,7 @@ class OnlyChanged(Executor):
 
     def _make(
         self, steps: Sequence[Step], targets: Iterable[Spot], given: Mapping[str, Any], repeats: int
-    ) -> Known:
+    ) -> Bounds:
         """Make the targets; return the sizes that are known behind the steps.
 
         Steps that do not run take the times of when they ran.
@@ -149,11 +149,11 @@ class OnlyChanged(Executor):
         for spot in targets:
             self._targets.setdefault(self._maker[spot].name, set()).add(spot)
         self._captured, self._ran, self._to_repeat = [], set(), set()
-        times, known = self._runner.times, {}
+        times, bounds = self._runner.times, {}
         runs: list[dict[str, float]] = []
         try:
             for _ in range(repeats):
-                known = self._runner.walk(steps, {}, self._take)
+                bounds = self._runner.walk(steps, {}, self._take)
                 runs.append({name: times[name] for name in self._ran if name in times})
                 self._to_repeat = {s.name for s in steps if s.stream} & self._ran
         except BaseException:
@@ -169,19 +169,19 @@ class OnlyChanged(Executor):
                 times[step.name] = self._runs[step.name].milliseconds
             elif step.is_transfer:
                 times.pop(step.name, None)
-        return known
+        return bounds
 
-    def _take(self, step: Step, known: Known) -> Known:
+    def _take(self, step: Step, bounds: Bounds) -> Bounds:
         """Run a step or pass over it, and bring what it makes of the targets."""
-        self._sizes[step.name] = known
+        self._sizes[step.name] = bounds
         if self._must_run(step):
-            known = self._execute(step)
+            bounds = self._execute(step)
         else:
             shapes = self._runs[step.name].shapes if step.name in self._plan.tasks else {}
-            known = self._runner.pass_over(step, known, shapes)
+            bounds = self._runner.pass_over(step, bounds, shapes)
         for spot in self._targets.get(step.name, ()):
             self._bring(spot)
-        return known
+        return bounds
 
     def _must_run(self, step: Step) -> bool:
         """Return whether a step makes something new; find its key if it computes."""
@@ -207,12 +207,12 @@ class OnlyChanged(Executor):
     def _bring(self, spot: Spot) -> None:
         """Have the present value lie at a spot."""
         key = self._keys[spot.value.node]
-        kept = Kept(key, spot.value.port, spot.side)
+        cached = CacheKey(key, spot.value.port, spot.side)
         if self._here.get(spot) == key:
             return
-        if kept in self._cache:
+        if cached in self._cache:
             self._here[spot] = key
-            self._runner.side(spot.side).put(spot.value, self._cache.take(kept))
+            self._runner.side(spot.side).put(spot.value, self._cache.take(cached))
         else:
             self._execute(self._maker[spot])
 
@@ -222,19 +222,19 @@ class OnlyChanged(Executor):
         run = self._runs[name] = replace(self._runs[name], milliseconds=took)
         self._cache.note(self._keys[name], run)
 
-    def _execute(self, step: Step) -> Known:
+    def _execute(self, step: Step) -> Bounds:
         """Run one step into the cache."""
         for spot in read_by(self._plan, step):
             self._bring(spot)
         warnings: list[str] = []
         with collect_warnings(warnings, marked=True):
-            known = self._runner.execute(step, self._sizes[step.name], self._given)
+            bounds = self._runner.execute(step, self._sizes[step.name], self._given)
         self._capture(step, warnings)
         for value in step.release:
             self._here.pop(Spot(value, "device"), None)
         self._runner.release(step)
         self._ran.add(step.name)
-        return known
+        return bounds
 
     def _capture(self, step: Step, warnings: Sequence[str]) -> None:
         """Keep the outputs of a step that were requested of its node."""
@@ -251,10 +251,10 @@ class OnlyChanged(Executor):
         for spot in written_by(step):
             if asks and spot.value.port not in self._plan.wanted(step.name):
                 continue
-            kept = Kept(self._keys[spot.value.node], spot.value.port, spot.side)
-            self._here[spot] = kept.run
-            self._captured.append((spot, kept))
-            self._cache.put(kept, self._runner.side(spot.side).get(spot.value))
+            cached = CacheKey(self._keys[spot.value.node], spot.value.port, spot.side)
+            self._here[spot] = cached.run
+            self._captured.append((spot, cached))
+            self._cache.put(cached, self._runner.side(spot.side).get(spot.value))
 
     def _needed(self, targets: tuple[Spot, ...]) -> set[str]:
         """The steps that the targets come of, by name."""
@@ -311,6 +311,6 @@ class OnlyChanged(Executor):
 
     def _take_back(self) -> None:
         """Forget the values of a walk that failed: they may be incomplete."""
-        for spot, kept in self._captured:
-            self._cache.drop(kept)
+        for spot, cached in self._captured:
+            self._cache.drop(cached)
             self._here.pop(spot, None)

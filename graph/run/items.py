@@ -172,10 +172,10 @@ class Items:
         # them among threads that wait for one another.
         one_thread = self._libraries.limit(limits=1, user_api="blas")
         with collect_warnings(self.runner.notes), one_thread:
-            known, total = self._executor.compute(part, given, outputs, repeats)
+            bounds, total = self._executor.compute(part, given, outputs, repeats)
             for step in part.sinks:
                 try:
-                    known = self.runner.execute(step, known, given)
+                    bounds = self.runner.execute(step, bounds, given)
                 except EndOfStream:
                     # The other sinks take this item, too.
                     self.ended = True

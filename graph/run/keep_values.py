@@ -13,7 +13,7 @@ from tactograph.graph.files.groups import flat_reference
 from tactograph.graph.run.result import Result
 
 
-def read_kept(text: str, graph: Graph) -> dict[str, str]:
+def read_selection(text: str, graph: Graph) -> dict[str, str]:
     """Read ``label.misfit,light,pressure``, nodes and outputs of a graph, into references by name.
 
     Raises InputError if nothing is named, or what the graph does not have.
@@ -35,7 +35,7 @@ def _reference(name: str, graph: Graph) -> str:
     return graph.outputs[name]
 
 
-def write_kept(result: Result, names: Mapping[str, str], folder: Path) -> None:
+def write_selection(result: Result, names: Mapping[str, str], folder: Path) -> None:
     """Write the values of one item.  Raises WriteError if the folder cannot be written."""
     from tactograph.graph.show.pictures import png_of
 

@@ -7,17 +7,17 @@ from typing import Any
 from tactograph.graph.declare.provenance import Provenance, versions
 from tactograph.graph.disk.file_identity import identities
 from tactograph.graph.plan.plan import Plan, Step
-from tactograph.graph.plan.sizes import Known
+from tactograph.graph.plan.sizes import Bounds
 
 
 def make_provenance(
-    plan: Plan, times: Mapping[str, float], known: Known, warnings: list[str]
+    plan: Plan, times: Mapping[str, float], bounds: Bounds, warnings: list[str]
 ) -> Provenance:
     """Describe the run so far, for a sink that writes it down."""
     given = {n: plan.given.get(n, p.default) for n, p in plan.graph.params.items()}
     paths = [n for n, p in plan.graph.params.items() if p.kind == "path"]
     sizes: dict[str, int] = {}
-    for (_, symbol), bound in known.items():
+    for (_, symbol), bound in bounds.items():
         sizes.setdefault(symbol, bound.size)
     return Provenance(
         graph={"name": plan.graph.name, "title": plan.graph.title, "hash": plan.graph.hash},

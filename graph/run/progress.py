@@ -10,6 +10,6 @@ def tell_progress(text: str) -> None:
     _Doing.text = text
 
 
-def progress_told() -> str:
+def progress_text() -> str:
     """Return what the running node said last; "" if nothing."""
     return _Doing.text

@@ -8,12 +8,12 @@ from tactograph.graph.backends.device_call import DeviceCall
 from tactograph.graph.errors import DeviceError, InputError
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan, Step
-from tactograph.graph.plan.sizes import Known, Shapes, Sized
+from tactograph.graph.plan.sizes import Bounds, Shapes, Sized
 from tactograph.graph.plan.spots import Side, written_by
 from tactograph.graph.run.device_values import DeviceValues
 from tactograph.graph.run.host_values import HostValues
 from tactograph.graph.run.make_provenance import make_provenance
-from tactograph.graph.run.progress import progress_told, tell_progress
+from tactograph.graph.run.progress import progress_text, tell_progress
 
 
 class StepRunner:
@@ -44,7 +44,7 @@ class StepRunner:
             return name
         once = [step.name for step in plan.steps if step.kind == "run" and not step.stream]
         place = f", {once.index(name) + 1} of {len(once)}" if name in once else ""
-        progress = f", {text}" if (text := progress_told()) else ""
+        progress = f", {text}" if (text := progress_text()) else ""
         return f"{name} ({plan.tasks[name].node.name}){place}{progress}"
 
     def side(self, name: Side) -> HostValues | DeviceValues:
@@ -52,11 +52,11 @@ class StepRunner:
         return self.device if name == "device" and self.device is not None else self.host
 
     def walk(
-        self, steps: Sequence[Step], known: Known, run: Callable[[Step, Known], Known]
-    ) -> Known:
+        self, steps: Sequence[Step], bounds: Bounds, run: Callable[[Step, Bounds], Bounds]
+    ) -> Bounds:
         """Call `run` for each step, then wait for the device; return the sizes behind the last.
 
-        `known` are the sizes before the first step.  `run` runs a step, or passes over it, and
+        `bounds` are the sizes before the first step.  `run` runs a step, or passes over it, and
         returns the sizes that are known behind it.
         """
         doing = ""
@@ -65,16 +65,16 @@ class StepRunner:
         try:
             for step in steps:
                 doing = step.name
-                known = run(step, known)
+                bounds = run(step, bounds)
             doing = ""
             self._wait_for_device()
         except self._device_errors as error:
             raise self._device_error(error, doing) from error
         finally:
             self.host.all_arrived()
-        return known
+        return bounds
 
-    def execute(self, step: Step, known: Known, given: Mapping[str, Any]) -> Known:
+    def execute(self, step: Step, bounds: Bounds, given: Mapping[str, Any]) -> Bounds:
         """Run one step; return the sizes that are known behind it.
 
         `given` holds what the stream's source yielded, by node.
@@ -82,14 +82,14 @@ class StepRunner:
         self.stage = step.name
         tell_progress("")
         if not all(map(self.host.holds, step.conditions)):
-            return self._leave_out(step, known)
+            return self._leave_out(step, bounds)
         if step.is_transfer:
             assert self.device is not None
             self.times[step.name] = 0.0  # what is absent is not moved
             self.device.transfer(step)
-            return known
+            return bounds
         task = self.plan.tasks[step.name]
-        sized = self._around(task, known)
+        sized = self._around(task, bounds)
         if step.kind == "fill":
             self.side("device" if step.on_device else "host").fill(task, sized.sizes)
             self.times[task.id], shapes = 0.0, {}
@@ -102,7 +102,7 @@ class StepRunner:
             shapes = self._call(task, step, sized)
         return self.plan.sizes.behind(task, sized, shapes)
 
-    def _leave_out(self, step: Step, known: Known) -> Known:
+    def _leave_out(self, step: Step, bounds: Bounds) -> Bounds:
         """Let the outputs of a step be those of the one instead, or absent from this item."""
         self._sized.pop(step.name, None)
         self.times[step.name] = 0.0
@@ -113,20 +113,20 @@ class StepRunner:
             values.put(value, None if other is None else values.get(other))
         other_sized = None if task is None else self._sized.get(task.instead or "")
         if other_sized is None:
-            return known
-        return self.pass_over(step, known, other_sized.shapes or {})
+            return bounds
+        return self.pass_over(step, bounds, other_sized.shapes or {})
 
     def release(self, step: Step) -> None:
         """Give back the buffers that a step was the last to read."""
         if step.release and self.device is not None:
             self.device.drop(step.release)
 
-    def pass_over(self, step: Step, known: Known, shapes: Shapes) -> Known:
+    def pass_over(self, step: Step, bounds: Bounds, shapes: Shapes) -> Bounds:
         """The sizes that are known behind a step whose outputs are kept, of these shapes."""
         task = self.plan.tasks.get(step.name)
         if task is None:
-            return known
-        return self.plan.sizes.behind(task, self._around(task, known), shapes)
+            return bounds
+        return self.plan.sizes.behind(task, self._around(task, bounds), shapes)
 
     def shapes_of(self, step: Step) -> Shapes:
         """The shapes of the outputs that a step made last."""
@@ -146,8 +146,8 @@ class StepRunner:
         if self.device is not None:
             self.device.drop_launch(node)
 
-    def _around(self, task: Task, known: Known) -> Sized:
-        sized = self.plan.sizes.around(task, known, self._sized.get(task.id))
+    def _around(self, task: Task, bounds: Bounds) -> Sized:
+        sized = self.plan.sizes.around(task, bounds, self._sized.get(task.id))
         self._sized[task.id] = sized
         return sized
 

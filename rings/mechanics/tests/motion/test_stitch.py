@@ -29,7 +29,7 @@ from tactograph.graph.batch.store import create_store
 from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.graph.run.progress import progress_told
+from tactograph.graph.run.progress import progress_text
 from tactograph.nodes import F4
 from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.stream.frames import RawFrame
@@ -165,7 +165,7 @@ def test_a_time_limit_says_what_remains(touches: tuple[F4, F4]) -> None:
     with collect_warnings([]) as told, refused:
         stitch(heights, errors, PIXEL, ["one", "two", "three"], seconds=1e-9)
     assert "3 likely pairs of touches were left untried" in told[0]
-    assert progress_told() == "touch 3 of 3 compared with all others"
+    assert progress_text() == "touch 3 of 3 compared with all others"
 
 
 def test_each_touch_is_matched_with_few_others(monkeypatch: pytest.MonkeyPatch) -> None:
