@@ -75,7 +75,7 @@ class Limits(NamedTuple):
 
 def need_mcap() -> None:
     """Raise an `InputError` that says what to install if the libraries are missing."""
-    need("mcap", "an MCAP file", "mcap", "mcap_ros2")
+    need("mcap", "an MCAP file", "mcap", "mcap_ros2", "rosbags")
 
 
 def log_files(folder: Path) -> list[Path]:
