@@ -25,7 +25,7 @@ class McapFile:
 
         self.path = path
         self.handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-        self.size = self.kept = self.messages = 0
+        self.size = self.synced = self.messages = 0
         self._began = time.monotonic()
         self._pending = _Pending()
         # Chunks of size 0: each message ends its chunk.
