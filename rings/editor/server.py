@@ -33,10 +33,10 @@ async def check_soon(params: types.DidOpenTextDocumentParams) -> None:
     await asyncio.sleep(PAUSE_S)
     if document.version != before:
         return
-    found = await asyncio.to_thread(check, document.source, _file(uri))
-    _checked[uri] = found._replace(graph=found.graph or _graph(uri))
+    result = await asyncio.to_thread(check, document.source, _file(uri))
+    _checked[uri] = result._replace(graph=result.graph or _graph(uri))
     if document.version == before:
-        shown = [_diagnostic(each) for each in found.mistakes]
+        shown = [_diagnostic(each) for each in result.mistakes]
         server.text_document_publish_diagnostics(
             types.PublishDiagnosticsParams(uri, shown, document.version)
         )
@@ -137,7 +137,7 @@ def _range(line: int, start: int, end: int) -> types.Range:
 def _diagnostic(mistake: Mistake) -> types.Diagnostic:
     return types.Diagnostic(
         _range(mistake.line, mistake.start, mistake.end),
-        mistake.said,
+        mistake.sentence,
         types.DiagnosticSeverity.Error,
         source="tactograph",
         data={"meant": mistake.meant},

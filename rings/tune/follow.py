@@ -19,34 +19,34 @@ class Follow:
 
     def __init__(self, client: Client) -> None:
         self._client = client
-        self._wanted: dict[tuple[int, str], tuple[Any, ...]] = {}
+        self._pending: dict[tuple[int, str], tuple[Any, ...]] = {}
         self._sent: dict[tuple[int, str], tuple[Any, ...]] = {}
         script = (resources.files("tactograph.rings.tune") / "follow.js").read_text("utf-8")
         ui.add_body_html(f"<script>{script}</script>")
 
     def html(self, element: ui.element, markup: str) -> None:
         """Set the markup of an element that holds nothing else."""
-        self._wanted[element.id, "html"] = (markup,)
+        self._pending[element.id, "html"] = (markup,)
 
     def background(self, element: ui.element, colours: str) -> None:
         """Set the background of an element, as in CSS."""
-        self._wanted[element.id, "background"] = (colours,)
+        self._pending[element.id, "background"] = (colours,)
 
     def value(self, element: ui.element, words: str) -> None:
         """Set the text of an input, even if the page has changed it since."""
         self._sent.pop((element.id, "value"), None)
-        self._wanted[element.id, "value"] = (words,)
+        self._pending[element.id, "value"] = (words,)
 
     def picture(self, view: ui.element, uri: str, size: tuple[int, int], lines: str) -> None:
         """Set a picture, and the lines on it."""
-        self._wanted[view.id, "picture"] = (uri, *size, lines)
+        self._pending[view.id, "picture"] = (uri, *size, lines)
 
     async def send(self) -> None:
         """Send the new changes, and wait until they are shown."""
         elements = self._client.elements
         self._sent = {key: words for key, words in self._sent.items() if key[0] in elements}
-        new = {key: words for key, words in self._wanted.items() if self._sent.get(key) != words}
-        self._wanted.clear()
+        new = {key: words for key, words in self._pending.items() if self._sent.get(key) != words}
+        self._pending.clear()
         if not new:
             return
         self._sent.update(new)

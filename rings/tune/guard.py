@@ -28,12 +28,12 @@ class Guard:
             await self._app(scope, receive, send)
             return
         request = HTTPConnection(scope)
-        said = request.query_params.get("token", "")
-        token = said or request.cookies.get(self._cookie, "")
+        query_token = request.query_params.get("token", "")
+        token = query_token or request.cookies.get(self._cookie, "")
         is_known = hmac.compare_digest(token.encode(), self._token.encode())
 
         async def send_with_cookie(message: Message) -> None:
-            if message["type"] == "http.response.start" and said:
+            if message["type"] == "http.response.start" and query_token:
                 cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict"
                 message["headers"] = [*message.get("headers", ()), (b"set-cookie", cookie.encode())]
             await send(message)

@@ -44,7 +44,7 @@ class Page:
 
     def __init__(self, tuning: Tuning) -> None:
         self.tuning = tuning
-        self._seen = -1
+        self._shown_number = -1
         css = (resources.files("tactograph.rings.tune") / "page.css").read_text(encoding="utf-8")
         ui.add_css(css)
         self._follow = Follow(ui.context.client)
@@ -69,7 +69,7 @@ class Page:
 
     def take_up(self, state: Shown) -> None:
         """Show a result, or an error."""
-        self._seen = state.number
+        self._shown_number = state.number
         self._error.set_text(state.error)
         self._error.set_visibility(bool(state.error))
         if state.result is None:
@@ -116,7 +116,7 @@ class Page:
 
     async def _look(self) -> None:
         """Take up a new result; without one, a call costs nothing."""
-        if self.tuning.shown.number != self._seen:
+        if self.tuning.shown.number != self._shown_number:
             self.take_up(self.tuning.shown)
         await self._follow.send()
 

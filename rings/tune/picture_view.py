@@ -25,10 +25,10 @@ class PictureView(ui.element, component="picture_view.js"):
     def __init__(self, over: Callable[[Pointed], None]) -> None:
         super().__init__()
 
-        def told(event: events.GenericEventArguments) -> None:
+        def on_mouse(event: events.GenericEventArguments) -> None:
             over(Pointed(event.args["x"], event.args["y"], event.args["pressed"]))
 
-        self.on("mouse", told, ["x", "y", "pressed"])
+        self.on("mouse", on_mouse, ["x", "y", "pressed"])
         self.classes("t-picture")
 
 

@@ -11,11 +11,11 @@ from tactograph.sdk.unstable import Cache, Graph, Pipeline, Result, captures_in
 CAPTURE_PARAM = "capture"
 
 
-def captures_of(graph: Graph, given: Mapping[str, Any]) -> list[Path]:
+def captures_of(graph: Graph, params: Mapping[str, Any]) -> list[Path]:
     """The captures that a user can step through; empty where the stream goes one way."""
-    if CAPTURE_PARAM not in graph.params or not isinstance(given.get(CAPTURE_PARAM), str):
+    if CAPTURE_PARAM not in graph.params or not isinstance(params.get(CAPTURE_PARAM), str):
         return []
-    folder = Path(given[CAPTURE_PARAM])
+    folder = Path(params[CAPTURE_PARAM])
     return captures_in(folder) if folder.is_dir() else []
 
 
@@ -23,9 +23,9 @@ class Runner:
     """A pipeline that follows a graph, opened again only if more than settings changed."""
 
     def __init__(
-        self, given: Mapping[str, Any], cache: Cache, backend: str | None, device: str | None
+        self, params: Mapping[str, Any], cache: Cache, backend: str | None, device: str | None
     ) -> None:
-        self._given, self._cache = dict(given), cache
+        self._params, self._cache = dict(params), cache
         self._backend, self._device = backend, device
         self._graph: Graph | None = None
         self.pipeline: Pipeline | None = None
@@ -74,9 +74,9 @@ class Runner:
         self.pipeline, self._graph = None, None
 
     def _open(self, graph: Graph, capture: Path | None) -> None:
-        given = self._given if capture is None else {**self._given, CAPTURE_PARAM: str(capture)}
-        given = {name: value for name, value in given.items() if name in graph.params}
-        opened = load(graph, given, backend=self._backend, device=self._device, cache=self._cache)
+        params = self._params if capture is None else {**self._params, CAPTURE_PARAM: str(capture)}
+        params = {name: value for name, value in params.items() if name in graph.params}
+        opened = load(graph, params, backend=self._backend, device=self._device, cache=self._cache)
         self.close()
         self.pipeline, self._graph, self._at = opened, graph, (capture, -1)
 

@@ -64,22 +64,22 @@ class Tuning:
     def __init__(
         self,
         source: str,
-        given: Mapping[str, Any],
+        params: Mapping[str, Any],
         *,
         backend: str | None = None,
         device: str | None = None,
     ) -> None:
-        self.source, self.given = source, dict(given)
+        self.source, self.params = source, dict(params)
         self.base = read_graph(source)
-        self.captures = captures_of(self.base, given)
+        self.captures = captures_of(self.base, params)
         self.asked = Asked(self.base, 0, 0, None)
         self.shown = Shown()
         self.rates: deque[float] = deque()
         self.playing = False
         self.output: str | None = None
         self.every = False
-        self._runner = Runner(given, Cache(), backend, device)
-        self._files = files_of(self.base, {}) | {graph_file(source)}
+        self._runner = Runner(params, Cache(), backend, device)
+        self._files = files_of(self.base) | {graph_file(source)}
         self._stamp: Stamp = stamp(self._files)
         self._saved: dict[Path, Stamp] = {}
         self._unreadable = ""
@@ -103,7 +103,7 @@ class Tuning:
     def settings(self, node: str) -> dict[str, Any]:
         """A node's parameters as they are now, defaults included."""
         entry = self.graph.entry(node)
-        return settings_of(entry, self.graph, find_node(entry.op), self._known)
+        return settings_of(entry, self.graph, find_node(entry.op), self._own_params)
 
     def set(self, node: str, parameter: str, value: Any) -> None:
         """Change a parameter.
@@ -200,7 +200,7 @@ class Tuning:
         self._unreadable = ""
         with self._changed:
             self.base = base
-            self._files = files_of(base, {}) | {graph_file(self.source)}
+            self._files = files_of(base) | {graph_file(self.source)}
             self._stamp = stamp(self._files)
             node = self.asked.node if self.asked.node in base.nodes else None
             self._ask(graph=base, node=node, revision=self.asked.revision + 1)
@@ -214,8 +214,8 @@ class Tuning:
         self._thread.join(timeout=30)
 
     @property
-    def _known(self) -> dict[str, Any]:
-        return {n: v for n, v in self.given.items() if n in self.graph.params}
+    def _own_params(self) -> dict[str, Any]:
+        return {n: v for n, v in self.params.items() if n in self.graph.params}
 
     def _take(self, node: str, changed: Callable[[str, Entry], Entry]) -> None:
         """Change a node, or, if `every`, that node in all uses of its group."""
@@ -228,7 +228,7 @@ class Tuning:
             verified(graph)
         else:  # quick enough for a slider
             for entry in map(graph.nodes.__getitem__, names):
-                settings_of(entry, graph, find_node(entry.op), self._known)
+                settings_of(entry, graph, find_node(entry.op), self._own_params)
         self._ask(graph=graph)
 
     def _ask(self, **changed: Any) -> None:

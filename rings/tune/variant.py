@@ -28,11 +28,11 @@ def changes_between(
             # No verb restores a node; replacing it by itself does.
             changes.append(_whole(name, entry))
             old = Entry(entry.op, entry.inputs, entry.settings)
-        known = {**defaults.get(name, {}), **old.settings}
+        before = {**defaults.get(name, {}), **old.settings}
         changed = {
             setting: value
             for setting, value in entry.settings.items()
-            if setting not in known or known[setting] != value
+            if setting not in before or before[setting] != value
         }
         if changed:
             changes.append({"set": name, "with": changed})

@@ -1,25 +1,23 @@
 """A graph's files, and a stamp that tells whether one has changed."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from tactograph.sdk.unstable import Graph
 
 Stamp = tuple[tuple[str, int, int], ...]
 
 
-def files_of(graph: Graph, given: Mapping[str, Any]) -> set[Path]:
-    """The files of a graph, and the files and folders that its user gave."""
+def files_of(graph: Graph) -> set[Path]:
+    """The files of a graph, and the files and folders that its params default to."""
     places = [*graph.places.values()]
     places += [place for entry in graph.nodes.values() for place in entry.places.values()]
     read = {Path(place.file) for place in places if place.line}
-    values = {name: given.get(name, param.default) for name, param in graph.params.items()}
     return read | {
-        Path(value)
-        for name, value in values.items()
-        if graph.params[name].kind == "path" and name != "out" and isinstance(value, str | Path)
+        Path(param.default)
+        for name, param in graph.params.items()
+        if param.kind == "path" and name != "out" and isinstance(param.default, str | Path)
     }
 
 

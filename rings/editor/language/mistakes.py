@@ -21,7 +21,7 @@ class Mistake(NamedTuple):
     line: int
     start: int
     end: int
-    said: str
+    sentence: str
     meant: tuple[str, ...] = ()
 
 

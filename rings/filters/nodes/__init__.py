@@ -1,1 +1,1 @@
-"""A median, a window of the frame, and OpenCV's functions by name."""
+"""A median, and OpenCV's functions by name."""

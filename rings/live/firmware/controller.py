@@ -61,7 +61,7 @@ class Controller:
         self._cycle = -1
         self._cycle_tick = 0
         self._step_tick = 0
-        self._told = -1
+        self._reported = -1
         self._lit = 0
         self._last_tick = board.ticks()
         self._time = 0
@@ -104,9 +104,9 @@ class Controller:
     def poll(self):
         """Report a cycle that began; switch off if the host has been silent for too long."""
         now = self.now()
-        if self._cycling and self._cycle != self._told:
+        if self._cycling and self._cycle != self._reported:
             cycle, began = self._cycle_start()
-            self._told = cycle
+            self._reported = cycle
             self._send(f"! cycle {cycle} {began}")
         if now - self._heard > 1000 * self._watchdog and (self._cycling or self._lit):
             self._bitten += 1
@@ -196,7 +196,7 @@ class Controller:
         self._off()
         self._order = leds
         self._index = len(leds) - 1
-        self._cycle = self._told = -1
+        self._cycle = self._reported = -1
         self._cycling = True
         self.board.run(period, on, trigger)
         return f" t={self.now()}"

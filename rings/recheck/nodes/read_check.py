@@ -36,8 +36,8 @@ def read_check(
         As `read_balls`; if presses and flat frame differ in size.
     """
     if folder is None:
-        radius, known = np.full(1, NO_BALL_MM, np.float32), np.zeros((1, 3), np.float32)
-        return BallPresses(flat, flat, radius, known, [])
+        radius, circles = np.full(1, NO_BALL_MM, np.float32), np.zeros((1, 3), np.float32)
+        return BallPresses(flat, flat, radius, circles, [])
     balls = read_balls(
         folder=folder,
         radius_mm=radius_mm,

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
 
-from tactograph.rings.recording.files.ros_messages import MESSAGE_DEFINITIONS, Message
+from tactograph.rings.recording.files.ros_messages import Message
 
 if TYPE_CHECKING:
     from mcap.records import Schema
@@ -21,14 +21,17 @@ class McapFile:
 
     def __init__(self, path: Path, about: Mapping[str, str]) -> None:
         from mcap_ros2.writer import Writer
+        from rosbags.typesys import Stores, get_typestore
 
         self.path = path
         self.handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
-        self.size = self.kept = self.messages = 0
+        self.size = self.synced = self.messages = 0
         self._began = time.monotonic()
         self._pending = _Pending()
         # Chunks of size 0: each message ends its chunk.
         self._writer = Writer(cast(IO[Any], self._pending), chunk_size=0)
+        # The files carry ROS's own definitions, so that a reader does not need ROS.
+        self._ros = get_typestore(Stores.ROS2_HUMBLE)
         self._schemas: dict[str, Schema] = {}
         self._writer.add_metadata("tactograph", dict(about))
         try:
@@ -49,7 +52,7 @@ class McapFile:
     def write(self, messages: Sequence[Message]) -> None:
         for message in messages:
             if message.type not in self._schemas:
-                definition = MESSAGE_DEFINITIONS[message.type]
+                definition, _ = self._ros.generate_msgdef(message.type, ros_version=2)
                 self._schemas[message.type] = self._writer.register_msgdef(message.type, definition)
             self._writer.write_message(
                 message.topic,

@@ -75,7 +75,7 @@ class Limits(NamedTuple):
 
 def need_mcap() -> None:
     """Raise an `InputError` that says what to install if the libraries are missing."""
-    need("mcap", "an MCAP file", "mcap", "mcap_ros2")
+    need("mcap", "an MCAP file", "mcap", "mcap_ros2", "rosbags")
 
 
 def log_files(folder: Path) -> list[Path]:
@@ -130,7 +130,7 @@ class McapLog:
             raise InputError(f"{folder}: cannot be written: {error.strerror or error}") from None
         self._threads = [
             threading.Thread(target=work, name=f"mcap log {folder.name}", daemon=True)
-            for work in (self._run, self._keep)
+            for work in (self._run, self._sync_files)
         ]
         for thread in self._threads:
             thread.start()
@@ -192,11 +192,11 @@ class McapLog:
             self._all_written = True
             self._changed.notify_all()
 
-    def _keep(self) -> None:
+    def _sync_files(self) -> None:
         """Sync written data to the disk, which may take long."""
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._unkept() or self._ended or self._all_written)
+                self._changed.wait_for(lambda: self._unsynced() or self._ended or self._all_written)
                 handles, self._ended = self._ended, []
                 file, size = self._file, 0
                 if file is not None:
@@ -208,7 +208,7 @@ class McapLog:
                 self._sync(handle)
             with self._changed:
                 if file is not None:
-                    file.kept = size
+                    file.synced = size
                 self._changed.wait_for(lambda: self._closing, 1e-3 * self._limits.sync_ms)
 
     def _sync(self, handle: int) -> None:
@@ -219,8 +219,8 @@ class McapLog:
         finally:
             os.close(handle)
 
-    def _unkept(self) -> bool:
-        return self._file is not None and self._file.kept < self._file.size
+    def _unsynced(self) -> bool:
+        return self._file is not None and self._file.synced < self._file.size
 
     def _write(self, messages: Sequence[Message]) -> None:
         if self._stopped or time.monotonic() < self._retry_at:

@@ -71,7 +71,7 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
     def __init__(self, config: TactographCameraConfig) -> None:
         super().__init__(config)
         self.config = config
-        self._came = threading.Condition()
+        self._arrival = threading.Condition()
         self._thread: threading.Thread | None = None
         self._ended = threading.Event()
         self._error: Exception | None = None
@@ -111,7 +111,7 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
 
     def read(self) -> NDArray[Any]:
         """Return the next picture, H x W x 3."""
-        with self._came:
+        with self._arrival:
             self._read = self._count
         return self.async_read(timeout_ms=1000 * START_S)
 
@@ -125,8 +125,8 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
         ConnectionError
             If the stream has ended; with the reason.
         """
-        with self._came:
-            self._came.wait_for(
+        with self._arrival:
+            self._arrival.wait_for(
                 lambda: self._count > self._read or self._ended.is_set(), timeout_ms / 1000
             )
             if self._count > self._read:
@@ -146,7 +146,7 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
             If the stream has ended.
         """
         self._check()
-        with self._came:
+        with self._arrival:
             if 1000 * (time.monotonic() - self._time) > max_age_ms:
                 raise TimeoutError(f"{self}: no height for {max_age_ms} ms")
             return self._picture
@@ -178,16 +178,16 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
                     if self._ended.is_set():
                         break
                     picture = self._drawn(touch["picture"])
-                    with self._came:
+                    with self._arrival:
                         self._picture, self._time = picture, time.monotonic()
                         self._count += 1
-                        self._came.notify_all()
+                        self._arrival.notify_all()
         except Exception as error:  # told to whoever reads next
             self._error = error
         finally:
-            with self._came:
+            with self._arrival:
                 self._ended.set()
-                self._came.notify_all()
+                self._arrival.notify_all()
 
     def _drawn(self, value: NDArray[Any]) -> U1:
         if self.config.picture == "lights":

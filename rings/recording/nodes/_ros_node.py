@@ -63,16 +63,16 @@ class RosNode:
 
     def subscribe(self, topic: str, kind: str) -> deque[Any]:
         """A queue that `wait` fills with the messages of a topic, newest last."""
-        came: deque[Any] = deque(maxlen=QUEUE_MESSAGES)
+        messages: deque[Any] = deque(maxlen=QUEUE_MESSAGES)
         # This profile accepts what a camera driver offers, reliable or not.
         profile = importlib.import_module("rclpy.qos").qos_profile_sensor_data
 
         def take(message: Any) -> None:
             # rclpy inspects a callback's signature, which built-in functions do not have.
-            came.append(message)
+            messages.append(message)
 
         self._node.create_subscription(_class_of(kind), topic, take, profile)
-        return came
+        return messages
 
     def wait(self, seconds: float) -> None:
         """Receive messages, for at most `seconds`."""

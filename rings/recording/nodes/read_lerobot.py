@@ -90,7 +90,7 @@ def read_lerobot(
         levels = picture_levels(_bytes(row[height_column(sensor)]))
         kept = level_height(levels, step, zero)
         kept[levels == unknown] = np.nan
-        planes = [_bytes(row[name])[..., : len(there)] for name, there in lights.items()]
+        planes = [_bytes(row[name])[..., : len(numbers)] for name, numbers in lights.items()]
         whole = np.concatenate(planes, axis=-1).transpose(2, 0, 1)
         image = whole.astype(np.float32) / np.float32(MAX_BYTE)
         seconds, parts = (int(number) for number in row[time_column(sensor)])

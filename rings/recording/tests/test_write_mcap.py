@@ -72,7 +72,6 @@ def messages(tmp_path: Path) -> dict[str, list[tuple[Any, Any, Any]]]:
 def test_another_reader_of_ros_bags_takes_them_for_the_standard_messages(
     tmp_path: Path, messages: dict[str, Any]
 ) -> None:
-    pytest.importorskip("rosbags", reason="'make test-all' installs it")
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 

@@ -30,14 +30,14 @@ def command(
     from tactograph.sdk import read_graph
     from tactograph.sdk.unstable import read_words
 
-    given = read_words(read_graph(graph), values)
+    params = read_words(read_graph(graph), values)
     need("tune", "tune", "nicegui")
     from tactograph.rings.tune.page import serve
     from tactograph.rings.tune.tuning import Tuning
 
     number = port or _free_port()
     token = secrets.token_urlsafe(24)
-    tuning = Tuning(graph, given, backend=backend, device=device)
+    tuning = Tuning(graph, params, backend=backend, device=device)
     click.echo(f"http://127.0.0.1:{number}/?token={token}")
     click.echo("only this machine reaches the page; Ctrl-C ends it", err=True)
     serve(tuning, port=number, token=token, show=not no_browser)

@@ -213,14 +213,14 @@ class GenicamCapture:
         self._streaming = True
 
     def _take(self, buffer: Any) -> bool:
-        come = time.monotonic()
+        arrival_s = time.monotonic()
         with buffer:
             image = buffer.payload.components[0]
             self._picture = decode(
                 image.data, image.data_format, image.width, image.height, image.x_padding
             )
             self.sequence = int(buffer.module.frame_id)
-            self._moment = self._clock.host(_stamp(buffer), come)
+            self._moment = self._clock.host(_stamp(buffer), arrival_s)
         return self._picture is not None
 
     def _feature(self, name: str) -> Any:
@@ -252,11 +252,11 @@ class _Clock:
     def __init__(self) -> None:
         self._apart: deque[float] = deque(maxlen=CLOCK_FRAMES)
 
-    def host(self, stamp: float | None, come: float) -> float:
+    def host(self, stamp: float | None, arrival_s: float) -> float:
         """The frame's time on the host's clock; its arrival if the camera gives no time."""
         if stamp is None:
-            return come
-        self._apart.append(come - stamp)
+            return arrival_s
+        self._apart.append(arrival_s - stamp)
         return stamp + min(self._apart)
 
 

@@ -62,7 +62,7 @@ class LinuxCapture:
         video = linuxpy()
         self._error: type[Exception] = video.V4L2Error
         self._preferred = COLOUR_FORMATS if colour else GREY_FORMATS
-        self._asked: dict[int, float] = {}
+        self._requested: dict[int, float] = {}
         self._streaming = False
         self._picture: NDArray[Any] | None = None
         self._moment = 0.0
@@ -94,7 +94,7 @@ class LinuxCapture:
         """Request a size, a rate, a pixel format, or a control's value."""
         if prop in CONTROL_NAMES:
             return self._control(prop, value)
-        self._asked[prop] = value
+        self._requested[prop] = value
         return True
 
     def get(self, prop: int) -> float:
@@ -106,7 +106,7 @@ class LinuxCapture:
                 return float(self._device.controls[CONTROL_NAMES[prop]].value)
             except (KeyError, OSError, TypeError):
                 return -1.0
-        return self._asked.get(prop, 0.0)
+        return self._requested.get(prop, 0.0)
 
     def grab(self) -> bool:
         """Wait for the next complete frame; False if the camera is gone."""
@@ -137,10 +137,10 @@ class LinuxCapture:
 
     def _start(self) -> None:
         current = self._source.get_format()
-        width = int(self._asked.get(cv2.CAP_PROP_FRAME_WIDTH, current.width))
-        height = int(self._asked.get(cv2.CAP_PROP_FRAME_HEIGHT, current.height))
+        width = int(self._requested.get(cv2.CAP_PROP_FRAME_WIDTH, current.width))
+        height = int(self._requested.get(cv2.CAP_PROP_FRAME_HEIGHT, current.height))
         self._source.set_format(width, height, self._format())
-        rate = self._asked.get(cv2.CAP_PROP_FPS)
+        rate = self._requested.get(cv2.CAP_PROP_FPS)
         if rate:
             # Some cameras have only one rate.
             with suppress(OSError):
@@ -150,7 +150,7 @@ class LinuxCapture:
 
     def _format(self) -> str:
         """The requested pixel format, else the camera's best one."""
-        code = self._asked.get(cv2.CAP_PROP_FOURCC)
+        code = self._requested.get(cv2.CAP_PROP_FOURCC)
         if code:
             return struct.pack("<I", int(code)).decode("ascii")
         formats = [each for each in self._preferred if each in self._formats]

@@ -30,7 +30,7 @@ class Camera:
     Parameters
     ----------
     connect : opens the camera; called again after every failure
-    wanted : the requested settings
+    settings : the requested settings
     queue : most frames that wait; older ones are dropped and counted
     timeout : seconds without a frame after which the camera is reopened
     once : whether the stream ends with the frames, as of a file
@@ -45,7 +45,7 @@ class Camera:
     def __init__(
         self,
         connect: Callable[[], Capture],
-        wanted: CameraSettings,
+        settings: CameraSettings,
         *,
         queue: int = 8,
         timeout: float = 0.5,
@@ -56,7 +56,7 @@ class Camera:
         self.connections = 0
         self.ended = False
         self._connect = connect
-        self._wanted = wanted
+        self._settings = settings
         self._timeout = timeout
         self._once = once
         self._refused = False
@@ -107,15 +107,15 @@ class Camera:
                 f"`camera`={name}: {why}; look at its cable, whether another program has it, and "
                 "whether you are in the group 'video'"
             )
-        if self._wanted.colour and first.data.ndim < 3:
+        if self._settings.colour and first.data.ndim < 3:
             raise InputError(
                 f"`camera`={name}: delivers grey pictures, but a one-shot sensor's lights are the "
                 "colours of one picture"
             )
         height, width = first.data.shape[:2]
-        view = self._wanted.view
+        view = self._settings.view
         size_px = (
-            view.size if view else (self._wanted.width or width, self._wanted.height or height)
+            view.size if view else (self._settings.width or width, self._settings.height or height)
         )
         if (width, height) != size_px:
             raise InputError(
@@ -158,7 +158,7 @@ class Camera:
         try:
             capture = self._connect()
             if capture.isOpened():
-                self.refused = settle(capture, self._wanted)
+                self.refused = settle(capture, self._settings)
                 self._sequence = None
                 self.connections += 1
                 return capture
@@ -181,7 +181,7 @@ class Camera:
             try:
                 if not capture.grab():
                     return
-                come = time.monotonic()
+                arrival_s = time.monotonic()
                 arrived, frame = capture.retrieve()
             except cv2.error:
                 return
@@ -189,12 +189,12 @@ class Camera:
                 return
             self._alive = time.monotonic()
             self._put(
-                _moment(capture, come), self._plane(frame), getattr(capture, "sequence", None)
+                _moment(capture, arrival_s), self._plane(frame), getattr(capture, "sequence", None)
             )
 
     def _plane(self, frame: Any) -> Plane:
-        plane = _colours(frame) if self._wanted.colour else _grey(frame)
-        return self._wanted.view.of(plane) if self._wanted.view else plane
+        plane = _colours(frame) if self._settings.colour else _grey(frame)
+        return self._settings.view.of(plane) if self._settings.view else plane
 
     def _put(self, moment: float, data: Plane, sequence: int | None) -> None:
         """Queue a frame; the kernel's numbers show how many are missing before it."""

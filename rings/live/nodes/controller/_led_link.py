@@ -30,7 +30,7 @@ class ControllerRefusedError(InputError):
 
 
 @dataclass(frozen=True)
-class Heard:
+class Reply:
     """An answer's values, and the times of time.monotonic() between which it was given."""
 
     values: dict[str, str]
@@ -78,7 +78,7 @@ class Link:
         """Number of damaged lines received."""
         return self._lines.bad
 
-    def request(self, body: str) -> Heard:
+    def request(self, body: str) -> Reply:
         """Send a request and wait for the answer.
 
         Raises
@@ -94,13 +94,13 @@ class Link:
             sent = time.monotonic()
             for _ in range(MAX_ATTEMPTS):
                 self._write(line)
-                heard = self._wait(self._timeout / MAX_ATTEMPTS)
-                if heard is not None:
-                    answer, received = heard
+                arrival = self._wait(self._timeout / MAX_ATTEMPTS)
+                if arrival is not None:
+                    answer, received = arrival
                     if answer.refusal is not None:
                         reason = f"the LED controller refuses '{body}': {answer.refusal}"
                         raise ControllerRefusedError(reason)
-                    return Heard(answer.values, sent, received)
+                    return Reply(answer.values, sent, received)
             raise ControllerLostError(
                 f"the LED controller gave no answer within {self._timeout:g} s"
             )
@@ -124,16 +124,16 @@ class Link:
             raise ControllerLostError("the connection to the LED controller is lost") from None
 
     def _wait(self, seconds: float) -> tuple[Answer, float] | None:
-        def come() -> bool:
+        def is_over() -> bool:
             return self.lost or (
                 self._answer is not None and self._answer[0].number == self._number
             )
 
         with self._changed:
-            self._changed.wait_for(come, seconds)
+            self._changed.wait_for(is_over, seconds)
             if self.lost:
                 raise ControllerLostError("the connection to the LED controller is lost")
-            return self._answer if come() else None
+            return self._answer if is_over() else None
 
     def _read(self) -> None:
         try:

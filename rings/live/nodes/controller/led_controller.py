@@ -22,8 +22,8 @@ from tactograph.rings.live.nodes.controller._led_line import Event, whole_number
 from tactograph.rings.live.nodes.controller._led_link import (
     ControllerLostError,
     ControllerRefusedError,
-    Heard,
     Link,
+    Reply,
 )
 from tactograph.rings.live.nodes.controller._led_port import (
     find_ports,
@@ -146,16 +146,16 @@ class LedController:
     def __init__(self, port: str, timeout_s: float, leds: int, watchdog_s: float) -> None:
         self.port = port
         self.recoveries = []
-        self._given = port
+        self._stated_port = port
         self._timeout = timeout_s
         self._watchdog = round(1000 * watchdog_s)
         self._clock = Clock()
         self._courses: deque[Course] = deque(maxlen=16)
-        self._wish = "off"
+        self._command = "off"
         self._faults: Counter[str] = Counter()
         self._news: deque[str] = deque(maxlen=100)
-        self._known = threading.RLock()
-        self._commands = threading.RLock()
+        self._state_lock = threading.RLock()
+        self._request_lock = threading.RLock()
         self._woken = threading.Event()
         self._closed = threading.Event()
         self._failed_at: float | None = None
@@ -193,7 +193,7 @@ class LedController:
     @property
     def faults(self) -> Counter[str]:
         """Counts of each fault: "controller lost", "controller reset", "bad line"…"""
-        with self._known:
+        with self._state_lock:
             faults = Counter(self._faults)
             faults["bad line"] += self._link.bad
         return +faults
@@ -206,7 +206,7 @@ class LedController:
     @property
     def jitter_s(self) -> float:
         """Standard deviation of the transmission time of lines from the controller."""
-        with self._known:
+        with self._state_lock:
             return self._clock.jitter()
 
     def news(self) -> list[str]:
@@ -240,19 +240,19 @@ class LedController:
         step = round(1e6 * step_s)
         on = step if on_s is None else round(1e6 * on_s)
         leds = ",".join(str(led) for led in order)
-        wish = f"cycle {leds} {step} {on} {TRIGGER_US}"
+        command = f"cycle {leds} {step} {on} {TRIGGER_US}"
         try:
-            self._do(wish, tuple(order), 1e-6 * step)
+            self._do(command, tuple(order), 1e-6 * step)
         except ControllerLostError:
-            self._wish = wish
+            self._command = command
             raise
 
     def status(self) -> Status:
         """Request the controller's state and counters."""
-        heard = self._ask("status")
+        reply = self._ask("status")
         with _intelligible():
-            status = _status(heard)
-        self._hear(1e-6 * status.time_us, heard.received, heard.sent)
+            status = _status(reply)
+        self._hear(1e-6 * status.time_us, reply.received, reply.sent)
         return status
 
     def step_at(self, host_time: float) -> int | None:
@@ -262,7 +262,7 @@ class LedController:
         known: no contact yet, controller lost, or the time is too long ago.  The times at which
         steps change are known to `clock_error_s`.
         """
-        with self._known:
+        with self._state_lock:
             moment = self._clock.controller(host_time)
             if moment is None:
                 return None
@@ -277,8 +277,8 @@ class LedController:
         Its state is then restored.  There is no need to call this, because the monitoring thread
         searches ten times a second.
         """
-        with self._commands:
-            for port in dict.fromkeys([self._given, self.port, *find_ports()]):
+        with self._request_lock:
+            for port in dict.fromkeys([self._stated_port, self.port, *find_ports()]):
                 try:
                     link, identity = self._connect(port)
                 except TactographError:
@@ -286,7 +286,7 @@ class LedController:
                 if identity.uid != self.identity.uid:
                     link.close()
                     continue
-                with self._known:
+                with self._state_lock:
                     before, self._link, self.port = self._link, link, port
                     self._faults["bad line"] += before.bad
                     self._forget()
@@ -319,18 +319,18 @@ class LedController:
             link.close()
             raise
 
-    def _ask(self, body: str) -> Heard:
-        with self._commands:
+    def _ask(self, body: str) -> Reply:
+        with self._request_lock:
             return self._link.request(body)
 
-    def _do(self, wish: str, order: tuple[int, ...], step: float = math.inf) -> None:
+    def _do(self, command: str, order: tuple[int, ...], step: float = math.inf) -> None:
         """Request a lasting state, and remember it for `_restore`."""
-        with self._commands:
-            heard = self._ask(wish)
-            self._wish = wish
-            with self._known, _intelligible():
-                moment = 1e-6 * whole_number(heard.values["t"])
-                if not self._hear(moment, heard.received, heard.sent):
+        with self._request_lock:
+            reply = self._ask(command)
+            self._command = command
+            with self._state_lock, _intelligible():
+                moment = 1e-6 * whole_number(reply.values["t"])
+                if not self._hear(moment, reply.received, reply.sent):
                     raise ValueError
                 # A cycle's first event later gives the exact start of its first step.
                 self._courses.append(Course(moment, order, step, moment))
@@ -338,18 +338,18 @@ class LedController:
     def _restore(self) -> None:
         """Restore the controller's requested state."""
         self._ask(f"watchdog {self._watchdog}")
-        verb, *words = self._wish.split()
+        verb, *words = self._command.split()
         if verb != "cycle":
-            self._do(self._wish, (int(words[0]) if words else 0,))
+            self._do(self._command, (int(words[0]) if words else 0,))
             return
         order = tuple(int(word) for word in words[0].split(","))
-        self._do(self._wish, order, 1e-6 * int(words[1]))
+        self._do(self._command, order, 1e-6 * int(words[1]))
 
     # Answers and events
 
     def _hear(self, moment: float, received: float, sent: float = -math.inf) -> bool:
         """Take in a time of the controller's clock; False if it contradicts those before."""
-        with self._known:
+        with self._state_lock:
             if self._clock.hear(moment, received, sent):
                 return True
             self._faults["clock jumped"] += 1
@@ -362,7 +362,7 @@ class LedController:
 
     def _event(self, event: Event, now: float) -> None:
         """Handle an event from the reading thread; one that violates the protocol is a bad line."""
-        with self._known:
+        with self._state_lock:
             try:
                 if event.name == "cycle":
                     began = 1e-6 * whole_number(event.words[1])
@@ -386,9 +386,9 @@ class LedController:
             self._woken.clear()
             if self._closed.is_set():
                 return
-            with self._commands:
+            with self._request_lock:
                 if self._look_after() and self._failed_at is not None:
-                    with self._known:
+                    with self._state_lock:
                         took = time.monotonic() - self._failed_at
                         self._failed_at = None
                         self.recoveries.append(took)
@@ -409,13 +409,13 @@ class LedController:
                 self._fail("controller refuses", str(error))
                 return False
         self._fail("controller lost", f"{self.port}: the LED controller is gone")
-        with self._known:
+        with self._state_lock:
             self._forget()
         return self.reconnect()
 
     def _does_what_it_should(self) -> bool:
         status = self.status()
-        words = self._wish.split()
+        words = self._command.split()
         state = "off" if words == ["set", "0"] else words[0]
         if status.state == state and (state != "set" or status.led == int(words[1])):
             return True
@@ -423,12 +423,12 @@ class LedController:
         return False
 
     def _note_reset(self) -> None:
-        with self._known:
+        with self._state_lock:
             self._fail("controller reset", "the LED controller started anew")
             self._forget()
 
     def _fail(self, fault: str, line: str) -> None:
-        with self._known:
+        with self._state_lock:
             if self._failed_at is None:
                 self._failed_at = time.monotonic()
                 self._faults[fault] += 1
@@ -488,8 +488,8 @@ def _no_answer(link: Link, port: str, timeout_s: float) -> str:
     return f"{port}: no answer within {timeout_s:g} s; is it an LED controller? unplug and replug"
 
 
-def _status(heard: Heard) -> Status:
-    value = heard.values
+def _status(reply: Reply) -> Status:
+    value = reply.values
     return Status(
         state=value["state"],
         led=whole_number(value["led"], 0, MAX_CONTROLLER_LEDS),
@@ -499,5 +499,5 @@ def _status(heard: Heard) -> Status:
         time_us=whole_number(value["t"]),
         bad_lines=whole_number(value["bad"]),
         watchdog=whole_number(value["bitten"]),
-        round_trip_s=heard.received - heard.sent,
+        round_trip_s=reply.received - reply.sent,
     )

@@ -177,8 +177,8 @@ class Watch:
     ) -> None:
         self._film, self._stream = film, stream
         self._still, self._patience = still_s, patience_s
-        self._seen: deque[tuple[float, F4]] = deque()
-        self._told = {FAULT_LINES[fault] for fault in HARMLESS_FAULTS}
+        self._recent: deque[tuple[float, F4]] = deque()
+        self._reported = {FAULT_LINES[fault] for fault in HARMLESS_FAULTS}
         self._ready = False
 
     def presses(self, ball_in: Callable[[LiveFrames], Ball]) -> Iterator[tuple[LiveFrames, Ball]]:
@@ -208,7 +208,7 @@ class Watch:
 
     def _await(self, state: State, line: str) -> LiveFrames | None:
         """Wait for a lasting state; repeat the request from time to time."""
-        self._seen.clear()
+        self._recent.clear()
         reminded = time.monotonic()
         touches = self._stream.touches(POLL_S, self._patience)
         faults: list[str] = []
@@ -228,8 +228,8 @@ class Watch:
     def _tell_once(self, faults: list[str]) -> None:
         """Report each fault once, except those of finding the LEDs' phase at the start."""
         for fault in faults:
-            if self._ready and fault not in self._told:
-                self._told.add(fault)
+            if self._ready and fault not in self._reported:
+                self._reported.add(fault)
                 tell(f"warning: {fault}")
         faults.clear()
 
@@ -237,12 +237,12 @@ class Watch:
         """The state in which the film has been for long enough."""
         film = self._film
         now = np.stack([cells(plane) for plane in touch.image]) - film.dark
-        self._seen.append((touch.time, now))
-        if touch.time - self._seen[0][0] < self._still:
+        self._recent.append((touch.time, now))
+        if touch.time - self._recent[0][0] < self._still:
             return "between"
-        while len(self._seen) > 1 and touch.time - self._seen[1][0] >= self._still:
-            self._seen.popleft()
-        if any(_change(now, before, film.patterns) > MIN_MOTION for _, before in self._seen):
+        while len(self._recent) > 1 and touch.time - self._recent[1][0] >= self._still:
+            self._recent.popleft()
+        if any(_change(now, before, film.patterns) > MIN_MOTION for _, before in self._recent):
             return "between"
         departure = _change(now, film.patterns, film.patterns)
         if departure < MAX_REST_CHANGE:

@@ -27,7 +27,7 @@ PRESS_FIELDS = {
 """What a scene may state of a sensor that is calibrated; all else is a rig of its own."""
 
 
-class _Seen(NamedTuple):
+class _Rendered(NamedTuple):
     """The images of all lights, K x H x W, and the height that the camera sees, H x W in mm."""
 
     image: F4
@@ -50,8 +50,8 @@ class CalibratedSensor(SimulatedSensor):
         self._calibration = calibration
         self._pipeline: Callable[..., Any] | None = None
         self._latest = self._worker.submit(self._see, self.start).result()
-        self._coming: Future[_Seen] = self._worker.submit(self._see, self.start)
-        self._shown: dict[float, _Seen] = {}
+        self._coming: Future[_Rendered] = self._worker.submit(self._see, self.start)
+        self._shown: dict[float, _Rendered] = {}
         self.start = time.monotonic()
 
     def true_height(self, moment: float) -> F4:
@@ -78,7 +78,7 @@ class CalibratedSensor(SimulatedSensor):
         image = _in_bytes(self._at(moment).image[:: self._to_driver])
         return np.ascontiguousarray(np.moveaxis(image, 0, -1))
 
-    def _at(self, moment: float) -> _Seen:
+    def _at(self, moment: float) -> _Rendered:
         """The newest film that is rendered; the next begins."""
         if self._coming.done():
             self._latest = self._coming.result()
@@ -86,13 +86,13 @@ class CalibratedSensor(SimulatedSensor):
         self._shown = dict([*self._shown.items()][-RECENT_FRAMES:]) | {moment: self._latest}
         return self._latest
 
-    def _see(self, moment: float) -> _Seen:
+    def _see(self, moment: float) -> _Rendered:
         """Render the film; a pipeline belongs to one thread."""
         if self._pipeline is None:
             outputs = "image", "height"
             self._pipeline = load(self._graph, calibration=self._calibration, outputs=outputs)
         rendered = self._pipeline(height=super().true_height(moment))
-        return _Seen(rendered["image"].copy(), rendered["height"].copy())
+        return _Rendered(rendered["image"].copy(), rendered["height"].copy())
 
 
 def calibrated_sensor(
@@ -104,12 +104,12 @@ def calibrated_sensor(
     """
     if {name for name, _ in parse_qsl(camera.partition("?")[2])} - PRESS_FIELDS:
         return None
-    sensor, usual = read_either(calibration), Scene()
+    sensor, default = read_either(calibration), Scene()
     pixel, (height, width) = float(sensor.pixel_size), sensor.flat.shape[1:]
-    scale = min(height, width) * pixel / (usual.height_px * usual.pixel_size_mm)
+    scale = min(height, width) * pixel / (default.height_px * default.pixel_size_mm)
     film = {"width_px": width, "height_px": height, "pixel_size_mm": pixel}
     for name in ("radius_mm", "depth_mm", "path_mm"):
-        film[name] = scale * getattr(usual, name)
+        film[name] = scale * getattr(default, name)
     return CalibratedSensor(read_scene(camera, Scene, film), calibration, order)
 
 

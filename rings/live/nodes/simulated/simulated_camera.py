@@ -114,10 +114,6 @@ class SimulatedCamera:
         """The frame that `grab` took: H x W, 8 bit."""
         return self._current is not None, self._current
 
-    def read(self) -> tuple[bool, NDArray[np.uint8] | None]:
-        """`grab` and `retrieve`."""
-        return self.retrieve() if self.grab() else (False, None)
-
     def _expose(self) -> bool:
         """Wait until the next frame's end and make it."""
         scene, start = self.sensor.scene, self.sensor.start

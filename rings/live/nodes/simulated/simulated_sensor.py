@@ -93,9 +93,10 @@ SceneKind = TypeVar("SceneKind", bound=Scene)
 
 
 def read_scene(
-    text: str, kind: type[SceneKind], known: Mapping[str, Any] | None = None
+    text: str, kind: type[SceneKind], defaults: Mapping[str, Any] | None = None
 ) -> SceneKind:
-    """Read ``simulated`` or ``simulated?radius_mm=3&depth_mm=0.5``; `known` overrides defaults.
+    """Read ``simulated`` or ``simulated?radius_mm=3&depth_mm=0.5``; `defaults` stand for
+    those of the kind.
 
     Raises
     ------
@@ -104,7 +105,7 @@ def read_scene(
     """
     pairs = parse_qsl(text.partition("?")[2], keep_blank_values=True)
     try:
-        return TypeAdapter(kind).validate_python({**(known or {}), **dict(pairs)})
+        return TypeAdapter(kind).validate_python({**(defaults or {}), **dict(pairs)})
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"])

@@ -50,18 +50,18 @@ class FaultLog:
     rate
         Frames per second that the camera must deliver, because the LEDs change as often.
         None: any rate.
-    says : one line of explanation for every fault
+    explanations : one line of explanation for every fault
     """
 
     def __init__(
-        self, state: LiveState, rate: float | None, says: Mapping[str, str] = FAULT_LINES
+        self, state: LiveState, rate: float | None, explanations: Mapping[str, str] = FAULT_LINES
     ) -> None:
-        self.state, self._rate, self._says = state, rate, says
+        self.state, self._rate, self._explanations = state, rate, explanations
         self._counted: Counter[str] = Counter()
         self._before: float | None = None
         self._pace: Shot | None = None
         self._waiting: dict[str, None] = {}  # in order
-        self._told: dict[str, float] = {}
+        self._reported_s: dict[str, float] = {}
         self._item = time.monotonic()
 
     def take(self, counted: Counter[str]) -> None:
@@ -73,13 +73,13 @@ class FaultLog:
     def note(self, fault: str, about: object = 0, times: int = 1, once: str | None = None) -> None:
         """Count a fault, and report it with the next touch; with `once`, that line only once."""
         self.state.faults[fault] += times
-        says = self._says.get(fault, f"the LED controller: {fault}")
-        self.add(once or says.format(led=about), again_s=math.inf if once else REPEAT_S)
+        explanation = self._explanations.get(fault, f"the LED controller: {fault}")
+        self.add(once or explanation.format(led=about), again_s=math.inf if once else REPEAT_S)
 
     def add(self, line: str, *, again_s: float = REPEAT_S) -> None:
         """Report a line with the next touch, unless it was reported within `again_s`."""
         now = time.monotonic()
-        if now - self._told.get(line, -math.inf) >= again_s:
+        if now - self._reported_s.get(line, -math.inf) >= again_s:
             self._waiting[line] = None
 
     def tell(self, *, with_item: bool) -> None:
@@ -90,7 +90,7 @@ class FaultLog:
         elif now - self._item < SILENCE_S:
             return
         for line in self._waiting:
-            self._told[line] = now
+            self._reported_s[line] = now
             if with_item:
                 warn(line)
             else:

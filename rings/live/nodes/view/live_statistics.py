@@ -60,8 +60,8 @@ class Statistics:
 
     def __init__(self, folder: Path | None = None, every_s: float = 1.0) -> None:
         self._folder, self._every = folder, every_s
-        self._begun = self._told = time.monotonic()
-        self._heights = self._heights_told = 0
+        self._begun = self._reported_s = time.monotonic()
+        self._heights = self._heights_reported = 0
         self._first = self._last = self._processor = 0.0
         self._latencies = np.zeros(round(MAX_LATENCY_S / BIN_S), np.int64)
         self._errors = 0
@@ -87,7 +87,7 @@ class Statistics:
         if now - self._begun < WARM_UP_S:
             return
         if not self._heights:
-            self._first = self._told = now
+            self._first = self._reported_s = now
             self._processor = time.process_time()
             self._memory_first = resident_mib()
         self._last = now
@@ -103,7 +103,7 @@ class Statistics:
         self._touched += bool(depths)
         self._deepest = max(self._deepest, *depths, 0.0)
         self._doubtful += self._contact.get("trust", 1.0) < MIN_TRUST
-        if now - self._told >= self._every:
+        if now - self._reported_s >= self._every:
             self._tell(now)
 
     def figures(self) -> Metrics:
@@ -152,8 +152,8 @@ class Statistics:
         return float(np.searchsorted(reached, quantile * reached[-1]) + 1) * BIN_S
 
     def _tell(self, now: float) -> None:
-        rate = (self._heights - self._heights_told) / (now - self._told)
-        self._heights_told, self._told = self._heights, now
+        rate = (self._heights - self._heights_reported) / (now - self._reported_s)
+        self._heights_reported, self._reported_s = self._heights, now
         figures = self.figures()
         parts = [f"{rate:5.1f} heights/s", f"latency {figures.get('latency_median_ms', 0):.1f} ms"]
         if "rmse_um" in figures:

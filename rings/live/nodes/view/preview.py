@@ -135,15 +135,15 @@ class _Preview:
         self._pause = pause
         self._due = 0.0
         self._top = 0.0
-        self._came: deque[tuple[float, int]] = deque()
+        self._arrivals: deque[tuple[float, int]] = deque()
         self._latency_s: float | None = None
 
     def count(self, touch: Touch) -> None:
         """Count a touch, and note its latency."""
         now = clock.monotonic()
-        self._came.append((now, touch.state.frames if touch.state else 0))
-        while now - self._came[0][0] > RATE_WINDOW_S:
-            self._came.popleft()
+        self._arrivals.append((now, touch.state.frames if touch.state else 0))
+        while now - self._arrivals[0][0] > RATE_WINDOW_S:
+            self._arrivals.popleft()
         self._latency_s = touch.latency_s(now)
 
     def is_due(self) -> bool:
@@ -156,10 +156,10 @@ class _Preview:
         return self._top
 
     def footer(self, state: LiveState | None) -> str:
-        (start, frames), (end, last) = self._came[0], self._came[-1]
+        (start, frames), (end, last) = self._arrivals[0], self._arrivals[-1]
         parts = []
         if end > start:
-            parts.append(f"{(len(self._came) - 1) / (end - start):.1f} touches/s")
+            parts.append(f"{(len(self._arrivals) - 1) / (end - start):.1f} touches/s")
             if state is not None:
                 parts.append(f"{(last - frames) / (end - start):.1f} frames/s")
         if self._latency_s is not None:

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from tactograph.sdk import F4, F8
 
-POSE_AXES = "x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg"
 IN_DEGREES = np.array([1, 1, 1, *[np.degrees(1.0)] * 3])
 """Six numbers in mm and rad to mm and degrees."""
 

@@ -13,13 +13,13 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
+from tactograph.rings.mechanics.layers.pose import POSE_NAMES
 from tactograph.rings.mechanics.nodes.force.elastic_layer import wave_numbers
 from tactograph.rings.mechanics.nodes.motion._match_shifts import Match, Spectra
 from tactograph.rings.mechanics.nodes.motion._pose_graph import Pair, solve_poses
 from tactograph.rings.mechanics.nodes.motion._rigid_fit import fit_motion
 from tactograph.rings.mechanics.nodes.motion._surface import (
     IN_DEGREES,
-    POSE_AXES,
     Surface,
     cells_at,
     cross_matrix,
@@ -160,7 +160,7 @@ def stitch(
         figures["stitched_difference"] = difference
     for number, deviation in unsure.items():
         figures[f"stitched_unsure_mm/{names[number]}"] = deviation
-        for axis, value in zip(POSE_AXES, IN_DEGREES * six_numbers(poses[number]), strict=True):
+        for axis, value in zip(POSE_NAMES, IN_DEGREES * six_numbers(poses[number]), strict=True):
             figures[f"stitched_{axis}/{names[number]}"] = float(value)
     return StitchedSurface(height, error, source, figures)
 

@@ -9,13 +9,12 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.rings.mechanics.layers.pose import Pose, PoseCovariance
+from tactograph.rings.mechanics.layers.pose import POSE_NAMES, Pose, PoseCovariance
 from tactograph.rings.mechanics.nodes.motion._held_film import held_film
 from tactograph.rings.mechanics.nodes.motion._match_shifts import Spectra, resolves
 from tactograph.rings.mechanics.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
 from tactograph.rings.mechanics.nodes.motion._surface import (
     IN_DEGREES,
-    POSE_AXES,
     Surface,
     carried,
     cross_matrix,
@@ -209,10 +208,10 @@ def _tracked(
     spread = np.diag(IN_DEGREES) @ at_pose
     covariance = spread @ covariance @ spread.T
     figures: Metrics = {}
-    for axis, value, deviation in zip(POSE_AXES, pose, np.sqrt(np.diag(covariance)), strict=True):
+    for axis, value, deviation in zip(POSE_NAMES, pose, np.sqrt(np.diag(covariance)), strict=True):
         figures[f"pose_{axis}"], figures[f"pose_sd_{axis}"] = float(value), float(deviation)
     figures["pose_open"] = float(is_open.shape[1])
-    for axis, share in zip(POSE_AXES, np.square(is_open).sum(axis=1), strict=True):
+    for axis, share in zip(POSE_NAMES, np.square(is_open).sum(axis=1), strict=True):
         if share > OPEN_SHARE:
             figures[f"pose_open/{axis.rpartition('_')[0]}"] = 1.0
     figures |= further

@@ -35,7 +35,7 @@ from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.stream.frames import RawFrame
 from tactograph.nodes.stream.touch import Touch, View
 from tactograph.nodes.write.write_result import write_result
-from tactograph.rings.mechanics.nodes.motion._surface import POSE_AXES
+from tactograph.rings.mechanics.layers.pose import POSE_NAMES
 from tactograph.rings.mechanics.nodes.motion.read_touches import read_touches
 from tactograph.rings.mechanics.nodes.motion.stitch import StitchedSurface, stitch
 from tests.fixtures import Calibration, Raytraced
@@ -115,7 +115,7 @@ def test_nine_touches_are_as_true_as_one_and_the_error_holds(
 def test_poses_are_those_of_the_object(whole: StitchedSurface) -> None:
     root = motions()[root_of(whole)]
     for name, motion in zip(NAMES, motions(), strict=True):
-        pose = moved(*(whole.figures[f"stitched_{axis}/{name}"] for axis in POSE_AXES))
+        pose = moved(*(whole.figures[f"stitched_{axis}/{name}"] for axis in POSE_NAMES))
         apart = shift_and_turn(pose @ motion @ np.linalg.inv(root))
         assert np.all(np.abs(apart) < [0.01, 0.01, 0.02, 0.1, 0.1, 0.1])
 

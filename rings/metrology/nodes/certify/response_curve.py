@@ -30,7 +30,7 @@ class Parts(NamedTuple):
     """The shape of every point, counted from 0."""
     curve: F8
     linearity: float
-    left: F8
+    residual: F8
     """What amplification and offset of its own leave of every point."""
 
 

@@ -132,7 +132,7 @@ def _rows(
         shapes = float(len(parts.shapes))
         amplification = float(np.sqrt(np.mean(np.square(parts.shapes - 1))))
         linearity = UM_PER_MM * parts.linearity / np.sqrt(3)
-        square = UM_PER_MM**2 * float(np.mean(np.square(parts.left)))
+        square = UM_PER_MM**2 * float(np.mean(np.square(parts.residual)))
         independent = (n or 0.0) ** 2 + (f or 0.0) ** 2 + linearity**2
         fidelity = float(np.sqrt(max(square - independent, 0.0)))
     return [

@@ -27,7 +27,7 @@ MIN_SHOWN = np.float32(1e-6)
 
 
 def scan_errors(
-    found: ModelSlope, single: F4, levelling: ScanLevelling, cell: int, seed: int
+    solved: ModelSlope, single: F4, levelling: ScanLevelling, cell: int, seed: int
 ) -> tuple[F4, F4]:
     """Send random errors of the light the height's own way; and the variance inside a cell.
 
@@ -46,9 +46,9 @@ def scan_errors(
     that show a part of it.  As brightness is free, light that is wrong under all LEDs alike turns
     no normal.
     """
-    slope, by_light = found.slope, levelling.by_light
+    slope, by_light = solved.slope, levelling.by_light
     leds = by_light.shape[1]
-    noise, misfit = _parts(found.residual, single, leds, cell)
+    noise, misfit = _parts(solved.residual, single, leds, cell)
     root = _root(by_light) * noise
     normal = slope / np.sqrt(1 + np.sum(slope * slope, axis=0))
     where = np.stack([*(normal / REPEAT_TURN), *(each / REPEAT_FRAME for each in levelling.place)])

@@ -39,7 +39,7 @@ class ScanLevelling:
 
     Parameters
     ----------
-    found : of cells
+    solved : of cells
     model : on cells
     pixel : side of a cell in mm
     level : as for `level_scan`
@@ -47,9 +47,9 @@ class ScanLevelling:
     """
 
     def __init__(
-        self, found: ModelSlope, model: LightModel, pixel: float, level: str, cell: int
+        self, solved: ModelSlope, model: LightModel, pixel: float, level: str, cell: int
     ) -> None:
-        slope, brightness, residual, _ = found
+        slope, brightness, residual, _ = solved
         self.shape, self.pixel = slope.shape[1:], pixel
         self.place = (*np.meshgrid(model.u, model.v),)
         self.by_light = slope_by_light(slope, brightness, model, self.place)

@@ -65,7 +65,7 @@ class _ScanFile(ScanEntries):
     ] = None
     calibradius: BallRadius | None = None
     target: Annotated[
-        _Target | None, BeforeValidator(lambda said: said if isinstance(said, dict) else None)
+        _Target | None, BeforeValidator(lambda entry: entry if isinstance(entry, dict) else None)
     ] = None
     annotations: Annotated[
         list[Annotated[_Mark | None, BeforeValidator(_ball)]], BeforeValidator(lambda a: a or [])

@@ -54,14 +54,14 @@ def slope_in_shadow(
     rows, columns = np.nonzero(light.min(axis=0) < MAX_SHADOW_LIGHT)
     place = terms(columns.astype(np.float64), rows.astype(np.float64), light.shape[1:])
     maps = np.einsum("kbq,qn->kbn", reflectance, place, optimize=True).astype(np.float32)
-    seen, weight = light[:, rows, columns], flat[:, rows, columns]
-    rests = list(seen - 1 - maps[:, SHADE_COUNT - 1] * height[rows, columns])
+    candidate_light, weight = light[:, rows, columns], flat[:, rows, columns]
+    rests = list(candidate_light - 1 - maps[:, SHADE_COUNT - 1] * height[rows, columns])
     steep = slope[:, rows, columns]
-    darkest = seen == seen.min(axis=0)
+    darkest = candidate_light == candidate_light.min(axis=0)
     near = solved(rests, weight * ~darkest, maps, np.zeros_like(steep))
     lack = -(_departure(rests, maps, near) * darkest).sum(axis=0)
     torn = np.square(_departure(rests, maps, steep)).sum(axis=0) > least**2
-    shaded = torn & (lack > least) & (seen.min(axis=0) + lack < 1 + least)
+    shaded = torn & (lack > least) & (candidate_light.min(axis=0) + lack < 1 + least)
     rows, columns, maps = rows[shaded], columns[shaded], maps[..., shaded]
     far = solved(
         [rest[shaded] for rest in rests], (weight * ~darkest)[:, shaded], maps, steep[:, shaded]

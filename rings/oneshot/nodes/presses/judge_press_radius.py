@@ -80,8 +80,8 @@ def judge_press_radius(
     explained = explain(balls, flat, pixel, _directions(balls), strength, camera=None, coated=True)
     plain, scale = explained.by_name[AS_TOLD], scale_error(explained)
     # What a coat explains better is no evidence of another radius or of a gamma.
-    left = min(plain.departure, explained.by_name[WITH_COAT].departure)
-    doubts, _ = doubts_of(explained, radius_mm, left, which=RADIUS_INPUTS)
+    departure = min(plain.departure, explained.by_name[WITH_COAT].departure)
+    doubts, _ = doubts_of(explained, radius_mm, departure, which=RADIUS_INPUTS)
     is_open = "" if doubts else unconfirmed(explained, radius_mm, which=RADIUS_INPUTS)
     quality = {"diffuse_percent": 100 * plain.diffuse, "scale_error_percent": 100 * scale}
     if plain.departure <= MATT_NOISE_RATIO * _noise(sheet):

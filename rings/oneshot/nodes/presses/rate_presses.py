@@ -101,8 +101,8 @@ def rate_presses(
             at = refine_center(bench, reflectance, at, press, rim, steps=6)
             surface = reconstruct(bench, reflectance, press)
             errors[press] = judge_contact(*surface, at, bench.radius, bench.pixel)
-    seen = chosen[np.isfinite(errors[chosen, 0])]
-    degrees, microns, percent = errors[seen].mean(axis=0) if seen.size else [np.nan] * 3
+    judged = chosen[np.isfinite(errors[chosen, 0])]
+    degrees, microns, percent = errors[judged].mean(axis=0) if judged.size else [np.nan] * 3
     pressed = presses_per_cell(circle[chosen], bench.shape)
     steepest = rim_slope(circle[chosen], bench.radius)
     quality = {
