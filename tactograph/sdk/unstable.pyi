@@ -103,6 +103,7 @@ from tactograph.nodes import (
     ScaleError as ScaleError,
     ShadowRises as ShadowRises,
     SlopeVariance as SlopeVariance,
+    Uneven as Uneven,
     Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
@@ -293,16 +294,6 @@ from tactograph.nodes.files.sensor_identity import (
 from tactograph.nodes.files.sensor_preset import (
     SensorPreset as SensorPreset,
     read_preset as read_preset,
-)
-from tactograph.nodes.height.level_plane import (
-    level_part as level_part,
-    plane_terms as plane_terms,
-    plane_weights as plane_weights,
-    weighted_plane as weighted_plane,
-)
-from tactograph.nodes.height.scale_height import (
-    Scale as Scale,
-    StepScale as StepScale,
 )
 from tactograph.nodes.layers.error import (
     ERROR_MAP as ERROR_MAP,
