@@ -16,7 +16,7 @@ PAGE = ROOT / "docs" / "constants.md"
 ROOMS = {
     "The trust in a touch": ("nodes/trust/*.py",),
     "Right touches that are drawn": ("nodes/calibrate/ranks/*.py",),
-    "Stated errors": ("nodes/error/*.py",),
+    "Stated errors": ("nodes/error/*.py", "rings/*/nodes/**/doubt_*.py"),
     "Doubts of a calibration": ("nodes/**/judge_*.py", "rings/*/nodes/**/judge_*.py"),
     "The fit of a film": ("nodes/calibrate/film/*.py",),
 }

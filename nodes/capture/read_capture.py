@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict
 from tactograph.graph import FRACTIONS, InputError, Whole, node, warn
 from tactograph.graph.disk.strict_yaml import read_yaml
 from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
-from tactograph.nodes.capture._led_files import (
+from tactograph.nodes.capture.led_files import (
     LIGHTS_ADVICE,
     USUAL_PATTERN,
     colour_frames,

@@ -2,6 +2,7 @@ from tactograph.graph import (
     FRACTIONS as FRACTIONS,
     BatchMaps as BatchMaps,
     Cache as Cache,
+    NodeCall as NodeCall,
     Pipeline as Pipeline,
     Whole as Whole,
 )
@@ -90,19 +91,26 @@ from tactograph.nodes import (
     I4 as I4,
     METRES_PER_MM as METRES_PER_MM,
     UM_PER_MM as UM_PER_MM,
+    USUAL_RIM_MM as USUAL_RIM_MM,
+    CoarseLight as CoarseLight,
     Film as Film,
     Lens as Lens,
+    LightPlaces as LightPlaces,
     LightPositions as LightPositions,
     Misfit as Misfit,
+    Noise as Noise,
     ResizedLight as ResizedLight,
+    ScaleError as ScaleError,
     ShadowRises as ShadowRises,
     SlopeVariance as SlopeVariance,
+    Uneven as Uneven,
     Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
     FOLD_COUNT as FOLD_COUNT,
     MAX_INDEPENDENT as MAX_INDEPENDENT,
+    MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
     BallCircles as BallCircles,
     BallPress as BallPress,
@@ -112,6 +120,7 @@ from tactograph.nodes.calibrate import (
 )
 from tactograph.nodes.calibrate.ball.balls_on_film import (
     Balls as Balls,
+    Fitted as Fitted,
 )
 from tactograph.nodes.calibrate.ball.find_ball import (
     Ball as Ball,
@@ -125,10 +134,22 @@ from tactograph.nodes.calibrate.file.calibrated_film import (
     read_either as read_either,
 )
 from tactograph.nodes.calibrate.file.calibration import (
+    NO_MISFIT as NO_MISFIT,
     Calibration as Calibration,
 )
 from tactograph.nodes.calibrate.film.ball_samples import (
     sample_balls as sample_balls,
+)
+from tactograph.nodes.calibrate.film.film_at_rest import (
+    rest_left as rest_left,
+)
+from tactograph.nodes.calibrate.film.film_unknowns import (
+    EMISSION_UNKNOWN as EMISSION_UNKNOWN,
+    SHARED_UNKNOWNS as SHARED_UNKNOWNS,
+    USUAL_NEARNESS as USUAL_NEARNESS,
+)
+from tactograph.nodes.calibrate.film.fit_film import (
+    stored as stored,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
     AS_TOLD as AS_TOLD,
@@ -138,7 +159,13 @@ from tactograph.nodes.calibrate.film.judge_radius import (
     scale_error as scale_error,
     unconfirmed as unconfirmed,
 )
+from tactograph.nodes.calibrate.lights.light_fit import (
+    inverse_places as inverse_places,
+    places_within as places_within,
+    positions as positions,
+)
 from tactograph.nodes.calibrate.lights.light_samples import (
+    Rest as Rest,
     rest_of as rest_of,
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
@@ -160,12 +187,20 @@ from tactograph.nodes.calibrate.rating.verdict import (
     pays as pays,
     verdict_of as verdict_of,
 )
+from tactograph.nodes.calibrate.tables.carry_tables import (
+    TablePixels as TablePixels,
+)
+from tactograph.nodes.capture.led_files import (
+    USUAL_PATTERN as USUAL_PATTERN,
+    find_led_files as find_led_files,
+)
 from tactograph.nodes.capture.read_balls import (
     BallPresses as BallPresses,
     KnownCircles as KnownCircles,
     Millimetres as Millimetres,
     Radii as Radii,
     known_circle as known_circle,
+    read_presses as read_presses,
     refuse_flat as refuse_flat,
 )
 from tactograph.nodes.capture.read_capture import (
@@ -231,10 +266,12 @@ from tactograph.nodes.files.image_arrays import (
 from tactograph.nodes.files.image_files import (
     MAX_LEDS as MAX_LEDS,
     MAX_PIXELS as MAX_PIXELS,
+    Channel as Channel,
     channels as channels,
     check_heights as check_heights,
     lights_of as lights_of,
     read_numbers as read_numbers,
+    read_plane as read_plane,
 )
 from tactograph.nodes.files.mesh_file import (
     rasterised as rasterised,
@@ -257,16 +294,6 @@ from tactograph.nodes.files.sensor_identity import (
 from tactograph.nodes.files.sensor_preset import (
     SensorPreset as SensorPreset,
     read_preset as read_preset,
-)
-from tactograph.nodes.height.level_plane import (
-    level_part as level_part,
-    plane_terms as plane_terms,
-    plane_weights as plane_weights,
-    weighted_plane as weighted_plane,
-)
-from tactograph.nodes.height.scale_height import (
-    Scale as Scale,
-    StepScale as StepScale,
 )
 from tactograph.nodes.layers.error import (
     ERROR_MAP as ERROR_MAP,

@@ -10,6 +10,16 @@ from tactograph.graph.files.read_graph import read_graph
 from tests.graph.conftest import STREAM, Command, Write, one_line
 
 FEW = "format: 1\ntitle: one touch\nparams: {count: {kind: integer, default: 1}}"
+TOUCHED = """
+format: 1
+title: and where the film is touched
+patch:
+  - insert: touched
+    op: find_contact
+    in: {height: integrate.height}
+    with: {enter: $enter, leave: $leave}
+outputs: {touched: touched}
+"""
 STUDY = """
 format: 1
 title: How many touches
@@ -37,11 +47,11 @@ def test_what_an_overlay_makes_of_a_graph_is_shown(tactograph: Command, command:
 def test_an_overlay_is_worked_in_before_what_is_set_and_has_its_params(
     tactograph: Command, write: Write
 ) -> None:
-    words = ("reconstruct", "--with", "filled", "--set", "planed.level=plane")
+    words = ("paper", "--with", write(TOUCHED, "touched.yaml"), "--set", "touched.enter=9")
     done = tactograph("resolve", *words)
-    assert read_graph(write(done.out)).nodes["planed"].settings["level"] == "plane"
-    assert "level_plane" in tactograph("draw", *words).out
-    assert "scale=NUMBERS" in tactograph("run", *words, "--help").out
+    assert read_graph(write(done.out)).nodes["touched"].settings["enter"] == 9
+    assert "find_contact" in tactograph("draw", *words).out
+    assert "leave=NUMBER" in tactograph("run", *words, "--help").out
 
 
 def test_an_overlay_that_does_not_fit_ends_in_one_line(tactograph: Command) -> None:

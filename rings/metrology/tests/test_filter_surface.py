@@ -8,9 +8,9 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4
-from tactograph.nodes.height.level_plane import level_plane
 from tactograph.nodes.write.export_height import export_height
 from tactograph.nodes.write.read_pixel_size import read_pixel_size
+from tactograph.rings.metrology.nodes.filled.level_plane import level_plane
 from tactograph.rings.metrology.nodes.surface.filter_surface import filter_surface, form
 
 PIXEL = 0.01

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, maximum_filter
 
 from tactograph.rings.metrology.nodes.certify.measure_touches import Heights
+from tactograph.rings.metrology.nodes.filled.level_plane import plane_terms, weighted_plane
 from tactograph.sdk import F4, F8, InputError, PixelSize, Port, node, warn
-from tactograph.sdk.unstable import plane_terms, weighted_plane
 
 TOUCHED_SHARE = 0.85
 """Share of the radius of contact that counts: further out pixels mix film and ball."""

@@ -8,6 +8,12 @@ of balls on flat film by 25 um, a coin by 150 um.
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.rings.metrology.nodes.filled.level_plane import (
+    level_part,
+    plane_terms,
+    plane_weights,
+    weighted_plane,
+)
 from tactograph.rings.metrology.nodes.scan._weighted_heights import weighted_heights
 from tactograph.rings.metrology.nodes.scan.light_model import (
     PIXEL_UNKNOWNS,
@@ -16,12 +22,6 @@ from tactograph.rings.metrology.nodes.scan.light_model import (
 )
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope
 from tactograph.sdk import F4, F8, warn
-from tactograph.sdk.unstable import (
-    level_part,
-    plane_terms,
-    plane_weights,
-    weighted_plane,
-)
 
 MAX_DRIFT = 0.15
 """Most that the slope of flat film drifts from side to side by a model; a surface that bends more

@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from tactograph.rings.metrology.nodes.filled.scale_height import StepScale
 from tactograph.rings.metrology.nodes.surface.measure_step import (
     Across,
     EdgeCount,
@@ -26,7 +27,6 @@ from tactograph.sdk import (
     node,
     warn,
 )
-from tactograph.sdk.unstable import StepScale
 
 USUAL_STEP_SCALE, MAX_STEP_SCALE = 1.08, 1.25
 """Factors by which a known step is deeper or shallower than a light model makes it: one that films

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
+from tactograph.rings.metrology.nodes.filled.scale_height import Scale
 from tactograph.rings.metrology.nodes.surface.measure_step import KnownDepth
 from tactograph.sdk import InputError, node
-from tactograph.sdk.unstable import Scale
 
 
 @node

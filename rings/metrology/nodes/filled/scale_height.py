@@ -5,8 +5,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Port, node
-from tactograph.nodes import F4, Height
+from tactograph.sdk import F4, Height, Port, node
 
 Scale = tuple[Annotated[float, Interval(gt=0, le=10)], Annotated[float, Interval(ge=0, le=10)]]
 """``step_scale`` and ``step_scale_error`` of `measure_step`: a factor, its standard uncertainty."""

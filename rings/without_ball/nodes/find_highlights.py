@@ -7,12 +7,16 @@ import numpy as np
 from annotated_types import Gt
 from scipy.ndimage import label
 
-from tactograph.graph import InputError, node
-from tactograph.nodes import F4, LightPositions
-from tactograph.nodes.capture._led_files import USUAL_PATTERN, find_led_files
-from tactograph.nodes.capture.read_capture import read_capture_file
-from tactograph.nodes.capture.read_lamps import far_lamps
-from tactograph.nodes.files.image_files import Channel, Crop, read_plane
+from tactograph.rings.without_ball.nodes.read_lamps import far_lamps
+from tactograph.sdk import F4, Crop, InputError, node
+from tactograph.sdk.unstable import (
+    USUAL_PATTERN,
+    Channel,
+    LightPositions,
+    find_led_files,
+    read_capture_file,
+    read_plane,
+)
 
 BALL_SHARE = 0.98
 """Share of the ball's radius in which highlights are searched for."""

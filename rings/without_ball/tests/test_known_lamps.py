@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.nodes.capture.find_highlights import find_highlights
+from tactograph.rings.without_ball.nodes.find_highlights import find_highlights
 from tests.pipelines.matt_film import FLAT, PIXEL_MM, TOUCH, leds, run, said, taken, write
 
 NEAR, FAR = leds(4), leds(4, distance_mm=1000.0)

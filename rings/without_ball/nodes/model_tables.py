@@ -2,11 +2,9 @@
 
 import numpy as np
 
-from tactograph.graph import node
-from tactograph.nodes import CoarseLight, Film, Noise
-from tactograph.nodes.calibrate.tables.carry_tables import TablePixels
-from tactograph.nodes.light.light_noise import light_noise
-from tactograph.nodes.optics.film import predict
+from tactograph.sdk import node
+from tactograph.sdk.nodes import light_noise
+from tactograph.sdk.unstable import CoarseLight, Film, Noise, TablePixels, predict
 
 TABLE_SIDE = 121
 """Rows and columns of the hemisphere of normals."""

@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-from tactograph.graph import node
-from tactograph.nodes import Uneven
+from tactograph.sdk import node
+from tactograph.sdk.unstable import Uneven
 
 KNOWN_UNEVEN, FREE_UNEVEN = 0.0005, 0.2
 """Standard deviations of the film's brightness that leave slopes no freedom, and all."""

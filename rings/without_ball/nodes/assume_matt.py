@@ -4,10 +4,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.graph import node
-from tactograph.nodes import Film, LightPlaces, LightPositions, Misfit
-from tactograph.nodes.calibrate.file.calibration import NO_MISFIT
-from tactograph.nodes.optics.film import matt_film
+from tactograph.sdk import node
+from tactograph.sdk.unstable import (
+    NO_MISFIT,
+    Film,
+    LightPlaces,
+    LightPositions,
+    Misfit,
+    matt_film,
+)
 
 
 class MattFilm(NamedTuple):

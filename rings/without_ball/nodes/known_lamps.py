@@ -5,10 +5,14 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.graph import InputError, node, warn
-from tactograph.nodes import F8, Light, LightPlaces, LightPositions, Metrics, PixelSize
-from tactograph.nodes.calibrate.lights.light_fit import inverse_places, places_within
-from tactograph.nodes.calibrate.lights.light_samples import rest_of
+from tactograph.sdk import F8, InputError, Light, Metrics, PixelSize, node, warn
+from tactograph.sdk.unstable import (
+    LightPlaces,
+    LightPositions,
+    inverse_places,
+    places_within,
+    rest_of,
+)
 
 DIRECTION_DEVIATION = 0.01
 """Standard deviation of a lamp's direction in radians, and of its distance as a share of it."""

@@ -5,10 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.graph import InputError, node, warn
-from tactograph.nodes import F8, LightPositions
-from tactograph.nodes.capture._led_files import USUAL_PATTERN, find_led_files
-from tactograph.nodes.capture.read_capture import read_capture_file
+from tactograph.sdk import F8, InputError, node, warn
+from tactograph.sdk.unstable import (
+    USUAL_PATTERN,
+    LightPositions,
+    find_led_files,
+    read_capture_file,
+)
 
 FAR_MM = 1e5
 """Distance of a lamp of which only the direction is known."""

@@ -16,33 +16,31 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from tactograph.graph import InputError, NodeCall, SizeLimit, node
-from tactograph.nodes import (
-    F8,
-    USUAL_RIM_MM,
-    Film,
-    Light,
-    Metrics,
-    Misfit,
-    PixelSize,
-    ScaleError,
-)
-from tactograph.nodes.calibrate import MIN_BOUNCE_ERROR
-from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
-from tactograph.nodes.calibrate.film.film_at_rest import rest_left
-from tactograph.nodes.calibrate.film.film_unknowns import (
+from tactograph.sdk import F8, InputError, Light, Metrics, PixelSize, SizeLimit, node
+from tactograph.sdk.nodes import film_bounce, integrate_dct
+from tactograph.sdk.unstable import (
     EMISSION_UNKNOWN,
+    MIN_BOUNCE_ERROR,
     SHARED_UNKNOWNS,
     USUAL_NEARNESS,
+    USUAL_RIM_MM,
+    Film,
+    Fitted,
+    Misfit,
+    NodeCall,
+    Rest,
+    ScaleError,
+    SheetLight,
+    cut,
+    matt_film,
+    places,
+    places_within,
+    positions,
+    predict,
+    rest_left,
+    rest_of,
+    stored,
 )
-from tactograph.nodes.calibrate.film.fit_film import stored
-from tactograph.nodes.calibrate.lights.light_fit import places_within, positions
-from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
-from tactograph.nodes.height.integrate_dct import integrate_dct
-from tactograph.nodes.light.film_bounce import film_bounce
-from tactograph.nodes.optics.film import matt_film, predict
-from tactograph.nodes.optics.near_light import places
-from tactograph.nodes.optics.sheet import SheetLight, cut
 
 CELLS_ACROSS = 40
 """Cells along the image: twenty unknowns need no more."""

@@ -5,7 +5,7 @@ import pytest
 
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
-from tactograph.nodes.height.level_plane import level_plane
+from tactograph.rings.metrology.nodes.filled.level_plane import level_plane
 
 ROWS, COLUMNS = 60, 80
 Y, X = np.mgrid[:ROWS, :COLUMNS] / COLUMNS

@@ -5,11 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.graph import node
-from tactograph.nodes import Light
-from tactograph.nodes.capture.read_balls import KnownCircles, read_presses, refuse_flat
-from tactograph.nodes.capture.read_capture import Layout
-from tactograph.nodes.optics.sheet import SheetLight
+from tactograph.sdk import Light, node
+from tactograph.sdk.unstable import KnownCircles, Layout, SheetLight, read_presses, refuse_flat
 
 
 class ObjectPresses(NamedTuple):

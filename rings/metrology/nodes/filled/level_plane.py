@@ -6,9 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, node, warn
-from tactograph.nodes import F8, Height
-from tactograph.nodes.files.image_files import read_image
+from tactograph.sdk import F8, Height, InputError, node, read_image, warn
 
 MAX_FITTED = 50_000
 """Pixels that the plane is fitted to; more add nothing."""

@@ -1,1 +1,0 @@
-"""Find LEDs and film from presses of objects whose shapes nobody knows."""

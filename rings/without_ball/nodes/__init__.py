@@ -1,0 +1,1 @@
+"""LEDs and film of a sensor into which no ball was pressed."""
