@@ -368,10 +368,6 @@ from tactograph.nodes.simulate.expose import (
 from tactograph.nodes.stored import (
     Stored as Stored,
 )
-from tactograph.nodes.stream.assemble import (
-    Assembler as Assembler,
-    Refresh as Refresh,
-)
 from tactograph.nodes.stream.colour_planes import (
     Order as Order,
     planes_of as planes_of,
@@ -382,18 +378,6 @@ from tactograph.nodes.stream.frames import (
 )
 from tactograph.nodes.stream.layer_kinds import (
     deviation_of as deviation_of,
-)
-from tactograph.nodes.stream.rest_film import (
-    MAX_DEPARTURE as MAX_DEPARTURE,
-    MIN_REST_LIGHT as MIN_REST_LIGHT,
-    Plane as Plane,
-    RestFilm as RestFilm,
-    cells as cells,
-    light_of as light_of,
-    make_film as make_film,
-    top_of as top_of,
-    truncated as truncated,
-    upper_median as upper_median,
 )
 from tactograph.nodes.trust.check_ranks import (
     StoredRanks as StoredRanks,
