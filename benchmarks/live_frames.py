@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from tactograph.nodes.stream.rest_film import make_film
+from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.simulated.simulated_sensor import Scene, SimulatedSensor
 from tactograph.rings.live.nodes.touches._match_frames import Matcher
 

@@ -97,6 +97,9 @@ from tactograph.nodes import (
     Lens as Lens,
     LightPlaces as LightPlaces,
     LightPositions as LightPositions,
+    LutLight as LutLight,
+    LutLit as LutLit,
+    LutSlope as LutSlope,
     Misfit as Misfit,
     Noise as Noise,
     ResizedLight as ResizedLight,
@@ -112,8 +115,10 @@ from tactograph.nodes.calibrate import (
     MAX_INDEPENDENT as MAX_INDEPENDENT,
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
+    SHIFT_DEVIATION_PX as SHIFT_DEVIATION_PX,
     BallCircles as BallCircles,
     BallPress as BallPress,
+    BallRadii as BallRadii,
     Circles as Circles,
     PressImages as PressImages,
     TiltResponse as TiltResponse,
@@ -121,6 +126,7 @@ from tactograph.nodes.calibrate import (
 from tactograph.nodes.calibrate.ball.balls_on_film import (
     Balls as Balls,
     Fitted as Fitted,
+    predicted as predicted,
 )
 from tactograph.nodes.calibrate.ball.find_ball import (
     Ball as Ball,
@@ -137,18 +143,36 @@ from tactograph.nodes.calibrate.file.calibration import (
     NO_MISFIT as NO_MISFIT,
     Calibration as Calibration,
 )
+from tactograph.nodes.calibrate.film.ball_normals import (
+    normal_error as normal_error,
+)
 from tactograph.nodes.calibrate.film.ball_samples import (
+    grain as grain,
     sample_balls as sample_balls,
 )
 from tactograph.nodes.calibrate.film.film_at_rest import (
+    MAX_INDEPENDENT_REST as MAX_INDEPENDENT_REST,
     rest_left as rest_left,
+)
+from tactograph.nodes.calibrate.film.film_fit import (
+    light_scale as light_scale,
+    place_deviations as place_deviations,
+)
+from tactograph.nodes.calibrate.film.film_misfit import (
+    Held as Held,
+    misfit as misfit,
+    unevenness as unevenness,
 )
 from tactograph.nodes.calibrate.film.film_unknowns import (
     EMISSION_UNKNOWN as EMISSION_UNKNOWN,
+    PART_UNKNOWNS as PART_UNKNOWNS,
     SHARED_UNKNOWNS as SHARED_UNKNOWNS,
     USUAL_NEARNESS as USUAL_NEARNESS,
+    Unknown as Unknown,
+    within as within,
 )
 from tactograph.nodes.calibrate.film.fit_film import (
+    pressed_slope as pressed_slope,
     stored as stored,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
@@ -159,7 +183,12 @@ from tactograph.nodes.calibrate.film.judge_radius import (
     scale_error as scale_error,
     unconfirmed as unconfirmed,
 )
+from tactograph.nodes.calibrate.lights.descend import (
+    by_differences as by_differences,
+    least_squares as least_squares,
+)
 from tactograph.nodes.calibrate.lights.light_fit import (
+    LIGHT_DEVIATION as LIGHT_DEVIATION,
     inverse_places as inverse_places,
     places_within as places_within,
     positions as positions,
@@ -183,12 +212,10 @@ from tactograph.nodes.calibrate.rating.verdict import (
     Advice as Advice,
     Judged as Judged,
     advice_after as advice_after,
+    grows as grows,
     of_heldout_error as of_heldout_error,
     pays as pays,
     verdict_of as verdict_of,
-)
-from tactograph.nodes.calibrate.tables.carry_tables import (
-    TablePixels as TablePixels,
 )
 from tactograph.nodes.capture.led_files import (
     USUAL_PATTERN as USUAL_PATTERN,
@@ -313,6 +340,7 @@ from tactograph.nodes.optics.cell_side import (
 from tactograph.nodes.optics.film import (
     matt_film as matt_film,
     predict as predict,
+    rest_light as rest_light,
 )
 from tactograph.nodes.optics.film_places import (
     film_areas as film_areas,
@@ -358,8 +386,10 @@ from tactograph.nodes.optics.shape import (
     turned as turned,
 )
 from tactograph.nodes.optics.sheet import (
+    SheetLabels as SheetLabels,
     SheetLight as SheetLight,
     SheetMask as SheetMask,
+    SheetSlope as SheetSlope,
     cut as cut,
 )
 from tactograph.nodes.simulate.expose import (
@@ -367,10 +397,6 @@ from tactograph.nodes.simulate.expose import (
 )
 from tactograph.nodes.stored import (
     Stored as Stored,
-)
-from tactograph.nodes.stream.assemble import (
-    Assembler as Assembler,
-    Refresh as Refresh,
 )
 from tactograph.nodes.stream.colour_planes import (
     Order as Order,
@@ -382,18 +408,6 @@ from tactograph.nodes.stream.frames import (
 )
 from tactograph.nodes.stream.layer_kinds import (
     deviation_of as deviation_of,
-)
-from tactograph.nodes.stream.rest_film import (
-    MAX_DEPARTURE as MAX_DEPARTURE,
-    MIN_REST_LIGHT as MIN_REST_LIGHT,
-    Plane as Plane,
-    RestFilm as RestFilm,
-    cells as cells,
-    light_of as light_of,
-    make_film as make_film,
-    top_of as top_of,
-    truncated as truncated,
-    upper_median as upper_median,
 )
 from tactograph.nodes.trust.check_ranks import (
     StoredRanks as StoredRanks,

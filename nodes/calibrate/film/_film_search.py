@@ -11,8 +11,7 @@ from tactograph.graph import warn
 from tactograph.nodes import Metrics
 from tactograph.nodes.calibrate import FOLD_COUNT
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
-from tactograph.nodes.calibrate.film._ball_normals import normal_error
-from tactograph.nodes.calibrate.film._film_misfit import Held
+from tactograph.nodes.calibrate.film.ball_normals import normal_error
 from tactograph.nodes.calibrate.film.ball_samples import lights_itself, moved_with, thinned
 from tactograph.nodes.calibrate.film.film_fit import (
     MAX_INDEPENDENT_SAMPLES,
@@ -21,6 +20,7 @@ from tactograph.nodes.calibrate.film.film_fit import (
     fit,
     place_balls,
 )
+from tactograph.nodes.calibrate.film.film_misfit import Held
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, surprise, unknowns_of
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.verdict import grows, pays

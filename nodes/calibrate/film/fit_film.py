@@ -34,7 +34,6 @@ from tactograph.nodes.calibrate import (
 )
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, predicted
-from tactograph.nodes.calibrate.film._film_misfit import misfit, unevenness
 from tactograph.nodes.calibrate.film._film_search import (
     Model,
     Trial,
@@ -47,6 +46,7 @@ from tactograph.nodes.calibrate.film._film_search import (
 from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, grain, sample_balls
 from tactograph.nodes.calibrate.film.film_at_rest import rest_left
 from tactograph.nodes.calibrate.film.film_fit import certainty, start_at
+from tactograph.nodes.calibrate.film.film_misfit import misfit, unevenness
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce

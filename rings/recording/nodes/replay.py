@@ -19,6 +19,8 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Ge
 
+from tactograph.rings.frames.assemble import Assembler, Refresh
+from tactograph.rings.frames.rest_film import make_film, top_of
 from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.files.mcap_read import McapFile, Read
 from tactograph.rings.recording.files.ros_messages import read_image
@@ -29,16 +31,12 @@ from tactograph.sdk.unstable import (
     ALL_LIT,
     MAX_LEDS,
     MAX_PIXELS,
-    Assembler,
     RawFrame,
-    Refresh,
     SensorIdentity,
     check_handed_in,
     check_sensor,
     identity_in,
-    make_film,
     planes_of,
-    top_of,
 )
 
 IMAGE_TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")

@@ -1,10 +1,21 @@
 """The pixels of the tables by a film's model, where no object was pressed."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from tactograph.sdk import node
 from tactograph.sdk.nodes import light_noise
-from tactograph.sdk.unstable import CoarseLight, Film, Noise, TablePixels, predict
+from tactograph.sdk.unstable import (
+    CoarseLight,
+    Film,
+    Noise,
+    SheetLabels,
+    SheetLight,
+    SheetMask,
+    SheetSlope,
+    predict,
+)
 
 TABLE_SIDE = 121
 """Rows and columns of the hemisphere of normals."""
@@ -14,8 +25,17 @@ MIN_LIGHT = 0.02
 """Light up to which a lamp does not reach a slope."""
 
 
+class ModelTables(NamedTuple):
+    """The pixels of the tables, as a sheet of one row."""
+
+    light: SheetLight
+    slope: SheetSlope
+    mask: SheetMask
+    lit: SheetLabels
+
+
 @node
-def model_tables(film: Film, flat: CoarseLight, noise: Noise) -> TablePixels:
+def model_tables(film: Film, flat: CoarseLight, noise: Noise) -> ModelTables:
     """Return the light that a film's model gives slopes in all directions, with a camera's noise.
 
     Parameters
@@ -39,7 +59,7 @@ def model_tables(film: Film, flat: CoarseLight, noise: Noise) -> TablePixels:
     deviation = light_noise(level, level, noise, floor=1e-3)[:, 0]
     lit = (light > MIN_LIGHT) << np.arange(len(light))[:, None]
     light = light + np.random.default_rng(0).normal(size=light.shape) * deviation
-    return TablePixels(
+    return ModelTables(
         light.astype(np.float32)[:, None],
         (-normal[:2] / normal[2]).astype(np.float32)[:, None],
         np.ones((1, none.size), np.uint8),

@@ -10,6 +10,7 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
+from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Plane
 from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
@@ -37,7 +38,6 @@ from tactograph.sdk.unstable import (
     KnownCircles,
     Radii,
     SheetLight,
-    make_film,
 )
 
 USUAL_LEDS = 4

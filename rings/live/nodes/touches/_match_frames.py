@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.rings.frames.rest_film import Plane, RestFilm, light_of
 from tactograph.rings.live.nodes.touches.led_in_frame import Sight, reach, see
 from tactograph.sdk import F4
-from tactograph.sdk.unstable import Plane, RestFilm, light_of
 
 Clock = Callable[[float], int | None]
 """The LED that was lit at a time of time.monotonic(), 0 for none; None if unknown."""

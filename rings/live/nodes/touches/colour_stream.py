@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tactograph.rings.frames.rest_film import RestFilm, cells, top_of
 from tactograph.rings.live.nodes.camera.camera import Shot
 from tactograph.rings.live.nodes.camera.open_camera import Plane
 from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES, FaultLog
@@ -12,15 +13,7 @@ from tactograph.rings.live.nodes.touches.led_in_frame import MAX_DARK_LIGHT, MAX
 from tactograph.rings.live.nodes.touches.sensor import Sensor
 from tactograph.rings.live.nodes.touches.touch_stream import MAX_BRIGHTNESS_CHANGE, TouchStream
 from tactograph.sdk import LiveFrames, LiveState
-from tactograph.sdk.unstable import (
-    ALL_LIT,
-    Order,
-    RawFrame,
-    RestFilm,
-    cells,
-    planes_of,
-    top_of,
-)
+from tactograph.sdk.unstable import ALL_LIT, Order, RawFrame, planes_of
 
 COLOUR_NAMES = {"b": "blue", "g": "green", "r": "red"}
 COLOUR_FAULTS = FAULT_LINES | {

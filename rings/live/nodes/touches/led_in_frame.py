@@ -11,8 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.sdk import F4
-from tactograph.sdk.unstable import (
+from tactograph.rings.frames.rest_film import (
     MAX_DEPARTURE,
     Plane,
     RestFilm,
@@ -21,6 +20,7 @@ from tactograph.sdk.unstable import (
     truncated,
     upper_median,
 )
+from tactograph.sdk import F4
 
 Kind = Literal["one", "off", "mixed", "saturated", "covered", "unclear", "wrong size"]
 BAND_COUNT = 6

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.stream.rest_film import RestFilm, cells, make_film
+from tactograph.rings.frames.rest_film import RestFilm, cells, make_film
 from tactograph.rings.live.nodes.simulated.simulated_sensor import Scene, SimulatedSensor
 from tactograph.rings.live.nodes.touches._match_frames import Matcher, Verdict
 from tactograph.rings.live.nodes.touches.led_in_frame import reach, see

@@ -19,7 +19,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.stream.frames import LiveFrames
-from tactograph.nodes.stream.rest_film import make_film
+from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, settle
 from tactograph.rings.live.nodes.simulated.simulated_sensor import (

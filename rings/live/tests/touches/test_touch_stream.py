@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.stream.rest_film import make_film
+from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera import Shot
 from tactograph.rings.live.nodes.touches._match_frames import Verdict
 from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES

@@ -8,14 +8,14 @@ import pytest
 
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
-from tactograph.nodes.calibrate.film._film_misfit import (
+from tactograph.nodes.calibrate.film.film_fit import start_at
+from tactograph.nodes.calibrate.film.film_misfit import (
     MIN_BOUNCE_ERROR,
     Held,
     _half_way,
     misfit,
     unevenness,
 )
-from tactograph.nodes.calibrate.film.film_fit import start_at
 from tactograph.nodes.optics.film import matt_film
 from tests.nodes.scenes import LIGHTS
 

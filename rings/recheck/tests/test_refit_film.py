@@ -7,7 +7,7 @@ import pytest
 
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.calibrate.film.fit_film import FilmFit
-from tactograph.nodes.calibrate.film.refit_film import refit_film
+from tactograph.rings.recheck.nodes.refit_film import refit_film
 from tests.nodes.calibrate.film.test_fit_film import (
     FOUR,
     NOISE,

@@ -4,16 +4,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.graph import node
-from tactograph.nodes import Film, LutLight, LutLit, LutSlope
-from tactograph.nodes.optics.film import predict
-from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope
+from tactograph.sdk import node
+from tactograph.sdk.unstable import (
+    Film,
+    LutLight,
+    LutLit,
+    LutSlope,
+    SheetLabels,
+    SheetLight,
+    SheetMask,
+    SheetSlope,
+    predict,
+)
 
 MIN_PREDICTED_LIGHT = 0.05
 """Light predicted for the old film above which the ratio of both films is used."""
 
 
-class TablePixels(NamedTuple):
+class CarriedTables(NamedTuple):
     """The pixels of the tables, as a sheet of one row."""
 
     light: SheetLight
@@ -25,7 +33,7 @@ class TablePixels(NamedTuple):
 @node
 def carry_tables(
     lut_light: LutLight, lut_slope: LutSlope, lut_lit: LutLit, old: Film, new: Film
-) -> TablePixels:
+) -> CarriedTables:
     """Return the tables' pixels with the light that their slopes have on the new film.
 
     The light of each pixel is multiplied by the ratio of both films' predictions (`optics/film`,
@@ -48,7 +56,7 @@ def carry_tables(
     then, now = (predict(film, normal, none, none, height) for film in (old, new))
     ratio = np.where(then > MIN_PREDICTED_LIGHT, now / np.maximum(then, MIN_PREDICTED_LIGHT), 1)
     light = (lut_light.T * ratio).astype(np.float32)
-    return TablePixels(
+    return CarriedTables(
         light[:, None],
         np.ascontiguousarray(lut_slope.T)[:, None],
         np.ones((1, len(lut_slope)), np.uint8),

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tactograph.nodes.stream.assemble import Assembler
 from tactograph.nodes.stream.frames import RawFrame
-from tactograph.nodes.stream.rest_film import make_film
+from tactograph.rings.frames.assemble import Assembler
+from tactograph.rings.frames.rest_film import make_film
 
 ROWS, COLUMNS, RATE = 60, 80, 30.0
 LEDS = (1, 2, 3, 4)

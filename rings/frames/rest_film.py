@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, Dark, Light
+from tactograph.sdk import F4, Dark, Light
 
 Plane = NDArray[np.uint8] | NDArray[np.uint16]
 CELL_ROWS = 60

@@ -8,36 +8,47 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactograph.graph import NodeCall, SizeLimit, node, warn
-from tactograph.nodes import F4, F8, Film, Light, Metrics, Misfit, Noise, PixelSize
-from tactograph.nodes.calibrate import (
+from tactograph.sdk import F4, F8, Light, Metrics, PixelSize, SizeLimit, node, warn
+from tactograph.sdk.nodes import film_bounce
+from tactograph.sdk.unstable import (
     FOLD_COUNT,
+    LIGHT_DEVIATION,
     MAX_INDEPENDENT,
+    MAX_INDEPENDENT_REST,
+    PART_UNKNOWNS,
+    SHARED_UNKNOWNS,
     SHIFT_DEVIATION_PX,
     BallCircles,
     BallPress,
     BallRadii,
-)
-from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
-from tactograph.nodes.calibrate.film._ball_normals import normal_error
-from tactograph.nodes.calibrate.film._film_misfit import Held, misfit, unevenness
-from tactograph.nodes.calibrate.film.ball_samples import grain, sample_balls
-from tactograph.nodes.calibrate.film.film_at_rest import MAX_INDEPENDENT_REST
-from tactograph.nodes.calibrate.film.film_fit import light_scale, place_deviations
-from tactograph.nodes.calibrate.film.film_unknowns import (
-    PART_UNKNOWNS,
-    SHARED_UNKNOWNS,
+    Balls,
+    Film,
+    Fitted,
+    Held,
+    Misfit,
+    NodeCall,
+    Noise,
+    Rest,
+    SheetLight,
     Unknown,
+    by_differences,
+    grain,
+    grows,
+    least_squares,
+    light_scale,
+    misfit,
+    normal_error,
+    pays,
+    place_deviations,
+    predicted,
+    pressed_slope,
+    rest_light,
+    rest_of,
+    sample_balls,
+    stored,
+    unevenness,
     within,
 )
-from tactograph.nodes.calibrate.film.fit_film import pressed_slope, stored
-from tactograph.nodes.calibrate.lights.descend import by_differences, least_squares
-from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
-from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
-from tactograph.nodes.calibrate.rating.verdict import grows, pays
-from tactograph.nodes.light.film_bounce import film_bounce
-from tactograph.nodes.optics.film import rest_light
-from tactograph.nodes.optics.sheet import SheetLight
 
 SHALLOW_SHARE = 0.5
 """Smallest slopes of a check press, as a share of those pressed for the calibration."""

@@ -15,7 +15,7 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
     Fitted,
     predicted,
 )
-from tactograph.nodes.calibrate.film._ball_normals import ball_normals
+from tactograph.nodes.calibrate.film.ball_normals import ball_normals
 from tactograph.nodes.calibrate.film.ball_samples import thinned
 from tactograph.nodes.calibrate.lights.light_fit import inverse_places, positions
 from tactograph.nodes.light.touch_misfit import brighter
