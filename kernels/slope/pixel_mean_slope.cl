@@ -1,6 +1,7 @@
 // Equation V4 of docs/model.md.
 #include "common.clh"
 #include "normals.clh"
+#include "bend.clh"
 
 #define PIXEL_VARIANCE (1.0f / 12.0f)
 
@@ -22,7 +23,7 @@ LANED __kernel void pixel_mean_slope(
     __global const float *restrict slope,
     __global float *restrict out,
     const int H, const int W,
-    const float most)
+    const float most, const int inverse)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int size = H * W, at = y * W + x;
@@ -33,10 +34,17 @@ LANED __kernel void pixel_mean_slope(
     const floats right = n.along.z * across, lower = n.down.z * upright;
     const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
     const floats square = 1.0f + p * p + q * q, limit = most * square, by = square * PIXEL_VARIANCE;
-    const floats add_p =
-        added(n.down.x * upright, lower, p) + added(n.along.x * across, right, p);
-    const floats add_q =
-        added(n.down.y * upright, lower, q) + added(n.along.y * across, right, q);
-    store_floats(p + within(add_p * by, limit), out + at, count);
-    store_floats(q + within(add_q * by, limit), out + size + at, count);
+    floats add_p =
+        by * (added(n.down.x * upright, lower, p) + added(n.along.x * across, right, p));
+    floats add_q =
+        by * (added(n.down.y * upright, lower, q) + added(n.along.y * across, right, q));
+    if (inverse) {
+        // What a pixel's mean slopes exceed differences over two pixels by.
+        const Bend of_p = bend_at(slope, y, x, count, H, W);
+        const Bend of_q = bend_at(slope + size, y, x, count, H, W);
+        add_p = (PIXEL_VARIANCE / 2.0f) * (of_p.along - 3.0f * of_p.across) - add_p;
+        add_q = (PIXEL_VARIANCE / 2.0f) * (of_q.across - 3.0f * of_q.along) - add_q;
+    }
+    store_floats(p + within(add_p, limit), out + at, count);
+    store_floats(q + within(add_q, limit), out + size + at, count);
 }

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from tactograph.nodes import F4, Height
+from tactograph.nodes.optics.difference import second_differences
 from tactograph.nodes.slope.pixel_mean_slope import PIXEL_VARIANCE
 
 RESOLVED_BEND = np.float32(0.5)
@@ -30,7 +31,7 @@ def blurred(height: Height, pixel: float, blur: float = 0.0) -> F4:
     is flattened: a Gaussian that spreads the light spreads the slopes and the height that follows
     from them, to first order by half its variance times the Laplacian.
     """
-    across, along = _bends(height)
+    across, along = second_differences(height)
     beyond = largest_bend(height) - RESOLVED_BEND * np.float32(pixel)
     edge = np.maximum(beyond, np.float32(0)) * edge_deviation_px(blur)
     flat = np.abs(np.float32(blur * blur / 2) * (across + along))
@@ -39,11 +40,4 @@ def blurred(height: Height, pixel: float, blur: float = 0.0) -> F4:
 
 def largest_bend(height: Height) -> F4:
     """Return the largest root of squares of the height's second differences, of 3 x 3 pixels."""
-    return np.asarray(cv2.dilate(np.hypot(*_bends(height)), np.ones((3, 3), np.uint8)))
-
-
-def _bends(height: Height) -> tuple[F4, F4]:
-    """The second differences across and along; the border repeats."""
-    around = np.pad(height, 1, mode="edge")
-    across = around[1:-1, 2:] - 2 * height + around[1:-1, :-2]
-    return across, around[2:, 1:-1] - 2 * height + around[:-2, 1:-1]
+    return np.asarray(cv2.dilate(np.hypot(*second_differences(height)), np.ones((3, 3), np.uint8)))

@@ -8,12 +8,15 @@ from annotated_types import Interval
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
+from tactograph.nodes.optics.difference import second_differences
 
 PIXEL_VARIANCE = np.float32(1 / 12)
 
 
 @node(neutral="slope", tolerance=Close(2e-5, 2e-5, why="differences of rounded normals"))
-def pixel_mean_slope(slope: Slope, *, most: Annotated[float, Interval(ge=0, le=1)] = 0.05) -> Slope:
+def pixel_mean_slope(
+    slope: Slope, *, most: Annotated[float, Interval(ge=0, le=1)] = 0.05, inverse: bool = False
+) -> Slope:
     """Correct slopes for the change of the normal within a pixel.
 
     A pixel gathers the light of its whole area, so its light gives the mean normal.  A step of
@@ -22,10 +25,16 @@ def pixel_mean_slope(slope: Slope, *, most: Annotated[float, Interval(ge=0, le=1
     exceeds the slope of the mean normal by (n'_x n'_z + p n'_z^2) / (12 n_z^2), summed over
     both axes; the same for q (equation V4).
 
+    A known height has differences over two pixels (`height_slopes`) instead.  With p'' the second
+    difference of p, they exceed the pixel's mean slope by p'' / 8 along their own axis, which is
+    1/6 - 1/24 of the third derivative, and lack p'' / 24 along the other.  `inverse` gives the
+    slopes of the mean normals from them: what light shows of a known height.
+
     Parameters
     ----------
     slope : 2 x H x W in mm per mm, of the mean normal
     most : largest correction, in units of 1 + p^2 + q^2; across edges the expansion fails
+    inverse : convert differences over two pixels to slopes of the mean normal
     """
     rows, columns = slope.shape[1:]
     corrected = np.empty_like(slope)
@@ -33,15 +42,15 @@ def pixel_mean_slope(slope: Slope, *, most: Annotated[float, Interval(ge=0, le=1
     def correct(part: slice) -> None:
         around = slice(max(part.start - 1, 0), part.stop + 1)
         inner = slice(part.start - around.start, part.stop - around.start)
-        corrected[:, part] = _corrected(slope[:, around], inner, np.float32(most))
+        corrected[:, part] = _corrected(slope[:, around], inner, np.float32(most), inverse)
 
     in_blocks(correct, rows, columns)
     return corrected
 
 
-def _corrected(slope: F4, rows: slice, most: np.float32) -> F4:
+def _corrected(slope: F4, rows: slice, most: np.float32, inverse: bool) -> F4:
     """The corrected slopes of `rows`; the other rows serve as neighbours."""
-    p, q = slope
+    p, q = around = slope
     square = 1 + p * p + q * q
     nz = 1 / np.sqrt(square)
     normal = np.stack([-p * nz, -q * nz, nz])
@@ -53,7 +62,16 @@ def _corrected(slope: F4, rows: slice, most: np.float32) -> F4:
         add += dz * (along + slope * dz)
     limit = most * square
     add *= square * PIXEL_VARIANCE
+    if inverse:
+        add = _beyond_differences(around)[:, rows] - add
     return slope + np.clip(add, -limit, limit)
+
+
+def _beyond_differences(slope: F4) -> F4:
+    """What a pixel's mean slopes exceed differences over two pixels by."""
+    (p_across, p_along), (q_across, q_along) = map(second_differences, slope)
+    third = np.float32(3)
+    return np.stack([p_along - third * p_across, q_across - third * q_along]) * (PIXEL_VARIANCE / 2)
 
 
 def _change(planes: F4, axis: int) -> F4:

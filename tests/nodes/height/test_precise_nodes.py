@@ -18,6 +18,7 @@ from tactograph.nodes.light.rest_mask import rest_mask
 from tactograph.nodes.shadow.cast_shadows import cast_shadows
 from tactograph.nodes.shadow.majority_labels import majority_labels
 from tactograph.nodes.shadow.shadow_constraints import shadow_constraints
+from tactograph.nodes.slope.height_slopes import height_slopes
 from tactograph.nodes.slope.pixel_mean_slope import pixel_mean_slope
 from tests.nodes.scenes import LIGHTS, lambert
 
@@ -287,6 +288,29 @@ def test_the_mean_slope_exceeds_the_slope_of_the_mean_normal() -> None:
     corrected = pixel_mean_slope(slope)[0, 0]
     inner = slice(2, -2)
     assert np.abs(corrected - mean)[inner].max() < 0.3 * np.abs(slope[0, 0] - mean)[inner].max()
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_differences_over_two_pixels_become_the_slope_of_the_mean_normal(axis: int) -> None:
+    """On waves, against normals averaged over each pixel, rows and columns alike."""
+    fine = 15
+    z, dense = ((_waves(np.arange(SHAPE[1] * by), by)) for by in (1, fine))
+    slopes = np.array(np.gradient(dense, PIXEL / fine))[::-1]
+    square = np.sqrt(1 + (slopes**2).sum(axis=0))
+    normal = np.stack([*-slopes / square, 1 / square]).reshape(3, SHAPE[1], fine, SHAPE[1], fine)
+    nx, ny, nz = normal.mean(axis=(2, 4))
+    shown = -(nx, ny)[axis] / nz
+    known = height_slopes(z, PIXEL).slope
+    found = pixel_mean_slope(known, inverse=True)[axis]
+    inner = np.s_[4:-4, 4:-4]
+    off, before = (np.abs(each - shown)[inner].max() for each in (found, known[axis]))
+    assert off < 0.15 * before
+
+
+def _waves(pixels: F4, by: int) -> F4:
+    """Waves across both axes, 12 and 15 px long, in the middle of `by` parts of a pixel."""
+    at = (pixels + 0.5) / by
+    return np.float32(0.1 * np.sin(at[:, None] / 2.4) * np.sin(at / 1.9))
 
 
 def test_a_loose_spike_settles_and_a_ridge_stays() -> None:
