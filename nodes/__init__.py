@@ -43,6 +43,8 @@ DEVIATIONS_PER_MAD = 1.4826
 """Standard deviation of a normal variable over its median magnitude."""
 BAND_DEVIATIONS = 1.645
 """Half-width of the band that holds 90 % of a normal distribution, in standard deviations."""
+FALSE_ALARMS = 0.01
+"""Share of right input that may be doubted."""
 UM_PER_MM = 1e3
 METRES_PER_MM = 1e-3
 Labels = Annotated[

@@ -1,5 +1,6 @@
 """Whether images hold light of which a height can be made: exposure, depth, a mosaic."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, warn
+from tactograph.nodes import FALSE_ALARMS
 from tactograph.nodes.files.image_files import bits_in, size_of
 
 MIN_SIDE_PX = 4
@@ -35,8 +37,6 @@ MAX_PARITY_SPREAD, PARITY_ERRORS = 0.04, 6.0
 JPEG_SUFFIXES = (".jpg", ".jpeg")
 JPEG_BLOCK_PX, COMPARED_BLOCKS = 8, 16
 """Side of the blocks that JPEG compresses each for itself, and of them that are looked at."""
-MIN_BLOCK_STEP = 1.2
-"""Change from block to block over the largest from pixel to pixel; 1.09 at most without JPEG."""
 
 
 def normalised(stack: NDArray[Any], files: list[Path], white: int | None) -> NDArray[np.float32]:
@@ -118,7 +118,10 @@ def _level_step(plane: NDArray[Any]) -> int:
 
 
 def _has_jpeg_blocks(plane: NDArray[Any]) -> bool:
-    """Whether light changes most across every eighth line, along rows and along columns."""
+    """Whether light changes most across every eighth line, along rows and along columns.
+
+    Without blocks any of eight lines may be that, so that those which lie alike are binomial.
+    """
     blocks = min(COMPARED_BLOCKS, (min(plane.shape[:2]) - 1) // JPEG_BLOCK_PX)
     if plane.ndim > 2 or blocks < 2:
         return False
@@ -127,8 +130,13 @@ def _has_jpeg_blocks(plane: NDArray[Any]) -> bool:
     middle = plane[y : y + side + 1, x : x + side + 1].astype(np.float32)
     for part in middle[:side], middle[:, :side].T:
         lines = np.abs(np.diff(part, axis=1)).mean(axis=0).reshape(blocks, JPEG_BLOCK_PX)
-        second, most = np.sort(np.median(lines, axis=0))[-2:]
-        if most <= MIN_BLOCK_STEP * second:
+        second = np.sort(lines, axis=1)[:, -2:-1]
+        alike = int((lines > second).sum(axis=0).max())
+        chances = sum(
+            math.comb(blocks, count) * (JPEG_BLOCK_PX - 1) ** (blocks - count)
+            for count in range(alike, blocks + 1)
+        )
+        if chances > FALSE_ALARMS * JPEG_BLOCK_PX ** (blocks - 1):
             return False
     return True
 

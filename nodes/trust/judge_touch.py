@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import InputError, node, warn
-from tactograph.nodes import F8, CoarseLight, LightPositions, Metrics
+from tactograph.nodes import F8, FALSE_ALARMS, CoarseLight, LightPositions, Metrics
 from tactograph.nodes.trust.check_ranks import (
     CHECK_FIGURES,
     CheckRanks,
@@ -45,7 +45,7 @@ def judge_touch(
     flat: CoarseLight | None = None,
     lights: LightPositions | None = None,
     *,
-    false_alarms: Annotated[float, Interval(gt=0, lt=1)] = 0.01,
+    false_alarms: Annotated[float, Interval(gt=0, lt=1)] = FALSE_ALARMS,
     force: bool = False,
     filled: bool = False,
     rims_measured: bool = False,

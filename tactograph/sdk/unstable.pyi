@@ -88,6 +88,7 @@ from tactograph.graph.show.colours import (
 from tactograph.nodes import (
     BAND_DEVIATIONS as BAND_DEVIATIONS,
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
+    FALSE_ALARMS as FALSE_ALARMS,
     I4 as I4,
     METRES_PER_MM as METRES_PER_MM,
     UM_PER_MM as UM_PER_MM,

@@ -45,8 +45,6 @@ REFUSED_ODDS = SURE_ODDS**3
 """Odds from which nothing else is possible, as if three sure signs spoke for it."""
 SAME_SIZE = 0.02
 """Relative difference up to which two radii count as equal."""
-GIVEN_UP_RATIO = np.sqrt(2)
-"""Departure over that on the balls, above which most of the residual is in the flat frame."""
 DISTANCE_TOLERANCE = 0.15
 """Tolerated relative difference between the LEDs' distance as found and as given."""
 FORCE_ADVICE = "; `force`=true writes the calibration nevertheless, marked as doubtful"
@@ -228,9 +226,7 @@ def explain(
         departure = float(np.hypot(now.scale, flat))
         distance = float(np.linalg.norm(now.film.lights, axis=1).mean())
         values = now.size, now.power, now.film.camera, departure, distance
-        return Explained(*values, float(now.film.diffuse.mean())), (
-            departure > GIVEN_UP_RATIO * now.scale
-        )
+        return Explained(*values, float(now.film.diffuse.mean())), flat > now.scale
 
     def starts(parts: frozenset[str]) -> list[Fitted]:
         if OTHER_CAMERA in parts:

@@ -9,13 +9,7 @@ from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.calibrate.rest.denoise_flat import TREND_DEGREE
 
 MAX_SLOPE = 0.008
-"""Slope of untouched film, in root mean square; 0.002 on real and rendered film."""
-MAX_ROUGHNESS = 0.004
-"""Relative light that no LED, lens or slope explains; 0.002 on real film, 0.001 on rendered."""
-MAX_UNEXPLAINED = 0.5
-"""Share of the light's departure that slopes leave of it, at most, if slopes cause it."""
-FEWEST_TESTED_LEDS = 4
-"""Three LEDs, less their mean, are explained by any slope."""
+"""Slope of untouched film, in root mean square; 0.002 to 0.005 on real and rendered film."""
 
 
 @node
@@ -24,7 +18,8 @@ def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[st
 
     Where film slopes, LEDs brighten it that it turns to, and others darken it.  The logarithm of
     the flat frame less the mean over the LEDs, and less polynomials, is a slope times the tangents
-    of the LEDs' slants.
+    of the LEDs' slants.  What slopes leave of it counts as those that it makes by chance, and is
+    the cause where these are the larger ones, as the F statistic has it.
 
     Parameters
     ----------
@@ -33,31 +28,31 @@ def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[st
     pixel : mm per px
     """
     rest = rest_of(flat, pixel)
-    if rest is None or len(lights) < FEWEST_TESTED_LEDS:
-        return []
-    residual = _rough_part(rest)
     towards = lights[:, :2] / lights[:, 2:]
     towards = (towards - towards.mean(axis=0)).astype(np.float64)
-    slope = np.linalg.lstsq(towards, residual, rcond=None)[0]
+    freedom = len(lights) - 1 - towards.shape[1]  # the mean over the LEDs is gone
+    if rest is None or freedom < 1:
+        return []
+    residual, solved = _rough_part(rest), np.linalg.pinv(towards)
+    slope = solved @ residual
     steepness = float(np.sqrt(np.square(slope).sum(axis=0).mean()))
-    power = np.square(residual).mean()
-    unexplained = np.square(residual - towards @ slope).mean() / max(power, 1e-12)
-    if unexplained > MAX_UNEXPLAINED**2:
-        why, is_told = "unevenly, under each LED in another way", power > MAX_ROUGHNESS**2
-    else:
-        why, is_told = f"as film with slopes of {steepness:.1%} is", steepness > MAX_SLOPE
+    unexplained = np.square(residual - towards @ slope).sum(axis=0).mean() / freedom
+    by_chance = float(np.sqrt(unexplained * np.square(solved).sum()))
+    why = f"as film with slopes of {steepness:.1%} is"
+    if steepness < by_chance:
+        why = "unevenly, under each LED in another way"
     doubt = (
         f"the flat frame is lit {why}, which is not at rest: take it again with nothing touching "
         "the film, after the last touch has relaxed, and with the camera's local contrast off"
     )
-    return [doubt] * bool(is_told)
+    return [doubt] * (max(steepness, by_chance) > MAX_SLOPE)
 
 
 def is_uneven(flat: Light, pixel: PixelSize) -> bool:
     """Return whether a flat frame, K x H x W, holds more than LEDs and lenses make, wherever they
-    are."""
+    are: an LED at 45 degrees changes with the slope by as much."""
     rest = rest_of(flat, pixel)
-    return rest is not None and bool(np.square(_rough_part(rest)).mean() > MAX_ROUGHNESS**2)
+    return rest is not None and bool(np.square(_rough_part(rest)).mean() > MAX_SLOPE**2)
 
 
 def _rough_part(rest: Rest) -> F8:

@@ -8,10 +8,11 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from tactograph.rings.recheck.nodes.film_change import FilmChange
 from tactograph.sdk import F4, Metrics, PixelSize, node
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, FALSE_ALARMS
 
 MAX_LED_CHANGE = 0.1
 """Tolerated relative change of one LED's light against the others, or of all together."""
@@ -21,8 +22,6 @@ MAX_BLACK_LEVEL = 0.1
 """Highest black level of a camera, as a fraction of full scale."""
 MAX_SHIFT_PX = 0.5
 """Tolerated shift of the image in px."""
-MIN_DEVIATIONS = 6.0
-"""Robust standard deviations of a map above which a departure is not noise."""
 MIN_DENT_MM, MIN_DENT_SLOPE = 0.003, 0.01
 """Smallest height in mm and smallest slope of a dent."""
 TOUCHED_MM = 0.15
@@ -101,8 +100,7 @@ class _Mark(NamedTuple):
 
 def _marks(albedo: F4) -> tuple[_Mark, _Mark]:
     """The marks in the film, which are sharp, and those on the lens, which are blurred."""
-    spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(albedo)))
-    standing = (np.abs(albedo) > max(MIN_DEVIATIONS * spread, MIN_MARK_CHANGE)).astype(np.uint8)
+    standing = (np.abs(albedo) > max(_noise(albedo), MIN_MARK_CHANGE)).astype(np.uint8)
     count, labels = cv2.connectedComponents(standing, connectivity=8)
     by_y, by_x = np.gradient(albedo)
     steepness = np.hypot(by_x, by_y)
@@ -117,6 +115,12 @@ def _marks(albedo: F4) -> tuple[_Mark, _Mark]:
     return _strongest(marks[True]), _strongest(marks[False])
 
 
+def _noise(plane: F4) -> float:
+    """What noise reaches in a map, normally distributed about 0 at each of its pixels."""
+    spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(plane)))
+    return float(-ndtri(FALSE_ALARMS / (2 * plane.size))) * spread
+
+
 def _strongest(marks: list[tuple[float, int, int]]) -> _Mark:
     if not marks:
         return _Mark(0.0, 0, 0, 0)
@@ -125,11 +129,10 @@ def _strongest(marks: list[tuple[float, int, int]]) -> _Mark:
 
 def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
     """Height in mm of the strongest dent, and its position in px; 0 if there is none."""
-    spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(dent)))
     by_y, by_x = np.gradient(dent, pixel)
     y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)
     highest, steepest = float(dent[y, x]), float(np.hypot(by_x, by_y).max())
-    if abs(highest) < max(MIN_DEVIATIONS * spread, MIN_DENT_MM) or steepest < MIN_DENT_SLOPE:
+    if abs(highest) < max(_noise(dent), MIN_DENT_MM) or steepest < MIN_DENT_SLOPE:
         return 0.0, (0, 0)
     return highest, (int(x), int(y))
 

@@ -11,16 +11,16 @@ MAX_RESIDUAL = 0.01
 by their own models; 0.011 to 0.075 by others' models, by LEDs in another order, with one dimmed."""
 REFUSED_RESIDUAL = 0.02
 """Share that refuses a model alone; a smaller one does where the brightness is wrong as well."""
-BRIGHTNESS_RANGE = 0.75, 1.33
-"""Range of the film's brightness, relative to when the model was made."""
+MAX_BRIGHTNESS_RATIO = 1.33
+"""Ratio of the film's brightness to that when the model was made, or its inverse, at most."""
 TRIED_RESIDUAL = 0.006
 """Share above which other orders of the LEDs are tried; a mirror image of them leaves 0.0076."""
 MAX_ORDER_RATIO = 0.75
 """What another order of the LEDs leaves of the light, times the curl of its slopes, over the given
 one's, below which the latter is wrong: at most 0.58 for all wrong orders on three scans and 48
 crops of them, where they leave enough to be tried, and 1.03 or more for the right one."""
-TRIED_EVERY, MAX_TRIED_SLOPE = 2, 3
-"""Cells of which one is tried, and slope that steeper ones count as: a few would settle all."""
+MAX_TRIED_SLOPE = 3
+"""Slope that steeper ones count as: a few would settle all."""
 
 
 @node
@@ -57,7 +57,7 @@ def judge_light_model(
     residual = _unexplained(found)
     if light is not None and model is not None and residual > TRIED_RESIDUAL:
         _compare_orders(light, model, force)
-    usual = BRIGHTNESS_RANGE[0] < bright < BRIGHTNESS_RANGE[1]
+    usual = 1 / MAX_BRIGHTNESS_RATIO < bright < MAX_BRIGHTNESS_RATIO
     if residual > MAX_RESIDUAL:
         doubt = (
             f"the light model leaves {residual:.1%} of the light unexplained at half of the "
@@ -80,16 +80,11 @@ def _unexplained(found: ModelSlope) -> float:
 
 def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
     """Refuse images whose order is turned or reversed: another one explains them better."""
-    every = np.s_[..., ::TRIED_EVERY, ::TRIED_EVERY]
-    gain = None if model.gain is None else np.ascontiguousarray(model.gain[every])
-    some = model._replace(u=model.u[::TRIED_EVERY], v=model.v[::TRIED_EVERY], gain=gain)
     stated_order = np.arange(len(light))
     orders = [
         np.roll(each, by) for each in (stated_order, stated_order[::-1]) for by in stated_order
     ]
-    slopes_by_order = (
-        light_model_slope(np.ascontiguousarray(light[each][every]), some) for each in orders
-    )
+    slopes_by_order = (light_model_slope(light[each], model) for each in orders)
     misfits = [(_unexplained(found), _curl(found.slope)) for found in slopes_by_order]
     product = np.prod(misfits, axis=1)
     best = int(np.argmin(product))

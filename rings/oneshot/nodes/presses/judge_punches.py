@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from annotated_types import Gt
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from tactograph.rings.oneshot.nodes.map.map_error import map_error
 from tactograph.rings.oneshot.nodes.map.raise_walls import edge_lack, uphill
@@ -14,14 +15,10 @@ from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import Reflectance
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import make_bench, reconstruct
 from tactograph.sdk import F4, F8, Height, InputError, Light, PixelSize, Port, node
 from tactograph.sdk.nodes import coarsen, find_contact, integrate_dct, rest_at_border
-from tactograph.sdk.unstable import Judged, PressImages
+from tactograph.sdk.unstable import FALSE_ALARMS, Judged, PressImages
 
 TOP_SHARE, MIDDLE_SHARE = 0.5, 0.5
 """Shares: of a punch's height above which film is on it, of its half width that is its middle."""
-MIN_HELD_OUT = 2
-"""Fewest punches of which one can be held out."""
-MAX_DEVIATIONS = 2.0
-"""Stated deviations beyond which a plateau speaks against the calibration."""
 
 
 @node
@@ -55,7 +52,8 @@ def judge_punches(
     -------
     ``punches``; ``punch_um``, root mean square distance of plateaus from their depths, held out
     from two punches on, and ``punch_percent``, the same of the depth; ``wall_gain`` if it is kept.
-    A doubt if a plateau is farther off than twice its stated deviation.
+    A doubt if a plateau is farther off than chance takes the worst of right ones, normally
+    distributed by their stated deviations.
 
     Raises
     ------
@@ -85,7 +83,7 @@ def judge_punches(
         tops.append([float(np.median(plane[top])) for plane in (height, lack, error)])
     heights, lacks, errors = np.transpose(tops)
     off, gain = heights - depths, 0.0
-    if len(names) >= MIN_HELD_OUT:
+    if len(names) > 1:
         each = [_gain(np.delete(off, i), np.delete(lacks, i)) for i in range(len(names))]
         held_out = off + np.array(each) * lacks
         if np.sum(held_out**2) < np.sum(off**2):
@@ -118,7 +116,7 @@ def _plateau(height: Height, error: F4, name: str) -> NDArray[np.bool_]:
 def _doubts(names: list[str], off: F8, errors: F8) -> list[str]:
     far = np.abs(off) / errors
     worst = int(far.argmax())
-    if far[worst] <= MAX_DEVIATIONS:
+    if far[worst] <= -ndtri(FALSE_ALARMS / (2 * far.size)):
         return []
     return [
         f"the plateau of punch {names[worst]} is {1e3 * off[worst]:.0f} um off, "
