@@ -7,7 +7,7 @@ from typing import Any
 
 from tactograph.graph.batch.captures import absolute
 from tactograph.graph.cache.result_origin import Origin, named_files
-from tactograph.graph.declare.check_settings import NOT_GIVEN
+from tactograph.graph.declare.check_settings import PARAM_PLACEHOLDER
 from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.disk.file_identity import identities
 from tactograph.graph.disk.text_names import refuse_other_names
@@ -72,7 +72,7 @@ def make_job(
     paths = {name for name, p in graph.params.items() if p.kind == "path" and name != "out"}
     read = {n: absolute(v) for n, v in given.items() if n in paths and v is not None}
     fixed = {**given, **read}
-    of_each = {name: NOT_GIVEN for name in (CAPTURE_PARAM, "out") if name in graph.params}
+    of_each = {name: PARAM_PLACEHOLDER for name in (CAPTURE_PARAM, "out") if name in graph.params}
     draft = names.bind(graph, {**fixed, **of_each}, sinks=folders is not None)
     map_names = _maps(draft, maps)
     named = {n: str(file) for n, file in named_files(draft, {*fixed, CAPTURE_PARAM, "out"}).items()}

@@ -46,7 +46,7 @@ class Study:
     repeats: int = 1
 
     @cached_property
-    def given(self) -> dict[str, dict[str, Any]]:
+    def arguments(self) -> dict[str, dict[str, Any]]:
         """The values of each graph's params, by its name.  Raises what `read_words` does."""
         return {graph.name: read_words(graph, self.values) for graph in self.graphs}
 
@@ -62,8 +62,8 @@ class Study:
         if len({*targets, self.seed}) < len([*targets, self.seed]):
             raise InputError("a parameter can be swept, or be the seed, only once")
         if self.repeats > 1 and self.seed is None:
-            known = ", ".join(seed_like(self.graphs)) or "no node has one"
-            raise InputError(f"--repeats needs --seed node.param to vary (seeds: {known})")
+            choices = ", ".join(seed_like(self.graphs)) or "no node has one"
+            raise InputError(f"--repeats needs --seed node.param to vary (seeds: {choices})")
         for graph in self.graphs:
             if takes_capture(graph) and not self.captures:
                 raise InputError(f"{graph.name} takes captures; give --over DIR")
@@ -82,12 +82,12 @@ class Row:
     backends: dict[str, str] = field(default_factory=dict)
     device: str | None = None
     error: str = ""
-    given: dict[str, str] = field(default_factory=dict)
+    arguments: dict[str, str] = field(default_factory=dict)
     fallbacks: list[str] = field(default_factory=list)
     sweep: dict[str, Any] = field(default_factory=dict)
     seed: int | None = None
     inputs: dict[str, str] = field(default_factory=dict)
-    made_by: str = ""
+    fingerprint: str = ""
     items: int = 0
     warnings: list[str] = field(default_factory=list)
 
@@ -140,7 +140,7 @@ def make_jobs(study: Study) -> list[Job]:
         if takes_capture(graph) != (capture is not None):
             continue
         name = "" if capture is None else capture.resolve().name
-        all_seeds = seeds(graph, study.seed, study.repeats, study.given[graph.name])
+        all_seeds = seeds(graph, study.seed, study.repeats, study.arguments[graph.name])
         for backend, point, seed in product(study.backends, points(graph, study.sweeps), all_seeds):
             changed = with_changes(graph, {**point, **seed})
             row = Row(graph.name, name, backend or "preferred", changed.hash, sweep=point)
@@ -159,15 +159,15 @@ def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]
     whether a former run made it.
     """
     row, folder = job.row, job.row.folder(out)
-    values = {**study.given[job.graph.name], **_places(job, folder)}
-    row.given = {name: str(value) for name, value in values.items()}
+    values = {**study.arguments[job.graph.name], **_places(job, folder)}
+    row.arguments = {name: str(value) for name, value in values.items()}
     row.inputs = {
         name: content_hash(Path(str(value)))
         for name, value in values.items()
         if job.graph.params[name].kind == "path" and name != "out" and value is not None
     }
     try:
-        row.made_by = _made_by(job, values, study.device, row)
+        row.fingerprint = _fingerprint(job, values, study.device, row)
         done = _done(folder, row)
         if done is not None:
             return done, True
@@ -219,7 +219,7 @@ def _computing(result: Result) -> list[Step]:
     return [step for step in result.plan.steps if step.name not in others]
 
 
-def _made_by(job: Job, values: Mapping[str, Any], device: str | None, row: Row) -> str:
+def _fingerprint(job: Job, values: Mapping[str, Any], device: str | None, row: Row) -> str:
     """A hash of everything that makes the run: see `Origin`."""
     draft = names.bind(job.graph, values, sinks=True)
     files = named_files(draft, values)
@@ -227,7 +227,7 @@ def _made_by(job: Job, values: Mapping[str, Any], device: str | None, row: Row) 
         {
             "graph": row.hash,
             "backend": row.backend,
-            "given": row.given,
+            "arguments": row.arguments,
             "inputs": row.inputs,
             "files": {name: content_hash(file) for name, file in files.items()},
             "origin": asdict(find_origin(job.graph, backend=job.backend, device=device)),
@@ -248,4 +248,4 @@ def _done(folder: Path, job: Row) -> Row | None:
         row = Row(**json.loads((folder / "row.json").read_text()))
     except (OSError, ValueError, TypeError):
         return None
-    return row if row.made_by == job.made_by else None
+    return row if row.fingerprint == job.fingerprint else None

@@ -44,7 +44,7 @@ class FileKind(NamedTuple):
 
     What can be done with any kind is in a module of its name, ``calibrations/NAME_kind.py``
     (`nodes.calibrate.kinds`).  The file keeps the fields of `record` that are `Stored`.  Every kind
-    holds a `pixel_size`, and all but a camera's a `flat`.  `made_from` is what to check if a
+    holds a `pixel_size`, and all but a camera's a `flat`.  `sources` is what to check if a
     calibration fails, `users` who takes it.  `check` raises a `ValueError` if the arrays, each of
     them as declared, cannot be of one sensor.
     """
@@ -53,7 +53,7 @@ class FileKind(NamedTuple):
     format: int
     maker: str
     record: type
-    made_from: str
+    sources: str
     users: str
     check: Callable[[Mapping[str, NDArray[Any]]], None] = _fits
 
@@ -116,7 +116,7 @@ def write_arrays(
         _check_arrays(kind, typed)
     except ValueError as error:
         raise InputError(
-            f"{file}: the calibration failed and is not written: {error}; check {kind.made_from}"
+            f"{file}: the calibration failed and is not written: {error}; check {kind.sources}"
         ) from None
     _write_archive(file, {ABOUT_ARRAY: np.array(json.dumps(head)), **typed})
 
@@ -135,7 +135,7 @@ def replace_arrays(file: Path, kind: FileKind, arrays: Mapping[str, Any]) -> Non
     try:
         _check_arrays(kind, every)
     except ValueError as error:
-        raise InputError(f"{file}: stays as it was: {error}; check {kind.made_from}") from None
+        raise InputError(f"{file}: stays as it was: {error}; check {kind.sources}") from None
     _write_archive(file, every)
 
 
@@ -222,7 +222,7 @@ def read_about(file: Path) -> About:
     if not isinstance(doubts, list) or not all(isinstance(d, str) for d in doubts):
         raise InputError(f"{file}: 'doubts' is not a list of sentences; calibrate again")
     lights: Any = head
-    for name in ("made", "given", "lights"):
+    for name in ("provenance", "arguments", "lights"):
         lights = lights.get(name) if isinstance(lights, dict) else None
     figures = {name: float(value) for name, value in quality.items()}
     sentences = [one_line(doubt) for doubt in doubts]
@@ -312,11 +312,11 @@ def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) 
     if not isinstance(name, str):
         raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one")
     if name != f"tactograph {kind.name}":
-        kind_found = name.removeprefix("tactograph ")
+        other_kind = name.removeprefix("tactograph ")
         other = kind_of(file)
-        users = f"; a {kind_found} is for {other.KIND.users}" if other else ""
+        users = f"; a {other_kind} is for {other.KIND.users}" if other else ""
         raise InputError(
-            f"{file}: is a {kind_found}, not a {kind.name}; '{kind.maker}' makes one{users}"
+            f"{file}: is a {other_kind}, not a {kind.name}; '{kind.maker}' makes one{users}"
         )
     if not isinstance(version, int):
         raise InputError(f"{file}: 'format' is not a whole number; calibrate again")

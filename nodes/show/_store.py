@@ -6,7 +6,7 @@ from pathlib import Path
 from tactograph.graph import InputError
 from tactograph.graph.batch.entry import DONE, PENDING
 from tactograph.graph.batch.store import open_store
-from tactograph.nodes.show.shown import Shown, first, given_params, input_files, section
+from tactograph.nodes.show.shown import Shown, first, input_files, param_line, section
 
 
 def show_store(file: Path) -> Shown:
@@ -33,7 +33,7 @@ def show_store(file: Path) -> Shown:
         f"{file}: store of a batch by graph {store.job.name} [{store.job.hash}]",
         f"captures: {len(entries)}, done {status[DONE]}, failed {failed}, "
         f"pending {status[PENDING]}",
-        *given_params(store.job.given),
+        *param_line(store.job.given),
         *input_files(store.job.files),
         f"maps: {', '.join(store.job.maps) or 'none'}",
         *section("failed", first(reasons)),
