@@ -35,9 +35,9 @@ def evaluate_error(
     stated = error > 0
     if truth is None or not stated.any():
         return {}
-    left_out = stated & (np.bool_(False) if unresolved is None else unresolved != 0)
-    figures = {"unresolved_percent": float(100 * left_out.sum() / stated.sum())}
-    counted = stated & ~left_out
+    unjudged = stated & (np.bool_(False) if unresolved is None else unresolved != 0)
+    figures = {"unresolved_percent": float(100 * unjudged.sum() / stated.sum())}
+    counted = stated & ~unjudged
     if not counted.any():
         return figures
     off, deviation = np.abs(height - truth)[counted], error[counted]

@@ -19,7 +19,7 @@ from tactograph.graph.disk.file_identity import ABOUT_ARRAY, about_in
 from tactograph.graph.errors import one_line
 from tactograph.graph.rings import bring
 from tactograph.nodes.files.sensor_identity import identity_in
-from tactograph.nodes.optics.lens import seen_offset
+from tactograph.nodes.optics.lens import camera_offset
 from tactograph.nodes.stored import Value, stored_values, with_plain
 
 R = TypeVar("R")
@@ -354,7 +354,7 @@ def _check_lens(lens: NDArray[Any]) -> None:
     along = np.linspace(-1, 1, 17)
     border = [(x, y) for x in along for y in (-1, 1)] + [(x, y) for x in (-1, 1) for y in along]
     u, v = np.array(border).T / np.sqrt(2)
-    shift = float(np.hypot(*seen_offset(lens.astype(np.float64), u, v)).max())
+    shift = float(np.hypot(*camera_offset(lens.astype(np.float64), u, v)).max())
     if not shift < MAX_LENS_SHIFT:
         raise ValueError(
             f"'lens' moves what lies at the border by {shift:.0%} of half the diagonal"

@@ -39,7 +39,7 @@ def judge_press_radius(
     image: PressImages,
     flat: Light,
     circle: BallCircles,
-    kept: Annotated[U1, Port("B", "flag", high=1)],
+    selection: Annotated[U1, Port("B", "flag", high=1)],
     pixel: PixelSize,
     of: BallPress | None = None,
     *,
@@ -63,7 +63,7 @@ def judge_press_radius(
     ``diffuse_percent``, the share of light that the gel seems to diffuse; ``matt``, 1 where a
     plain film explains the light but for noise; at most one doubt.
     """
-    used = np.flatnonzero(kept)
+    used = np.flatnonzero(selection)
     used = used[:: used.size // MAX_PRESSES + 1]
     press_image = image[used if of is None else of[used]]
     sheet = np.concatenate(list(press_image / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
