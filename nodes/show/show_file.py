@@ -10,7 +10,7 @@ import click
 
 from tactograph.graph import InputError, node
 from tactograph.graph.disk.atomic_files import atomic_file
-from tactograph.graph.errors import one_line
+from tactograph.graph.errors import missing, one_line
 from tactograph.graph.rings import bring, brought
 from tactograph.nodes.files.result_file import RESULT_FILE
 from tactograph.nodes.show._calibration import show_calibration
@@ -54,7 +54,7 @@ def _look(file: Path) -> Shown:
     try:
         file.stat()
     except (OSError, ValueError):
-        raise InputError(f"{file}: there is no such file") from None
+        raise InputError(missing(file, "file")) from None
     if file.suffix == ".npz" and file.is_file():
         return show_calibration(file)
     if (file / STORE_FILE).is_file():
