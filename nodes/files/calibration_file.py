@@ -185,7 +185,9 @@ def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     try:
         _check_arrays(kind, arrays)
     except ValueError as error:
-        raise InputError(f"{file}: {error}; calibrate again") from None
+        raise InputError(
+            f"{file}: not as this version writes it: {error}; calibrate again"
+        ) from None
     return {
         n: arrays[n] if value.port.dims else float(arrays[n]) for n, value in kind.values.items()
     }
