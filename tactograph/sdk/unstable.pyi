@@ -199,6 +199,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     rest_of as rest_of,
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
+    LED_DRIFT as LED_DRIFT,
     Doubts as Doubts,
     drawn as drawn,
 )
