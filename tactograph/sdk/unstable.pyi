@@ -144,6 +144,7 @@ from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
     FOLD_COUNT as FOLD_COUNT,
     MAX_INDEPENDENT as MAX_INDEPENDENT,
+    MAX_SAMPLE_SLOPE as MAX_SAMPLE_SLOPE,
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
     SHIFT_DEVIATION_PX as SHIFT_DEVIATION_PX,
@@ -241,10 +242,12 @@ from tactograph.nodes.calibrate.rating.judge_contact import (
     judge_contact as judge_contact,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
+    SURE_ODDS as SURE_ODDS,
     Advice as Advice,
     Judged as Judged,
     advice_after as advice_after,
     grows as grows,
+    log_odds as log_odds,
     of_heldout_error as of_heldout_error,
     pays as pays,
     verdict_of as verdict_of,
