@@ -1,19 +1,34 @@
+from tactograph.ctrl_c import (
+    later as later,
+)
 from tactograph.graph import (
     FRACTIONS as FRACTIONS,
-    BatchMaps as BatchMaps,
     Cache as Cache,
     NodeCall as NodeCall,
     Pipeline as Pipeline,
     Whole as Whole,
 )
+from tactograph.graph.backends.device_backend import (
+    open_device as open_device,
+)
+from tactograph.graph.cache.result_origin import (
+    find_origin as find_origin,
+)
 from tactograph.graph.commands import (
+    RunOptions as RunOptions,
     graph_command as graph_command,
+    run_options as run_options,
     run_shipped as run_shipped,
+    say as say,
 )
 from tactograph.graph.commands.check import (
     verified as verified,
 )
+from tactograph.graph.commands.progress_line import (
+    ProgressLine as ProgressLine,
+)
 from tactograph.graph.cores import (
+    CORES_VARIABLE as CORES_VARIABLE,
     cores as cores,
 )
 from tactograph.graph.declare.find_node import (
@@ -28,6 +43,9 @@ from tactograph.graph.declare.node_page import (
     describe as describe,
     range_of as range_of,
 )
+from tactograph.graph.disk.folder_lock import (
+    lock_folder as lock_folder,
+)
 from tactograph.graph.disk.strict_yaml import (
     Document as Document,
     Entries as Entries,
@@ -35,8 +53,14 @@ from tactograph.graph.disk.strict_yaml import (
     parse_yaml as parse_yaml,
     read_yaml as read_yaml,
 )
+from tactograph.graph.disk.text_names import (
+    refuse_other_names as refuse_other_names,
+)
 from tactograph.graph.errors import (
+    Terminated as Terminated,
+    a_few as a_few,
     collect_warnings as collect_warnings,
+    printable as printable,
 )
 from tactograph.graph.files.captures_in import (
     captures_in as captures_in,
@@ -72,6 +96,9 @@ from tactograph.graph.plan.names import (
 from tactograph.graph.plan.sketch import (
     plan_svg as plan_svg,
 )
+from tactograph.graph.run.open_pipeline import (
+    refuse_to_write_over as refuse_to_write_over,
+)
 from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
 )
@@ -84,6 +111,9 @@ from tactograph.graph.run.result import (
 from tactograph.graph.show.colours import (
     BIT_COLOURS as BIT_COLOURS,
     SEVERAL_COLOUR as SEVERAL_COLOUR,
+)
+from tactograph.graph.show.warning_lines import (
+    warning_lines as warning_lines,
 )
 from tactograph.nodes import (
     BAND_DEVIATIONS as BAND_DEVIATIONS,
@@ -114,6 +144,7 @@ from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
     FOLD_COUNT as FOLD_COUNT,
     MAX_INDEPENDENT as MAX_INDEPENDENT,
+    MAX_SAMPLE_SLOPE as MAX_SAMPLE_SLOPE,
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
     SHIFT_DEVIATION_PX as SHIFT_DEVIATION_PX,
@@ -199,6 +230,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     rest_of as rest_of,
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
+    LED_DRIFT as LED_DRIFT,
     Doubts as Doubts,
     drawn as drawn,
 )
@@ -210,10 +242,12 @@ from tactograph.nodes.calibrate.rating.judge_contact import (
     judge_contact as judge_contact,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
+    SURE_ODDS as SURE_ODDS,
     Advice as Advice,
     Judged as Judged,
     advice_after as advice_after,
     grows as grows,
+    log_odds as log_odds,
     of_heldout_error as of_heldout_error,
     pays as pays,
     verdict_of as verdict_of,

@@ -14,10 +14,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from tactograph.graph import InputError, Provenance
-from tactograph.graph.batch.entry import DONE, FAILED, Entry
-from tactograph.graph.batch.job import Job
-from tactograph.graph.batch.store import create_store
-from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.command import SIGPIPE_EXIT_CODE, run_command
 from tactograph.graph.errors import WriteError
 from tactograph.nodes.calibrate.file.write_camera import write_camera
@@ -97,18 +93,6 @@ def test_a_lens_shows_its_numbers_and_grid(tmp_path: Path, shown: Shown) -> None
     assert "lens        0.03 0 0 0 0 0 0 0" in told
     assert "left_out  3" in told
     assert (tmp_path / "drawn" / "camera.png").is_file()
-
-
-def test_a_store_shows_what_became_of_each_capture(tmp_path: Path, shown: Shown) -> None:
-    place = tmp_path / "out.zarr"
-    job = Job("", "toy", "f00", {"lights": None}, {}, ())
-    store = create_store(str(place), job, Origin({}, {}, ""), 4)
-    store.append(["a", "b", "c"])
-    store.write({0: Entry(DONE, warnings=["too bright"]), 1: Entry(FAILED, "all black")})
-    told = shown(place)
-    assert "captures: 3, done 1, failed 1, pending 1" in told
-    assert "  b: all black" in told
-    assert "  1 x too bright" in told
 
 
 def test_a_result_shows_figures_and_warnings(result: Path, tmp_path: Path, shown: Shown) -> None:

@@ -133,7 +133,7 @@ def _even(
 
 
 def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
-    from tactograph.sdk.unstable import BatchMaps
+    from tactograph.rings.batch.batch_maps import BatchMaps
 
     maps = BatchMaps(folder)
     pixel = pixel or maps.pixel
@@ -145,7 +145,7 @@ def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
     heights = [touch["height"].astype(np.float32) for touch in touches]
     unknown = np.full(heights[0].shape, np.nan, np.float32)
     errors = [touch.get("error", unknown).astype(np.float32) for touch in touches]
-    calibration = maps.given.get("calibration")
+    calibration = maps.arguments.get("calibration")
     view = View() if calibration is None else calibrated_view(Path(calibration))
     names = [Path(maps.captures[n]).name for n in numbers]
     return _even(heights, errors, [view] * len(heights), pixel, names)
