@@ -241,6 +241,9 @@ from tactograph.nodes.calibrate.rating.judge_contact import (
     ball_shape as ball_shape,
     judge_contact as judge_contact,
 )
+from tactograph.nodes.calibrate.rating.judge_labels import (
+    MAX_JUDGED_BALLS as MAX_JUDGED_BALLS,
+)
 from tactograph.nodes.calibrate.rating.verdict import (
     SURE_ODDS as SURE_ODDS,
     Advice as Advice,
