@@ -1,6 +1,3 @@
-from tactograph.ctrl_c import (
-    later as later,
-)
 from tactograph.graph import (
     FRACTIONS as FRACTIONS,
     Cache as Cache,
