@@ -96,15 +96,15 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
         by_place = light_by_place(
             causes.film.lights, inside.x, inside.y, inside.height, inside.slope
         )
-        by_seen = by_light / _sharpness(inside, causes.film)
-        root = _root_of_noise(inside, by_seen, causes)
+        by_apparent = by_light / _sharpness(inside, causes.film)
+        root = _root_of_noise(inside, by_apparent, causes)
         first = part.start * columns
         for number, other in enumerate(causes.film.others):
             elsewhere = (other - causes.film.lights)[:, :, None, None]
             wrong = (by_place * elsewhere).sum(axis=1)
             wrong += causes.misfit[2] * LED_SIGNS[number, : len(wrong), None, None]
             error = (by_light * wrong).sum(axis=1)
-            error += (by_seen * _wrong_bounce(inside, causes.misfit, number)).sum(axis=1)
+            error += (by_apparent * _wrong_bounce(inside, causes.misfit, number)).sum(axis=1)
             error += _noise(root, key_of(seed, number), first, rows * columns)
             error = _bounded(error + MEAN_SIGNS[number] * inside.averaged)
             leaning = _leaning(inside, causes.misfit, causes.pixel, number)
