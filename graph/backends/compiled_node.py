@@ -29,7 +29,7 @@ class Compiled:
     def __init__(self, node: Node, queue: Queue) -> None:
         self.node = node
         self.converters = _converters(node)
-        self.kept: dict[Any, Any] = {}
+        self.shared: dict[Any, Any] = {}
         self._queue = queue
         self._built: dict[tuple[tuple[str, int], ...], dict[str, Kernel]] = {}
 

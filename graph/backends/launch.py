@@ -249,7 +249,7 @@ class Launch:
         if event is not None:
             self._events.append(event)
 
-    def found(self, symbol: str, size: int) -> None:
+    def set_size(self, symbol: str, size: int) -> None:
         """Set a size that depends on the data, and make the outputs that have it.
 
         An output with several such sizes is made when the last of them is set.
@@ -266,10 +266,10 @@ class Launch:
 
     def keep(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return the result of `make` for `key`, made once for this node on this device."""
-        if key not in self._compiled.kept:
+        if key not in self._compiled.shared:
             # A repeated launch skips what `make` does, unless that was recorded.
             repeats = self.repeats and self._record is None
-            self._compiled.kept[key] = make()
+            self._compiled.shared[key] = make()
             self.repeats = repeats
-        value: T = self._compiled.kept[key]
+        value: T = self._compiled.shared[key]
         return value

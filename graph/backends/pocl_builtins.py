@@ -33,16 +33,18 @@ def _declarations() -> list[tuple[str | None, str]]:
         maps = Path("/proc/self/maps").read_text(encoding="utf-8")
     except OSError:  # not Linux
         return []
-    found = _POCL_LIBRARY.search(maps)
-    folders = Path(found[0]).parents if found else ()
+    match = _POCL_LIBRARY.search(maps)
+    folders = Path(match[0]).parents if match else ()
     files = (folder / "share/pocl/include/opencl-c.h" for folder in folders)
     file = next((file for file in files if file.is_file()), None)
     if file is None:
         return []
     lines = file.read_text(encoding="utf-8").splitlines()
     # Without its guard, and the types, which PoCL reads before.
-    kept = (line for line in lines if HEADER_GUARD not in line and not line.startswith("#include"))
-    return [(_declares(line), line) for line in kept]
+    kernels = (
+        line for line in lines if HEADER_GUARD not in line and not line.startswith("#include")
+    )
+    return [(_declares(line), line) for line in kernels]
 
 
 def _declares(line: str) -> str | None:

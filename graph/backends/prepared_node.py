@@ -58,7 +58,7 @@ class Prepared:
         self._node = node = compiled.node
         self._declared = node.kernels
         self._repeats = True
-        self._known: dict[Hashable, Repeatable | None] = {}
+        self._records: dict[Hashable, Repeatable | None] = {}
         self._read = [name for name, port in node.inputs.items() if port.kind != "object"]
         self._outputs: dict[str, tuple[int, tuple[int, ...], np.dtype[Any]]] = {}
         self.shapes: dict[str, tuple[int, ...]] | None = {}
@@ -109,7 +109,7 @@ class Prepared:
         if not self._repeats or self._device.poison is not None:
             return self._launched(inputs, outputs)
         key = (*map(_identity, map(inputs.get, self._read)), *map(_identity, outputs.values()))
-        repeatable = self._known.get(key)
+        repeatable = self._records.get(key)
         if repeatable is not None:
             scratch = [self._device.pool.take(nbytes) for nbytes in repeatable.scratch]
             if all(m.number == n for m, n in zip(scratch, repeatable.numbers, strict=True)):
@@ -119,11 +119,11 @@ class Prepared:
             del scratch
             return self._launched(inputs, outputs)
         # Not the first time: copying kernels takes longer than enqueuing them a few times.
-        record = Record() if key in self._known else None
+        record = Record() if key in self._records else None
         results = self._launched(inputs, outputs, record)
-        self._known[key] = None if record is None else _repeatable(record)
-        if len(self._known) > MAX_BUFFER_SETS:
-            del self._known[next(iter(self._known))]
+        self._records[key] = None if record is None else _repeatable(record)
+        if len(self._records) > MAX_BUFFER_SETS:
+            del self._records[next(iter(self._records))]
         return results
 
     def _launched(
@@ -182,8 +182,8 @@ def _repeatable(record: Record) -> Repeatable | None:
     )
 
 
-def _identity(given: DeviceArray | float | None) -> Hashable:
+def _identity(argument: DeviceArray | float | None) -> Hashable:
     """The identity of an argument: its buffer, element type and shape, or the number itself."""
-    if isinstance(given, DeviceArray):
-        return given.memory.number, given.dtype.num, given.shape
-    return given
+    if isinstance(argument, DeviceArray):
+        return argument.memory.number, argument.dtype.num, argument.shape
+    return argument

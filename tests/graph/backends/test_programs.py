@@ -15,7 +15,7 @@ from tactograph.graph.backends import build_ahead, pocl_builtins
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.backends.pocl_builtins import with_builtins
-from tactograph.graph.backends.programs import POCL_PLATFORM, _kept, ahead, build, context_of
+from tactograph.graph.backends.programs import POCL_PLATFORM, _cache_file, ahead, build, context_of
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk import disk_cache
 from tests.graph.conftest import SLOPES, Command, Write, one_line
@@ -170,7 +170,7 @@ def test_a_process_builds_something_else_while_another_builds_what_it_needs(
 ) -> None:
     (handle,) = device.context.devices
     recipes = [(SEVEN, (f"-DNUMBER={number}",)) for number in (7, 8, 9)]
-    files = [str(_kept(handle, *recipe)) for recipe in recipes]
+    files = [str(_cache_file(handle, *recipe)) for recipe in recipes]
     command = [sys.executable, "-c", HOLDS, *files]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None
@@ -184,7 +184,7 @@ def test_a_program_is_built_from_its_source_if_what_is_kept_is_of_no_use(
     folder: Path, device: OpenCL
 ) -> None:
     assert seven(device) == 7
-    (file,) = folder.rglob("*.kept")
+    (file,) = folder.rglob("*.cached")
     for body in (b"damaged", b"tactograph kept 1\n00000000\n"):
         file.write_bytes(body)
         assert seven(device) == 7
