@@ -60,7 +60,7 @@ class Launch:
         self.sizes = dict(sizes)
         self._events: list[cl.Event] = []
         self._sent: list[cl.Event] = []
-        self._captured: list[Callable[[], cl.Event | None]] | None = None
+        self._captured: list[Callable[[], cl.Event]] | None = None
 
     @property
     def timer(self) -> tuple[cl.Event, cl.Event]:
@@ -140,7 +140,7 @@ class Launch:
         """
         local = local or local_size(len(grid), self.lanes)
         kernel = self._compiled.kernels_with(constants or {})[name]
-        repeated = self._captured
+        repeated: list[Any] | None = self._captured
         if repeated is None and self._record is not None:
             repeated = self._record.kernels
         converted = kernel.converted(arguments)
@@ -192,7 +192,8 @@ class Launch:
         Their arguments are set once, now, so that enqueuing takes a fifth of the time.
         """
         self.repeats = False
-        self._captured = captured = []
+        captured: list[Callable[[], cl.Event]] = []
+        self._captured = captured
         try:
             launches()
         finally:
