@@ -43,8 +43,8 @@ def find_origin(
 
     ``hash`` is the graph's, ``arguments`` are the values of its params.  ``inputs`` has the hash of
     every file's or folder's content that these, or nodes that read (``node.param``), name, and what
-    an ``.npz`` states of its sensor.  ``code`` has, by package and for the engine, a hash of all
-    its source.  ``versions`` are of Python, this package, the nodes' packages, and what these need.
+    an ``.npz`` states of its sensor.  ``code`` has, by package and for the engine, a hash of its
+    source.  ``versions`` are of Python, this package, the nodes' packages, and all that these need.
     ``device`` is "" where none is used.  A missing capture or ``out`` does not count.
 
     Raises InputError if a node or the device is not there, or a param is not given.

@@ -80,7 +80,6 @@ class Row:
     backends: dict[str, str] = field(default_factory=dict)
     device: str | None = None
     error: str = ""
-    arguments: dict[str, str] = field(default_factory=dict)
     fallbacks: list[str] = field(default_factory=list)
     sweep: dict[str, Any] = field(default_factory=dict)
     seed: int | None = None
@@ -157,7 +156,6 @@ def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]
     """
     row, folder = job.row, job.row.folder(out)
     values = {**study.arguments[job.graph.name], **_places(job, folder)}
-    row.arguments = {name: str(value) for name, value in values.items()}
     try:
         row.origin = find_origin(job.graph, values, backend=job.backend, device=study.device)
         done = _done(folder, row)

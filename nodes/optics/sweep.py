@@ -126,13 +126,14 @@ def _sight(on: _Looking, grid: Grid, steps: _Steps, camera: np.float32) -> Sight
     in its image does so on the film.  Most steps see nothing rise, and the image shows that with
     less computation.
     """
-    step, cell, far, z = _risen(on, grid, steps, camera)
+    step, cell, far, seen = _risen(on, grid, steps, camera)
     (px, py, pz), eye = on.at.reshape(3, -1)[:, cell], on.eye.reshape(3, -1)[:, cell]
-    # From where the camera's ray of P meets the film at rest.
-    whole, nearer = 1 - camera * pz, 1 - camera * z
-    x = (px / whole + steps.across * far) * nearer - px
-    y = (py / whole + steps.down * far) * nearer - py
-    z = z - pz
+    # From where the camera's ray of P meets the film at rest; longer by as much as the other cell
+    # seems wider than it is, which no direction or tangent depends on.
+    whole, wider = 1 - camera * pz, 1 + camera * seen
+    x = px / whole + steps.across * far - px * wider
+    y = py / whole + steps.down * far - py * wider
+    z = seen - pz * wider
     up = x * eye[0] + y * eye[1] + z * eye[2]
     aside = np.sqrt(x * x + y * y + z * z - up * up)
     t = up / aside
@@ -155,7 +156,7 @@ def _risen(
     on: _Looking, grid: Grid, steps: _Steps, camera: np.float32
 ) -> tuple[Numbers, Numbers, F4, F4]:
     """Film that rises over the horizons in the image: step and cell, by number, distance and
-    height.
+    the height seen.
 
     Sorted by cell, and for each cell from near to far.
     """
@@ -182,9 +183,7 @@ def _risen(
     order = np.argsort(cell, kind="stable")
     cell, step = cell[order], step[order]
     far = np.minimum(steps.longest.ravel()[cell], steps.length.astype(np.float32)[step])
-    z = np.concatenate(heights)[order]
-    z /= 1 + camera * z
-    return step, cell, far * np.float32(grid.width), z
+    return step, cell, far * np.float32(grid.width), np.concatenate(heights)[order]
 
 
 def arriving(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:

@@ -1,6 +1,3 @@
-from tactograph.ctrl_c import (
-    later as later,
-)
 from tactograph.graph import (
     FRACTIONS as FRACTIONS,
     Cache as Cache,
@@ -240,6 +237,9 @@ from tactograph.nodes.calibrate.rating.advise_press import (
 from tactograph.nodes.calibrate.rating.judge_contact import (
     ball_shape as ball_shape,
     judge_contact as judge_contact,
+)
+from tactograph.nodes.calibrate.rating.judge_labels import (
+    MAX_JUDGED_BALLS as MAX_JUDGED_BALLS,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
     SURE_ODDS as SURE_ODDS,

@@ -156,7 +156,7 @@ def find_ball(
 
 
 def oblong_of(light: F4, ball: Circle, radius: float) -> tuple[float, float, float]:
-    """Return how oblong pixels are by a ball, and what square and such pixels leave of the light.
+    """Return how oblong pixels are by a ball, and what square and such pixels leave of its light.
 
     Parameters
     ----------
@@ -178,9 +178,9 @@ def oblong_of(light: F4, ball: Circle, radius: float) -> tuple[float, float, flo
         return _residual(square, Circle(0.0, 0.0, min(contact, limit)), limit)
 
     first, steps = np.array([*start, 0.0]), np.array([*[0.03 * start.radius] * 3, 0.05])
-    minimum = _lowest(residual, first, steps, 0.002)
-    squares = np.maximum([residual(first), minimum.fun], 1e-12)
-    return float(minimum.x[3]), *np.sqrt(squares).tolist()
+    free = _lowest(residual, first, steps, 0.002)
+    square = _lowest(lambda place: residual(np.append(place, 0.0)), free.x[:3], steps[:3], 0.002)
+    return float(free.x[3]), *np.sqrt(np.maximum([square.fun, free.fun], 1e-12)).tolist()
 
 
 def _check_size(light: F4, radius: float, radius_mm: float, contact: float | None) -> None:

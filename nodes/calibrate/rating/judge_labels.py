@@ -24,8 +24,8 @@ MAX_COST_DEG = 0.003
 """Loss up to which labels stand: presses without shadows give no evidence on labels."""
 MIN_DIFFUSED_SHARE = 0.1
 """Mean share of diffused light from which shadows are bright; a clear gel has 0.25 to 0.4."""
-MAX_BALLS = 12
-"""Balls that are measured, spread over all."""
+MAX_JUDGED_BALLS = 12
+"""Most balls that a judge measures, spread over all."""
 REACH_RADII = 2.6
 """Half the side of the film around a ball that is integrated, in radii of the ball."""
 
@@ -80,7 +80,7 @@ def judge_labels(
         return LabelGain(0.0, {})
     sheets = [cut(sheet, flat.shape[1]) for sheet in (image, light, matt, height)]
     gains = []
-    for ball in used[:: -(-used.size // MAX_BALLS)]:
+    for ball in used[:: -(-used.size // MAX_JUDGED_BALLS)]:
         press = [sheet[balls.of[ball]] for sheet in sheets]
         errors = list(_errors(press, flat, film, balls, ball, noise, pixel))
         gains.append(errors[1] - errors[0])
