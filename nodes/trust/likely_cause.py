@@ -18,7 +18,7 @@ import numpy as np
 from tactograph.nodes import F4, CoarseLight, LightPositions
 from tactograph.nodes.light.film_drift import CALM_DEPARTURES
 from tactograph.nodes.trust._explained import explained
-from tactograph.nodes.trust.banded_rows import is_banded
+from tactograph.nodes.trust.banded_rows import BANDS_WARNING, is_banded
 from tactograph.nodes.trust.checked_cells import (
     DARK_LIGHT,
     MIN_CELLS,
