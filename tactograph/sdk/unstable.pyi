@@ -124,6 +124,12 @@ from tactograph.nodes.calibrate import (
     PressImages as PressImages,
     TiltResponse as TiltResponse,
 )
+from tactograph.nodes.calibrate.ball.ball_on_shape import (
+    BallOnShape as BallOnShape,
+)
+from tactograph.nodes.calibrate.ball.ball_search import (
+    Circle as Circle,
+)
 from tactograph.nodes.calibrate.ball.balls_on_film import (
     Balls as Balls,
     Fitted as Fitted,
@@ -131,6 +137,7 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
 )
 from tactograph.nodes.calibrate.ball.find_ball import (
     Ball as Ball,
+    refined as refined,
 )
 from tactograph.nodes.calibrate.ball.undistort_presses import (
     ideal_circles as ideal_circles,
@@ -148,7 +155,9 @@ from tactograph.nodes.calibrate.film.ball_normals import (
     normal_error as normal_error,
 )
 from tactograph.nodes.calibrate.film.ball_samples import (
+    bounced_at_rest as bounced_at_rest,
     grain as grain,
+    laid_on as laid_on,
     sample_balls as sample_balls,
 )
 from tactograph.nodes.calibrate.film.film_at_rest import (
@@ -156,8 +165,13 @@ from tactograph.nodes.calibrate.film.film_at_rest import (
     rest_left as rest_left,
 )
 from tactograph.nodes.calibrate.film.film_fit import (
+    MAX_ROUNDS as MAX_ROUNDS,
+    Further as Further,
+    fit as fit,
+    further_step as further_step,
     light_scale as light_scale,
     place_deviations as place_deviations,
+    start_at as start_at,
 )
 from tactograph.nodes.calibrate.film.film_misfit import (
     Held as Held,
@@ -173,6 +187,7 @@ from tactograph.nodes.calibrate.film.film_unknowns import (
     within as within,
 )
 from tactograph.nodes.calibrate.film.fit_film import (
+    FilmEvidence as FilmEvidence,
     pressed_slope as pressed_slope,
     stored as stored,
 )
@@ -185,18 +200,30 @@ from tactograph.nodes.calibrate.film.judge_radius import (
     unconfirmed as unconfirmed,
 )
 from tactograph.nodes.calibrate.lights.descend import (
+    DERIVATIVE_STEP as DERIVATIVE_STEP,
     by_differences as by_differences,
+    descend as descend,
+    huber as huber,
+    huber_weight as huber_weight,
     least_squares as least_squares,
 )
 from tactograph.nodes.calibrate.lights.light_fit import (
     LIGHT_DEVIATION as LIGHT_DEVIATION,
+    Placed as Placed,
+    all_residuals as all_residuals,
     inverse_places as inverse_places,
+    jacobian_of as jacobian_of,
+    place_leds as place_leds,
     places_within as places_within,
     positions as positions,
 )
 from tactograph.nodes.calibrate.lights.light_samples import (
+    Object as Object,
+    Press as Press,
     Rest as Rest,
+    is_uniform as is_uniform,
     rest_of as rest_of,
+    sample as sample,
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
     Doubts as Doubts,
@@ -209,11 +236,17 @@ from tactograph.nodes.calibrate.rating.judge_contact import (
     ball_shape as ball_shape,
     judge_contact as judge_contact,
 )
+from tactograph.nodes.calibrate.rating.rate_calibration import (
+    MAX_LED_WIDTHS as MAX_LED_WIDTHS,
+)
 from tactograph.nodes.calibrate.rating.verdict import (
+    MAX_ERROR_DEG as MAX_ERROR_DEG,
+    SURE_ODDS as SURE_ODDS,
     Advice as Advice,
     Judged as Judged,
     advice_after as advice_after,
     grows as grows,
+    log_odds as log_odds,
     of_heldout_error as of_heldout_error,
     pays as pays,
     verdict_of as verdict_of,
@@ -301,10 +334,6 @@ from tactograph.nodes.files.image_files import (
     read_numbers as read_numbers,
     read_plane as read_plane,
 )
-from tactograph.nodes.files.mesh_file import (
-    rasterised as rasterised,
-    read_mesh as read_mesh,
-)
 from tactograph.nodes.files.result_view import (
     calibrated_view as calibrated_view,
     read_view as read_view,
@@ -373,6 +402,10 @@ from tactograph.nodes.optics.normals import (
     cofactors as cofactors,
     dot as dot,
     times as times,
+)
+from tactograph.nodes.optics.rest_shape import (
+    RestShape as RestShape,
+    rest_shape as rest_shape,
 )
 from tactograph.nodes.optics.shape import (
     PAPER_PIXEL_MM as PAPER_PIXEL_MM,

@@ -11,7 +11,6 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes.files.height_files import write_mesh
-from tactograph.nodes.files.mesh_file import read_mesh
 from tactograph.nodes.show.show_file import show_file
 from tests.fixtures import ROOT, python
 from tests.graph.conftest import Command, one_line
@@ -48,12 +47,6 @@ def test_a_command_names_the_extra_and_does_nothing(
     said = one_line(tactograph(*words))
     assert said.endswith(f"needs {package}: pip install 'tactograph[{extra}]'\n")
     assert not [*Path().iterdir()]
-
-
-def test_a_node_names_the_extra(hide: Callable[[str], None]) -> None:
-    hide("trimesh")
-    with pytest.raises(InputError, match=r"needs trimesh: pip install 'tactograph\[mesh\]'"):
-        read_mesh(Path("a.stl"), "read_rest")
 
 
 def test_showing_a_store_names_the_extra(hide: Callable[[str], None]) -> None:

@@ -5,47 +5,48 @@ Long because it searches for a bend, fits it together with LEDs and balls, and s
 
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.graph import InputError, NodeCall, Port, node
-from tactograph.nodes import F4, F8, UM_PER_MM, Light, Metrics, Noise, PixelSize, ScaleError
-from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
-from tactograph.nodes.calibrate.ball._ball_on_shape import BallOnShape
-from tactograph.nodes.calibrate.ball._ball_search import Circle
-from tactograph.nodes.calibrate.ball.find_ball import refined
-from tactograph.nodes.calibrate.ball.find_balls import find_balls
-from tactograph.nodes.calibrate.film.coated_bend import Bending, Laid, coated_bend
-from tactograph.nodes.calibrate.lights.descend import (
+from tactograph.rings.curved_film.nodes._coated_bend import Bending, Laid, coated_bend
+from tactograph.rings.curved_film.nodes.read_rest import by_rays
+from tactograph.sdk import F4, F8, InputError, Light, Metrics, PixelSize, Port, node
+from tactograph.sdk.nodes import film_bounce, find_balls, label_lit
+from tactograph.sdk.unstable import (
     DERIVATIVE_STEP,
+    UM_PER_MM,
+    BallCircles,
+    BallOnShape,
+    BallPress,
+    BallRadii,
+    Circle,
+    KnownCircles,
+    NodeCall,
+    Noise,
+    Object,
+    Placed,
+    Press,
+    Radii,
+    Rest,
+    RestShape,
+    ScaleError,
+    SheetLight,
+    all_residuals,
+    cut,
     descend,
     huber,
     huber_weight,
-)
-from tactograph.nodes.calibrate.lights.light_fit import (
-    Placed,
-    all_residuals,
+    is_uniform,
     jacobian_of,
     place_leds,
-)
-from tactograph.nodes.calibrate.lights.light_samples import (
-    Object,
-    Press,
-    Rest,
-    is_uniform,
+    places,
+    refined,
     rest_of,
+    rest_shape,
     sample,
 )
-from tactograph.nodes.calibrate.rest.read_rest import by_rays, wants_search
-from tactograph.nodes.calibrate.tables.label_lit import label_lit
-from tactograph.nodes.capture.read_balls import KnownCircles, Radii
-from tactograph.nodes.light.film_bounce import film_bounce
-from tactograph.nodes.optics.near_light import places
-from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
-from tactograph.nodes.optics.sheet import SheetLight, cut
 
 TRIED_BENDS = (0.0, 0.25, -0.25, 0.55, -0.55)
 """Bends that the search tries: half the diagonal of the frame over the radius."""
@@ -105,8 +106,8 @@ class Bend(NamedTuple):
 class FoundRest(NamedTuple):
     """The film at rest: its height at the camera's resolution, its shape, and figures."""
 
-    height: Annotated[F4, Port("R C", "mm", low=-1, high=5)] | None
-    shape: RestShape | None
+    height: Annotated[F4, Port("R C", "mm", low=-1, high=5)]
+    shape: RestShape
     quality: Metrics
     scale_error: ScaleError = 0.0
 
@@ -150,11 +151,10 @@ def find_rest(
     noise: Noise,
     given: RestShape | None = None,
     *,
-    rest: Path | None = None,
     camera_mm: Annotated[float, Gt(0)] | None = None,
     bounce: NodeCall = film_bounce,
 ) -> FoundRest:
-    """Return the film's shape at rest as given, or, where ``rest=find`` asks for it, as found.
+    """Return the film's shape at rest as given, or else as found.
 
     Parameters
     ----------
@@ -164,16 +164,17 @@ def find_rest(
     pixel, even_pixel : mm per px at height 0, of `flat` and of `even`
     factor : pixels of `even` along a pixel of `flat`
     noise : (shot, read), a captured light I has the variance shot * I + read
-    given : as `read_rest` returns it
-    rest : ``find`` searches for a bend (`fitted_bend`), and where the film has a coat, with it
+    given
+        As `read_rest` returns it.  None: a bend is looked for (`fitted_bend`), and where the film
+        has a coat, with it.
     camera_mm : height of the pupil above height 0
 
     Returns
     -------
-    The height R x C in mm that each pixel sees, and the shape on the pixels of `flat`; None for a
-    plane.  Where it was found, ``rest_radius_x_mm`` and ``rest_radius_y_mm``, and how well the
-    film's height is known, ``rest_deviation_um``, root mean square over the frame; and the relative
-    error of the heights above it that follows.
+    The height R x C in mm that each pixel sees, and the shape on the pixels of `flat`.  Where it
+    was found, ``rest_radius_x_mm`` and ``rest_radius_y_mm``, and how well the film's height is
+    known, ``rest_deviation_um``, root mean square over the frame; and the relative error of the
+    heights above it that follows.
 
     Raises
     ------
@@ -181,16 +182,17 @@ def find_rest(
         If fewer than two presses show a ball, there is no flat frame, or the film has a coat and
         `camera_mm` is not given.
     """
-    if given is not None or not wants_search(rest):
-        shape = None if given is None else given.binned(factor)
-        return FoundRest(None if given is None else given.height, shape, {})
+    if given is not None:
+        return FoundRest(given.height, given.binned(factor), {})
     if is_uniform(flat):
-        raise InputError("`rest`=find needs `flat`: the untouched film's light tells its shape")
+        raise InputError(
+            "to find the film's shape needs `flat`: the untouched film's light tells it"
+        )
     ball = find_balls(light, flat, radius, known, names, pixel)
     if np.count_nonzero(ball.circle[:, 2]) < MIN_PRESSES:
         raise InputError(
-            f"`rest`=find needs presses at {MIN_PRESSES} places or more: one in the middle, "
-            "others near the border"
+            f"to find the film's shape needs presses at {MIN_PRESSES} places or more: one in the "
+            "middle, others near the border"
         )
     camera = 0.0 if camera_mm is None else 1 / camera_mm
     evidence = light, flat, ball.circle, ball.radius, ball.of, pixel, camera

@@ -11,13 +11,20 @@ import numpy as np
 from annotated_types import Gt, Len
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError, node, warn
-from tactograph.nodes import F4, F8, Height, Lens, Light, Mask, PixelSize
-from tactograph.nodes.files.height_files import read_height_file
-from tactograph.nodes.files.mesh_file import rasterised, read_mesh
-from tactograph.nodes.light.undistort import undistort
-from tactograph.nodes.optics.near_light import places
-from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
+from tactograph.rings.shapes.mesh_file import rasterised, read_mesh
+from tactograph.sdk import (
+    F4,
+    F8,
+    InputError,
+    Light,
+    Mask,
+    PixelSize,
+    node,
+    read_height_file,
+    warn,
+)
+from tactograph.sdk.nodes import undistort
+from tactograph.sdk.unstable import Lens, RestShape, places, rest_shape
 
 MESH_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb")
 SEARCH_NAME = "find"
@@ -32,16 +39,14 @@ Radius = float | Annotated[tuple[float, ...], Len(1, 2)]
 
 
 class Resting(NamedTuple):
-    """The height that each pixel sees of the film at rest, and its shape; None for a plane.
+    """The shape of the film at rest; None if it is to be found.
 
     `seen` is 1 where a pixel sees the film, 0 where its own curvature or its end hides it; None:
     everywhere.
     """
 
-    height: Height | None
     shape: RestShape | None
-    is_plane: bool
-    seen: Mask | None = None
+    seen: Mask | None
 
 
 @node
@@ -56,7 +61,7 @@ def read_rest(
     at_mm: Pose | None = None,
     camera_mm: Annotated[float, Gt(0)] | None = None,
 ) -> Resting:
-    """Return the film at rest, as its maker's drawing has it.  Without any it is a plane.
+    """Return the film at rest, as its maker's drawing has it.
 
     Parameters
     ----------
@@ -79,17 +84,20 @@ def read_rest(
     Raises
     ------
     InputError
-        If more than one is given, the file cannot be read or is of another size, or the film does
-        not fill half of the frame.
+        If none or more than one is given, the file cannot be read or is of another size, or the
+        film does not fill half of the frame.
     """
     params = {"`file`": file, "`radius_mm`": radius_mm, "`cylinder_mm`": cylinder_mm}
     names = [name for name, value in params.items() if value is not None]
-    if wants_search(file) and len(names) == 1:
-        return Resting(None, None, is_plane=False)
+    if _is_search(file) and len(names) == 1:
+        return Resting(None, None)
     if len(names) > 1:
         raise InputError(f"{names[0]} and {names[1]}: the film has one shape at rest; give one")
     if not names:
-        return Resting(None, None, is_plane=True)
+        raise InputError(
+            f"{', '.join(params)}: a film that is no plane needs one of them; `file`=find looks "
+            "for its shape"
+        )
     camera = 0.0 if camera_mm is None else 1 / camera_mm
     x, y, z, turn = (*(at_mm or ()), 0.0, 0.0, 0.0, 0.0)[:4]
     size = image.shape[1], image.shape[2]
@@ -116,7 +124,7 @@ def read_rest(
         )
     shape = rest_shape(np.asarray(height, np.float32), pixel, camera)
     seen = None if is_known.all() else is_known.astype(np.uint8)
-    return Resting(shape.height, shape, is_plane=False, seen=seen)
+    return Resting(shape, seen)
 
 
 def _continued(height: F8, is_known: NDArray[np.bool_], source: Path | str) -> F8:
@@ -137,7 +145,7 @@ def _continued(height: F8, is_known: NDArray[np.bool_], source: Path | str) -> F
     return np.asarray(height[tuple(nearest)])
 
 
-def wants_search(file: Path | None) -> bool:
+def _is_search(file: Path | None) -> bool:
     """Return whether `rest` names no file: the film's shape is to be found (`find_rest`)."""
     return file is not None and file.name == SEARCH_NAME and not file.is_file()
 

@@ -4,9 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.graph import InputError
-from tactograph.graph.extras import need
-from tactograph.nodes import F8
+from tactograph.sdk import F8, InputError, need
 
 PAIRS_AT_ONCE = 1 << 21
 """Pairs of a triangle and a pixel that are processed at once; this bounds the memory."""

@@ -11,26 +11,35 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.graph import InputError, NodeCall
-from tactograph.nodes import F4, F8, Light, Noise
-from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX, BallPress, BallRadii
-from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
-from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, laid_on, sample_balls
-from tactograph.nodes.calibrate.film.film_at_rest import rest_left
-from tactograph.nodes.calibrate.film.film_fit import (
+from tactograph.sdk import F4, F8, InputError, Light
+from tactograph.sdk.unstable import (
+    DERIVATIVE_STEP,
     MAX_ROUNDS,
+    PART_UNKNOWNS,
+    SHIFT_DEVIATION_PX,
+    SURE_ODDS,
+    BallPress,
+    BallRadii,
+    Balls,
+    Fitted,
     Further,
+    NodeCall,
+    Noise,
+    Rest,
+    RestShape,
+    SheetLight,
+    bounced_at_rest,
     fit,
     further_step,
+    laid_on,
+    log_odds,
+    matt_film,
+    predicted,
+    rest_left,
+    rest_of,
+    sample_balls,
     start_at,
 )
-from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS
-from tactograph.nodes.calibrate.lights.descend import DERIVATIVE_STEP
-from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
-from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS, log_odds
-from tactograph.nodes.optics.film import matt_film
-from tactograph.nodes.optics.rest_shape import RestShape
-from tactograph.nodes.optics.sheet import SheetLight
 
 COATED_PARTS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
 """Parts of a film with a coat, and of one that lights itself as well."""
@@ -92,7 +101,7 @@ def coated_bend(bending: Bending, unknowns: F8, independent: float) -> tuple[F8,
         return None
     if not bending.is_told:
         raise InputError(
-            "`rest`=find: the film has a coat, and what that mirrors from near looks like a bend: "
+            "the film has a coat, and what that mirrors from near looks like a bend: to find both, "
             "give `camera_mm`, the height of the camera's pupil above the film (1e6: far away)"
         )
     for parts in COATED_PARTS:

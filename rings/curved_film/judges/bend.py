@@ -4,21 +4,23 @@ import math
 
 import numpy as np
 
-from tactograph.graph import node
-from tactograph.nodes import Film, Metrics
-from tactograph.nodes.calibrate.ball.find_rest import (
+from tactograph.rings.curved_film.nodes.find_rest import (
     MIN_PRESSES,
     ball_presses,
     fitted_bend,
     tried_bends,
 )
-from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
-from tactograph.nodes.calibrate.rating.rate_calibration import MAX_LED_WIDTHS
-from tactograph.nodes.calibrate.rating.verdict import MAX_ERROR_DEG, SURE_ODDS
+from tactograph.sdk import Metrics
+from tactograph.sdk.unstable import (
+    MAX_ERROR_DEG,
+    MAX_LED_WIDTHS,
+    SURE_ODDS,
+    Film,
+    FilmEvidence,
+)
 
 
-@node
-def judge_bend(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]:
+def doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]:
     """Return a doubt if one bend over the frame explains the light better than a plane.
 
     It is looked for only where something is wrong: LEDs at infinity, or normals of held-out presses
@@ -46,5 +48,6 @@ def judge_bend(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]
     radius = 1 / float(bend.unknowns[0])
     return [
         f"the film is no plane at rest: a bend with a radius of {radius:.3g} mm explains the light "
-        f"better by odds of 10^{digits:.0f}: give the film's shape at rest, by a file or its radius"
+        f"better by odds of 10^{digits:.0f}: give its shape at rest, by a file or its radius, to "
+        "calibrate_curved"
     ]

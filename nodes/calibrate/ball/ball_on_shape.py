@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.nodes import F4, F8, U1
-from tactograph.nodes.calibrate.ball._ball_search import Circle
+from tactograph.nodes.calibrate.ball.ball_search import Circle
 from tactograph.nodes.calibrate.ball.ball_slopes import KnownBall
 from tactograph.nodes.calibrate.ball.ball_surface import away_on, ball_height
 from tactograph.nodes.optics.rest_shape import RestShape
