@@ -32,7 +32,6 @@ COMMANDS = (
     "resolve",
     "explain",
     "draw",
-    "show",
     "graphs",
     "nodes",
     "new-node",

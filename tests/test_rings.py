@@ -21,7 +21,9 @@ SHIPPED = sorted(folder.parent.name for folder in (ROOT / "rings").glob("*/__ini
 BUILDS_ON = {
     "curved_film": ("shapes",),
     "live": ("frames", "oneshot"),
-    "recording": ("frames",),
+    "mechanics": ("export",),
+    "metrology": ("export",),
+    "recording": ("frames", "export"),
 }
 """A ring may import another one, as a package imports those on which it depends."""
 CORE = ("graph", "nodes", "kernels", "pipelines", "tactograph")

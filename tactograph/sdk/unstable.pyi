@@ -6,7 +6,15 @@ from tactograph.graph import (
     Pipeline as Pipeline,
     Whole as Whole,
 )
+from tactograph.graph.batch.entry import (
+    DONE as DONE,
+    PENDING as PENDING,
+)
+from tactograph.graph.batch.store import (
+    open_store as open_store,
+)
 from tactograph.graph.commands import (
+    FOLDER_PATH as FOLDER_PATH,
     graph_command as graph_command,
     run_shipped as run_shipped,
 )
@@ -28,6 +36,13 @@ from tactograph.graph.declare.node_page import (
     describe as describe,
     range_of as range_of,
 )
+from tactograph.graph.disk.array_files import (
+    load_arrays as load_arrays,
+)
+from tactograph.graph.disk.file_identity import (
+    ABOUT_ARRAY as ABOUT_ARRAY,
+    about_in as about_in,
+)
 from tactograph.graph.disk.strict_yaml import (
     Document as Document,
     Entries as Entries,
@@ -37,6 +52,7 @@ from tactograph.graph.disk.strict_yaml import (
 )
 from tactograph.graph.errors import (
     collect_warnings as collect_warnings,
+    one_line as one_line,
 )
 from tactograph.graph.files.captures_in import (
     captures_in as captures_in,
@@ -148,6 +164,7 @@ from tactograph.nodes.calibrate.file.calibrated_film import (
     read_either as read_either,
 )
 from tactograph.nodes.calibrate.file.calibration import (
+    CALIBRATION_KIND as CALIBRATION_KIND,
     NO_MISFIT as NO_MISFIT,
     Calibration as Calibration,
 )
@@ -265,6 +282,7 @@ from tactograph.nodes.capture.read_balls import (
     refuse_flat as refuse_flat,
 )
 from tactograph.nodes.capture.read_capture import (
+    Capture as Capture,
     CaptureFile as CaptureFile,
     Layout as Layout,
     read_capture_file as read_capture_file,
@@ -297,6 +315,7 @@ from tactograph.nodes.files.calibration_file import (
     check_use as check_use,
     free_for as free_for,
     is_of_kind as is_of_kind,
+    kind_of as kind_of,
     read_about as read_about,
     read_arrays as read_arrays,
     write_arrays as write_arrays,
@@ -307,19 +326,12 @@ from tactograph.nodes.files.exposure import (
 from tactograph.nodes.files.height_files import (
     MAX_PIXEL_MM as MAX_PIXEL_MM,
     MAX_SIZE_DIFFERENCE as MAX_SIZE_DIFFERENCE,
+    MESH_AXES as MESH_AXES,
     MIN_PIXEL_MM as MIN_PIXEL_MM,
+    Surface as Surface,
     grid_triangles as grid_triangles,
     square_pixel as square_pixel,
-    write_tmd as write_tmd,
-)
-from tactograph.nodes.files.height_picture import (
-    OFFSET_MM as OFFSET_MM,
-    STEP_MM as STEP_MM,
-    UNKNOWN_LEVEL as UNKNOWN_LEVEL,
-    height_levels as height_levels,
-    level_height as level_height,
-    levels_picture as levels_picture,
-    picture_levels as picture_levels,
+    surface_of as surface_of,
 )
 from tactograph.nodes.files.image_arrays import (
     check_handed_in as check_handed_in,
@@ -333,6 +345,15 @@ from tactograph.nodes.files.image_files import (
     lights_of as lights_of,
     read_numbers as read_numbers,
     read_plane as read_plane,
+    size_of as size_of,
+)
+from tactograph.nodes.files.layer_files import (
+    layer_files as layer_files,
+)
+from tactograph.nodes.files.result_file import (
+    RELIEF_FIGURE as RELIEF_FIGURE,
+    checksum as checksum,
+    read_result as read_result,
 )
 from tactograph.nodes.files.result_view import (
     calibrated_view as calibrated_view,
@@ -449,4 +470,7 @@ from tactograph.nodes.trust.check_ranks import (
 from tactograph.nodes.trust.light_departure import (
     LightDeparture as LightDeparture,
     excess as excess,
+)
+from tactograph.nodes.write.read_height import (
+    checked_heights as checked_heights,
 )

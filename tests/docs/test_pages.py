@@ -71,7 +71,7 @@ LONG = (
     "variants.md",
 )
 """Pages that calibrate again and again, or need packages that 'make test' does not install."""
-OF_RINGS = ("compose.md", "graph_files.md")
+OF_RINGS = ("calibrate.md", "compose.md", "graph_files.md")
 """Pages of `docs` whose examples are graphs of rings."""
 RUNNABLE = [page for page in PAGES if any(b.language in RUN for b in blocks(page))]
 COMMAND_LINES = [

@@ -9,9 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph import InputError
-from tactograph.nodes.files.height_files import write_mesh
-from tactograph.nodes.show.show_file import show_file
+from tactograph.nodes.files.height_files import write_ply
 from tests.fixtures import ROOT, python
 from tests.graph.conftest import Command, one_line
 
@@ -26,7 +24,6 @@ def hide(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], Non
     monkeypatch.chdir(tmp_path)
     for name in [name for name in sys.modules if name.startswith("tactograph.graph.batch")]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delitem(sys.modules, "tactograph.nodes.show._store", raising=False)
     return lambda package: monkeypatch.setitem(sys.modules, package, None)
 
 
@@ -49,26 +46,19 @@ def test_a_command_names_the_extra_and_does_nothing(
     assert not [*Path().iterdir()]
 
 
-def test_showing_a_store_names_the_extra(hide: Callable[[str], None]) -> None:
-    Path("a.zarr").mkdir()
-    Path("a.zarr/zarr.json").touch()
-    hide("zarr")
-    with pytest.raises(InputError, match=r"needs zarr: .*\[batch\]"):
-        show_file(file=Path("a.zarr"))
-
-
-@pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])
-def test_writing_a_mesh_needs_no_extra(hide: Callable[[str], None], suffix: str) -> None:
+def test_writing_a_mesh_needs_no_extra(hide: Callable[[str], None]) -> None:
     hide("trimesh")
-    write_mesh(Path(f"a.{suffix}"), np.zeros((4, 5), np.float32), 0.1)
-    assert Path(f"a.{suffix}").stat().st_size > 100
+    write_ply(Path("a.ply"), np.zeros((4, 5), np.float32), 0.1)
+    assert Path("a.ply").stat().st_size > 100
 
 
 def test_every_extra_that_a_message_names_is_one() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    code = [f.read_text() for room in ("graph", "nodes") for f in (ROOT / room).rglob("*.py")]
+    code = [
+        f.read_text() for room in ("graph", "nodes", "rings") for f in (ROOT / room).rglob("*.py")
+    ]
     named = {name for text in code for name in re.findall(r"\bneed\(\s*\"([a-z]+)\"", text)}
-    assert {"batch", "mesh", "report"} <= named <= {*project["optional-dependencies"]}
+    assert {"batch", "report"} <= named <= {*project["optional-dependencies"]}
 
 
 def test_every_node_is_read_without_an_extra(tmp_path: Path) -> None:

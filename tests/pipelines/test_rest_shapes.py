@@ -1,6 +1,5 @@
 """A film of any shape at rest: its images by a calibration, and heights above it from them."""
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -13,6 +12,7 @@ from tactograph.graph import InputError, Provenance, load
 from tactograph.nodes import BAND_DEVIATIONS, F4
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
+from tactograph.nodes.files.height_files import write_ply
 from tactograph.nodes.light.untouched_film import untouched_film
 from tactograph.nodes.stream.touch import Touch, View
 from tactograph.nodes.write.write_result import write_result
@@ -127,23 +127,16 @@ def test_the_tables_of_the_paper_hold_on_a_dome(curved: Curved, truth: F4) -> No
     assert np.sqrt(np.mean((found - truth) ** 2)) < 1.5 * RIG_PIXEL_MM[RIG]
 
 
-def test_an_exported_mesh_is_the_films_own_shape(curved: Curved, truth: F4, tmp_path: Path) -> None:
+def test_a_mesh_is_the_films_own_shape(truth: F4, tmp_path: Path) -> None:
     """From near, points that rise towards the pupil are seen beside where they lie."""
-    np.save(tmp_path / "height.npy", truth)
-    said = {"pixel_size_mm": RIG_PIXEL_MM[RIG], "metrics": {"rest_relief_mm": 1.0}}
-    said |= {"lens": [0.0] * 8, "camera": 1 / 60, "files": ["height.npy"]}
-    (tmp_path / "result.json").write_text(json.dumps(said))
-    given = {"height": tmp_path / "height.npy", "formats": "ply"}
-    laid_out = run("export", tmp_path / "flat", **given)
-    assert any("meshes lay the height out on a plane" in line for line in laid_out.warnings)
     view, made = View(camera=1 / 60), Provenance({}, None, [], {}, {}, [], [])
     touch = Touch(
         truth, truth[None], RIG_PIXEL_MM[RIG], view=view, rest=shape_of("dome", truth.shape)
     )
     with pytest.raises(InputError, match="its places are not those of a plane"):
         write_result(touch, folder=tmp_path, grid="metric", provenance=made)
-    run("export", tmp_path / "round", **given, calibration=curved("dome"))
-    found = trimesh.load_mesh(tmp_path / "round/height.ply", process=False).vertices
+    write_ply(tmp_path / "height.ply", touch.film, touch.pixel, None, 1 / 60)
+    found = trimesh.load_mesh(tmp_path / "height.ply", process=False).vertices
     film = shape_of("dome", truth.shape).astype(np.float64) + truth
     y, x = np.mgrid[: truth.shape[0], : truth.shape[1]] * RIG_PIXEL_MM[RIG]
     x, y = (x - x.mean()) * (1 - film / 60), (y.mean() - y) * (1 - film / 60)

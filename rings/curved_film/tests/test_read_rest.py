@@ -9,7 +9,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.rest.find_film import find_film
-from tactograph.nodes.files.height_files import write_mesh
+from tactograph.nodes.files.height_files import write_ply
 from tactograph.nodes.optics.rest_shape import rest_shape
 from tactograph.rings.curved_film.nodes.read_rest import read_rest
 
@@ -59,9 +59,9 @@ def test_a_mesh_is_the_height_map_that_it_was_made_of(
 ) -> None:
     pytest.importorskip("trimesh")
     y, x = (np.mgrid[:100, :120].astype(np.float32) - np.array([49.5, 59.5])[:, None, None]) * 0.1
-    write_mesh(tmp_path / "gel.stl", np.float32(14) - np.sqrt(196 - x * x - y * y), 0.1)
+    write_ply(tmp_path / "gel.ply", np.float32(14) - np.sqrt(196 - x * x - y * y), 0.1)
     given = {"camera_mm": camera_mm}
-    mesh = read(file=tmp_path / "gel.stl", **given).shape.height
+    mesh = read(file=tmp_path / "gel.ply", **given).shape.height
     np.testing.assert_allclose(mesh, read(radius_mm=14.0, **given).shape.height, atol=2e-4)
 
 

@@ -12,13 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.rings.export.height_levels import OFFSET_MM, STEP_MM, UNKNOWN_LEVEL, height_levels
+from tactograph.rings.recording.files.level_pictures import levels_picture
 from tactograph.sdk import F4, U1, InputError, Light, Touch, layers_of, need
 from tactograph.sdk.unstable import (
-    OFFSET_MM,
-    STEP_MM,
-    UNKNOWN_LEVEL,
-    height_levels,
-    levels_picture,
     view_stated,
 )
 

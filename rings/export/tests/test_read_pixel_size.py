@@ -10,8 +10,11 @@ from PIL import Image
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
-from tactograph.nodes.files.height_files import HEIGHT_WRITERS, TIFF_TEXT, TMD_SIZES, read_tmd
-from tactograph.nodes.write.read_pixel_size import read_pixel_size
+from tactograph.nodes.files.height_files import TIFF_TEXT, write_tiff
+from tactograph.nodes.files.result_file import write_result_file
+from tactograph.rings.export.formats import tmd
+from tactograph.rings.export.nodes.export_height import export_height
+from tactograph.rings.export.nodes.read_pixel_size import read_pixel_size
 
 PIXEL = 0.05
 
@@ -24,7 +27,7 @@ def ramp() -> F4:
 def stored(folder: Path, suffix: str, result: object = None) -> Path:
     """A height map of 0.05 mm per px, beside a ``result.json`` if one is given."""
     file = folder / f"height.{suffix}"
-    HEIGHT_WRITERS[suffix](file, ramp(), PIXEL)
+    export_height(ramp(), PIXEL, folder=folder, formats=(suffix,))
     if result is not None:
         (folder / "result.json").write_text(json.dumps(result))
     return file
@@ -100,9 +103,33 @@ def test_the_resolution_of_a_printer_is_no_pixel_size(tmp_path: Path, text: str,
 
 def test_pixels_that_are_not_square_have_no_side(tmp_path: Path) -> None:
     file = stored(tmp_path, "tmd")
-    assert read_tmd(file).pixel == pytest.approx(PIXEL)
+    assert tmd.read(file).pixel == pytest.approx(PIXEL)
     content = file.read_bytes()
-    sizes = TMD_SIZES.pack(32, 24, 32 * PIXEL, 48 * PIXEL, 0, 0)
-    begin = content.index(TMD_SIZES.pack(32, 24, 32 * PIXEL, 24 * PIXEL, 0, 0))
+    sizes = tmd.TMD_SIZES.pack(32, 24, 32 * PIXEL, 48 * PIXEL, 0, 0)
+    begin = content.index(tmd.TMD_SIZES.pack(32, 24, 32 * PIXEL, 24 * PIXEL, 0, 0))
     file.write_bytes(content[:begin] + sizes + content[begin + len(sizes) :])
-    assert read_tmd(file).pixel is None
+    assert tmd.read(file).pixel is None
+
+
+def test_a_result_whose_pixels_are_not_square_states_no_side(tmp_path: Path) -> None:
+    sides = {"pixel_size_mm": 0.1, "pixel_sides_mm": [0.1, 0.1081]}
+    for suffix in ("npy", "tiff"):
+        folder = tmp_path / suffix
+        folder.mkdir()
+        file = folder / f"height.{suffix}"
+        if suffix == "npy":
+            np.save(file, ramp())
+        else:
+            write_tiff(file, ramp(), 0.1, 0.1081)
+        (folder / "result.json").write_text(json.dumps(sides))
+        with pytest.raises(InputError, match=r"0\.1 x 0\.1081 mm.*grid 'metric'"):
+            read_pixel_size(height=file)
+
+
+def test_a_height_of_another_write_than_its_result_has_no_pixel_size(tmp_path: Path) -> None:
+    file = stored(tmp_path, "npy")
+    write_result_file(tmp_path, {"pixel_size_mm": PIXEL})
+    assert read_pixel_size(height=file) == PIXEL
+    np.save(file, 2 * ramp())
+    with pytest.raises(InputError, match=r"height.*: is not what result\.json .* was written"):
+        read_pixel_size(height=file)

@@ -8,16 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.graph import InputError
-from tactograph.nodes.drawing.result_pictures import draw_height, draw_map
-from tactograph.nodes.files.height_files import read_height_file
-from tactograph.nodes.files.image_files import check_heights, read_numbers
-from tactograph.nodes.files.layer_files import layer_files
-from tactograph.nodes.files.result_file import checksum
-from tactograph.nodes.show.shown import Shown, figures, first, origin, section, sentences
-from tactograph.nodes.stream.layer_kinds import layer_kinds
-from tactograph.nodes.stream.touch import ColourMap
-from tactograph.nodes.write.read_pixel_size import read_pixel_size
+from tactograph.rings.export.nodes.read_pixel_size import read_pixel_size
+from tactograph.rings.export.shown import Shown, figures, first, origin, section, sentences
+from tactograph.sdk import (
+    ColourMap,
+    InputError,
+    draw_height,
+    draw_map,
+    layer_kinds,
+    read_height_file,
+)
+from tactograph.sdk.unstable import check_heights, checksum, layer_files, read_numbers
 
 HEIGHT_FILE = "height.npy"
 

@@ -12,19 +12,18 @@ from hypothesis.extra import numpy as arrays
 from PIL import Image, PngImagePlugin
 
 from tactograph.graph import InputError
+from tactograph.graph.command import run_command
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
-from tactograph.nodes.files.height_files import (
-    HEIGHT_WRITERS,
-    MESH_AXES,
-    MESH_WRITERS,
-    PNG_TEXT,
-    read_height_file,
-    read_tmd,
-    write_tmd,
-)
-from tactograph.nodes.write.export_height import export_height
+from tactograph.nodes.files.height_files import MESH_AXES, read_height_file
 from tactograph.nodes.write.read_height import read_height
+from tactograph.rings.export.formats import tmd
+from tactograph.rings.export.formats.png import PNG_TEXT
+from tactograph.rings.export.nodes.export_height import MESH_FORMATS, export_height
+from tests.fixtures import Calibration
+from tests.pipelines.conftest import run
+
+HEIGHT_FORMATS = ("npy", "tiff", "png", "tmd")
 
 PIXEL = 0.05
 
@@ -44,7 +43,7 @@ def partly_known() -> F4:
 
 @pytest.fixture
 def exported(tmp_path: Path) -> Path:
-    export_height(slope(), PIXEL, folder=tmp_path, formats=(*HEIGHT_WRITERS, *MESH_WRITERS))
+    export_height(slope(), PIXEL, folder=tmp_path, formats=(*HEIGHT_FORMATS, *MESH_FORMATS))
     return tmp_path
 
 
@@ -140,7 +139,7 @@ def test_infinite_heights_and_nothing_known_are_refused(
     tmp_path: Path, suffix: str, wrong: float, told: str
 ) -> None:
     height = np.full((6, 7), wrong, np.float32)
-    HEIGHT_WRITERS[suffix](tmp_path / f"height.{suffix}", height, PIXEL)
+    export_height(height, PIXEL, folder=tmp_path, formats=(suffix,))
     with pytest.raises(InputError, match=told):
         read_height(file=tmp_path / f"height.{suffix}", unknown=True)
 
@@ -187,8 +186,8 @@ def test_touches_of_a_stream_go_into_folders_of_their_names(tmp_path: Path) -> N
 )
 def test_any_height_survives_a_tmd(tmp_path_factory: pytest.TempPathFactory, height: F4) -> None:
     file = tmp_path_factory.mktemp("tmd") / "height.tmd"
-    write_tmd(file, height, PIXEL)
-    np.testing.assert_array_equal(read_tmd(file).height, height)
+    tmd.write(file, height, PIXEL)
+    np.testing.assert_array_equal(tmd.read(file).height, height)
 
 
 @pytest.mark.parametrize(
@@ -255,3 +254,41 @@ def test_a_height_map_of_no_pixel_or_beyond_float32_is_refused(
 def test_a_pixel_that_no_file_can_hold_is_refused(mm: float) -> None:
     with pytest.raises(InputError, match=r"^export: pixel_size_mm: input should be "):
         open_pipeline("export", {"height": "height.npy", "pixel_size_mm": mm})
+
+
+def test_a_mesh_of_a_curved_film_is_the_films_own_shape(
+    calibration: Calibration, tmp_path: Path
+) -> None:
+    """Where the calibration says how it is curved; without it a warning says what is missing."""
+    with np.load(calibration("near33")) as known:
+        arrays = dict(known)
+    rows, columns = arrays["flat"].shape[1:]
+    y, x = np.mgrid[:rows, :columns].astype(np.float32) / 14
+    x, y = x - x.mean(), y.mean() - y
+    rest = arrays["rest"] = (x * x + y * y).astype(np.float32) / 60
+    np.savez(tmp_path / "cal.npz", **arrays)
+    height = 0.1 * (x > 0).astype(np.float32)
+    np.save(tmp_path / "height.npy", height)
+    said = {"pixel_size_mm": 1 / 14, "metrics": {"rest_relief_mm": 1.0}}
+    said |= {"lens": [0.0] * 8, "camera": 1 / 60, "files": ["height.npy"]}
+    (tmp_path / "result.json").write_text(json.dumps(said))
+    given = {"height": tmp_path / "height.npy", "formats": "ply"}
+    laid_out = run("export", tmp_path / "flat", **given)
+    assert any("meshes lay the height out on a plane" in line for line in laid_out.warnings)
+    run("export", tmp_path / "round", **given, calibration=tmp_path / "cal.npz")
+    found = trimesh.load_mesh(tmp_path / "round/height.ply", process=False).vertices
+    film = (rest + height).astype(np.float64)
+    lies = np.stack([x * (1 - film / 60), y * (1 - film / 60), film], axis=-1).reshape(-1, 3)
+    np.testing.assert_allclose(found, lies, atol=2e-5)
+
+
+def test_after_success_it_says_what_range_the_height_has_and_where_it_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    np.save(tmp_path / "height.npy", np.float32([[-0.25, 0], [0.5, 1.5]]))
+    out = tmp_path / "exported"
+    given = f"height={tmp_path / 'height.npy'}", "pixel_size_mm=0.1", f"out={out}"
+    run_command(["run", "export", *given])
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert first == "1: done"  # nothing took a time that is shown
+    assert lines == ["  height  -0.25 to 1.5 mm", f"written to {out}"]

@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.graph import node
-from tactograph.nodes import Lens, Vergence
-from tactograph.nodes.files.result_view import read_view
+from tactograph.sdk import node
+from tactograph.sdk.unstable import Lens, Vergence, read_view
 
 
 class ResultView(NamedTuple):

@@ -1,19 +1,38 @@
 """Write a height map for other people's tools."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 from annotated_types import MinLen
 
-from tactograph.graph import InputError, node, warn
-from tactograph.graph.disk.atomic_files import atomic_files
-from tactograph.nodes import Height, HeightError, Lens, Metrics, PixelSize, Vergence
-from tactograph.nodes.files.height_files import HEIGHT_WRITERS, MESH_WRITERS, Format, write_height
-from tactograph.nodes.files.result_file import RESULT_FILE, write_result_file
-from tactograph.nodes.files.result_view import view_stated
-from tactograph.nodes.optics.film_places import film_places
-from tactograph.nodes.stream.touch import View
+from tactograph.rings.export.nodes._meshes import write_obj, write_stl
+from tactograph.sdk import (
+    RESULT_FILE,
+    Height,
+    HeightError,
+    InputError,
+    Metrics,
+    PixelSize,
+    View,
+    atomic_files,
+    bring,
+    brought,
+    node,
+    warn,
+    write_ply,
+    write_result_file,
+    write_tiff,
+)
+from tactograph.sdk.unstable import Lens, Vergence, film_places, surface_of, view_stated
+
+MESH_FORMATS = ("ply", "stl", "obj")
+OWN_FORMATS = ("npy", "tiff", *MESH_FORMATS)
+if TYPE_CHECKING:
+    Format = str
+else:
+    Format = Literal[(*OWN_FORMATS, *brought("formats"))]
+"""The formats of a height map: those of the core, meshes, and those that rings bring."""
 
 
 @node
@@ -68,7 +87,7 @@ def export_height(
         If the folder cannot be written, a format cannot hold the height, a library is not
         installed, or the film rises to the camera; then no file of this touch is written.
     """
-    if (ending := folder.suffix[1:]) in (*HEIGHT_WRITERS, *MESH_WRITERS):
+    if (ending := folder.suffix[1:]) in (*OWN_FORMATS, *brought("formats")):
         raise InputError(
             f"`folder`={folder}: is to be a folder; `formats`={ending} writes height.{ending} there"
         )
@@ -80,7 +99,7 @@ def export_height(
             f"{rest.shape[1]} x {rest.shape[0]}: `rest` is of another sensor than the height"
         )
     film = height if rest is None else height + rest
-    images = [f"height.{extension}" for extension in formats if extension not in MESH_WRITERS]
+    images = [f"height.{extension}" for extension in formats if extension not in MESH_FORMATS]
     if view and images:
         even, as_seen = film_places(film, None, 0.0), film_places(film, lens, camera or 0.0)
         apart_mm = pixel * np.nanmax(np.hypot(*np.subtract(as_seen, even)))
@@ -93,7 +112,28 @@ def export_height(
     with atomic_files(place, last=RESULT_FILE) as target:
         for extension in formats:
             file = target / f"height.{extension}"
-            exported = film if extension in MESH_WRITERS else height
-            write_height(file, exported, pixel, lens, camera or 0.0, error)
+            if extension in MESH_FORMATS:
+                _write_mesh(file, film, pixel, lens, camera or 0.0)
+            else:
+                _write_heights(file, height, pixel, error)
         if metrics is not None or view:
             write_result_file(target, {**about, **view})
+
+
+def _write_mesh(file: Path, film: Height, pixel: float, lens: Lens | None, camera: float) -> None:
+    """Write a mesh in the format of the file's suffix."""
+    if file.suffix == ".ply":
+        write_ply(file, film, pixel, lens, camera)
+        return
+    write = write_stl if file.suffix == ".stl" else write_obj
+    write(file, surface_of(film, pixel, lens, camera))
+
+
+def _write_heights(file: Path, height: Height, pixel: float, error: HeightError | None) -> None:
+    """Write a height map in the format of the file's suffix."""
+    if file.suffix == ".npy":
+        np.save(file, height)
+    elif file.suffix == ".tiff":
+        write_tiff(file, height, pixel)
+    elif (further := bring("formats", file.suffix[1:])) is not None:
+        further.write(file, height, pixel, error)

@@ -6,16 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.graph import InputError
-from tactograph.graph.disk.array_files import load_arrays
-from tactograph.graph.disk.file_identity import ABOUT_ARRAY, about_in
-from tactograph.nodes.files.calibration_file import (
+from tactograph.rings.export.shown import Shown, figures, first, origin, section, sentences
+from tactograph.sdk import InputError
+from tactograph.sdk.unstable import (
+    ABOUT_ARRAY,
     FileKind,
+    about_in,
     kind_of,
+    load_arrays,
     read_about,
     read_arrays,
 )
-from tactograph.nodes.show.shown import Shown, figures, first, origin, section, sentences
 
 MAX_NUMBERS = 8
 """Most numbers of an array that are printed one by one."""

@@ -3,13 +3,12 @@
 from collections import Counter
 from pathlib import Path
 
-from tactograph.graph import InputError
-from tactograph.graph.batch.entry import DONE, PENDING
-from tactograph.graph.batch.store import open_store
-from tactograph.nodes.show.shown import Shown, first, given_params, input_files, section
+from tactograph.rings.export.shown import Shown, first, given_params, input_files, section
+from tactograph.sdk import InputError, need
+from tactograph.sdk.unstable import DONE, PENDING
 
 
-def show_store(file: Path) -> Shown:
+def show(file: Path) -> Shown:
     """Return how many captures are done, failed or pending, the maps, reasons and warnings.
 
     Raises
@@ -17,6 +16,9 @@ def show_store(file: Path) -> Shown:
     InputError
         If there is no store of a batch, or it is damaged.
     """
+    need("batch", "a batch", "zarr", "numcodecs")
+    from tactograph.sdk.unstable import open_store
+
     store = open_store(str(file))
     if store is None:
         raise InputError(f"{file}: no store of a batch")

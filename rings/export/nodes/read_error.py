@@ -2,11 +2,8 @@
 
 from pathlib import Path
 
-from tactograph.graph import InputError, node
-from tactograph.nodes import HeightError
-from tactograph.nodes.files.height_files import read_height_file
-from tactograph.nodes.files.image_files import Crop
-from tactograph.nodes.write.read_height import checked_heights
+from tactograph.sdk import Crop, HeightError, InputError, node, read_height_file
+from tactograph.sdk.unstable import checked_heights
 
 ERROR_FILE = "error.npy"
 

@@ -6,15 +6,8 @@ from typing import Annotated
 
 from annotated_types import Interval
 
-from tactograph.graph import InputError, node, warn
-from tactograph.nodes import PixelSize
-from tactograph.nodes.files.height_files import (
-    MAX_PIXEL_MM,
-    MAX_SIZE_DIFFERENCE,
-    MIN_PIXEL_MM,
-    read_height_file,
-)
-from tactograph.nodes.files.result_file import RESULT_FILE, read_result
+from tactograph.sdk import RESULT_FILE, InputError, PixelSize, node, read_height_file, warn
+from tactograph.sdk.unstable import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM, read_result
 
 
 @node

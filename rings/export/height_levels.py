@@ -1,10 +1,9 @@
-"""Heights as levels of 16 bits, and as colour pictures of 8 bits for formats that know no depth."""
+"""Heights as levels of 16 bits."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import InputError
-from tactograph.nodes import U1, Height
+from tactograph.sdk import Height, InputError
 
 STEP_MM = 1e-4
 """A level: 0.1 micrometres."""
@@ -41,15 +40,3 @@ def level_height(levels: NDArray[np.generic], step: float, offset: float) -> Hei
     """Return the heights of levels in mm."""
     with np.errstate(over="ignore"):  # too large for float32: infinite
         return np.asarray(offset + step * levels.astype(np.float64), np.float32)
-
-
-def levels_picture(levels: Levels) -> U1:
-    """Return H x W x 3: the high byte of every level as red, the low byte as green."""
-    high, low = (levels >> 8).astype(np.uint8), (levels & 255).astype(np.uint8)
-    return np.stack([high, low, np.zeros_like(low)], axis=-1)
-
-
-def picture_levels(picture: U1) -> Levels:
-    """Return the levels of such a picture."""
-    high, low = picture[..., 0].astype(np.uint16), picture[..., 1]
-    return high << np.uint16(8) | low

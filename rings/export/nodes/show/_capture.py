@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.nodes import Light
-from tactograph.nodes.capture.read_capture import Capture, Layout, read_capture
-from tactograph.nodes.files.image_files import size_of, write_image
-from tactograph.nodes.show.shown import Shown, section
+from tactograph.rings.export.shown import Shown, section
+from tactograph.sdk import Light, write_image
+from tactograph.sdk.nodes import read_capture
+from tactograph.sdk.unstable import Capture, Layout, size_of
 
 MAX_LISTED = 20
 """Most captures of a stream that are listed."""

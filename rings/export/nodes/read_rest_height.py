@@ -2,12 +2,16 @@
 
 from pathlib import Path
 
-from tactograph.graph import node, warn
-from tactograph.nodes import Height
-from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
-from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays
-from tactograph.nodes.files.result_file import RELIEF_FIGURE, read_result
-from tactograph.nodes.height.as_seen import as_seen
+from tactograph.sdk import Height, node, warn
+from tactograph.sdk.nodes import as_seen
+from tactograph.sdk.unstable import (
+    CALIBRATION_KIND,
+    RELIEF_FIGURE,
+    check_use,
+    read_about,
+    read_arrays,
+    read_result,
+)
 
 
 @node

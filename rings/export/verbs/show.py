@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from tactograph.graph.commands import FOLDER_PATH, run_shipped
+from tactograph.sdk.unstable import FOLDER_PATH, run_shipped
 
 
 @click.command("show", short_help="Print and draw what is in a file.")

@@ -1,0 +1,1 @@
+"""What `tactograph show` prints of stores."""
