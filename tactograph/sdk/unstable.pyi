@@ -168,6 +168,10 @@ from tactograph.nodes.calibrate.file.calibration import (
     NO_MISFIT as NO_MISFIT,
     Calibration as Calibration,
 )
+from tactograph.nodes.calibrate.file.camera_lens import (
+    CAMERA_KIND as CAMERA_KIND,
+    CameraLens as CameraLens,
+)
 from tactograph.nodes.calibrate.film.ball_normals import (
     normal_error as normal_error,
 )
@@ -291,9 +295,6 @@ from tactograph.nodes.capture.read_capture import (
 from tactograph.nodes.capture.read_flat import (
     Flat as Flat,
 )
-from tactograph.nodes.capture.read_grey import (
-    GreyImage as GreyImage,
-)
 from tactograph.nodes.contact.find_contact import (
     MAX_CONTACTS as MAX_CONTACTS,
 )
@@ -319,6 +320,7 @@ from tactograph.nodes.files.calibration_file import (
     read_about as read_about,
     read_arrays as read_arrays,
     write_arrays as write_arrays,
+    write_record as write_record,
 )
 from tactograph.nodes.files.exposure import (
     normalised as normalised,
@@ -413,6 +415,7 @@ from tactograph.nodes.optics.lens import (
     pixel_sides as pixel_sides,
     seen_from_above as seen_from_above,
     seen_offset as seen_offset,
+    seen_places as seen_places,
 )
 from tactograph.nodes.optics.near_light import (
     expected_light as expected_light,

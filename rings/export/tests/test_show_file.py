@@ -20,7 +20,6 @@ from tactograph.graph.batch.store import create_store
 from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.command import SIGPIPE_EXIT_CODE, run_command
 from tactograph.graph.errors import WriteError
-from tactograph.nodes.calibrate.file.write_camera import write_camera
 from tactograph.nodes.calibrate.kinds.calibration_kind import _dots
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.stream.touch import Touch
@@ -86,17 +85,6 @@ def test_a_reader_that_has_gone_is_no_error_of_the_node(tmp_path: Path) -> None:
     done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
     os.close(writer)
     assert (done.returncode, done.stderr) == (SIGPIPE_EXIT_CODE, "")
-
-
-def test_a_lens_shows_its_numbers_and_grid(tmp_path: Path, shown: Shown) -> None:
-    file, image = tmp_path / "camera.npz", np.zeros((24, 32), np.float32)
-    bent = np.array([0.03, 0, 0, 0, 0, 0, 0, 0], np.float32)
-    write_camera(image, bent, 0.07, 0.02, {"left_out": 3.0}, file=file, provenance=MADE)
-    told = shown(file)
-    assert told.startswith(f"{file}: camera, format 1\n")
-    assert "lens        0.03 0 0 0 0 0 0 0" in told
-    assert "left_out  3" in told
-    assert (tmp_path / "drawn" / "camera.png").is_file()
 
 
 def test_a_store_shows_what_became_of_each_capture(tmp_path: Path, shown: Shown) -> None:

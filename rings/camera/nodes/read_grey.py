@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
-from tactograph.graph import Port, node
-from tactograph.nodes import F4
-from tactograph.nodes.files.image_files import Channel, Crop, read_plane
+from tactograph.sdk import F4, Crop, Port, node
+from tactograph.sdk.unstable import Channel, read_plane
 
 GreyImage = Annotated[F4, Port("H W", "1")]
 """One image as a fraction of full scale."""

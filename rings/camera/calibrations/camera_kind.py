@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
-from tactograph.nodes.optics.lens import seen_places
+from tactograph.sdk.unstable import CAMERA_KIND, seen_places
 
 KIND = CAMERA_KIND
 MARKS_ACROSS = 12

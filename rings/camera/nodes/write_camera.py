@@ -1,14 +1,15 @@
 """Write the calibration of a camera's lens into one file."""
 
+from functools import partial
+from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from pydantic import AfterValidator
 
-from tactograph.graph import Port, Provenance, node
-from tactograph.nodes import Lens, Metrics, PixelSize
-from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND, CameraLens, NewCamera
-from tactograph.nodes.capture.read_grey import GreyImage
-from tactograph.nodes.files.calibration_file import write_record
+from tactograph.rings.camera.nodes.read_grey import GreyImage
+from tactograph.sdk import Metrics, PixelSize, Port, Provenance, node
+from tactograph.sdk.unstable import CAMERA_KIND, CameraLens, Lens, free_for, write_record
 
 
 @node
@@ -19,7 +20,7 @@ def write_camera(
     residual: Annotated[float, Port(unit="px")],
     quality: Metrics,
     *,
-    file: NewCamera,
+    file: Annotated[Path, AfterValidator(partial(free_for, kind=CAMERA_KIND))],
     provenance: Provenance,
 ) -> None:
     """Write lens, pixel size and residual as one ``.npz``, readable without pickle.
