@@ -12,6 +12,7 @@ import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 from traceback import walk_tb
 from typing import NamedTuple
 
@@ -152,6 +153,20 @@ def did_you_mean(word: str, known: Iterable[str], lister: str = "") -> str:
     meant = " or ".join(filter(None, [", ".join(map(repr, close[:-1])), *map(repr, close[-1:])]))
     hint = f"; did you mean {meant}?" if close else ";" if lister else ""
     return f"{hint} '{lister}' lists all" if lister else hint
+
+
+def missing(path: Path, what: str) -> str:
+    """Say that a path does not exist, and which name beside it is close.
+
+    `what` is the noun of what was expected there, such as ``folder``.
+    """
+    first = next((each for each in (path, *path.parents) if each.parent.is_dir()), path)
+    where = "" if first == path else f", nor '{first}'"
+    try:
+        siblings = [each.name for each in first.parent.iterdir()]
+    except (OSError, ValueError):
+        siblings = []
+    return f"{path}: there is no such {what}{where}{did_you_mean(first.name, siblings)}"
 
 
 def a_few(words: Sequence[str], most: int) -> str:

@@ -19,9 +19,10 @@ from tests.fixtures import ROOT, needs_rings
 
 SHIPPED = sorted(folder.parent.name for folder in (ROOT / "rings").glob("*/__init__.py"))
 BUILDS_ON = {
+    "batch": ("export",),
     "curved_film": ("shapes",),
     "live": ("frames", "oneshot"),
-    "mechanics": ("export",),
+    "mechanics": ("batch", "export"),
     "metrology": ("export",),
     "recording": ("frames", "export"),
 }

@@ -13,7 +13,7 @@ from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.cache.cache import Cache
 from tactograph.graph.declare.find_node import find_node, own_nodes
 from tactograph.graph.declare.node import Node
-from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.errors import InputError, did_you_mean, missing
 from tactograph.graph.files.changes import plain, with_changes
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import Source, read_graph
@@ -157,7 +157,7 @@ def _check_archives(graph: Graph, given: Mapping[str, Any]) -> None:
     for name, place in given.items():
         is_path = name in graph.params and graph.params[name].kind == "path" and name != "out"
         if is_path and str(place).endswith(".npz") and not Path(str(place)).is_file():
-            raise InputError(f"{name}={place}: there is no such file")
+            raise InputError(f"{name}={missing(Path(str(place)), 'file')}")
 
 
 def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:

@@ -16,7 +16,7 @@ from tactograph.graph.declare.ports import make_record, record_ports, record_val
 from tactograph.graph.disk.array_files import load_arrays
 from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.disk.file_identity import ABOUT_ARRAY, about_in
-from tactograph.graph.errors import one_line
+from tactograph.graph.errors import missing, one_line
 from tactograph.graph.rings import bring
 from tactograph.nodes.files.sensor_identity import identity_in
 from tactograph.nodes.optics.lens import seen_offset
@@ -185,7 +185,9 @@ def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
     try:
         _check_arrays(kind, arrays)
     except ValueError as error:
-        raise InputError(f"{file}: {error}; calibrate again") from None
+        raise InputError(
+            f"{file}: not as this version writes it: {error}; calibrate again"
+        ) from None
     return {
         n: arrays[n] if value.port.dims else float(arrays[n]) for n, value in kind.values.items()
     }
@@ -297,8 +299,10 @@ def kind_of(file: Path) -> ModuleType | None:
 
 def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
     if not file.is_file():
-        what = "is a folder, and no" if file.is_dir() else "there is no such"
-        raise InputError(f"{file}: {what} calibration file; '{kind.maker}' makes one")
+        maker = f"'{kind.maker}' makes one"
+        if file.is_dir():
+            raise InputError(f"{file}: is a folder, and no calibration file; {maker}")
+        raise InputError(missing(file, f"calibration file ({maker})"))
     try:
         return load_arrays(file)
     except (OSError, ValueError) as error:

@@ -1,27 +1,35 @@
+from tactograph.ctrl_c import (
+    later as later,
+)
 from tactograph.graph import (
-    FRACTIONS as FRACTIONS,
-    BatchMaps as BatchMaps,
     Cache as Cache,
+    FRACTIONS as FRACTIONS,
     NodeCall as NodeCall,
     Pipeline as Pipeline,
     Whole as Whole,
 )
-from tactograph.graph.batch.entry import (
-    DONE as DONE,
-    PENDING as PENDING,
+from tactograph.graph.backends.device_backend import (
+    open_device as open_device,
 )
-from tactograph.graph.batch.store import (
-    open_store as open_store,
+from tactograph.graph.cache.result_origin import (
+    find_origin as find_origin,
 )
 from tactograph.graph.commands import (
     FOLDER_PATH as FOLDER_PATH,
+    RunOptions as RunOptions,
     graph_command as graph_command,
+    run_options as run_options,
     run_shipped as run_shipped,
+    say as say,
 )
 from tactograph.graph.commands.check import (
     verified as verified,
 )
+from tactograph.graph.commands.progress_line import (
+    ProgressLine as ProgressLine,
+)
 from tactograph.graph.cores import (
+    CORES_VARIABLE as CORES_VARIABLE,
     cores as cores,
 )
 from tactograph.graph.declare.find_node import (
@@ -43,6 +51,9 @@ from tactograph.graph.disk.file_identity import (
     ABOUT_ARRAY as ABOUT_ARRAY,
     about_in as about_in,
 )
+from tactograph.graph.disk.folder_lock import (
+    lock_folder as lock_folder,
+)
 from tactograph.graph.disk.strict_yaml import (
     Document as Document,
     Entries as Entries,
@@ -50,9 +61,16 @@ from tactograph.graph.disk.strict_yaml import (
     parse_yaml as parse_yaml,
     read_yaml as read_yaml,
 )
+from tactograph.graph.disk.text_names import (
+    refuse_other_names as refuse_other_names,
+)
 from tactograph.graph.errors import (
+    Terminated as Terminated,
+    a_few as a_few,
     collect_warnings as collect_warnings,
+    missing as missing,
     one_line as one_line,
+    printable as printable,
 )
 from tactograph.graph.files.captures_in import (
     captures_in as captures_in,
@@ -88,6 +106,9 @@ from tactograph.graph.plan.names import (
 from tactograph.graph.plan.sketch import (
     plan_svg as plan_svg,
 )
+from tactograph.graph.run.open_pipeline import (
+    refuse_to_write_over as refuse_to_write_over,
+)
 from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
 )
@@ -101,43 +122,47 @@ from tactograph.graph.show.colours import (
     BIT_COLOURS as BIT_COLOURS,
     SEVERAL_COLOUR as SEVERAL_COLOUR,
 )
+from tactograph.graph.show.warning_lines import (
+    warning_lines as warning_lines,
+)
 from tactograph.nodes import (
     BAND_DEVIATIONS as BAND_DEVIATIONS,
+    CoarseLight as CoarseLight,
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
-    I4 as I4,
-    METRES_PER_MM as METRES_PER_MM,
-    UM_PER_MM as UM_PER_MM,
-    USUAL_RIM_MM as USUAL_RIM_MM,
-    CoarseLight as CoarseLight,
     Film as Film,
+    I4 as I4,
     Lens as Lens,
     LightPlaces as LightPlaces,
     LightPositions as LightPositions,
     LutLight as LutLight,
     LutLit as LutLit,
     LutSlope as LutSlope,
+    METRES_PER_MM as METRES_PER_MM,
     Misfit as Misfit,
     Noise as Noise,
     ResizedLight as ResizedLight,
     ScaleError as ScaleError,
     ShadowRises as ShadowRises,
     SlopeVariance as SlopeVariance,
+    UM_PER_MM as UM_PER_MM,
+    USUAL_RIM_MM as USUAL_RIM_MM,
     Uneven as Uneven,
     Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
-    FILM_ROUGHNESS as FILM_ROUGHNESS,
-    FOLD_COUNT as FOLD_COUNT,
-    MAX_INDEPENDENT as MAX_INDEPENDENT,
-    MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
-    MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
-    SHIFT_DEVIATION_PX as SHIFT_DEVIATION_PX,
     BallCircles as BallCircles,
     BallPress as BallPress,
     BallRadii as BallRadii,
     Circles as Circles,
+    FILM_ROUGHNESS as FILM_ROUGHNESS,
+    FOLD_COUNT as FOLD_COUNT,
+    MAX_INDEPENDENT as MAX_INDEPENDENT,
+    MAX_SAMPLE_SLOPE as MAX_SAMPLE_SLOPE,
+    MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
+    MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
     PressImages as PressImages,
+    SHIFT_DEVIATION_PX as SHIFT_DEVIATION_PX,
     TiltResponse as TiltResponse,
 )
 from tactograph.nodes.calibrate.ball.ball_on_shape import (
@@ -165,8 +190,8 @@ from tactograph.nodes.calibrate.file.calibrated_film import (
 )
 from tactograph.nodes.calibrate.file.calibration import (
     CALIBRATION_KIND as CALIBRATION_KIND,
-    NO_MISFIT as NO_MISFIT,
     Calibration as Calibration,
+    NO_MISFIT as NO_MISFIT,
 )
 from tactograph.nodes.calibrate.file.camera_lens import (
     CAMERA_KIND as CAMERA_KIND,
@@ -186,8 +211,8 @@ from tactograph.nodes.calibrate.film.film_at_rest import (
     rest_left as rest_left,
 )
 from tactograph.nodes.calibrate.film.film_fit import (
-    MAX_ROUNDS as MAX_ROUNDS,
     Further as Further,
+    MAX_ROUNDS as MAX_ROUNDS,
     fit as fit,
     further_step as further_step,
     light_scale as light_scale,
@@ -248,6 +273,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
     Doubts as Doubts,
+    LED_DRIFT as LED_DRIFT,
     drawn as drawn,
 )
 from tactograph.nodes.calibrate.rating.advise_press import (
@@ -261,10 +287,10 @@ from tactograph.nodes.calibrate.rating.rate_calibration import (
     MAX_LED_WIDTHS as MAX_LED_WIDTHS,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
-    MAX_ERROR_DEG as MAX_ERROR_DEG,
-    SURE_ODDS as SURE_ODDS,
     Advice as Advice,
     Judged as Judged,
+    MAX_ERROR_DEG as MAX_ERROR_DEG,
+    SURE_ODDS as SURE_ODDS,
     advice_after as advice_after,
     grows as grows,
     log_odds as log_odds,
@@ -311,11 +337,10 @@ from tactograph.nodes.drawing.sensor_picture import (
     draw_sensor as draw_sensor,
 )
 from tactograph.nodes.files.calibration_file import (
-    MIN_OPTICAL_MM as MIN_OPTICAL_MM,
     FileKind as FileKind,
+    MIN_OPTICAL_MM as MIN_OPTICAL_MM,
     check_use as check_use,
     free_for as free_for,
-    is_of_kind as is_of_kind,
     kind_of as kind_of,
     read_about as read_about,
     read_arrays as read_arrays,
@@ -339,9 +364,9 @@ from tactograph.nodes.files.image_arrays import (
     check_handed_in as check_handed_in,
 )
 from tactograph.nodes.files.image_files import (
+    Channel as Channel,
     MAX_LEDS as MAX_LEDS,
     MAX_PIXELS as MAX_PIXELS,
-    Channel as Channel,
     channels as channels,
     check_heights as check_heights,
     lights_of as lights_of,
@@ -361,7 +386,6 @@ from tactograph.nodes.files.result_view import (
     calibrated_view as calibrated_view,
     read_view as read_view,
     refuse_view as refuse_view,
-    view_of_text as view_of_text,
     view_stated as view_stated,
 )
 from tactograph.nodes.files.sensor_identity import (
@@ -380,9 +404,6 @@ from tactograph.nodes.layers.error import (
 )
 from tactograph.nodes.light.film_drift import (
     terms as terms,
-)
-from tactograph.nodes.optics.bicubic import (
-    between_pixels as between_pixels,
 )
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
@@ -432,8 +453,8 @@ from tactograph.nodes.optics.rest_shape import (
     rest_shape as rest_shape,
 )
 from tactograph.nodes.optics.shape import (
-    PAPER_PIXEL_MM as PAPER_PIXEL_MM,
     Length as Length,
+    PAPER_PIXEL_MM as PAPER_PIXEL_MM,
     PixelSide as PixelSide,
     Shape as Shape,
     ShapeImage as ShapeImage,

@@ -14,7 +14,6 @@ from tests.fixtures import ROOT, python
 from tests.graph.conftest import Command, one_line
 
 CAPTURE = ROOT / "tests" / "data" / "far28" / "sphere"
-BATCH = ["batch", "paper", "calibration=cal.npz", "--over", CAPTURE, "--out", "a.zarr"]
 COMPARE = ["compare", "paper", "--over", CAPTURE, "calibration=cal.npz"]
 
 
@@ -22,16 +21,12 @@ COMPARE = ["compare", "paper", "--over", CAPTURE, "calibration=cal.npz"]
 def hide(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[str], None]:
     """An empty folder to work in; a package hidden by its name is not found."""
     monkeypatch.chdir(tmp_path)
-    for name in [name for name in sys.modules if name.startswith("tactograph.graph.batch")]:
-        monkeypatch.delitem(sys.modules, name)
     return lambda package: monkeypatch.setitem(sys.modules, package, None)
 
 
 @pytest.mark.parametrize(
     ("package", "extra", "words"),
     [
-        ("zarr", "batch", BATCH),
-        ("numcodecs", "batch", BATCH),
         ("jinja2", "report", COMPARE),
         ("jinja2", "report", ["demo"]),
         ("jinja2", "report", ["new-ring", "mine"]),
@@ -58,7 +53,7 @@ def test_every_extra_that_a_message_names_is_one() -> None:
         f.read_text() for room in ("graph", "nodes", "rings") for f in (ROOT / room).rglob("*.py")
     ]
     named = {name for text in code for name in re.findall(r"\bneed\(\s*\"([a-z]+)\"", text)}
-    assert {"batch", "report"} <= named <= {*project["optional-dependencies"]}
+    assert {"report"} <= named <= {*project["optional-dependencies"]}
 
 
 def test_every_node_is_read_without_an_extra(tmp_path: Path) -> None:

@@ -155,20 +155,17 @@ def find_ball(
     return _ball(circle, goodness)
 
 
-def oblong_of(light: F4, ball: Circle, radius: float, least: float) -> tuple[float, float]:
-    """Return how oblong pixels are by a ball, and how much of the residual that explains.
+def oblong_of(light: F4, ball: Circle, radius: float) -> tuple[float, float, float]:
+    """Return how oblong pixels are by a ball, and what square and such pixels leave of the light.
 
     Parameters
     ----------
     light, ball, radius
         K x H x W, the circle found, and the ball's radius in px, as if pixels were square.
-    least
-        The smallest logarithm that matters: where it explains the light no better than square
-        pixels do, whichever side is longer, no other is looked for.
 
     Returns
     -------
-    Logarithm of a pixel's width over its length, and 0 to 1, where 1 leaves no residual.
+    Logarithm of a pixel's width over its length; two deviations on one scale, above 0.
     """
     reduced, shrink = reduced_to(light, REFINE_WIDTH_PX)
     start, limit = ball.on(shrink), radius / shrink
@@ -180,13 +177,10 @@ def oblong_of(light: F4, ball: Circle, radius: float, least: float) -> tuple[flo
         square = samples._replace(x=(samples.x - x) * wider, y=(samples.y - y) / wider)
         return _residual(square, Circle(0.0, 0.0, min(contact, limit)), limit)
 
-    first, wider = np.array([*start, 0.0]), np.array([0.0, 0.0, 0.0, least])
-    square_left = residual(first)
-    if min(residual(first + wider), residual(first - wider)) > square_left:
-        return 0.0, 0.0
-    steps = np.array([*[0.03 * start.radius] * 3, 0.05])
-    result = _lowest(residual, first, steps, 0.002)
-    return float(result.x[3]), 1 - float(result.fun) / max(square_left, 1e-12)
+    first, steps = np.array([*start, 0.0]), np.array([*[0.03 * start.radius] * 3, 0.05])
+    found = _lowest(residual, first, steps, 0.002)
+    squares = np.maximum([residual(first), found.fun], 1e-12)
+    return float(found.x[3]), *np.sqrt(squares).tolist()
 
 
 def _check_size(light: F4, radius: float, radius_mm: float, contact: float | None) -> None:

@@ -14,7 +14,7 @@ from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_grid import Grid, find_grid, place_balls
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
 from tactograph.nodes.calibrate.lights.light_samples import rest_of
-from tactograph.nodes.calibrate.rating.judge_flat import is_uneven
+from tactograph.nodes.calibrate.rating.judge_flat import RETAKE_FLAT, is_uneven
 from tactograph.nodes.capture.read_balls import KnownCircles, Marks, Radii
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
@@ -23,10 +23,7 @@ MARKING_ADVICE = (
     "if there is one, say where in its capture.yaml (ball_center_px: [x, y], ball_contact_px: r)"
 )
 
-TOUCHED_FLAT = (
-    "the flat frame is lit unevenly, as by a touch: take it again with nothing touching the film, "
-    "and the camera's local contrast off"
-)
+TOUCHED_FLAT = f"the flat frame is lit unevenly, as by a touch: {RETAKE_FLAT}"
 
 
 class FoundBalls(NamedTuple):

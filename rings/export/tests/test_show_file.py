@@ -14,10 +14,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from tactograph.graph import InputError, Provenance
-from tactograph.graph.batch.entry import DONE, FAILED, Entry
-from tactograph.graph.batch.job import Job
-from tactograph.graph.batch.store import create_store
-from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.command import SIGPIPE_EXIT_CODE, run_command
 from tactograph.graph.errors import WriteError
 from tactograph.nodes.calibrate.kinds.calibration_kind import _dots
@@ -85,18 +81,6 @@ def test_a_reader_that_has_gone_is_no_error_of_the_node(tmp_path: Path) -> None:
     done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, text=True, check=False)
     os.close(writer)
     assert (done.returncode, done.stderr) == (SIGPIPE_EXIT_CODE, "")
-
-
-def test_a_store_shows_what_became_of_each_capture(tmp_path: Path, shown: Shown) -> None:
-    place = tmp_path / "out.zarr"
-    job = Job("", "toy", "f00", {"lights": None}, {}, ())
-    store = create_store(str(place), job, Origin({}, {}, ""), 4)
-    store.append(["a", "b", "c"])
-    store.write({0: Entry(DONE, warnings=["too bright"]), 1: Entry(FAILED, "all black")})
-    told = shown(place)
-    assert "captures: 3, done 1, failed 1, pending 1" in told
-    assert "  b: all black" in told
-    assert "  1 x too bright" in told
 
 
 def test_a_result_shows_figures_and_warnings(result: Path, tmp_path: Path, shown: Shown) -> None:

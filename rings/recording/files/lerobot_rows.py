@@ -1,7 +1,7 @@
 """A touch as a row of a LeRobot dataset: what its columns are called and hold.
 
 LeRobot keeps pictures of three channels of 8 bits.  So a height is the picture of its 16-bit
-levels (`height_picture`), and three lights are the channels of one picture.
+levels (`height_levels`), and three lights are the channels of one picture.
 """
 
 import importlib

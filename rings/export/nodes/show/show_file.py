@@ -13,7 +13,7 @@ from tactograph.rings.export.nodes.show._capture import show_capture
 from tactograph.rings.export.nodes.show._result import show_result
 from tactograph.rings.export.shown import Shown
 from tactograph.sdk import RESULT_FILE, InputError, atomic_file, bring, brought, node
-from tactograph.sdk.unstable import one_line
+from tactograph.sdk.unstable import missing, one_line
 
 
 @node
@@ -49,7 +49,7 @@ def _look(file: Path) -> Shown:
     try:
         file.stat()
     except (OSError, ValueError):
-        raise InputError(f"{file}: there is no such file") from None
+        raise InputError(missing(file, "file")) from None
     if file.suffix == ".npz" and file.is_file():
         return show_calibration(file)
     if file.name == RESULT_FILE or (file / RESULT_FILE).is_file():

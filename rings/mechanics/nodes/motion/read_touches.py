@@ -133,7 +133,7 @@ def _even(
 
 
 def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
-    from tactograph.sdk.unstable import BatchMaps
+    from tactograph.rings.batch.batch_maps import BatchMaps
 
     maps = BatchMaps(folder)
     pixel = pixel or maps.pixel

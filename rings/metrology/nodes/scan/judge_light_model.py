@@ -1,10 +1,13 @@
 """Judge whether a light model is this sensor's, by the residual light and the film's brightness."""
 
+import math
+
 import numpy as np
 
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope, light_model_slope
 from tactograph.sdk import InputError, Light, Metrics, Slope, node, warn
+from tactograph.sdk.unstable import MAX_INDEPENDENT_REST, MAX_SAMPLE_SLOPE, SURE_ODDS, log_odds
 
 MAX_RESIDUAL = 0.01
 """Share of a cell's light that a model leaves at half of the cells; 0.005 on scans of two sensors
@@ -15,12 +18,6 @@ MAX_BRIGHTNESS_RATIO = 1.33
 """Ratio of the film's brightness to that when the model was made, or its inverse, at most."""
 TRIED_RESIDUAL = 0.006
 """Share above which other orders of the LEDs are tried; a mirror image of them leaves 0.0076."""
-MAX_ORDER_RATIO = 0.75
-"""What another order of the LEDs leaves of the light, times the curl of its slopes, over the given
-one's, below which the latter is wrong: at most 0.58 for all wrong orders on three scans and 48
-crops of them, where they leave enough to be tried, and 1.03 or more for the right one."""
-MAX_TRIED_SLOPE = 3
-"""Slope that steeper ones count as: a few would settle all."""
 
 
 @node
@@ -79,7 +76,10 @@ def _unexplained(found: ModelSlope) -> float:
 
 
 def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
-    """Refuse images whose order is turned or reversed: another one explains them better."""
+    """Refuse images whose order is turned or reversed, if another one is likelier (`SURE_ODDS`).
+
+    What an order leaves of the light, times the curl of its slopes, counts as a deviation.
+    """
     stated_order = np.arange(len(light))
     orders = [
         np.roll(each, by) for each in (stated_order, stated_order[::-1]) for by in stated_order
@@ -88,7 +88,9 @@ def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
     misfits = [(_unexplained(found), _curl(found.slope)) for found in slopes_by_order]
     product = np.prod(misfits, axis=1)
     best = int(np.argmin(product))
-    if product[best] < MAX_ORDER_RATIO * product[0] and misfits[best][0] < MAX_RESIDUAL:
+    values = MAX_INDEPENDENT_REST * len(light)
+    odds = log_odds(product[0], product[best], 0, values)
+    if odds > math.log(SURE_ODDS) and misfits[best][0] < MAX_RESIDUAL:
         order = ", ".join(str(led + 1) for led in orders[best])
         doubt = f"the images fit the light model in the order {order} of those listed: sort them"
         if not force:
@@ -97,6 +99,9 @@ def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
 
 
 def _curl(slope: Slope) -> float:
-    """Sum of the magnitudes of the slopes' curl; those of a surface have none."""
-    p, q = np.clip(slope, -MAX_TRIED_SLOPE, MAX_TRIED_SLOPE)
+    """Sum of the magnitudes of the slopes' curl; those of a surface have none.
+
+    Steeper slopes count as `MAX_SAMPLE_SLOPE`: a few would settle all.
+    """
+    p, q = np.clip(slope, -MAX_SAMPLE_SLOPE, MAX_SAMPLE_SLOPE)
     return float(np.abs(np.diff(p, axis=0)[:, 1:] - np.diff(q, axis=1)[1:]).sum())

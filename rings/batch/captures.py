@@ -6,9 +6,8 @@ from itertools import takewhile
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.graph.disk.text_names import refuse_other_names
-from tactograph.graph.errors import InputError
-from tactograph.graph.files.captures_in import captures_in
+from tactograph.sdk import InputError
+from tactograph.sdk.unstable import captures_in, refuse_other_names
 
 
 class Found(NamedTuple):

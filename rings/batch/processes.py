@@ -4,13 +4,19 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from itertools import chain, islice
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
-from tactograph.graph.batch.fork_server import hand_over, start_processes, stop_processes
-from tactograph.graph.batch.worker import Answer, Chunk, Tally, do_chunk, fail_chunk
-from tactograph.graph.errors import InputError
+from tactograph.rings.batch.entry import FAILED, Entry
+from tactograph.rings.batch.fork_server import hand_over, start_processes, stop_processes
+from tactograph.rings.batch.job import Job
+from tactograph.rings.batch.map_types import MapType
+from tactograph.rings.batch.store import open_store
+from tactograph.rings.batch.worker import Chunk, Tally, Worker
+from tactograph.sdk import InputError
 
+Answer = TypeVar("Answer")
 MAX_LONE_TRIES = 2
 """Times that a chunk is done alone before it is blamed for the death of its process."""
 PROCESS_DEATHS = (BrokenProcessPool, SystemExit)
@@ -18,21 +24,41 @@ PROCESS_DEATHS = (BrokenProcessPool, SystemExit)
 RUN_ALONE_HINT = "run this capture alone to see why"
 
 
-class Processes:
-    """A pool of `number` processes, each with a pipeline of its own; `do` does a chunk there.
+_worker: Worker
+"""The worker of this process, if that belongs to a pool."""
 
-    They are those of `idle`, which end with the ``with`` block, or start with their first work.
+
+def set_up(job: Job) -> None:
+    """Make the worker of this process."""
+    global _worker
+    _worker = Worker(job)
+
+
+def open_ahead() -> None:
+    """Open the pipeline of this process."""
+    _worker.open_ahead()
+
+
+def find_map_types(place: str) -> dict[str, MapType]:
+    """The types of the maps, from a capture."""
+    return _worker.map_types(place)
+
+
+def do_chunk(chunk: Chunk) -> Tally:
+    """Do a chunk in this process."""
+    (tally,) = _worker.run([chunk])
+    return tally
+
+
+class Processes:
+    """A pool of `number` processes, each with a worker; `do` does a chunk there.
+
+    They start with their first work, and end with the ``with`` block.
     """
 
-    def __init__(
-        self,
-        number: int,
-        do: Callable[[Chunk], Tally] = do_chunk,
-        idle: ProcessPoolExecutor | None = None,
-    ) -> None:
-        self.number = number
-        self._do = do
-        self._idle = idle
+    def __init__(self, job: Job, number: int, do: Callable[[Chunk], Tally] = do_chunk) -> None:
+        self._job, self._number, self._do = job, number, do
+        self._idle: ProcessPoolExecutor | None = None
         self.name = f"{number} processes"
 
     def __enter__(self) -> Self:
@@ -44,18 +70,32 @@ class Processes:
         if self._idle is not None:
             self._idle.shutdown(cancel_futures=True)
 
+    def open_ahead(self) -> None:
+        """Start to open the graph in all processes."""
+        self._hand_to_all(open_ahead)
+
+    def map_types(self, place: str) -> dict[str, MapType]:
+        """The types of the maps, from a capture.  Raises TactographError if it cannot be done."""
+        return self.ask(find_map_types, place)
+
     def ask(self, question: Callable[..., Answer], *about: Any) -> Answer:
         """Ask all processes, which open the graph for it, and return the first answer.
 
         Raises InputError if the process dies.
         """
-        pool = self._idle = self._idle or start_processes(self.number)
         try:
-            answers = [hand_over(pool, question, *about) for _ in range(self.number)]
+            answers = self._hand_to_all(question, *about)
             return wait(answers, return_when=FIRST_COMPLETED).done.pop().result()
         except PROCESS_DEATHS:
             self._idle = None
             raise InputError(f"{about[-1]}: its process died; {RUN_ALONE_HINT}") from None
+
+    def _hand_to_all(self, do: Callable[..., Answer], *about: Any) -> list[Future[Answer]]:
+        pool = self._idle = self._idle or self._start(self._number)
+        return [hand_over(pool, do, *about) for _ in range(self._number)]
+
+    def _start(self, number: int) -> ProcessPoolExecutor:
+        return start_processes(number, partial(set_up, self._job))
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
         """Do every chunk, and yield the tally of each.
@@ -66,7 +106,7 @@ class Processes:
         waiting = iter(chunks)
         suspects: list[Chunk] = []
         while True:
-            suspects = yield from self._until_death(waiting, self.number)
+            suspects = yield from self._until_death(waiting, self._number)
             if not suspects:
                 return
             yield from self._one_by_one(suspects)
@@ -79,9 +119,15 @@ class Processes:
             if deaths[died[0]] < MAX_LONE_TRIES:
                 waiting = chain(died, waiting)
             else:
-                yield fail_chunk(
-                    died[0], f"its process died {MAX_LONE_TRIES + 1} times; {RUN_ALONE_HINT}"
-                )
+                yield self._give_up(died[0])
+
+    def _give_up(self, chunk: Chunk) -> Tally:
+        """Record that a chunk's captures could not be done."""
+        reason = f"its process died {MAX_LONE_TRIES + 1} times; {RUN_ALONE_HINT}"
+        store = open_store(self._job.place)
+        assert store is not None
+        store.write({number: Entry(FAILED, reason) for number, _ in chunk.captures})
+        return Tally(0, len(chunk.captures))
 
     def _until_death(
         self, chunks: Iterator[Chunk], number: int
@@ -90,7 +136,7 @@ class Processes:
         running: dict[Future[Tally], Chunk] = {}
         ready: list[Chunk] = []
         idle, self._idle = self._idle, None
-        with idle or start_processes(number) as pool:
+        with idle or self._start(number) as pool:
             try:
                 while True:
                     ready.extend(islice(chunks, number - len(running)))

@@ -3,9 +3,9 @@
 from collections import Counter
 from pathlib import Path
 
+from tactograph.rings.batch.entry import DONE, PENDING
 from tactograph.rings.export.shown import Shown, first, given_params, input_files, section
 from tactograph.sdk import InputError, need
-from tactograph.sdk.unstable import DONE, PENDING
 
 
 def show(file: Path) -> Shown:
@@ -17,7 +17,7 @@ def show(file: Path) -> Shown:
         If there is no store of a batch, or it is damaged.
     """
     need("batch", "a batch", "zarr", "numcodecs")
-    from tactograph.sdk.unstable import open_store
+    from tactograph.rings.batch.store import open_store
 
     store = open_store(str(file))
     if store is None:
@@ -26,18 +26,15 @@ def show(file: Path) -> Shown:
     status = Counter(entry.status for entry in entries)
     failed = len(entries) - status[DONE] - status[PENDING]
     warned = Counter(warning for entry in entries for warning in entry.warnings)
-    reasons = [
-        f"  {name}: {entry.reason}"
-        for name, entry in zip(names, entries, strict=True)
-        if entry.status not in (DONE, PENDING)
-    ]
+    runs = zip(names, entries, strict=True)
+    reasons = [f"  {name}: {e.reason}" for name, e in runs if e.status not in (DONE, PENDING)]
     lines = [
-        f"{file}: store of a batch by graph {store.job.name} [{store.job.hash}]",
+        f"{file}: store of a batch by graph {store.graph} [{store.identity['hash']}]",
         f"captures: {len(entries)}, done {status[DONE]}, failed {failed}, "
         f"pending {status[PENDING]}",
-        *given_params(store.job.given),
-        *input_files(store.job.files),
-        f"maps: {', '.join(store.job.maps) or 'none'}",
+        *given_params(store.given),
+        *input_files(store.inputs),
+        f"maps: {', '.join(store.types) or 'none'}",
         *section("failed", first(reasons)),
         *section("warnings", first([f"  {n} x {text}" for text, n in warned.most_common()])),
     ]

@@ -12,10 +12,11 @@ the graph puts out a pixel size, arrays of these names are its coordinates in mm
 
 import json
 import math
-import uuid
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,20 +25,13 @@ from numpy.typing import NDArray
 from zarr.codecs import BloscCodec
 from zarr.storage import LocalStore
 
-from tactograph.graph.batch.entry import DONE, PENDING, Entry, read_figures
-from tactograph.graph.batch.job import Job, identity_of
-from tactograph.graph.batch.map_types import (
-    AXIS_NAMES,
-    MapType,
-    add_places,
-    axes_of,
-    captures_in_one,
-    pixel_of,
-)
-from tactograph.graph.cache.result_origin import Origin
-from tactograph.graph.errors import InputError
+from tactograph.rings.batch.entry import DONE, PENDING, Entry, read_figures
+from tactograph.rings.batch.job import Job
+from tactograph.rings.batch.map_types import AXIS_NAMES, MapType, axes_of
+from tactograph.sdk import InputError
+from tactograph.sdk.unstable import lock_folder
 
-STORE_FORMAT = 4
+STORE_FORMAT = 5
 MAX_CAPTURES = 10**7
 MAX_CHUNK = 4096
 MAX_PIXELS = 2**25
@@ -61,54 +55,48 @@ _DECODE_ERRORS = (ValueError, RuntimeError, TypeError, EOFError, KeyError, Index
 class Store:
     """A batch's store, open for reading and for writing `chunk` captures together.
 
-    `job` is the work on every capture, and no other store has the same `stamp`.
+    `identity` must not change between its parts; `types` are those of its maps.
     """
 
-    def __init__(self, group: zarr.Group) -> None:
+    def __init__(self, place: str, group: zarr.Group) -> None:
+        self.place = place
         self._group = group
         self._open: dict[str, zarr.Array[Any]] = {}
         try:
             about: Any = group.attrs["tactograph"]
             if about["format"] != STORE_FORMAT:
                 raise InputError(
-                    f"{group.store_path}: format {about['format']}; this reads {STORE_FORMAT}; "
+                    f"{place}: format {about['format']}; this reads {STORE_FORMAT}; "
                     "give another --out"
                 )
-            job = about["job"]
-            self.stamp, self.chunk = about["stamp"], int(about["chunk"])
-            typed = {"maps": tuple(map(str, job["maps"])), "given": dict(job["given"])}
-            files = {str(n): dict(identity) for n, identity in dict(job["files"]).items()}
-            self.job = Job(**{**job, **typed, "files": files})
-            self.origin = Origin(**about["origin"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{group.store_path}: no store of a batch ({error})") from None
+            self.graph, self.chunk = str(about["name"]), int(about["chunk"])
+            self.identity, self.below = dict(about["identity"]), str(about["below"])
+            self.given, self.inputs = dict(self.identity["given"]), dict(self.identity["inputs"])
+            self.types = {name: MapType.read(kind) for name, kind in about["types"].items()}
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(f"{place}: no store of a batch ({error})") from None
         self._check_arrays()
-
-    @property
-    def identity(self) -> dict[str, Any]:
-        """The properties that must not change between its parts."""
-        return identity_of(self.job, self.origin)
 
     def _check_arrays(self) -> None:
         """Refuse a store that lacks an array, or describes more than a batch can have."""
         count = len(self)
-        for name in ("capture", *_CAPTURE_COLUMNS):
-            if len(shape := self._array(name).shape) != 1 or shape[0] < count:
-                raise self._damage(f"'{name}' is not of length {count}")
-        for name in self._by_capture():
+        shapes: dict[str, tuple[int, ...]] = dict.fromkeys(("capture", *_CAPTURE_COLUMNS), ())
+        shapes |= {name: kind.shape for name, kind in self._present.items()}
+        for name, shape in shapes.items():
             array = self._array(name)
-            pixels = math.prod(array.shape[1:])
-            if count > MAX_CAPTURES or array.chunks[0] > MAX_CHUNK or pixels > MAX_PIXELS:
+            fits = array.ndim == 1 + len(shape) and array.shape[1:] == shape
+            if not fits or array.shape[0] < count or array.chunks[0] > MAX_CHUNK:
                 raise self._damage(f"'{name}' is of shape {array.shape}, chunks {array.chunks}")
+            if count > MAX_CAPTURES or math.prod(shape) > MAX_PIXELS:
+                raise self._damage(f"'{name}' is of shape {array.shape}")
 
-    def _by_capture(self) -> list[str]:
-        """The arrays whose first axis counts the captures: all but coordinates."""
-        axes = {*AXIS_NAMES.values()} - {*self.job.maps}
-        return [name for name in self._group.array_keys() if name not in axes]
+    @property
+    def _present(self) -> dict[str, MapType]:
+        """The types of the maps that nobody has removed."""
+        return {name: kind for name, kind in self.types.items() if name in self._group}
 
     def _damage(self, damage: str) -> InputError:
-        place = self._group.store_path
-        return InputError(f"{place}: is damaged: {damage}; remove it, or give another --out")
+        return InputError(f"{self.place}: is damaged: {damage}; remove it, or give another --out")
 
     def __len__(self) -> int:
         return int(self._array("status").shape[0])
@@ -126,43 +114,31 @@ class Store:
 
     @property
     def statuses(self) -> NDArray[np.uint8]:
-        return self.statuses_of(slice(None))
-
-    def statuses_of(self, part: slice) -> NDArray[np.uint8]:
-        """The statuses of some of the captures."""
-        return np.asarray(self._read("status", part), np.uint8)
+        return np.asarray(self._read("status", slice(len(self))), np.uint8)
 
     def damaged(self) -> list[int]:
         """The captures that are marked done, but are not whole.
 
-        Reads every map; a capture whose checksum does not hold, or a map that cannot be
-        decoded, counts as damaged.
+        Reads every map; a capture whose checksum does not hold, or a chunk that cannot be decoded,
+        counts as damaged.  Maps that somebody has removed are added again, empty.
         """
-        finished = np.flatnonzero(self.statuses == DONE)
-        if not self.has_maps:
-            return [int(number) for number in finished]
-        whole = np.ones(len(self), bool)
-        for first in range(0, len(self), self.chunk):
-            part = self._chunk_of(first)
-            if ((part.start <= finished) & (finished < part.stop)).any():
-                whole[part] = self.are_whole(part)
-        return [int(number) for number in finished if not whole[number]]
+        self._add_maps()
+        done, damaged = self.statuses == DONE, []
+        for part in map(self._chunk_of, range(0, len(self), self.chunk)):
+            if done[part].any():
+                whole = self.are_whole(part)
+                damaged += [
+                    n for n in range(part.start, part.stop) if done[n] and not whole[n - part.start]
+                ]
+        return damaged
 
     def are_whole(self, part: slice) -> list[bool]:
-        """Return whether captures are read as they were written.
-
-        They are read all at once, which takes as long as one, unless some cannot be decoded.
-        """
+        """Return whether captures are read as they were written; of one chunk all or none."""
+        entries = self.read_all(part)
         try:
-            entries = self.read_all(part)
-            arrays = {name: self._reaching(name, part.stop) for name in self.job.maps}
-            maps = {name: np.asarray(array[part]) for name, array in arrays.items()}
+            maps = {name: np.asarray(self._array(name)[part]) for name in self.types}
         except _DECODE_ERRORS:
-            if part.stop - part.start == 1:
-                return [False]
-            middle = (part.start + part.stop) // 2
-            halves = slice(part.start, middle), slice(middle, part.stop)
-            return [is_whole for half in halves for is_whole in self.are_whole(half)]
+            return [False] * len(entries)
         for at, entry in enumerate(entries):
             entry.maps = {name: maps[name][at] for name in maps}
         checksums = self._read("checksum", part)
@@ -172,53 +148,39 @@ class Store:
         """Mark captures as pending."""
         with self._refusing():
             for number in numbers:
-                self._merge("status", self._chunk_of(number), {number: PENDING})
+                self._merge("status", {number: PENDING})
 
     def _chunk_of(self, number: int) -> slice:
         """The captures that are written together with one."""
         first = number // self.chunk * self.chunk
         return slice(first, min(first + self.chunk, len(self)))
 
-    @property
-    def has_maps(self) -> bool:
-        return all(name in self._group for name in self.job.maps)
-
-    def map_types(self) -> dict[str, MapType]:
-        """The types of the maps in the store."""
-        types, pixel = {}, pixel_of(self._group)
-        for name in self.job.maps:
-            array = self._reaching(name, 0)
-            dims: Any = array.attrs["dims"]
-            unit = str(array.attrs["unit"])
-            types[name] = MapType(array.shape[1:], str(array.dtype), unit, tuple(dims), pixel)
-        return types
-
     def append(self, captures: Sequence[str]) -> None:
         """Add pending captures at the end."""
         start, stop = len(self), len(self) + len(captures)
-        others = [name for name in self._by_capture() if name not in ("capture", "status")]
+        columns = [name for name in _CAPTURE_COLUMNS if name != "status"]
         with self._refusing():
             # The status comes last: its length counts the captures.
-            for name in ("capture", *others, "status"):
+            for name in ("capture", *self._present, *columns, "status"):
                 array = self._array(name)
                 array.resize((stop, *array.shape[1:]))
                 if name == "capture" and captures:
                     array[start:stop] = np.array(captures, object)
+        self._open.clear()
 
-    def add_maps(self, types: Mapping[str, MapType]) -> None:
-        """Make the arrays for the maps, once their types are known."""
+    def _add_maps(self) -> None:
+        """Make the arrays of the maps that are not there."""
         with self._refusing():
-            axes = axes_of(types)
-            for name in self.job.maps:
+            for name, axes in axes_of(self.types).items():
                 if name not in self._group:
-                    self._add_map(name, types[name], axes[name])
+                    self._add_map(name, self.types[name], axes)
 
     def _add_map(self, name: str, kind: MapType, axes: Sequence[str]) -> None:
         self._group.create_array(
             name,
             shape=(len(self), *kind.shape),
             dtype=kind.dtype,
-            chunks=(captures_in_one(kind, self.chunk), *kind.shape),
+            chunks=(kind.in_one_piece(self.chunk), *kind.shape),
             shards=(self.chunk, *kind.shape),
             compressors=BloscCodec(cname="lz4", clevel=1, shuffle="bitshuffle"),
             fill_value=0 if kind.dtype.startswith(("uint", "int")) else float("nan"),
@@ -228,20 +190,33 @@ class Store:
         )
         for axis, size in zip(axes, kind.shape, strict=True):
             if kind.pixel is not None and axis in AXIS_NAMES.values() and axis not in self._group:
-                add_places(self._group, axis, size, kind.pixel)
+                self._add_places(axis, size, kind.pixel)
+
+    def _add_places(self, axis: str, size: int, pixel: float) -> None:
+        """Add the places of an axis' pixels, in mm from the middle of the image."""
+        direction = "right" if axis == "x" else "down"
+        self._group.create_array(
+            axis,
+            data=pixel * np.arange(0.5 - size / 2, size / 2),
+            dimension_names=(axis,),
+            attributes={
+                "unit": "mm",
+                "units": "mm",
+                "long_name": f"{axis} ({direction}, from the middle of the image)",
+            },
+        )
 
     def write(self, entries: Mapping[int, Entry]) -> None:
         """Write captures of one chunk.
 
         Raises InputError if the store cannot be written.
         """
-        part = self._chunk_of(min(entries))
         with self._refusing():
-            for name in self.job.maps:
+            for name in self.types:
                 if values := {n: e.maps[name] for n, e in entries.items() if name in e.maps}:
-                    self._merge(name, part, values)
+                    self._merge(name, values)
             for name, (_, _, cell) in _CAPTURE_COLUMNS.items():
-                self._merge(name, part, {n: cell(entry) for n, entry in entries.items()})
+                self._merge(name, {n: cell(entry) for n, entry in entries.items()})
 
     @contextmanager
     def _refusing(self) -> Iterator[None]:
@@ -249,36 +224,34 @@ class Store:
         try:
             yield
         except OSError as error:
-            reason = error.strerror or error
             raise InputError(
-                f"{self._group.store_path}: cannot be written: {reason}; once that is mended the "
-                "same command goes on"
+                f"{self.place}: cannot be written: {error.strerror or error}; once that is mended "
+                "the same command goes on"
             ) from None
 
-    def _merge(self, name: str, part: slice, values: Mapping[int, Any]) -> None:
-        """Put values among the present ones of the chunk, and write the chunk at once."""
-        array = self._reaching(name, part.stop)
+    def _merge(self, name: str, values: Mapping[int, Any]) -> None:
+        """Put values of one chunk among its present ones, and write the chunk at once."""
+        part, array = self._chunk_of(min(values)), self._array(name)
         if len(values) == part.stop - part.start:
-            # The whole chunk is replaced.
-            array[part] = np.array([values[n] for n in range(part.start, part.stop)], array.dtype)
-            return
-        block = np.array(self._read(name, part))
-        for number, value in values.items():
-            block[number - part.start] = value
+            block = np.array([values[n] for n in range(part.start, part.stop)], array.dtype)
+        else:
+            block = np.array(self._read(name, part))
+            for number, value in values.items():
+                block[number - part.start] = value
         array[part] = block
 
     def _read(self, name: str, part: slice) -> NDArray[Any]:
-        """Part of an array; parts that cannot be decoded count as never written."""
-        array = self._reaching(name, part.stop)
+        """Part of an array; chunks that cannot be decoded count as never written."""
+        array = self._array(name)
         try:
             return np.asarray(array[part])
         except _DECODE_ERRORS:
             start, stop, _ = part.indices(array.shape[0])
-            if stop - start == 1:
-                return np.full((1, *array.shape[1:]), array.fill_value, array.dtype)
-        middle = (start + stop) // 2
-        parts = [self._read(name, slice(start, middle)), self._read(name, slice(middle, stop))]
-        return np.concatenate(parts)
+        cut = self._chunk_of(start).stop
+        if stop <= cut:
+            return np.full((stop - start, *array.shape[1:]), array.fill_value, array.dtype)
+        parts = (slice(start, cut), slice(cut, stop))
+        return np.concatenate([self._read(name, each) for each in parts])
 
     def read_all(self, part: slice = slice(None)) -> list[Entry]:
         """The entries of the captures, without their maps."""
@@ -295,23 +268,23 @@ class Store:
         return np.asarray(self._array(name)[number])
 
     def _array(self, name: str) -> zarr.Array[Any]:
-        array = self._group.get(name)
-        if not isinstance(array, zarr.Array):
-            raise self._damage(f"'{name}' is missing")
-        # Searching for empty pieces, to leave them out, would cost time.
-        self._open[name] = array.with_config({"write_empty_chunks": True})
+        """An array; to open it takes a millisecond, so it stays open."""
+        if name not in self._open:
+            array = self._group.get(name)
+            if not isinstance(array, zarr.Array):
+                raise self._damage(f"'{name}' is missing")
+            # Searching for empty pieces, to leave them out, would cost time.
+            self._open[name] = array.with_config({"write_empty_chunks": True})
         return self._open[name]
-
-    def _reaching(self, name: str, stop: int | None) -> zarr.Array[Any]:
-        """An array that reaches `stop`, opened again, which takes a millisecond, only if needed."""
-        array = self._open.get(name)
-        if array is None or stop is None or array.shape[0] < stop:
-            return self._array(name)
-        return array
 
 
 def create_store(
-    place: str, job: Job, origin: Origin, chunk: int, *, overwrite: bool = False
+    job: Job,
+    origin: Mapping[str, Any],
+    types: Mapping[str, MapType],
+    chunk: int,
+    *,
+    overwrite: bool = False,
 ) -> Store:
     """Make an empty store, of which `chunk` captures are written together.
 
@@ -319,9 +292,8 @@ def create_store(
     and `overwrite` is False.
     """
     try:
-        group = zarr.create_group(LocalStore(place), zarr_format=3, overwrite=overwrite)
-        columns = {name: (dtype, fill) for name, (dtype, fill, _) in _CAPTURE_COLUMNS.items()}
-        for name, (dtype, fill) in {"capture": (str, ""), **columns}.items():
+        group = zarr.create_group(LocalStore(job.place), zarr_format=3, overwrite=overwrite)
+        for name, (dtype, fill, _) in {"capture": (str, "", None), **_CAPTURE_COLUMNS}.items():
             group.create_array(
                 name,
                 shape=(0,),
@@ -330,12 +302,21 @@ def create_store(
                 fill_value=fill,
                 dimension_names=("capture",),
             )
-        about: dict[str, Any] = {"format": STORE_FORMAT, "stamp": uuid.uuid4().hex, "chunk": chunk}
-        about |= {"job": asdict(job), "origin": asdict(origin)}
+        about = {
+            "format": STORE_FORMAT,
+            "name": job.graph.name,
+            "graph": job.graph.as_dict(),
+            "chunk": chunk,
+            "identity": job.identity(origin),
+            "below": job.below,
+            "types": {name: asdict(kind) for name, kind in types.items()},
+        }
         group.attrs["tactograph"] = json.loads(json.dumps(about))
     except _OPEN_ERRORS as error:
-        raise InputError(f"{place}: cannot be made: {error}") from None
-    return Store(group)
+        raise InputError(f"{job.place}: cannot be made: {error}") from None
+    store = Store(job.place, group)
+    store._add_maps()
+    return store
 
 
 def open_store(place: str) -> Store | None:
@@ -345,7 +326,7 @@ def open_store(place: str) -> Store | None:
     """
     try:
         # Arrays of version 2 may say that they are pickled, which runs code.
-        return Store(zarr.open_group(LocalStore(place), mode="r+", zarr_format=3))
+        return Store(place, zarr.open_group(LocalStore(place), mode="r+", zarr_format=3))
     except FileNotFoundError:
         try:
             zarr.open(LocalStore(place), mode="r", zarr_format=2)
@@ -356,3 +337,29 @@ def open_store(place: str) -> Store | None:
         raise InputError(f"{place}: no store of a batch, but of Zarr version 2") from None
     except _OPEN_ERRORS as error:
         raise InputError(f"{place}: no store of a batch: {error}") from None
+
+
+@contextmanager
+def alone_in(place: str) -> Iterator[None]:
+    """Keep other batches out of a store inside the block, where folders can be locked.
+
+    Two that add captures, or merge into one chunk, would undo each other's work.
+
+    Raises InputError if another batch is at work there, or its folder cannot be made.
+    """
+    try:
+        Path(place).mkdir(parents=True, exist_ok=True)
+        lock = lock_folder(Path(place))
+    except BlockingIOError:
+        raise InputError(
+            f"{place}: another batch is at work in it; wait until it is done"
+        ) from None
+    except OSError as error:
+        raise InputError(f"{place}: cannot be made: {error.strerror or error}") from None
+    try:
+        yield
+    finally:
+        if lock is not None:
+            os.close(lock)
+        with suppress(OSError):  # nothing came into it
+            Path(place).rmdir()

@@ -7,10 +7,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from tactograph.graph.batch.fork_server import start_processes
-from tactograph.graph.batch.processes import Processes
+from rings.batch.tests.stores import TAKING, job_of
 from tactograph.graph.errors import InputError
 from tactograph.graph.run.node_errors import Blaming
+from tactograph.rings.batch.processes import Processes
+from tests.graph.conftest import graph_of
+
+JOB = job_of(graph_of(TAKING))
 
 
 def answer(question: str) -> str:
@@ -27,7 +30,7 @@ def answer(question: str) -> str:
 
 
 def test_processes_answer_also_after_one_has_died_of_a_question() -> None:
-    with Processes(2) as workers:
+    with Processes(JOB, 2) as workers:
         assert workers.ask(answer, "easy") == "easy!"
         with pytest.raises(InputError, match="deadly: its process died; run this capture alone"):
             workers.ask(answer, "deadly")
@@ -43,14 +46,14 @@ def is_imported(module: str) -> bool:
 
 
 def test_what_takes_long_is_imported_before_a_process_starts() -> None:
-    with Processes(2) as workers:
-        assert workers.ask(is_imported, "tactograph.graph.batch.imported_ahead")
+    with Processes(JOB, 2) as workers:
+        assert workers.ask(is_imported, "tactograph.rings.batch.imported_ahead")
 
 
 def test_processes_that_were_started_before_are_those_that_work() -> None:
-    idle = start_processes(2)
-    pids = {idle.submit(os.getpid).result()}
-    with Processes(2, idle=idle) as workers:
+    pids: set[int] = set()
+    with Processes(JOB, 2) as workers:
+        workers.open_ahead()
         pids |= {workers.ask(os.getpid) for _ in range(8)}
     assert len(pids) <= 2
 
@@ -64,6 +67,6 @@ def test_processes_have_the_environment_of_today(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("TACTOGRAPH_CORES", "2")
     for value in ("early", "late"):
         monkeypatch.setenv("TACTOGRAPH_TEST", value)
-        with Processes(2) as workers:
+        with Processes(JOB, 2) as workers:
             assert workers.ask(value_of, "TACTOGRAPH_TEST") == value
             assert workers.ask(value_of, "TACTOGRAPH_CORES") == "1"

@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph import BatchMaps, InputError
-from tactograph.graph.batch.entry import DONE, FAILED, Entry
-from tactograph.graph.batch.job import Job
-from tactograph.graph.batch.map_types import MapType
-from tactograph.graph.batch.store import create_store
-from tactograph.graph.cache.result_origin import Origin
+from rings.batch.tests.stores import new_store
+from tactograph.graph import InputError
+from tactograph.rings.batch.batch_maps import BatchMaps
+from tactograph.rings.batch.entry import DONE, FAILED, Entry
+from tactograph.rings.batch.map_types import MapType
 
 MAPS = np.arange(60)[:, None, None] + np.zeros((2, 3))
 """The maps of a capture are its number."""
@@ -19,11 +18,10 @@ MAPS = np.arange(60)[:, None, None] + np.zeros((2, 3))
 
 def stored(place: Path, count: int, failed: set[int], pending: set[int], chunk: int) -> Path:
     """Captures in shards of a size."""
-    job = Job("", "", "", {}, {}, ("height", "shadow"))
-    store = create_store(str(place), job, Origin({}, {}, ""), chunk)
-    store.append([str(number) for number in range(count)])
     kinds = {"height": "float32", "shadow": "uint8"}
-    store.add_maps({name: MapType((2, 3), kind, "", ("H", "W")) for name, kind in kinds.items()})
+    types = {name: MapType((2, 3), kind, "", ("H", "W")) for name, kind in kinds.items()}
+    store = new_store(place, types, chunk)
+    store.append([str(number) for number in range(count)])
     for first in range(0, count, chunk):
         numbers = {*range(first, min(first + chunk, count))} - pending
         maps = {n: {name: MAPS[n].astype(kind) for name, kind in kinds.items()} for n in numbers}

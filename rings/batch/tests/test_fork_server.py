@@ -14,19 +14,21 @@ Start = Callable[..., "subprocess.Popen[str]"]
 
 TWO_AT_WORK = """
 import time
-from tactograph.graph.batch.fork_server import start_processes
+from tactograph.rings.batch.fork_server import start_processes
 processes = start_processes(2)
 for each in [processes.submit(time.sleep, 600) for _ in range(2)]:
     each.result()
 """
 ONE_CHUNK = """
 import time
-from tactograph.graph.batch.processes import Processes
-list(Processes(1, time.sleep).run([600]))
+from rings.batch.tests.stores import TAKING, job_of
+from tests.graph.conftest import graph_of
+from tactograph.rings.batch.processes import Processes
+list(Processes(job_of(graph_of(TAKING)), 1, time.sleep).run([600]))
 """
 CTRL_C_WHILE_IT_IMPORTS = """
 import signal
-from tactograph.graph.batch.fork_server import start_importing, start_processes
+from tactograph.rings.batch.fork_server import start_importing, start_processes
 signal.signal(signal.SIGINT, lambda *_: None)
 start_importing()
 input()
@@ -35,7 +37,7 @@ print(start_processes(1).submit(int).result())
 FROM_HERE = """
 import sys
 sys.path.remove("")
-from tactograph.graph.batch.fork_server import start_processes
+from tactograph.rings.batch.fork_server import start_processes
 print(start_processes(1).submit(int).result())
 """
 

@@ -4,8 +4,13 @@ from types import SimpleNamespace
 
 import pytest
 
-from tactograph.graph.batch import worker_count as module
-from tactograph.graph.batch.worker_count import at_most, worker_count
+from rings.batch.tests.stores import TAKING
+from tactograph.graph.commands import RunOptions
+from tactograph.rings.batch import fork_server as module
+from tactograph.rings.batch.fork_server import at_most, worker_count
+from tests.graph.conftest import graph_of
+
+GRAPH, OPTIONS = graph_of(TAKING), RunOptions((), (), None, None, strict=False)
 
 
 @pytest.mark.parametrize(
@@ -18,10 +23,10 @@ def test_a_process_has_a_core_and_captures_enough(
     device = SimpleNamespace(is_cpu=is_cpu)
     monkeypatch.setattr(module, "open_device", lambda *_: (device, ""))
     monkeypatch.setattr(module, "cores", lambda: 4)
-    assert worker_count(["opencl", "numpy"], None, captures) == number
+    assert worker_count(GRAPH, OPTIONS, captures) == number
     assert at_most(captures) >= number
 
 
 def test_without_a_device_the_cores_are_shared_too(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "cores", lambda: 4)
-    assert worker_count(["numpy"], None, 9000) == 4
+    assert worker_count(GRAPH, RunOptions((), (), "numpy", None, strict=False), 9000) == 4

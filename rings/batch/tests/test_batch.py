@@ -22,21 +22,22 @@ import pytest
 import zarr
 from numpy.typing import NDArray
 
+from rings.batch.tests.stores import TAKING, job_of
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.batch import worker
-from tactograph.graph.batch.batch import Workers, open_batch, open_chunks, run_batch
-from tactograph.graph.batch.captures import _common_start, find_captures
-from tactograph.graph.batch.entry import DONE, FAILED, PENDING, Entry
-from tactograph.graph.batch.job import identity_of, make_job
-from tactograph.graph.batch.processes import Processes
-from tactograph.graph.batch.store import Store, open_store
-from tactograph.graph.batch.store_lock import alone_in
-from tactograph.graph.batch.worker import Chunk, Serial, Tally, do_chunk
 from tactograph.graph.cache.result_origin import find_origin
-from tactograph.graph.commands.batch import _write_table
+from tactograph.graph.command import run_command
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.run.pipeline import Pipeline
-from tests.graph.conftest import Command, Outcome, Write, one_line
+from tactograph.rings.batch.batch import Workers, open_batch, open_chunks
+from tactograph.rings.batch.captures import _common_start, find_captures
+from tactograph.rings.batch.entry import DONE, FAILED, PENDING, Entry
+from tactograph.rings.batch.processes import Processes, do_chunk
+from tactograph.rings.batch.store import Store, alone_in, open_store
+from tactograph.rings.batch.verbs.batch import _write_table
+from tactograph.rings.batch.worker import Chunk, Tally, Worker
+from tests.graph.conftest import Command, Outcome, Write, graph_of, one_line
+from tests.nodes.stream.test_layer_kinds import GRAPH as WARM, WARMTH, Lay, made, ring
+
+__all__ = ["ring"]
 
 LIT = """
 format: 1
@@ -139,9 +140,13 @@ def begin(
     graph: str, over: str, out: str, workers: Workers | None = None, chunk: int | None = None
 ) -> Store:
     """A store for captures of which none is done."""
-    read = read_graph(graph)
-    job, origin = make_job(read, {}, out=out), find_origin(read)
-    return open_batch(out, job, origin, find_captures([over]).captures, workers or Serial(), chunk)
+    job = job_of(read_graph(graph), out=out)
+    found = find_captures([over]).captures
+    return open_batch(job, find_origin(job.graph, {}), found, workers or Worker(job), chunk)
+
+
+def go_on(store: Store, workers: Workers) -> Iterator[Tally]:
+    return workers.run(iter(open_chunks(store, retry_failed=False)))
 
 
 def test_every_capture_is_in_the_store_as_if_it_were_alone(batch: Batch) -> None:
@@ -208,6 +213,18 @@ def test_without_a_pixel_size_an_image_has_names_but_no_places(batch: Batch) -> 
     assert {*found.coords} == {"capture"}
 
 
+def test_a_layer_of_another_package_is_stored(ring: Lay, tmp_path: Path) -> None:
+    ring("warmth", WARMTH)
+    (tmp_path / "graph.yaml").write_text(WARM)
+    height, words = made(tmp_path)
+    store = tmp_path / "batch.zarr"
+    over = str(tmp_path / "capture")
+    run_command(["batch", *words, "--over", over, "--out", str(store), "--workers", "1"])
+    stored: Any = zarr.open_group(store, mode="r")["warmth"]
+    np.testing.assert_array_equal(stored[0], height)
+    assert stored.attrs["unit"] == "mm"
+
+
 def test_what_runs_elsewhere_is_told_once(batch: Batch, write: Write, no_device: None) -> None:
     graph = write(LIT.replace("[numpy]", "[opencl, numpy]"), "elsewhere.yaml")
     reason = "opencl is preferred, but no OpenCL device works"
@@ -245,11 +262,9 @@ def test_what_is_finished_is_not_done_again(
     batch()
     make_capture(tmp_path / "day" / "capture_99", 99)
     ran: list[str] = []
-    attempt = worker._attempt
+    attempt = Worker._attempt
     monkeypatch.setattr(
-        worker,
-        "_attempt",
-        lambda p, ready, *more: (ran.append(ready.place), attempt(p, ready, *more))[1],
+        Worker, "_attempt", lambda self, ready: (ran.append(ready.place), attempt(self, ready))[1]
     )
     batch()
     assert [Path(place).name for place in ran] == ["capture_99"]
@@ -261,7 +276,7 @@ def test_no_process_opens_the_graph_where_nothing_is_left_to_do(
 ) -> None:
     idle = MagicMock(spec=ProcessPoolExecutor)
     idle.__enter__.return_value = idle
-    monkeypatch.setattr("tactograph.graph.batch.fork_server.start_processes", lambda _: idle)
+    monkeypatch.setattr("tactograph.rings.batch.processes.start_processes", lambda *_: idle)
     batch("--workers", 1)
     assert batch("--workers", 2) == (0, "")
     assert not idle.submit.called
@@ -297,21 +312,21 @@ def test_the_next_capture_is_read_while_one_is_computed(
     So does the last of a chunk for the first of the next.
     """
     read = {capture.name: threading.Event() for capture in batch.captures}
-    begin, attempt = worker._read, worker._attempt
+    begin, attempt = Worker._read, Worker._attempt
 
-    def note(*about: Any) -> object:
-        ready = begin(*about)
+    def note(self: Worker, *about: Any) -> Any:
+        ready = begin(self, *about)
         read[Path(ready.place).name].set()
         return ready
 
-    def wait(pipeline: Pipeline, ready: Any, *more: Any) -> object:
+    def wait(self: Worker, ready: Any) -> object:
         names = list(read)
         behind = names.index(Path(ready.place).name) + 1
         assert behind == len(names) or read[names[behind]].wait(60)
-        return attempt(pipeline, ready, *more)
+        return attempt(self, ready)
 
-    monkeypatch.setattr(worker, "_read", note)
-    monkeypatch.setattr(worker, "_attempt", wait)
+    monkeypatch.setattr(Worker, "_read", note)
+    monkeypatch.setattr(Worker, "_attempt", wait)
     assert batch("--chunk", "3")[0] == 0
 
 
@@ -320,18 +335,18 @@ def test_a_chunk_is_written_while_the_next_is_computed(
 ) -> None:
     """Each chunk but the last waits, before it is written, for a capture of the next."""
     begun = {capture.name: threading.Event() for capture in batch.captures}
-    write, attempt = Store.write, worker._attempt
+    write, attempt = Store.write, Worker._attempt
 
-    def note(pipeline: Pipeline, ready: Any, *more: Any) -> Any:
+    def note(self: Worker, ready: Any) -> Any:
         begun[Path(ready.place).name].set()
-        return attempt(pipeline, ready, *more)
+        return attempt(self, ready)
 
     def wait(self: Store, entries: dict[int, Entry]) -> None:
         behind = max(entries) + 1
         assert behind == len(batch.captures) or begun[batch.captures[behind].name].wait(60)
         write(self, entries)
 
-    monkeypatch.setattr(worker, "_attempt", note)
+    monkeypatch.setattr(Worker, "_attempt", note)
     monkeypatch.setattr(Store, "write", wait)
     assert batch("--chunk", "3")[0] == 0
     assert batch.store.statuses.tolist() == [DONE] * len(batch.captures)
@@ -413,7 +428,7 @@ def test_captures_lie_below_what_their_patterns_begin_with(patterns: list[str], 
     [
         (["level=0.25"], "other values of level"),
         (["--set", "lit.black=0.25"], "another graph"),
-        (["--maps", "image"], r"was made with other maps \(lit\); give"),
+        (["--maps", "image"], r"was made with other maps \(all\); give"),
     ],
 )
 def test_a_store_takes_captures_of_one_kind(batch: Batch, more: list[str], what: str) -> None:
@@ -444,8 +459,8 @@ def test_a_store_in_which_nothing_is_done_may_be_cut_up_anew(
 def test_a_store_of_another_format_is_refused(batch: Batch) -> None:
     batch()
     about = batch.place / "zarr.json"
-    about.write_text(about.read_text().replace('"format": 4', '"format": 1'))
-    assert "format 1; this reads 4; give another --out" in refusal(batch())
+    about.write_text(about.read_text().replace('"format": 5', '"format": 1'))
+    assert "format 1; this reads 5; give another --out" in refusal(batch())
 
 
 def test_a_changed_file_behind_the_same_name_is_another_job(tmp_path: Path, write: Write) -> None:
@@ -453,12 +468,11 @@ def test_a_changed_file_behind_the_same_name_is_another_job(tmp_path: Path, writ
         write(LIT.replace("  level:", "  notes:   {kind: path, default: null}\n  level:"))
     )
     notes = tmp_path / "notes"
-    jobs = []
+    job, identities = job_of(graph, {"notes": str(notes)}), []
     for text in ("one", "another"):
         notes.write_text(text)
-        jobs.append(make_job(graph, {"notes": str(notes)}, out="x.zarr"))
-    origin = find_origin(graph)
-    assert identity_of(jobs[0], origin) != identity_of(jobs[1], origin)
+        identities.append(job.identity(find_origin(graph, job.given)))
+    assert identities[0] != identities[1]
 
 
 def test_a_chunk_that_was_half_written_is_done_again(
@@ -466,20 +480,20 @@ def test_a_chunk_that_was_half_written_is_done_again(
 ) -> None:
     merge = Store._merge
 
-    def dies(self: Store, name: str, here: slice, values: object) -> None:
-        if name == "status" and here.start == 3:
+    def dies(self: Store, name: str, values: dict[int, object]) -> None:
+        if name == "status" and min(values) == 3:
             raise KeyboardInterrupt
-        merge(self, name, here, values)  # type: ignore[arg-type]
+        merge(self, name, values)
 
     out = str(tmp_path / "out.zarr")
     store = begin(graph, over, out, chunk=3)
     monkeypatch.setattr(Store, "_merge", dies)
     with pytest.raises(KeyboardInterrupt):
-        list(run_batch(store, open_chunks(out, store, retry_failed=False), Serial()))
+        list(go_on(store, Worker(job_of(read_graph(graph), out=out))))
     assert list(opened(out).statuses) == [DONE] * 3 + [PENDING] * 4
     monkeypatch.setattr(Store, "_merge", merge)
     store = begin(graph, over, out)
-    list(run_batch(store, open_chunks(out, store, retry_failed=False), Serial()))
+    list(go_on(store, Worker(job_of(read_graph(graph), out=out))))
     assert list(store.statuses) == [DONE] * 7
     np.testing.assert_array_equal(lit(store, 4), expected(captures[4]))
 
@@ -596,11 +610,11 @@ def killer() -> Iterator[list[int]]:
 def test_captures_survive_dead_processes(graph: str, tmp_path: Path, killer: list[int]) -> None:
     made = [make_capture(tmp_path / "many" / f"{n:03}", n) for n in range(60)]
     out = str(tmp_path / "out.zarr")
-    workers = Processes(2)
+    workers = Processes(job_of(read_graph(graph), out=out), 2)
     store = begin(graph, str(tmp_path / "many" / "*"), out, workers, chunk=2)
     start = time.monotonic()
     done = 0
-    for tally in run_batch(store, open_chunks(out, store, retry_failed=False), workers):
+    for tally in go_on(store, workers):
         done += tally.done
         while len(killer) < 1 and time.monotonic() - start < 20:
             time.sleep(0.05)
@@ -619,7 +633,7 @@ def test_a_full_disk_is_told_and_the_batch_goes_on_once_there_is_room(
     merge = Store._merge
 
     def limited(self: Store, name: str, *rest: Any) -> None:
-        is_map = name in self.job.maps
+        is_map = name in self.types
         soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
         if is_map == (fails_at == "a map"):
             resource.setrlimit(resource.RLIMIT_FSIZE, (8, hard))
@@ -645,9 +659,9 @@ def reported(chunk: Chunk) -> Tally:
 
 
 def test_no_chunk_is_lost_when_a_process_dies_between_two(tmp_path: Path) -> None:
-    chunks = [Chunk("", "", ((n, f"{n}"),)) for n in range(4)]
+    chunks = [Chunk(((n, f"{n}"),)) for n in range(4)]
     done = 0
-    for tally in Processes(1, reported).run(chunks):
+    for tally in Processes(job_of(graph_of(TAKING)), 1, reported).run(chunks):
         done += tally.done
         if done == 1:
             (idle,) = multiprocessing.active_children()
@@ -668,9 +682,9 @@ def test_a_capture_that_kills_its_process_is_found_out(
     graph: str, over: str, captures: list[Path], tmp_path: Path
 ) -> None:
     out = str(tmp_path / "out.zarr")
-    workers = Processes(2, poisoned)
+    workers = Processes(job_of(read_graph(graph), out=out), 2, poisoned)
     store = begin(graph, over, out, workers, chunk=1)
-    list(run_batch(store, open_chunks(out, store, retry_failed=False), workers))
+    list(go_on(store, workers))
     assert list(store.statuses) == [DONE, DONE, DONE, FAILED, DONE, DONE, DONE]
     assert "its process died" in store.read_all()[3].reason
 

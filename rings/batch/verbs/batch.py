@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
@@ -11,17 +12,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tactograph.graph.commands import RunOptions, graph_command, run_options, say
-from tactograph.graph.commands.progress_line import ProgressLine
-from tactograph.graph.errors import a_few, printable
+from tactograph.sdk import need
+from tactograph.sdk.unstable import RunOptions, a_few, graph_command, printable, run_options, say
 
 if TYPE_CHECKING:
-    from tactograph.graph.batch.batch import Workers
-    from tactograph.graph.batch.entry import Entry
-    from tactograph.graph.batch.job import Job
-    from tactograph.graph.batch.store import Store
-    from tactograph.graph.batch.worker import Tally
-    from tactograph.graph.files.flat_graph import Graph
+    from tactograph.rings.batch.batch import Workers
+    from tactograph.rings.batch.entry import Entry
+    from tactograph.rings.batch.job import Job
+    from tactograph.rings.batch.store import Store
+    from tactograph.rings.batch.worker import Tally
 
 MAX_FAILURES = 10
 """Failed captures that are printed; the table has all."""
@@ -66,68 +65,54 @@ def command(
     The same command continues a batch that was stopped.  A capture that fails is recorded with
     its reason; the exit code is then 1.
     """
-    from tactograph.graph.batch.captures import find_captures
-    from tactograph.graph.disk.text_names import at_home
+    need("batch", "a batch", "zarr", "numcodecs")
+    from tactograph.rings.batch.captures import find_captures
 
     # A shell does not expand ~ within quotes, as of patterns, or after --out=.
-    out = at_home(out)
-    captures, below, passed_over = find_captures([at_home(pattern) for pattern in over])
+    out, *patterns = map(os.path.expanduser, (out, *over))
+    captures, below, passed_over = find_captures(patterns)
     with ExitStack() as closing:
         # Slow imports follow here, while the processes import and open.
         _start_importing(workers, len(captures))
         read = options.read(graph)
-        from tactograph.graph.batch.job import make_job, store_place
-        from tactograph.graph.files.typed_values import read_words
+        from tactograph.rings.batch.job import make_job
+        from tactograph.sdk.unstable import find_origin, read_words, refuse_to_write_over
 
-        job = make_job(
-            read,
-            read_words(read, values),
-            out=out,
-            maps=maps.split(",") if maps else None,
-            backend=options.backend,
-            device=options.device,
-            strict=options.strict,
-            below=below,
-        )
+        given, wanted = read_words(read, values), maps.split(",") if maps else None
+        job = make_job(read, given, options, out=out, maps=wanted, below=below)
         if job.folders is not None:
-            from tactograph.graph.run.open_pipeline import refuse_to_write_over
-
             read_places = filter(None, (below, *captures))
             refuse_to_write_over(f"--out {out}", out, {f"--over {p}": p for p in read_places})
-        place = store_place(out, job)
-        who = _here(workers, read, job, len(captures), place, closing)
-        from tactograph.graph.batch.batch import (
+        who = _here(workers, job, len(captures), closing)
+        from tactograph.rings.batch.batch import (
             lies_in,
             open_batch,
             open_chunks,
             reopen_damaged,
-            run_batch,
         )
-        from tactograph.graph.batch.store_lock import alone_in
-        from tactograph.graph.cache.result_origin import find_origin
+        from tactograph.rings.batch.store import alone_in
 
-        origin = find_origin(read, backend=options.backend, device=options.device)
-        files = [file for file in passed_over if not lies_in(file, place, job.folders)]
+        origin = find_origin(read, job.given, backend=options.backend, device=options.device)
+        files = [file for file in passed_over if not lies_in(file, job)]
         if files:
             say(f"passed over, as it is no folder: {a_few(files, 3)}", err=True)
-        closing.enter_context(alone_in(place))
-        store = open_batch(out, job, origin, captures, who, chunk)
+        closing.enter_context(alone_in(job.place))
+        store = open_batch(job, origin, captures, who, chunk)
         damaged = reopen_damaged(store)
         if damaged:
             plural = "s" if damaged > 1 else ""
             say(f"{damaged} finished capture{plural} damaged: done again", err=True)
-        chunks = open_chunks(place, store, retry_failed=retry_failed)
+        chunks = open_chunks(store, retry_failed=retry_failed)
         to_do = sum(len(each.captures) for each in chunks)
         say(f"{_before(store, retry_failed=retry_failed)}; {who.name}")
-        _show(run_batch(store, chunks, who), to_do)
-    failed = _conclude(store, out if job.folders is None else f"{job.folders}/captures")
-    if failed:
+        _show(who.run(iter(chunks)), to_do)
+    if _conclude(store, job):
         raise SystemExit(1)
 
 
 def _before(store: Store, *, retry_failed: bool) -> str:
     """The numbers of captures, and of those that were finished, or failed, before."""
-    from tactograph.graph.batch.entry import DONE, FAILED
+    from tactograph.rings.batch.entry import DONE, FAILED
 
     statuses = store.statuses
     finished, failed = (int((statuses == status).sum()) for status in (DONE, FAILED))
@@ -139,41 +124,36 @@ def _before(store: Store, *, retry_failed: bool) -> str:
 
 def _start_importing(number: int | None, captures: int) -> None:
     """Start the imports of processes, if there are to be several."""
-    from tactograph.graph.batch.fork_server import start_importing
-    from tactograph.graph.batch.worker_count import at_most
+    from tactograph.rings.batch.fork_server import at_most, start_importing
 
     if (number or at_most(captures)) > 1:
         start_importing()
 
 
-def _here(
-    number: int | None, graph: Graph, job: Job, captures: int, place: str, closing: ExitStack
-) -> Workers:
+def _here(number: int | None, job: Job, captures: int, closing: ExitStack) -> Workers:
     """This process, or several that open the job's pipeline while this one goes on.
 
     If a store exists, nothing may be left to do, so they open it only when asked.
     """
-    from tactograph.graph.batch.fork_server import hand_over, start_processes
-    from tactograph.graph.batch.open_job import open_ahead
-    from tactograph.graph.batch.worker_count import worker_count
+    from tactograph.rings.batch.fork_server import worker_count
 
-    backends = [job.backend] if job.backend else graph.backends
-    number = number or worker_count(backends, job.device, captures)
+    number = number or worker_count(job.graph, job.options, captures)
     if number == 1:
-        from tactograph.graph.batch.worker import Serial
+        from tactograph.rings.batch.worker import Worker
 
-        return Serial()
-    from tactograph.graph.batch.processes import Processes
+        return Worker(job)
+    from tactograph.rings.batch.processes import Processes
 
-    idle = start_processes(number)
-    workers = closing.enter_context(Processes(number, idle=idle))
-    for _ in range(0 if Path(place).exists() else number):
-        hand_over(idle, open_ahead, job, graph)
+    workers = closing.enter_context(Processes(job, number))
+    if not Path(job.place).exists():
+        workers.open_ahead()
     return workers
 
 
 def _show(tallies: Iterator[Tally], total: int) -> None:
     """Show what is done, how fast, and the time left; and fallbacks."""
+    from tactograph.sdk.unstable import ProgressLine
+
     start = time.monotonic()
     done = failed = 0
     shown_lines: set[str] = set()
@@ -190,20 +170,24 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
             )
 
 
-def _conclude(store: Store, out: str) -> int:
+def _conclude(store: Store, job: Job) -> int:
     """Write the table beside the store, print a summary, and return the number of failures."""
-    from tactograph.graph.batch.entry import DONE, FAILED
-    from tactograph.graph.show.warning_lines import first_lines, warning_lines
+    from tactograph.rings.batch.batch import table_of
+    from tactograph.rings.batch.entry import DONE, FAILED
+    from tactograph.sdk.unstable import warning_lines
 
     captures, entries = store.captures, store.read_all()
     failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]
-    # Most reasons begin with the place.
-    reasons = [e.reason if c in e.reason else f"{c}: {e.reason}" for c, e in failures]
+    for capture, entry in failures[:MAX_FAILURES]:
+        # Most reasons begin with the place.
+        place = "" if capture in entry.reason else f"{capture}: "
+        say(f"failed: {place}{entry.reason}", err=True)
+    if (more := len(failures) - MAX_FAILURES) > 0:
+        say(f"failed: {more} more, see the table", err=True)
     warnings = ((c, e.warnings) for c, e in zip(captures, entries, strict=True))
-    failed = first_lines([f"failed: {reason}" for reason in reasons], MAX_FAILURES, "failed")
-    for line in (*failed, *warning_lines(warnings)):
+    for line in warning_lines(warnings):
         say(line, err=True)
-    table = Path(out.rstrip("/").removesuffix(".zarr") + ".csv")
+    table = Path(table_of(job))
     _write_table(table, captures, entries)
     say(f"table: {table}")
     finished = sum(entry.status == DONE for entry in entries)
@@ -216,8 +200,8 @@ def _conclude(store: Store, out: str) -> int:
 
 def _write_table(file: Path, captures: Sequence[str], entries: Sequence[Entry]) -> None:
     """Write a line for each capture."""
-    from tactograph.graph.batch.entry import STATUS_NAMES
-    from tactograph.graph.disk.atomic_files import atomic_file
+    from tactograph.rings.batch.entry import STATUS_NAMES
+    from tactograph.sdk import atomic_file
 
     figures = sorted({name for entry in entries for name in entry.figures})
     headings = ["number", "capture", "status", "milliseconds", *figures, "warnings", "reason"]

@@ -1,15 +1,19 @@
 """The maps of a batch, one capture after another: what a training loop reads."""
 
+from __future__ import annotations
+
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.batch.entry import DONE
-from tactograph.graph.batch.store import Store, open_store
-from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.rings.batch.entry import DONE
+from tactograph.sdk import InputError, did_you_mean, need
+
+if TYPE_CHECKING:
+    from tactograph.rings.batch.store import Store
 
 
 class BatchMaps:
@@ -48,13 +52,13 @@ class BatchMaps:
         self._opened: tuple[int, Store] | None = None
         store = self._store()
         for name in names:
-            if name not in store.job.maps:
-                has = did_you_mean(name, store.job.maps) or f"; it has {', '.join(store.job.maps)}"
+            if name not in store.types:
+                has = did_you_mean(name, store.types) or f"; it has {', '.join(store.types)}"
                 raise InputError(f"{place}: there is no map '{name}'{has}")
-        self.given = store.job.given
-        self.names = names or tuple(store.job.maps)
+        self.given = store.given
+        self.names = names or tuple(store.types)
         self._numbers = np.flatnonzero(store.statuses == DONE)
-        self.pixel = next((kind.pixel for kind in store.map_types().values()), None)
+        self.pixel = next((kind.pixel for kind in store.types.values()), None)
         places = store.captures
         self.captures = [places[number] for number in self._numbers]
 
@@ -72,6 +76,9 @@ class BatchMaps:
 
     def _store(self) -> Store:
         if self._opened is None or self._opened[0] != os.getpid():
+            need("batch", "a batch", "zarr", "numcodecs")
+            from tactograph.rings.batch.store import open_store
+
             store = open_store(self._place)
             if store is None:
                 raise InputError(f"{self._place}: there is no store of a batch")

@@ -5,19 +5,17 @@ import pickle
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import zarr
 
-from tactograph.graph.batch.entry import DONE, Entry
-from tactograph.graph.batch.job import Job
-from tactograph.graph.batch.map_types import MapType, captures_together
-from tactograph.graph.batch.store import create_store, open_store
-from tactograph.graph.cache.result_origin import Origin
+from rings.batch.tests.stores import new_store
 from tactograph.graph.errors import InputError
+from tactograph.rings.batch.entry import DONE, FAILED, Entry
+from tactograph.rings.batch.map_types import MapType, captures_together
+from tactograph.rings.batch.store import open_store
+from tests.graph.conftest import Command
 
-JOB = Job("", "", "", {}, {}, ("height",))
-ORIGIN = Origin({}, {}, "")
+HEIGHT = {"height": MapType((2, 3), "float32", "mm", ("H", "W"))}
 
 
 @pytest.mark.parametrize(
@@ -37,28 +35,11 @@ def test_small_maps_are_compressed_together(
     tmp_path: Path, shape: tuple[int, int], chunk: int, together: int
 ) -> None:
     place = str(tmp_path / "out.zarr")
-    store = create_store(place, JOB, ORIGIN, chunk)
-    store.add_maps({"height": MapType(shape, "float32", "mm", ("H", "W"))})
+    new_store(place, {"height": MapType(shape, "float32", "mm", ("H", "W"))}, chunk)
     array = zarr.open_group(place, mode="r")["height"]
     assert isinstance(array, zarr.Array)
     assert array.shards == (chunk, *shape)
     assert array.chunks == (together, *shape)
-
-
-def test_a_store_whose_maps_lie_one_by_one_goes_on(tmp_path: Path) -> None:
-    """A store from before small maps were put together."""
-    place = str(tmp_path / "out.zarr")
-    store = create_store(place, JOB, ORIGIN, 4)
-    store.append(["a", "b", "c", "d", "e"])
-    zarr.open_group(place, mode="r+").create_array(
-        "height", shape=(5, 2, 3), chunks=(1, 2, 3), shards=(4, 2, 3), dtype="float32",
-        fill_value=float("nan"), attributes={"unit": "mm", "dims": ["H", "W"]},
-    )  # fmt: skip
-    maps = [np.full((2, 3), n, np.float32) for n in range(5)]
-    for numbers in ((0, 1, 2, 3), (4,)):
-        store.write({n: Entry(DONE, maps={"height": maps[n]}) for n in numbers})
-    assert [store.map("height", n).tolist() for n in range(5)] == [m.tolist() for m in maps]
-    assert store.damaged() == []
 
 
 class Touching:
@@ -73,7 +54,7 @@ class Touching:
 
 def test_a_store_of_version_2_is_refused_and_its_pickles_are_not_read(tmp_path: Path) -> None:
     hostile, ordinary = tmp_path / "hostile.zarr", tmp_path / "ordinary.zarr"
-    about = create_store(str(ordinary), JOB, ORIGIN, 4)._group.attrs["tactograph"]
+    about = new_store(ordinary, HEIGHT)._group.attrs["tactograph"]
     zarr.create_group(str(hostile), zarr_format=2, attributes={"tactograph": about})
     pickled = {
         "zarr_format": 2, "shape": [1], "chunks": [1], "dtype": "|O", "fill_value": None,
@@ -95,9 +76,9 @@ def test_a_store_of_version_2_is_refused_and_its_pickles_are_not_read(tmp_path: 
 @pytest.mark.parametrize("given", [None, 3, [1], "x"])
 def test_a_store_whose_job_is_of_other_types_is_refused(tmp_path: Path, given: Any) -> None:
     place = tmp_path / "out.zarr"
-    create_store(str(place), JOB, ORIGIN, 4)
+    new_store(place, HEIGHT)
     about = json.loads((place / "zarr.json").read_text())
-    about["attributes"]["tactograph"]["job"]["given"] = given
+    about["attributes"]["tactograph"]["identity"]["given"] = given
     (place / "zarr.json").write_text(json.dumps(about))
     with pytest.raises(InputError, match="no store of a batch"):
         open_store(str(place))
@@ -106,7 +87,7 @@ def test_a_store_whose_job_is_of_other_types_is_refused(tmp_path: Path, given: A
 @pytest.mark.parametrize(("name", "text"), [("", "null"), ("status", '{"fill_value": 300}')])
 def test_descriptions_not_by_zarr_are_refused(tmp_path: Path, name: str, text: str) -> None:
     place = tmp_path / "out.zarr"
-    create_store(str(place), JOB, ORIGIN, 4)
+    new_store(place, HEIGHT)
     file = place / name / "zarr.json"
     changed = json.loads(text)
     file.write_text(json.dumps(changed and json.loads(file.read_text()) | changed))
@@ -114,9 +95,20 @@ def test_descriptions_not_by_zarr_are_refused(tmp_path: Path, name: str, text: s
         open_store(str(place))
 
 
+def test_a_store_shows_what_became_of_each_capture(tmp_path: Path, tactograph: Command) -> None:
+    place = tmp_path / "out.zarr"
+    store = new_store(place, {})
+    store.append(["a", "b", "c"])
+    store.write({0: Entry(DONE, warnings=["too bright"]), 1: Entry(FAILED, "all black")})
+    told = tactograph("show", place).out
+    assert "captures: 3, done 1, failed 1, pending 1" in told
+    assert "  b: all black" in told
+    assert "  1 x too bright" in told
+
+
 @pytest.mark.parametrize("text", ["{", "3", "[[1]]"])
 def test_figures_that_cannot_be_read_are_none(tmp_path: Path, text: str) -> None:
-    store = create_store(str(tmp_path / "out.zarr"), JOB, ORIGIN, 4)
+    store = new_store(tmp_path / "out.zarr", {})
     store.append(["a"])
     store.write({0: Entry(DONE, figures={"trust": 1.0})})
     figures: Any = zarr.open_group(str(tmp_path / "out.zarr"))["figures"]

@@ -1,1 +1,0 @@
-"""What `tactograph show` prints of stores."""
