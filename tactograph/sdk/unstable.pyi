@@ -2,8 +2,8 @@ from tactograph.ctrl_c import (
     later as later,
 )
 from tactograph.graph import (
-    Cache as Cache,
     FRACTIONS as FRACTIONS,
+    Cache as Cache,
     NodeCall as NodeCall,
     Pipeline as Pipeline,
     Whole as Whole,
@@ -127,42 +127,42 @@ from tactograph.graph.show.warning_lines import (
 )
 from tactograph.nodes import (
     BAND_DEVIATIONS as BAND_DEVIATIONS,
-    CoarseLight as CoarseLight,
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
-    Film as Film,
     I4 as I4,
+    METRES_PER_MM as METRES_PER_MM,
+    UM_PER_MM as UM_PER_MM,
+    USUAL_RIM_MM as USUAL_RIM_MM,
+    CoarseLight as CoarseLight,
+    Film as Film,
     Lens as Lens,
     LightPlaces as LightPlaces,
     LightPositions as LightPositions,
     LutLight as LutLight,
     LutLit as LutLit,
     LutSlope as LutSlope,
-    METRES_PER_MM as METRES_PER_MM,
     Misfit as Misfit,
     Noise as Noise,
     ResizedLight as ResizedLight,
     ScaleError as ScaleError,
     ShadowRises as ShadowRises,
     SlopeVariance as SlopeVariance,
-    UM_PER_MM as UM_PER_MM,
-    USUAL_RIM_MM as USUAL_RIM_MM,
     Uneven as Uneven,
     Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
-    BallCircles as BallCircles,
-    BallPress as BallPress,
-    BallRadii as BallRadii,
-    Circles as Circles,
     FILM_ROUGHNESS as FILM_ROUGHNESS,
     FOLD_COUNT as FOLD_COUNT,
     MAX_INDEPENDENT as MAX_INDEPENDENT,
     MAX_SAMPLE_SLOPE as MAX_SAMPLE_SLOPE,
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
-    PressImages as PressImages,
     SHIFT_DEVIATION_PX as SHIFT_DEVIATION_PX,
+    BallCircles as BallCircles,
+    BallPress as BallPress,
+    BallRadii as BallRadii,
+    Circles as Circles,
+    PressImages as PressImages,
     TiltResponse as TiltResponse,
 )
 from tactograph.nodes.calibrate.ball.ball_on_shape import (
@@ -190,8 +190,8 @@ from tactograph.nodes.calibrate.file.calibrated_film import (
 )
 from tactograph.nodes.calibrate.file.calibration import (
     CALIBRATION_KIND as CALIBRATION_KIND,
-    Calibration as Calibration,
     NO_MISFIT as NO_MISFIT,
+    Calibration as Calibration,
 )
 from tactograph.nodes.calibrate.file.camera_lens import (
     CAMERA_KIND as CAMERA_KIND,
@@ -211,8 +211,8 @@ from tactograph.nodes.calibrate.film.film_at_rest import (
     rest_left as rest_left,
 )
 from tactograph.nodes.calibrate.film.film_fit import (
-    Further as Further,
     MAX_ROUNDS as MAX_ROUNDS,
+    Further as Further,
     fit as fit,
     further_step as further_step,
     light_scale as light_scale,
@@ -272,8 +272,8 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     sample as sample,
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
-    Doubts as Doubts,
     LED_DRIFT as LED_DRIFT,
+    Doubts as Doubts,
     drawn as drawn,
 )
 from tactograph.nodes.calibrate.rating.advise_press import (
@@ -287,10 +287,10 @@ from tactograph.nodes.calibrate.rating.rate_calibration import (
     MAX_LED_WIDTHS as MAX_LED_WIDTHS,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
-    Advice as Advice,
-    Judged as Judged,
     MAX_ERROR_DEG as MAX_ERROR_DEG,
     SURE_ODDS as SURE_ODDS,
+    Advice as Advice,
+    Judged as Judged,
     advice_after as advice_after,
     grows as grows,
     log_odds as log_odds,
@@ -337,8 +337,8 @@ from tactograph.nodes.drawing.sensor_picture import (
     draw_sensor as draw_sensor,
 )
 from tactograph.nodes.files.calibration_file import (
-    FileKind as FileKind,
     MIN_OPTICAL_MM as MIN_OPTICAL_MM,
+    FileKind as FileKind,
     check_use as check_use,
     free_for as free_for,
     kind_of as kind_of,
@@ -364,9 +364,9 @@ from tactograph.nodes.files.image_arrays import (
     check_handed_in as check_handed_in,
 )
 from tactograph.nodes.files.image_files import (
-    Channel as Channel,
     MAX_LEDS as MAX_LEDS,
     MAX_PIXELS as MAX_PIXELS,
+    Channel as Channel,
     channels as channels,
     check_heights as check_heights,
     lights_of as lights_of,
@@ -453,8 +453,8 @@ from tactograph.nodes.optics.rest_shape import (
     rest_shape as rest_shape,
 )
 from tactograph.nodes.optics.shape import (
-    Length as Length,
     PAPER_PIXEL_MM as PAPER_PIXEL_MM,
+    Length as Length,
     PixelSide as PixelSide,
     Shape as Shape,
     ShapeImage as ShapeImage,

@@ -5,9 +5,8 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Interval
 
-from tactograph.graph import Close, node
-from tactograph.nodes import Light, PixelSize
-from tactograph.nodes.optics.near_light import places
+from tactograph.sdk import Close, Light, PixelSize, node
+from tactograph.sdk.unstable import places
 
 
 @node(neutral="light", tolerance=Close(2e-4, 1e-4, why="an exponential moves a marker's edge"))
