@@ -383,9 +383,9 @@ from tactograph.nodes.files.result_file import (
     read_result as read_result,
 )
 from tactograph.nodes.files.result_view import (
-    calibrated_view as calibrated_view,
     read_view as read_view,
     refuse_view as refuse_view,
+    view_in as view_in,
     view_stated as view_stated,
 )
 from tactograph.nodes.files.sensor_identity import (

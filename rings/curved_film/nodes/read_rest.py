@@ -89,7 +89,7 @@ def read_rest(
     """
     params = {"`file`": file, "`radius_mm`": radius_mm, "`cylinder_mm`": cylinder_mm}
     names = [name for name, value in params.items() if value is not None]
-    if _is_search(file) and len(names) == 1:
+    if len(names) == 1 and file and file.name == SEARCH_NAME and not file.is_file():
         return Resting(None, None)
     if len(names) > 1:
         raise InputError(f"{names[0]} and {names[1]}: the film has one shape at rest; give one")
@@ -143,11 +143,6 @@ def _continued(height: F8, is_known: NDArray[np.bool_], source: Path | str) -> F
 
     nearest = distance_transform_edt(~is_known, return_distances=False, return_indices=True)
     return np.asarray(height[tuple(nearest)])
-
-
-def _is_search(file: Path | None) -> bool:
-    """Return whether `rest` names no file: the film's shape is to be found (`find_rest`)."""
-    return file is not None and file.name == SEARCH_NAME and not file.is_file()
 
 
 def _form(

@@ -27,3 +27,6 @@ def write_obj(file: Path, surface: Surface) -> None:
     vertices = "v %.8f %.8f %.8f\n" * len(surface.vertices) % tuple(surface.vertices.flat)
     faces = "f %d %d %d\n" * len(surface.faces) % tuple((surface.faces + 1).flat)
     file.write_text(f"# {MESH_AXES}\n{vertices}{faces}", encoding="ascii")
+
+
+MESH_WRITERS = {"stl": write_stl, "obj": write_obj}

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from annotated_types import MinLen
 
-from tactograph.rings.export.nodes._meshes import write_obj, write_stl
+from tactograph.rings.export.nodes._meshes import MESH_WRITERS
 from tactograph.sdk import (
     RESULT_FILE,
     Height,
@@ -26,7 +26,7 @@ from tactograph.sdk import (
 )
 from tactograph.sdk.unstable import Lens, Vergence, film_places, surface_of, view_stated
 
-MESH_FORMATS = ("ply", "stl", "obj")
+MESH_FORMATS = ("ply", *MESH_WRITERS)
 OWN_FORMATS = ("npy", "tiff", *MESH_FORMATS)
 if TYPE_CHECKING:
     Format = str
@@ -112,28 +112,22 @@ def export_height(
     with atomic_files(place, last=RESULT_FILE) as target:
         for extension in formats:
             file = target / f"height.{extension}"
-            if extension in MESH_FORMATS:
-                _write_mesh(file, film, pixel, lens, camera or 0.0)
-            else:
-                _write_heights(file, height, pixel, error)
+            exported = film if extension in MESH_FORMATS else height
+            _write(file, exported, pixel, View(lens, camera), error)
         if metrics is not None or view:
             write_result_file(target, {**about, **view})
 
 
-def _write_mesh(file: Path, film: Height, pixel: float, lens: Lens | None, camera: float) -> None:
-    """Write a mesh in the format of the file's suffix."""
-    if file.suffix == ".ply":
-        write_ply(file, film, pixel, lens, camera)
-        return
-    write = write_stl if file.suffix == ".stl" else write_obj
-    write(file, surface_of(film, pixel, lens, camera))
-
-
-def _write_heights(file: Path, height: Height, pixel: float, error: HeightError | None) -> None:
-    """Write a height map in the format of the file's suffix."""
-    if file.suffix == ".npy":
+def _write(file: Path, height: Height, pixel: float, view: View, error: HeightError | None) -> None:
+    """Write a height, or a film as a mesh, in the format of the file's suffix."""
+    extension, (lens, camera) = file.suffix[1:], view
+    if extension == "ply":
+        write_ply(file, height, pixel, lens, camera or 0.0)
+    elif extension in MESH_WRITERS:
+        MESH_WRITERS[extension](file, surface_of(height, pixel, lens, camera or 0.0))
+    elif extension == "npy":
         np.save(file, height)
-    elif file.suffix == ".tiff":
+    elif extension == "tiff":
         write_tiff(file, height, pixel)
-    elif (further := bring("formats", file.suffix[1:])) is not None:
+    elif (further := bring("formats", extension)) is not None:
         further.write(file, height, pixel, error)

@@ -24,7 +24,7 @@ from tests.nodes.files.test_calibration_file import write as write_flashed
 
 MADE = Provenance(
     {"name": "toy", "hash": "f00"}, None, [], {}, {"tactograph": "0"}, ["too bright"], [],
-    {"lights": "bgr", "dark": None},
+    {"lights": "bgr", "dark": None}, {"calibration": {"hash": "c0ffee"}},
 )  # fmt: skip
 
 
@@ -87,6 +87,7 @@ def test_a_result_shows_figures_and_warnings(result: Path, tmp_path: Path, shown
     told = shown(result)
     assert "made by: graph toy [f00], version 0\ngiven: lights=bgr\n" in told
     assert "warnings:\n  too bright\n" in told
+    assert "calibration: hash c0ffee\n" in told
     assert "contacts  0" in told
     assert (tmp_path / "drawn" / "height.png").is_file()
 
