@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
+from types import FrameType
 from typing import Any, TypeVar
 
 from tactograph.sdk.unstable import (
@@ -16,7 +17,6 @@ from tactograph.sdk.unstable import (
     RunOptions,
     Terminated,
     cores,
-    later,
     open_device,
 )
 
@@ -117,8 +117,24 @@ def hand_over(
     Ctrl-C waits while a process starts: one that starts after its parent's end prints a long
     traceback.
     """
-    with later():
+    with ctrl_c_later():
         return processes.submit(do, *about)
+
+
+@contextmanager
+def ctrl_c_later() -> Iterator[None]:
+    """Let Ctrl-C wait for the end of the block; only the main thread ever hears of it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    heard: list[tuple[int, FrameType | None]] = []
+    before = signal.signal(signal.SIGINT, lambda *about: heard.append(about))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if heard and callable(before):
+        before(*heard[0])
 
 
 def stop_processes() -> None:

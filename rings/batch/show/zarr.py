@@ -4,7 +4,7 @@ from collections import Counter
 from pathlib import Path
 
 from tactograph.rings.batch.entry import DONE, PENDING
-from tactograph.rings.export.shown import Shown, first, given_params, input_files, section
+from tactograph.rings.export.shown import Shown, first, input_files, param_line, section
 from tactograph.sdk import InputError, need
 
 
@@ -32,7 +32,7 @@ def show(file: Path) -> Shown:
         f"{file}: store of a batch by graph {store.graph} [{store.identity['hash']}]",
         f"captures: {len(entries)}, done {status[DONE]}, failed {failed}, "
         f"pending {status[PENDING]}",
-        *given_params(store.given),
+        *param_line(store.arguments),
         *input_files(store.inputs),
         f"maps: {', '.join(store.types) or 'none'}",
         *section("failed", first(reasons)),

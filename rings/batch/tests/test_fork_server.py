@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tactograph.rings.batch.fork_server import ctrl_c_later
+
 Start = Callable[..., "subprocess.Popen[str]"]
 
 TWO_AT_WORK = """
@@ -126,3 +128,11 @@ def test_no_import_is_from_the_working_folder(start: Start, tmp_path: Path, modu
     (tmp_path / f"{module}.py").write_text("open('ran', 'w')\n")
     assert start(FROM_HERE, tmp_path).communicate() == ("0\n", "")
     assert not (tmp_path / "ran").exists()
+
+
+def test_ctrl_c_waits_for_the_end_of_a_block() -> None:
+    reached = []
+    with pytest.raises(KeyboardInterrupt), ctrl_c_later():  # noqa: PT012
+        signal.raise_signal(signal.SIGINT)
+        reached.append("the end")
+    assert reached

@@ -78,8 +78,8 @@ def command(
         from tactograph.rings.batch.job import make_job
         from tactograph.sdk.unstable import find_origin, read_words, refuse_to_write_over
 
-        given, wanted = read_words(read, values), maps.split(",") if maps else None
-        job = make_job(read, given, options, out=out, maps=wanted, below=below)
+        arguments, wanted = read_words(read, values), maps.split(",") if maps else None
+        job = make_job(read, arguments, options, out=out, maps=wanted, below=below)
         if job.folders is not None:
             read_places = filter(None, (below, *captures))
             refuse_to_write_over(f"--out {out}", out, {f"--over {p}": p for p in read_places})
@@ -92,7 +92,7 @@ def command(
         )
         from tactograph.rings.batch.store import alone_in
 
-        origin = find_origin(read, job.given, backend=options.backend, device=options.device)
+        origin = find_origin(read, job.arguments, backend=options.backend, device=options.device)
         files = [file for file in passed_over if not lies_in(file, job)]
         if files:
             say(f"passed over, as it is no folder: {a_few(files, 3)}", err=True)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.sdk.unstable import CAMERA_KIND, seen_places
+from tactograph.sdk.unstable import CAMERA_KIND, camera_places
 
 KIND = CAMERA_KIND
 MARKS_ACROSS = 12
@@ -22,7 +22,7 @@ def draw(arrays: Mapping[str, Any], title: str, target: Path) -> None:
     figure = Figure(figsize=(8, 8 * rows / columns + 1), dpi=100, layout="constrained")
     axes = figure.subplots()
     step = max(columns // MARKS_ACROSS, 1)
-    places = [plane[::step, ::step] for plane in seen_places(arrays["lens"], (rows, columns))]
+    places = [plane[::step, ::step] for plane in camera_places(arrays["lens"], (rows, columns))]
     y, x = (plane[::step, ::step] for plane in np.mgrid[:rows, :columns])
     axes.plot(x.ravel(), y.ravel(), ".", color="#9a9a9a", label="even grid")
     axes.plot(

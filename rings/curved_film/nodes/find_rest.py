@@ -22,7 +22,6 @@ from tactograph.sdk.unstable import (
     BallPress,
     BallRadii,
     Circle,
-    KnownCircles,
     NodeCall,
     Noise,
     Object,
@@ -33,6 +32,7 @@ from tactograph.sdk.unstable import (
     RestShape,
     ScaleError,
     SheetLight,
+    StatedCircles,
     all_residuals,
     cut,
     descend,
@@ -80,7 +80,7 @@ class Bend(NamedTuple):
     trial: _Trial
 
     @property
-    def left(self) -> F8:
+    def residuals(self) -> F8:
         """Residuals of balls and flat frame."""
         placed = self.trial.placed
         return all_residuals(self.trial.objects, self.trial.rest, placed.leds, placed.shifts)
@@ -88,7 +88,7 @@ class Bend(NamedTuple):
     @property
     def cost(self) -> float:
         """Huber's loss of a residual, on average."""
-        return huber(self.left) / self.left.size
+        return huber(self.residuals) / self.residuals.size
 
     def likelihood(self) -> float:
         """Return -2 log of the likelihood: residuals are of unknown spread."""
@@ -143,13 +143,13 @@ def find_rest(
     flat: Light,
     even: Annotated[F4, Port("K R C", "1")],
     radius: Radii,
-    known: KnownCircles,
+    circles: StatedCircles,
     names: list[str],
     pixel: PixelSize,
     even_pixel: PixelSize,
     factor: int,
     noise: Noise,
-    given: RestShape | None = None,
+    stated: RestShape | None = None,
     *,
     camera_mm: Annotated[float, Gt(0)] | None = None,
     bounce: NodeCall = film_bounce,
@@ -164,7 +164,7 @@ def find_rest(
     pixel, even_pixel : mm per px at height 0, of `flat` and of `even`
     factor : pixels of `even` along a pixel of `flat`
     noise : (shot, read), a captured light I has the variance shot * I + read
-    given
+    stated
         As `read_rest` returns it.  None: a bend is looked for (`fitted_bend`), and where the film
         has a coat, with it.
     camera_mm : height of the pupil above height 0
@@ -182,13 +182,13 @@ def find_rest(
         If fewer than two presses show a ball, there is no flat frame, or the film has a coat and
         `camera_mm` is not given.
     """
-    if given is not None:
-        return FoundRest(given.height, given.binned(factor), {})
+    if stated is not None:
+        return FoundRest(stated.height, stated.binned(factor), {})
     if is_uniform(flat):
         raise InputError(
             "to find the film's shape needs `flat`: the untouched film's light tells it"
         )
-    ball = find_balls(light, flat, radius, known, names, pixel)
+    ball = find_balls(light, flat, radius, circles, names, pixel)
     if np.count_nonzero(ball.circle[:, 2]) < MIN_PRESSES:
         raise InputError(
             f"to find the film's shape needs presses at {MIN_PRESSES} places or more: one in the "
@@ -314,7 +314,7 @@ def fitted_bend(presses: BallPresses, bend: Bend, *, only_ball: bool = False) ->
     ways = presses.unit * (np.array([[1, 0, 1, 0, 0]]) if only_ball else np.eye(5))
 
     def linear(now: Bend) -> Callable[[float], Bend]:
-        residuals, trial, columns = now.left, now.trial, []
+        residuals, trial, columns = now.residuals, now.trial, []
         for way in DERIVATIVE_STEP * ways:
             other = _on(presses, now.unknowns + way, trial.circles)
             after = all_residuals(*other, trial.placed.leds, trial.placed.shifts)
@@ -365,7 +365,7 @@ def _on(
         y, x = np.indices(light.shape[1:])
         away = np.hypot(x - first.x, y - first.y)
         near = (away < SAMPLED_SHARE * first.radius).astype(np.uint8)
-        ball = on.known_ball(circle, near)
+        ball = on.slopes(circle, near)
         press = Press(light, ball.slope, near, ball.height, label_lit(light))
         objects.append(sample(press, presses.pixel, MAX_SAMPLES, shape))
     return objects, rest_of(presses.flat, presses.pixel, shape)

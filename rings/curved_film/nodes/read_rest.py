@@ -41,12 +41,12 @@ Radius = float | Annotated[tuple[float, ...], Len(1, 2)]
 class Resting(NamedTuple):
     """The shape of the film at rest; None if it is to be found.
 
-    `seen` is 1 where a pixel sees the film, 0 where its own curvature or its end hides it; None:
+    `visible` is 1 where a pixel sees the film, 0 where its own curvature or its end hides it; None:
     everywhere.
     """
 
     shape: RestShape | None
-    seen: Mask | None
+    visible: Mask | None
 
 
 @node
@@ -123,8 +123,8 @@ def read_rest(
             "check `camera_mm`"
         )
     shape = rest_shape(np.asarray(height, np.float32), pixel, camera)
-    seen = None if is_known.all() else is_known.astype(np.uint8)
-    return Resting(shape, seen)
+    visible = None if is_known.all() else is_known.astype(np.uint8)
+    return Resting(shape, visible)
 
 
 def _continued(height: F8, is_known: NDArray[np.bool_], source: Path | str) -> F8:

@@ -74,16 +74,16 @@ def test_a_height_map_is_what_each_pixel_sees(tmp_path: Path) -> None:
 def test_what_a_film_hides_by_its_own_curvature_is_left_out() -> None:
     """From near, rays beyond a ball's horizon meet nothing; the area of the film ends there."""
     radius, pupil = 10.0, 5.0
-    shape, seen = read(radius_mm=-radius, camera_mm=pupil)
-    assert seen is not None
+    shape, visible = read(radius_mm=-radius, camera_mm=pupil)
+    assert visible is not None
     # The tangent from the pupil, above the ball's top, meets height 0 this far out.
     horizon = pupil * np.tan(np.arcsin(radius / (radius + pupil)))
     far = np.hypot(*places()) / horizon
-    assert not seen[far > 1.02].any()
-    assert seen[far < 0.98].all()
+    assert not visible[far > 1.02].any()
+    assert visible[far < 0.98].all()
     assert np.isfinite(shape.height).all()
-    area = find_film(np.ones((4, *SIZE), np.float32), seen).area
-    np.testing.assert_array_equal(area, seen)
+    area = find_film(np.ones((4, *SIZE), np.float32), visible).area
+    np.testing.assert_array_equal(area, visible)
 
 
 @pytest.mark.parametrize(

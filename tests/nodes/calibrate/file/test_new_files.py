@@ -27,7 +27,7 @@ def check(node: str, file: Path) -> None:
 
 def camera(file: Path) -> None:
     lens = CameraLens(np.zeros(8, np.float32), 0.1, 0.1, np.array([5, 4], np.int32), {})
-    write_record(file, CAMERA_KIND, lens, {"made": MADE})
+    write_record(file, CAMERA_KIND, lens, {"provenance": MADE})
 
 
 @pytest.mark.parametrize("node", WRITERS)
