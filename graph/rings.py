@@ -100,9 +100,9 @@ def bring(kind: str, name: str) -> ModuleType | None:
 
     Raises NodeError, which names the ring, if it cannot be imported.
     """
-    if (found := brought(kind).get(name)) is None:
+    if (entry := brought(kind).get(name)) is None:
         return None
-    ring, file = found
+    ring, file = entry
     try:
         return importlib.import_module(ring.module(kind, file))
     except Exception as error:

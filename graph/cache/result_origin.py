@@ -14,7 +14,7 @@ from typing import Any
 
 from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.backends.kernel_source import kernel_text
-from tactograph.graph.declare.check_settings import NOT_GIVEN
+from tactograph.graph.declare.check_settings import PARAM_PLACEHOLDER
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.provenance import installed, versions
@@ -34,29 +34,29 @@ _FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
 
 def find_origin(
     graph: Graph,
-    given: Mapping[str, Any],
+    arguments: Mapping[str, Any],
     *,
     backend: str | None = None,
     device: str | None = None,
 ) -> dict[str, Any]:
     """Find all that decides what a graph puts out here and now, as plain data.
 
-    ``hash`` is the graph's, ``given`` has the values of its params.  ``inputs`` has the content's
-    hash of every file or folder that these, or nodes that read (``node.param``), name, and what an
-    ``.npz`` states of its sensor.  ``code`` has, by package and for the engine, a hash of all its
+    ``hash`` is the graph's, ``arguments`` are the values of its params.  ``inputs`` has the hash of
+    every file's or folder's content that these, or nodes that read (``node.param``), name, and what
+    an ``.npz`` states of its sensor.  ``code`` has, by package and for the engine, a hash of its
     source.  ``versions`` are of Python, this package, the nodes' packages, and all that these need.
-    ``device`` is "" where none is used.  A capture and an ``out`` that are not given do not count.
+    ``device`` is "" where none is used.  A missing capture or ``out`` does not count.
 
     Raises InputError if a node or the device is not there, or a param is not given.
     """
-    later = {CAPTURE_PARAM, "out"} & graph.params.keys() - given.keys()
-    draft = names.bind(graph, {**given, **dict.fromkeys(later, NOT_GIVEN)}, sinks=True)
+    later = {CAPTURE_PARAM, "out"} & graph.params.keys() - arguments.keys()
+    draft = names.bind(graph, {**arguments, **dict.fromkeys(later, PARAM_PLACEHOLDER)}, sinks=True)
     files = {
         name: value
-        for name, value in given.items()
+        for name, value in arguments.items()
         if graph.params[name].kind == "path" and name != "out" and value is not None
     }
-    files |= _named_files(draft, {*given, CAPTURE_PARAM, "out"})
+    files |= _named_files(draft, {*arguments, CAPTURE_PARAM, "out"})
     nodes = [
         find_node(op, graph.own) for op in sorted({entry.op for entry in graph.nodes.values()})
     ]
@@ -71,7 +71,7 @@ def find_origin(
     hashes = {package: digest({"nodes": each}) for package, each in code.items()}
     origin = {
         "hash": graph.hash,
-        "given": given,
+        "arguments": arguments,
         "inputs": {
             name: {"hash": content_hash(Path(file)), **file_identity(Path(file))}
             for name, file in files.items()

@@ -44,7 +44,7 @@ class Study:
     repeats: int = 1
 
     @cached_property
-    def given(self) -> dict[str, dict[str, Any]]:
+    def arguments(self) -> dict[str, dict[str, Any]]:
         """The values of each graph's params, by its name.  Raises what `read_words` does."""
         return {graph.name: read_words(graph, self.values) for graph in self.graphs}
 
@@ -60,8 +60,8 @@ class Study:
         if len({*targets, self.seed}) < len([*targets, self.seed]):
             raise InputError("a parameter can be swept, or be the seed, only once")
         if self.repeats > 1 and self.seed is None:
-            known = ", ".join(seed_like(self.graphs)) or "no node has one"
-            raise InputError(f"--repeats needs --seed node.param to vary (seeds: {known})")
+            choices = ", ".join(seed_like(self.graphs)) or "no node has one"
+            raise InputError(f"--repeats needs --seed node.param to vary (seeds: {choices})")
         for graph in self.graphs:
             if takes_capture(graph) and not self.captures:
                 raise InputError(f"{graph.name} takes captures; give --over DIR")
@@ -136,7 +136,7 @@ def make_jobs(study: Study) -> list[Job]:
         if takes_capture(graph) != (capture is not None):
             continue
         name = "" if capture is None else capture.resolve().name
-        all_seeds = seeds(graph, study.seed, study.repeats, study.given[graph.name])
+        all_seeds = seeds(graph, study.seed, study.repeats, study.arguments[graph.name])
         for backend, point, seed in product(study.backends, points(graph, study.sweeps), all_seeds):
             changed = with_changes(graph, {**point, **seed})
             row = Row(graph.name, name, backend or "preferred", changed.hash, sweep=point)
@@ -155,7 +155,7 @@ def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]
     whether a former run made it.
     """
     row, folder = job.row, job.row.folder(out)
-    values = {**study.given[job.graph.name], **_places(job, folder)}
+    values = {**study.arguments[job.graph.name], **_places(job, folder)}
     try:
         row.origin = find_origin(job.graph, values, backend=job.backend, device=study.device)
         done = _done(folder, row)

@@ -5,7 +5,7 @@
 #include "cell_side.clh"
 
 #define MIN_LEDS 3
-#define MIN_SLOPE 0.1f
+#define FULL_MISFIT_SLOPE 0.1f
 #define NOT_TESTED (-1.0f)
 
 // The means of LANES cells of side x side pixels.
@@ -70,7 +70,7 @@ LANED __kernel void slope_curl(
     const floats bent =
         p_right * p_right + p_down * p_down + q_right * q_right + q_down * q_down;
     const floats number = (float)column + LANE_NUMBERS, last = (float)(w - 1);
-    tests &= gentlest > MIN_SLOPE * MIN_SLOPE;
+    tests &= gentlest > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE;
     tests &= number < last;
     const float pixels = (float)(side * cell_px) * (float)(side * cell_px);
     const floats curl = p_down - q_right;

@@ -7,7 +7,7 @@
 
 #define MIN_CELLS 20
 #define MIN_LEDS 3
-#define MIN_SLOPE 0.1f
+#define FULL_MISFIT_SLOPE 0.1f
 #define MAX_SQUARED_BEND 0.16f
 
 #define CURL_BANDS 9
@@ -84,7 +84,7 @@ static ints is_steep(
 {
     const floats p = load_thin(slope + y * W, x, 0, count, W, step);
     const floats q = load_thin(slope + (H + y) * W, x, 0, count, W, step);
-    return p * p + q * q > MIN_SLOPE * MIN_SLOPE;
+    return p * p + q * q > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE;
 }
 
 // What each cell tells of the light, and how many cells tell what.
@@ -124,7 +124,7 @@ static ONCE void look_at_light(
             excess = load_thin(brighter + from * W, x, 0, count, W, step);
             const ints known = has_bits(bits, MIN_LEDS) & here;
             const ints lacks = known & (excess < -max_dimming);
-            const ints touched = known & (is | (fabs(excess) > MIN_SLOPE));
+            const ints touched = known & (is | (fabs(excess) > FULL_MISFIT_SLOPE));
             dirty += lacks ? one : none;
             excess = touched ? excess : untold;
         }

@@ -83,11 +83,9 @@ def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, An
     """Some film at rest, some slopes unknown."""
     variance = rng.uniform(1e-6, 1e-2, (2, H, W))
     variance[:, rng.random((H, W)) < 0.1] = 1e12
-    return {
+    free, apart, height = np.float32(rng.normal(0, 0.01, (3, H, W)))
+    return {"free": free, "apart": apart, "height": height} | {
         "rest": rng.integers(0, 2, (H, W)).astype(np.uint8),
         "variance": variance.astype(np.float32),
-        "free": rng.normal(0, 0.005, (H, W)).astype(np.float32),
-        "apart": rng.normal(0, 0.005, (H, W)).astype(np.float32),
-        "height": rng.normal(0, 0.1, (H, W)).astype(np.float32),
         "scale_error": float(rng.uniform(0, 0.3)),
     }

@@ -40,9 +40,9 @@ def evaluate_error(
     touched = cv2.erode(stated.astype(np.uint8), np.ones((3, 3))) != 0
     if truth is None or not touched.any():
         return {}
-    left_out = touched & (np.bool_(False) if unresolved is None else unresolved != 0)
-    figures = {"unresolved_percent": float(100 * left_out.sum() / touched.sum())}
-    counted = touched & ~left_out
+    unjudged = touched & (np.bool_(False) if unresolved is None else unresolved != 0)
+    figures = {"unresolved_percent": float(100 * unjudged.sum() / touched.sum())}
+    counted = touched & ~unjudged
     if not counted.any():
         return figures
     off, deviation = np.abs(height - truth)[counted], error[counted]

@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from tactograph.graph import Port
-from tactograph.nodes import F4, F8
+from tactograph.nodes import F4, F8, FALSE_ALARMS
 from tactograph.nodes.stored import Stored
 from tactograph.nodes.trust.checked_cells import MIN_LIGHT
 from tactograph.nodes.trust.film_motion import FilmMotion, motion_size
@@ -31,8 +31,10 @@ TAIL_SHARE = 0.2
 """Share of right touches, the most extreme ones, that determine a tail."""
 RANK_COUNT = 100
 """Quantiles that are kept: half a per cent, one and a half, ..."""
-QUANTILE_ERROR, SHARE_ERROR = 0.1, 0.01
-"""Error of a quantile of some hundred cells, over their deviation; error of a share of cells."""
+SHARE_ERROR = FALSE_ALARMS
+"""Error of a share of cells: so many cells show it that one of them is this share..."""
+QUANTILE_ERROR = math.sqrt(SHARE_ERROR)
+"""... and a quantile of so many cells has this error over their deviation."""
 MIN_HEIGHT_MM = 0.15
 """Height that a depth below the film at rest is compared with at least."""
 TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
+from tactograph.nodes.light.film_drift import CALM_DEPARTURES
 from tactograph.nodes.trust._explained import explained
-from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE
 from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
 from tactograph.nodes.trust.checked_cells import (
     DARK_LIGHT,
@@ -200,7 +200,7 @@ def _unexplained(light: F4, lights: LightPositions) -> float:
     light = np.asarray(light / np.maximum(median, MIN_LIGHT), np.float32)
     directions = lights / lights[:, 2:]
     normal = np.tensordot(np.linalg.pinv(directions), light, 1)
-    touched = (np.abs(light - 1) > CALM_DEPARTURE).any(axis=0)
+    touched = (np.abs(light - 1) > CALM_DEPARTURES[0]).any(axis=0)
     lit = touched & (light > DARK_LIGHT).all(axis=0)
     if np.count_nonzero(lit) < MIN_CELLS:
         return math.inf

@@ -136,7 +136,7 @@ def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     words = {
         "hash": "another graph",
         "inputs": "another content of",
-        "given": "other values of",
+        "arguments": "other values of",
         "code": "other code of",
         "versions": "another version of",
         "device": f"another device ({then['device'] or 'none'})",

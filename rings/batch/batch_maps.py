@@ -35,7 +35,7 @@ class BatchMaps:
         The names of the maps.
     captures
         The place of each capture.
-    given
+    arguments
         The values that the batch gave its graph.
     pixel
         The pixel size in mm; None if the graph puts out none.
@@ -55,7 +55,7 @@ class BatchMaps:
             if name not in store.types:
                 has = did_you_mean(name, store.types) or f"; it has {', '.join(store.types)}"
                 raise InputError(f"{place}: there is no map '{name}'{has}")
-        self.given = store.given
+        self.arguments = store.arguments
         self.names = names or tuple(store.types)
         self._numbers = np.flatnonzero(store.statuses == DONE)
         self.pixel = next((kind.pixel for kind in store.types.values()), None)

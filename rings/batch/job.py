@@ -22,7 +22,7 @@ class Job:
     """
 
     graph: Graph
-    given: dict[str, Any]
+    arguments: dict[str, Any]
     options: RunOptions
     place: str
     maps: tuple[str, ...] | None = None
@@ -31,8 +31,8 @@ class Job:
 
     def open(self) -> Pipeline:
         """Open the pipeline.  Raises TactographError if it cannot be opened here."""
-        given = {**self.given, CAPTURE_PARAM: "."}
-        return self.options.open(self.graph, given, sinks=self.folders is not None)
+        arguments = {**self.arguments, CAPTURE_PARAM: "."}
+        return self.options.open(self.graph, arguments, sinks=self.folders is not None)
 
     def identity(self, origin: Mapping[str, Any]) -> dict[str, Any]:
         """All that decides a capture's results, and must not change between parts of a store."""
@@ -42,7 +42,7 @@ class Job:
 
 def make_job(
     graph: Graph,
-    given: Mapping[str, Any],
+    arguments: Mapping[str, Any],
     options: RunOptions,
     *,
     out: str,
@@ -61,19 +61,23 @@ def make_job(
             f" (it has: {', '.join(graph.params)})"
         )
     for name, option in ((CAPTURE_PARAM, "--over"), ("out", "--out")):
-        if name in given:
-            raise InputError(f"{name}={given[name]}: in a batch {option} says that; leave it out")
+        if name in arguments:
+            raise InputError(
+                f"{name}={arguments[name]}: in a batch {option} says that; leave it out"
+            )
     paths = {name for name, param in graph.params.items() if param.kind == "path"}
-    given = {n: absolute(v) if n in paths and v is not None else v for n, v in given.items()}
+    arguments = {
+        n: absolute(v) if n in paths and v is not None else v for n, v in arguments.items()
+    }
     if not out.strip():
         raise InputError("--out is empty; give NAME.zarr, or a folder")
     refuse_other_names(out)
     place = absolute(out)
     if place.endswith(".zarr"):
-        return Job(graph, given, options, place, None if maps is None else tuple(maps))
+        return Job(graph, arguments, options, place, None if maps is None else tuple(maps))
     if "out" not in graph.params:
         raise InputError(
             f"--out {out}: folders are written by the graph's sinks, through its parameter 'out'; "
             "else give a store, NAME.zarr"
         )
-    return Job(graph, given, options, f"{place}/batch.zarr", (), place, below)
+    return Job(graph, arguments, options, f"{place}/batch.zarr", (), place, below)

@@ -56,7 +56,7 @@ def run_batch(
             if not Path(job.place).exists():
                 workers.open_ahead()
         backend, device = job.options.backend, job.options.device
-        origin = find_origin(job.graph, job.given, backend=backend, device=device)
+        origin = find_origin(job.graph, job.arguments, backend=backend, device=device)
         files = [file for file in found.passed_over if not lies_in(file, job)]
         if files:
             say(f"passed over, as it is no folder: {a_few(files, 3)}", err=True)

@@ -238,6 +238,9 @@ from tactograph.nodes.calibrate.rating.judge_contact import (
     ball_shape as ball_shape,
     judge_contact as judge_contact,
 )
+from tactograph.nodes.calibrate.rating.judge_labels import (
+    MAX_JUDGED_BALLS as MAX_JUDGED_BALLS,
+)
 from tactograph.nodes.calibrate.rating.verdict import (
     SURE_ODDS as SURE_ODDS,
     Advice as Advice,
@@ -255,12 +258,12 @@ from tactograph.nodes.capture.led_files import (
 )
 from tactograph.nodes.capture.read_balls import (
     BallPresses as BallPresses,
-    KnownCircles as KnownCircles,
     Millimetres as Millimetres,
     Radii as Radii,
-    known_circle as known_circle,
+    StatedCircles as StatedCircles,
     read_presses as read_presses,
     refuse_flat as refuse_flat,
+    stated_circle as stated_circle,
 )
 from tactograph.nodes.capture.read_capture import (
     CaptureFile as CaptureFile,
@@ -388,12 +391,12 @@ from tactograph.nodes.optics.harmonics import (
 )
 from tactograph.nodes.optics.lens import (
     LENS_TERMS as LENS_TERMS,
+    camera_offset as camera_offset,
     half_diagonal as half_diagonal,
     ideal_offset as ideal_offset,
+    ideal_place as ideal_place,
     is_straight as is_straight,
     pixel_sides as pixel_sides,
-    seen_from_above as seen_from_above,
-    seen_offset as seen_offset,
 )
 from tactograph.nodes.optics.near_light import (
     expected_light as expected_light,

@@ -378,7 +378,7 @@ def _thrown_on(
             light_here = np.where(as_seen > 0, press, 1 + light)
         else:
             around = (resting.own + light) / resting.share(BOUNCED_ALBEDO)
-            light_here = np.where(as_seen > shape.seen, press, around)
+            light_here = np.where(as_seen > shape.apparent, press, around)
         drift = film_drift(coarsen(light_here), sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
         level = (drift_gain(drift, size) - 1) * on_plane
         whole, removed = light / np.float32(BOUNCED_ALBEDO), level / np.float32(BOUNCED_ALBEDO)

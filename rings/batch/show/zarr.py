@@ -30,12 +30,12 @@ def show(file: Path) -> Shown:
     warned = Counter(warning for entry in entries for warning in entry.warnings)
     runs = zip(names, entries, strict=True)
     reasons = [f"  {name}: {e.reason}" for name, e in runs if e.status not in (DONE, PENDING)]
-    given = [f"{name}={value}" for name, value in store.given.items() if value is not None]
+    params = [f"{name}={value}" for name, value in store.arguments.items() if value is not None]
     lines = [
         f"{file}: store of a batch by graph {store.graph} [{store.identity['hash']}]",
         f"captures: {len(entries)}, done {status[DONE]}, failed {failed}, "
         f"pending {status[PENDING]}",
-        f"given: {' '.join(given)}",
+        f"params: {' '.join(params)}",
         *(
             f"{name}: {', '.join(f'{key} {text}' for key, text in about.items())}"
             for name, about in store.inputs.items()

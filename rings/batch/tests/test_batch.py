@@ -471,7 +471,7 @@ def test_a_changed_file_behind_the_same_name_is_another_job(tmp_path: Path, writ
     job, identities = job_of(graph, {"notes": str(notes)}), []
     for text in ("one", "another"):
         notes.write_text(text)
-        identities.append(job.identity(find_origin(graph, job.given)))
+        identities.append(job.identity(find_origin(graph, job.arguments)))
     assert identities[0] != identities[1]
 
 

@@ -78,7 +78,7 @@ def test_a_store_whose_job_is_of_other_types_is_refused(tmp_path: Path, given: A
     place = tmp_path / "out.zarr"
     new_store(place, HEIGHT)
     about = json.loads((place / "zarr.json").read_text())
-    about["attributes"]["tactograph"]["identity"]["given"] = given
+    about["attributes"]["tactograph"]["identity"]["arguments"] = given
     (place / "zarr.json").write_text(json.dumps(about))
     with pytest.raises(InputError, match="no store of a batch"):
         open_store(str(place))

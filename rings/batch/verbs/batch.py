@@ -62,8 +62,8 @@ def command(
     read = options.read(graph)
     from tactograph.rings.batch.job import make_job
 
-    given, wanted = read_words(read, values), maps.split(",") if maps else None
-    job = make_job(read, given, options, out=out, maps=wanted, below=found.below)
+    arguments, wanted = read_words(read, values), maps.split(",") if maps else None
+    job = make_job(read, arguments, options, out=out, maps=wanted, below=found.below)
     from tactograph.rings.batch.run_batch import run_batch
 
     if run_batch(job, found, chunk, workers, retry_failed=retry_failed):

@@ -16,7 +16,15 @@ from tactograph.nodes.capture.read_capture import read_capture
 from tactograph.nodes.files.sensor_identity import identity_in
 from tests.graph.conftest import Command, tactograph
 from tests.nodes.capture.test_read_capture import IMAGES, write as write_images
-from tests.nodes.files.test_calibration_file import ARRAYS, FILM, LENS, MADE, MISFIT, NOISE, random
+from tests.nodes.files.test_calibration_file import (
+    ARRAYS,
+    FILM,
+    LENS,
+    MISFIT,
+    NOISE,
+    PROVENANCE,
+    random,
+)
 
 __all__ = ["tactograph"]
 SIZE = (24, 32)
@@ -33,7 +41,7 @@ def calibrated(tmp_path: Path) -> Calibrated:
         area = np.ones(SIZE, np.uint8)
         write_calibration(
             *film, NOISE, 1.5, LENS, MISFIT, {}, [], area, serial,
-            file=file, sensor=name, provenance=replace(MADE, **made),
+            file=file, sensor=name, provenance=replace(PROVENANCE, **made),
         )  # fmt: skip
         return file
 

@@ -3,20 +3,23 @@
 from pathlib import Path
 
 from tactograph.rings.metrology.nodes.filled.scale_height import Scale
-from tactograph.rings.metrology.nodes.surface.measure_step import KnownDepth
+from tactograph.rings.metrology.nodes.surface.measure_step import CertifiedDepth
 from tactograph.sdk import InputError, node
 
 
 @node
-def step_given(
-    *, folder: Path | None = None, known_um: KnownDepth | None = None, scale: Scale | None = None
+def has_step(
+    *,
+    folder: Path | None = None,
+    certified_um: CertifiedDepth | None = None,
+    scale: Scale | None = None,
 ) -> bool:
     """Return whether there is a known step, and refuse one of which half is said.
 
     Parameters
     ----------
     folder : a scan of the step; None: there is none
-    known_um : certified depth and standard uncertainty, as for `measure_step`
+    certified_um : certified depth and standard uncertainty, as for `measure_step`
     scale : factor and its uncertainty, as for `scale_height`
 
     Raises
@@ -24,8 +27,8 @@ def step_given(
     InputError
         If scan and depth are not given together, or a scale as well.
     """
-    if (folder is None) != (known_um is None):
-        raise InputError("a known step needs both: `folder`=SCAN `known_um`=DEPTH,UNCERTAINTY")
+    if (folder is None) != (certified_um is None):
+        raise InputError("a known step needs both: `folder`=SCAN `certified_um`=DEPTH,UNCERTAINTY")
     if folder is not None and scale is not None:
         raise InputError(f"{folder}: a known step tells the scale: give `folder` or `scale`")
     return folder is not None

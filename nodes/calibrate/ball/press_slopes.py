@@ -14,7 +14,7 @@ from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
 
 
-class KnownBalls(NamedTuple):
+class PressSlopes(NamedTuple):
     """Slope and height of every ball pressed into the film, and the pixels where they hold."""
 
     slope: SheetSlope
@@ -23,7 +23,7 @@ class KnownBalls(NamedTuple):
 
 
 @node
-def known_balls(
+def press_slopes(
     light: SheetLight,
     flat: Light,
     circle: BallCircles,
@@ -31,7 +31,7 @@ def known_balls(
     of: BallPress,
     pixel: PixelSize,
     shape: RestShape | None = None,
-) -> KnownBalls:
+) -> PressSlopes:
     """Return the slopes and heights of `ball_slopes` for each press, on a sheet (`sheet`).
 
     Parameters
@@ -57,11 +57,11 @@ def known_balls(
         if shape is None:
             ball = ball_slopes(flat, c[:2], float(c[2]), pixel, radius_mm=float(r))
         elif c[2] > 0:
-            ball = BallOnShape(shape, float(r)).known_ball(Circle(*map(float, c)))
+            ball = BallOnShape(shape, float(r)).slopes(Circle(*map(float, c)))
         else:
             continue
         inside, at = ball.mask > 0, slice(press * rows, (press + 1) * rows)
         slope[:, at][:, inside] = ball.slope[:, inside]
         mask[at][inside] = 1
         height[at][inside] = ball.height[inside]
-    return KnownBalls(slope, mask, height)
+    return PressSlopes(slope, mask, height)

@@ -8,9 +8,9 @@ import numpy as np
 from tactograph.rings.metrology.nodes.filled.scale_height import StepScale
 from tactograph.rings.metrology.nodes.surface.measure_step import (
     Across,
+    CertifiedDepth,
     EdgeCount,
     ErrorParts,
-    KnownDepth,
     depths_with,
     measure_step,
     parts_within,
@@ -33,7 +33,7 @@ USUAL_STEP_SCALE, MAX_STEP_SCALE = 1.08, 1.25
 rarely reach (they reached 1.06), and one above which it is another step."""
 
 
-class KnownStep(NamedTuple):
+class ScaleStep(NamedTuple):
     """What a step of known depth says of other scans."""
 
     scale: StepScale
@@ -43,18 +43,18 @@ class KnownStep(NamedTuple):
 
 
 @node
-def known_step(
+def scale_step(
     height: Height,
     parts: ErrorParts,
     pixel: PixelSize,
     light: Metrics,
     *,
     folder: Path | None = None,
-    known_um: KnownDepth | None = None,
+    certified_um: CertifiedDepth | None = None,
     crop: Crop | None = None,
     along: Across = "x",
     edges: EdgeCount = 2,
-) -> KnownStep:
+) -> ScaleStep:
     """Compare the depth of a step, reconstructed as any other scan, with the certified one.
 
     Balls leave open what radius, brightness of touched film and light model do to all slopes.  A
@@ -69,12 +69,12 @@ def known_step(
     pixel : mm per px
     light : figures of `judge_light_model` on the step's scan
     folder : the step's scan, which messages name
-    known_um, along, edges : as for `measure_step`
+    certified_um, along, edges : as for `measure_step`
     crop : x0, y0, x1, y1 in pixels, the part that shows one step
 
     Returns
     -------
-    KnownStep
+    ScaleStep
         2, E, and ``known_scale``, ``known_scale_error``, ``known_residual``.
 
     Raises
@@ -82,13 +82,18 @@ def known_step(
     InputError
         As `measure_step`; if no depth is given, or the step found is another one.
     """
-    if folder is None or known_um is None:
-        raise InputError("a known step needs both: `folder`=SCAN `known_um`=DEPTH,UNCERTAINTY")
+    if folder is None or certified_um is None:
+        raise InputError("a known step needs both: `folder`=SCAN `certified_um`=DEPTH,UNCERTAINTY")
     shown_height = np.ascontiguousarray(cropped(height, crop, folder))
     cells = parts_within(parts, crop, height.shape)
     try:
         step = measure_step(
-            shown_height, pixel, 0 * shown_height, along=along, edges=edges, known_um=known_um
+            shown_height,
+            pixel,
+            0 * shown_height,
+            along=along,
+            edges=edges,
+            certified_um=certified_um,
         )
         depth, *others = depths_with(cells, shown_height, pixel, along, edges)
     except InputError as error:
@@ -98,7 +103,7 @@ def known_step(
     if ratio > USUAL_STEP_SCALE:
         message = (
             f"{folder}: its step is {abs(step['step_depth_um']):.3g} um deep, not "
-            f"{known_um[0]:g}: check `known_um`, and that `crop` shows this step alone"
+            f"{certified_um[0]:g}: check `certified_um`, and that `crop` shows this step alone"
         )
         if ratio > MAX_STEP_SCALE:
             raise InputError(message)
@@ -106,4 +111,4 @@ def known_step(
     shares = np.array(others, np.float32) / np.float32(depth) - 1
     scale_params = dict(zip(("known_scale", "known_scale_error"), scale, strict=True))
     scale_params["known_residual"] = light["model_residual"]
-    return KnownStep(np.array(scale, np.float32), shares, scale_params)
+    return ScaleStep(np.array(scale, np.float32), shares, scale_params)

@@ -22,7 +22,7 @@ MAX_MISFIT_RATIO = 0.5
 """Misfit of another order, over that of the given one, below which the given one is wrong."""
 
 
-class KnownLamps(NamedTuple):
+class LampLights(NamedTuple):
     """The lamps, other places that they may have, figures, and what speaks against the lamps."""
 
     lights: LightPositions
@@ -32,7 +32,7 @@ class KnownLamps(NamedTuple):
 
 
 @node
-def known_lamps(lamps: LightPositions, flat: Light, pixel: PixelSize) -> KnownLamps:
+def lamp_lights(lamps: LightPositions, flat: Light, pixel: PixelSize) -> LampLights:
     """Return lamps of known places, once the flat frame does not contradict them.
 
     Near lamps light the film unevenly, each in its own way.  What all share, such as the film's
@@ -72,7 +72,7 @@ def known_lamps(lamps: LightPositions, flat: Light, pixel: PixelSize) -> KnownLa
                 "their places, the pixel size and that other light is kept out"
             ]
             warn(doubts[0])
-    return KnownLamps(lamps, _other_places(lamps, pixel * flat.shape[2]), quality, doubts)
+    return LampLights(lamps, _other_places(lamps, pixel * flat.shape[2]), quality, doubts)
 
 
 def _less_mean(logarithm: F8) -> F8:
