@@ -14,7 +14,7 @@ from tactograph.rings.batch.batch import (
     reopen_damaged,
     table_of,
 )
-from tactograph.rings.batch.captures import Found
+from tactograph.rings.batch.captures import Captures
 from tactograph.rings.batch.entry import DONE, FAILED, STATUS_NAMES, Entry
 from tactograph.rings.batch.fork_server import worker_count
 from tactograph.rings.batch.job import Job
@@ -37,18 +37,17 @@ MAX_FAILURES = 10
 
 
 def run_batch(
-    job: Job, found: Found, chunk: int | None, number: int | None, *, retry_failed: bool
+    job: Job, captures: Captures, chunk: int | None, number: int | None, *, retry_failed: bool
 ) -> int:
     """Do what is still to do of a batch by `number` workers, and return how many captures failed.
 
     Raises what `open_batch` raises, or if the place is one that is read.
     """
-    captures = found.captures
     if (out := job.folders) is not None:
-        places = filter(None, (found.below, *captures))
+        places = filter(None, (captures.below, *captures.captures))
         refuse_to_write_over(f"--out {out}", out, {f"--over {place}": place for place in places})
     with ExitStack() as closing:
-        number = number or worker_count(job.graph, job.options, len(captures))
+        number = number or worker_count(job.graph, job.options, len(captures.captures))
         workers: Workers = Worker(job)
         if number > 1:
             workers = closing.enter_context(Processes(job, number))
@@ -57,11 +56,11 @@ def run_batch(
                 workers.open_ahead()
         backend, device = job.options.backend, job.options.device
         origin = find_origin(job.graph, job.arguments, backend=backend, device=device)
-        files = [file for file in found.passed_over if not lies_in(file, job)]
+        files = [file for file in captures.passed_over if not lies_in(file, job)]
         if files:
             say(f"passed over, as it is no folder: {a_few(files, 3)}", err=True)
         closing.enter_context(alone_in(job.place))
-        store = open_batch(job, origin, captures, workers, chunk)
+        store = open_batch(job, origin, captures.captures, workers, chunk)
         if damaged := reopen_damaged(store):
             plural = "s" if damaged > 1 else ""
             say(f"{damaged} finished capture{plural} damaged: done again", err=True)

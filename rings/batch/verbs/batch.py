@@ -53,8 +53,8 @@ def command(
 
     # A shell does not expand ~ within quotes, as of patterns, or after --out=.
     out, *patterns = map(expanduser, (out, *over))
-    found = find_captures(patterns)
-    if (workers or at_most(len(found.captures))) > 1:
+    captures = find_captures(patterns)
+    if (workers or at_most(len(captures.captures))) > 1:
         start_importing()
     # Slow imports follow here, while the processes import and open.
     from tactograph.sdk.unstable import read_words
@@ -63,8 +63,8 @@ def command(
     from tactograph.rings.batch.job import make_job
 
     arguments, wanted = read_words(read, values), maps.split(",") if maps else None
-    job = make_job(read, arguments, options, out=out, maps=wanted, below=found.below)
+    job = make_job(read, arguments, options, out=out, maps=wanted, below=captures.below)
     from tactograph.rings.batch.run_batch import run_batch
 
-    if run_batch(job, found, chunk, workers, retry_failed=retry_failed):
+    if run_batch(job, captures, chunk, workers, retry_failed=retry_failed):
         raise SystemExit(1)
