@@ -378,7 +378,7 @@ LANED __kernel void deviation(
     __global const float *restrict freed, __global const float *restrict height,
     __global float *restrict out, const int frame_height, const int frame_width, const int top,
     const int left, const int H, const int W, const float pixel, const float place_px,
-    const float flattening_px2, const float scale_error)
+    const float flattening_px2)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
@@ -388,9 +388,7 @@ LANED __kernel void deviation(
     const Bend bent = bend_at(height, top + y, left + x, count, frame_height, frame_width);
     const floats spread = MORE_OF(edge, fabs(flattening_px2 * (bent.across + bent.along)));
     const floats mean = load_floats(variance + i, count) / MORE_OF(total, least);
-    const floats above = load_floats(height + (top + y) * frame_width + left + x, count);
-    const floats scaled = scale_error * above;
-    const floats found = sqrt(MORE_OF(mean, none) + spread * spread + scaled * scaled);
+    const floats found = sqrt(MORE_OF(mean, none) + spread * spread);
     const ints free = load_floats(freed + i, count) > 0.0f;
     store_floats(free ? found : none, out + (top + y) * frame_width + left + x, count);
 }

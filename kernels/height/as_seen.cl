@@ -13,15 +13,15 @@ LANED __kernel void as_seen(
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     const int at = row * W + column;
-    floats seen;
+    floats apparent;
     if (is_bent(lens)) {
         floats u, v;
         Taps taps;
         ideal_places(lens, row, column, H, W, &u, &v);
         find_taps(u, v, column, count, H, W, &taps);
-        seen = value_at(height, &taps, H, W);
+        apparent = value_at(height, &taps, H, W);
     } else {
-        seen = load_floats(height + at, count);
+        apparent = load_floats(height + at, count);
     }
-    store_floats(seen, out + at, count);
+    store_floats(apparent, out + at, count);
 }

@@ -10,7 +10,7 @@
 #include "sweep.clh"
 
 // Cells at the edge of the rim that only lanes without a share of light read.
-#define MARGIN_CELLS 14
+#define MARGIN_CELLS 7
 
 // The cells of the frame and of the rim around it: `height` is the one that a pinhole at
 // 1 / `pupil` sees, `slope` is the film's.  Under a coat also what they send (`sources`).

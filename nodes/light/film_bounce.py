@@ -182,8 +182,10 @@ def _launch_on_cells(run: Launch, grid: Grid, larger: DeviceArray | None = None)
     bounced = run.scratch((count, grid.rows, grid.columns))
     ways = run.keep(("azimuths", grid.azimuths), lambda: run.put(azimuth_directions(grid.azimuths)))
     shared = (1, 1) if run.lanes > 1 else (GROUP_CELLS, CELL_ITEMS)
+    side = math.isqrt(run.lanes)
+    tiles = -(-grid.rows // side) * -(-grid.columns // side)
     run.kernel(
-        "throw_light", (shared[1], *run.in_row_lanes(grid.rows, grid.columns)),
+        "throw_light", (shared[1], tiles),
         table, sources, bounced, lights, *of_coat, inputs["film.camera"],
         grid.rows, grid.columns, grid.rim, grid.width, grid.film,
         camera, ways, grid.azimuths, inputs["film.albedo"], larger,

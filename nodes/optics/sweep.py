@@ -33,7 +33,7 @@ MAX_STEP_CELLS = 8
 """... and the longest step."""
 MIN_FACING = np.float32(1e-3)
 """Smallest n_e."""
-MIN_SEEN_RISE = np.float32(0.02)
+MIN_APPARENT_RISE = np.float32(0.02)
 """Least rise above the tangent of a cell that is seen: film that lies below that sends a ten
 thousandth of its light, and on film at rest noise makes much rise a little."""
 
@@ -84,7 +84,7 @@ class _Looking(NamedTuple):
     tangent: F4
     """The first horizon, t_0."""
     steepness: F4
-    """Rise of the height seen per length of a step, of a line `MIN_SEEN_RISE` above the tangent."""
+    """Apparent rise per length of a step, of a line `MIN_APPARENT_RISE` above the tangent."""
     gain: F4
     """Factor from F to the share of the light that arrives, per radian of azimuth."""
 
@@ -114,7 +114,7 @@ def _looking(at: F4, normal: F4, azimuth: tuple[float, float], camera: float) ->
     tangent = -forwards / facing
     nearer = 1 - np.float32(camera) * at[2]
     widens = nearer * flat - np.float32(camera) * (x * at[0] + y * at[1]) * along * eye[2]
-    lifted = (tangent + MIN_SEEN_RISE) * np.sqrt(flat) - along
+    lifted = (tangent + MIN_APPARENT_RISE) * np.sqrt(flat) - along
     steepness = eye[2] / widens * lifted / max(abs(x), abs(y))
     return _Looking(at, eye, facing, forwards, tangent, steepness, eye[2] / flat)
 
@@ -126,13 +126,14 @@ def _sight(on: _Looking, grid: Grid, steps: _Steps, camera: np.float32) -> Sight
     in its image does so on the film.  Most steps see nothing rise, and the image shows that with
     less computation.
     """
-    step, cell, far, z = _risen(on, grid, steps, camera)
+    step, cell, far, seen = _risen(on, grid, steps, camera)
     (px, py, pz), eye = on.at.reshape(3, -1)[:, cell], on.eye.reshape(3, -1)[:, cell]
-    # From where the camera's ray of P meets the film at rest.
-    whole, nearer = 1 - camera * pz, 1 - camera * z
-    x = (px / whole + steps.across * far) * nearer - px
-    y = (py / whole + steps.down * far) * nearer - py
-    z = z - pz
+    # From where the camera's ray of P meets the film at rest; longer by as much as the other cell
+    # seems wider than it is, which no direction or tangent depends on.
+    whole, wider = 1 - camera * pz, 1 + camera * seen
+    x = px / whole + steps.across * far - px * wider
+    y = py / whole + steps.down * far - py * wider
+    z = seen - pz * wider
     up = x * eye[0] + y * eye[1] + z * eye[2]
     aside = np.sqrt(x * x + y * y + z * z - up * up)
     t = up / aside
@@ -155,14 +156,14 @@ def _risen(
     on: _Looking, grid: Grid, steps: _Steps, camera: np.float32
 ) -> tuple[Numbers, Numbers, F4, F4]:
     """Film that rises over the horizons in the image: step and cell, by number, distance and
-    height.
+    the height seen.
 
     Sorted by cell, and for each cell from near to far.
     """
     rows, columns = steps.longest.shape
     reach = int(steps.length[-1]) + 1
-    as_seen = on.at[2] / (1 - camera * on.at[2])
-    film = np.pad(as_seen, reach)
+    apparent = on.at[2] / (1 - camera * on.at[2])
+    film = np.pad(apparent, reach)
     horizon, cells, heights = on.steepness, [], []
     for length, corners, part in zip(steps.length, steps.corners, steps.part, strict=True):
         one, other = (
@@ -172,7 +173,7 @@ def _risen(
         ends = steps.longest < length
         z = np.where(ends, 0, one + part * (other - one))
         far = np.minimum(steps.longest, np.float32(length)) * np.float32(grid.width)
-        steep = (z - as_seen) / far
+        steep = (z - apparent) / far
         if grid.film == 0:
             steep[ends] = -np.inf
         cells.append(np.flatnonzero(steep > horizon))
@@ -182,9 +183,7 @@ def _risen(
     order = np.argsort(cell, kind="stable")
     cell, step = cell[order], step[order]
     far = np.minimum(steps.longest.ravel()[cell], steps.length.astype(np.float32)[step])
-    z = np.concatenate(heights)[order]
-    z /= 1 + camera * z
-    return step, cell, far * np.float32(grid.width), z
+    return step, cell, far * np.float32(grid.width), np.concatenate(heights)[order]
 
 
 def arriving(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:

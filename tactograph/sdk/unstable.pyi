@@ -1,19 +1,31 @@
 from tactograph.graph import (
     FRACTIONS as FRACTIONS,
-    BatchMaps as BatchMaps,
     Cache as Cache,
     NodeCall as NodeCall,
     Pipeline as Pipeline,
     Whole as Whole,
 )
+from tactograph.graph.backends.device_backend import (
+    open_device as open_device,
+)
+from tactograph.graph.cache.result_origin import (
+    find_origin as find_origin,
+)
 from tactograph.graph.commands import (
+    RunOptions as RunOptions,
     graph_command as graph_command,
+    run_options as run_options,
     run_shipped as run_shipped,
+    say as say,
 )
 from tactograph.graph.commands.check import (
     verified as verified,
 )
+from tactograph.graph.commands.progress_line import (
+    ProgressLine as ProgressLine,
+)
 from tactograph.graph.cores import (
+    CORES_VARIABLE as CORES_VARIABLE,
     cores as cores,
 )
 from tactograph.graph.declare.find_node import (
@@ -28,6 +40,9 @@ from tactograph.graph.declare.node_page import (
     describe as describe,
     range_of as range_of,
 )
+from tactograph.graph.disk.folder_lock import (
+    lock_folder as lock_folder,
+)
 from tactograph.graph.disk.strict_yaml import (
     Document as Document,
     Entries as Entries,
@@ -35,8 +50,14 @@ from tactograph.graph.disk.strict_yaml import (
     parse_yaml as parse_yaml,
     read_yaml as read_yaml,
 )
+from tactograph.graph.disk.text_names import (
+    refuse_other_names as refuse_other_names,
+)
 from tactograph.graph.errors import (
+    Terminated as Terminated,
+    a_few as a_few,
     collect_warnings as collect_warnings,
+    printable as printable,
 )
 from tactograph.graph.files.captures_in import (
     captures_in as captures_in,
@@ -72,6 +93,9 @@ from tactograph.graph.plan.names import (
 from tactograph.graph.plan.sketch import (
     plan_svg as plan_svg,
 )
+from tactograph.graph.run.open_pipeline import (
+    refuse_to_write_over as refuse_to_write_over,
+)
 from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
 )
@@ -84,6 +108,9 @@ from tactograph.graph.run.result import (
 from tactograph.graph.show.colours import (
     BIT_COLOURS as BIT_COLOURS,
     SEVERAL_COLOUR as SEVERAL_COLOUR,
+)
+from tactograph.graph.show.warning_lines import (
+    warning_lines as warning_lines,
 )
 from tactograph.nodes import (
     BAND_DEVIATIONS as BAND_DEVIATIONS,
@@ -231,12 +258,12 @@ from tactograph.nodes.capture.led_files import (
 )
 from tactograph.nodes.capture.read_balls import (
     BallPresses as BallPresses,
-    KnownCircles as KnownCircles,
     Millimetres as Millimetres,
     Radii as Radii,
-    known_circle as known_circle,
+    StatedCircles as StatedCircles,
     read_presses as read_presses,
     refuse_flat as refuse_flat,
+    stated_circle as stated_circle,
 )
 from tactograph.nodes.capture.read_capture import (
     CaptureFile as CaptureFile,
@@ -364,12 +391,12 @@ from tactograph.nodes.optics.harmonics import (
 )
 from tactograph.nodes.optics.lens import (
     LENS_TERMS as LENS_TERMS,
+    camera_offset as camera_offset,
     half_diagonal as half_diagonal,
     ideal_offset as ideal_offset,
+    ideal_place as ideal_place,
     is_straight as is_straight,
     pixel_sides as pixel_sides,
-    seen_from_above as seen_from_above,
-    seen_offset as seen_offset,
 )
 from tactograph.nodes.optics.near_light import (
     expected_light as expected_light,

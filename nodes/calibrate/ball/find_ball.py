@@ -32,7 +32,7 @@ MIN_GOODNESS = 0.45
 """Smallest goodness of a ball: balls reach 0.48 to 0.99, other objects up to 0.38."""
 MIN_SHALLOW_GOODNESS = 0.6
 """Smallest goodness of a shallow contact: small parts of other objects are round, too."""
-SEEN_WIDTH_PX = 40
+TEST_WIDTH_PX = 40
 """Width in px that the image is reduced to where no ball is found, to see whether anything is."""
 REFINE_WIDTH_PX = 320
 """Width in px that the image is reduced to for the last step."""
@@ -143,7 +143,7 @@ def find_ball(
             f"the best circle, at {circle.x:.0f},{circle.y:.0f} px, has a goodness of "
             f"{goodness:.2f} and {MIN_GOODNESS:g} is needed"
         )
-        if (np.abs(reduced_to(light, SEEN_WIDTH_PX)[0] - 1) < calm).all():
+        if (np.abs(reduced_to(light, TEST_WIDTH_PX)[0] - 1) < calm).all():
             in_view = (
                 f"the press shows what the flat frame shows, within {calm:.0%} (has the one a "
                 "ball, and the other untouched film?)"
@@ -274,8 +274,8 @@ def _descend(
         return Circle(full[0], full[1], float(np.clip(full[2], 0.5 * start.radius, limit)))
 
     first, steps = np.array(start)[free], np.full(len(free), -step * start.radius)
-    found = _lowest(lambda values: _residual(samples, circle(values), limit), first, steps, 0.02)
-    return circle(found.x)
+    minimum = _lowest(lambda values: _residual(samples, circle(values), limit), first, steps, 0.02)
+    return circle(minimum.x)
 
 
 def _lowest(residual: Callable[[F8], float], first: F8, steps: F8, tolerance: float) -> Any:

@@ -45,11 +45,9 @@ from tactograph.nodes.optics.film import FADE_WIDTH, matt_film, place_terms, sha
 MAX_INDEPENDENT_SAMPLES = 1500
 """Most independent samples that the balls count as.  More have less noise, but a model's residuals
 on a real film are correlated."""
-HEIGHT_DEVIATION_SHARE = 0.2
-"""Standard deviation of a ball's height in the film, as a share of its radius."""
 MAX_ROUNDS = 4
 """Most rounds in which what depends on one another is found in turn: harmonics or light from film
-to film and the balls' positions, or a bend and the film."""
+to film and the balls' positions, a bend and the film, or a normal and the light about it."""
 
 
 class _Residuals(NamedTuple):
@@ -278,8 +276,11 @@ def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
 
 
 def place_deviations(balls: Balls, shift_mm: float) -> F8:
-    """Return standard deviations of the balls' positions in x, y and z, P x 3."""
-    lift = np.minimum(HEIGHT_DEVIATION_MM, HEIGHT_DEVIATION_SHARE * balls.radius)
+    """Return standard deviations of the balls' positions in x, y and z, P x 3.
+
+    Of a ball smaller than 1 mm in radius the height is known as well in radii as else in mm.
+    """
+    lift = HEIGHT_DEVIATION_MM * np.minimum(1, balls.radius)
     return np.column_stack([np.full((len(lift), 2), shift_mm), lift])
 
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F8, USUAL_RIM_MM, Film
+from tactograph.nodes import F8, Film
 from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
 from tactograph.nodes.calibrate.lights.descend import DERIVATIVE_STEP
 from tactograph.nodes.calibrate.lights.light_fit import INFINITY_MM
@@ -23,22 +23,24 @@ class Unknown(NamedTuple):
 
 TOLD_UNKNOWNS = "size", "power"
 """Unknowns of what was told, not of the film: the balls' radius and the camera's gamma."""
+MATT_FILM = matt_film(np.zeros((1, 3)))
+"""The values that switch parts off."""
 USUAL_ALBEDO = Unknown(0.5, 0.4)
 """Of the film, and of the base under its coat: one value, found by both."""
 SHARED_UNKNOWNS = {
-    "gain": Unknown(1.0, 0.1),
-    "wrap": Unknown(0.0, 0.2),
+    "gain": Unknown(MATT_FILM.gain, 0.1),
+    "wrap": Unknown(MATT_FILM.wrap, 0.2),
     "base": USUAL_ALBEDO,
     "roughness": Unknown(0.25, 0.15),
     "refraction": Unknown(1.5, 0.05),
     "albedo": USUAL_ALBEDO,
-    "rim": Unknown(USUAL_RIM_MM, 1.0),
-    "camera": Unknown(0.0, 0.01),
+    "rim": Unknown(MATT_FILM.rim, 1.0),
+    "camera": Unknown(MATT_FILM.camera, 0.01),
     "diffuse": Unknown(0.2, 0.3),
 }
 """By name; `diffuse` is one for each LED.  Their limits are those of a `Film`."""
 SHARED_UNKNOWNS |= dict.fromkeys(TOLD_UNKNOWNS, Unknown(1.0, 1.0))
-EMISSION_UNKNOWN = Unknown(0.0, 0.7)
+EMISSION_UNKNOWN = Unknown(MATT_FILM.emission, 0.7)
 """m: an LED that faces the middle of the film emits as cos^m of the angle from its axis.  It is
 fitted to the flat frame only: ignoring it would give a wrong distance there, while touched film,
 relative to the flat frame, hardly depends on it."""
@@ -76,11 +78,11 @@ def unknowns_of(parts: Iterable[str]) -> list[str]:
 
 def opened(start: Fitted, names: list[str]) -> Fitted:
     """Move newly freed parameters away from the values that switch them off."""
-    off = matt_film(start.film.lights)
     changed: dict[str, Any] = {
         name: SHARED_UNKNOWNS[name].start
         for name in names
-        if name not in TOLD_UNKNOWNS and np.all(getattr(start.film, name) == getattr(off, name))
+        if name not in TOLD_UNKNOWNS
+        and np.all(getattr(start.film, name) == getattr(MATT_FILM, name))
     }
     if "diffuse" in changed:
         changed["diffuse"] = np.full(len(start.leds), changed["diffuse"])

@@ -110,8 +110,8 @@ def _resized(
     for plane in {"dark", "rest"} & arrays.keys():
         resized[plane] = cv2.resize(arrays[plane], (columns, rows), interpolation=cv2.INTER_AREA)
     resized["area"] = np.ones(size, np.uint8)
-    kept = {name: array for name, array in arrays.items() if name not in ("lens", "ranks")}
-    return with_plain(record, kept | resized)
+    others = {name: array for name, array in arrays.items() if name not in ("lens", "ranks")}
+    return with_plain(record, others | resized)
 
 
 def _presses_of(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:

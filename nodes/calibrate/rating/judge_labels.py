@@ -64,7 +64,7 @@ def judge_labels(
         K x S x W, the presses as captured, relative to the film at rest, and as `matt_presses`
         returns them, on a sheet (`sheet`).
     flat : K x H x W, the film at rest
-    height : S x W in mm, of the presses, as `known_balls` returns it
+    height : S x W in mm, of the presses, as `press_slopes` returns it
     film : what was fitted to the presses
     balls : the node that found them: circles B x 3 in px, radii in mm, and the press of each
     noise : (shot, read), as `estimate_noise` returns it

@@ -270,8 +270,8 @@ def _bounced(scene: _Scene, press: F8, z: F8, film: Film) -> F8:
     """The light from film to film, for an albedo of 1."""
     if film.albedo == 0:
         return np.zeros_like(press)
-    as_seen = (z / (1 - scene.camera * z)).astype(np.float32)
-    light = scene.bounce(press.astype(np.float32), as_seen, stored(film), np.float32(scene.pixel))
+    apparent = (z / (1 - scene.camera * z)).astype(np.float32)
+    light = scene.bounce(press.astype(np.float32), apparent, stored(film), np.float32(scene.pixel))
     return np.asarray(light, np.float64) / film.albedo
 
 

@@ -13,7 +13,7 @@ from tactograph.nodes.error.error_as_seen import error_as_seen
 from tactograph.nodes.height.as_seen import as_seen
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.light.undistort_dark import undistort_dark
-from tactograph.nodes.optics.lens import half_diagonal, ideal_offset, ideal_places, seen_offset
+from tactograph.nodes.optics.lens import camera_offset, half_diagonal, ideal_offset, ideal_places
 from tactograph.nodes.shadow.confidence_as_seen import confidence_as_seen
 from tactograph.nodes.shadow.labels_as_seen import labels_as_seen
 from tests.each import each
@@ -141,12 +141,12 @@ def test_the_two_ways_of_a_lens_undo_each_other(bend, centre, tilt) -> None:
     """Where it bends by at most 12 % at a corner; at 20 % a lens is about to fold the image."""
     lens = (*bend, *centre, *tilt)
     v, u = np.mgrid[-0.6:0.6:7j, -0.8:0.8:9j]
-    du, dv = seen_offset(lens, u, v)
+    du, dv = camera_offset(lens, u, v)
     back = ideal_offset(lens, u + du, v + dv)
     assert np.abs(np.array(back) + np.array([du, dv])).max() < 1e-4
 
 
 def test_a_corner_is_one_half_diagonal_away() -> None:
     assert half_diagonal((240, 320)) == 200
-    du, dv = seen_offset((0.02, 0.01, 0, 0, 0, 0, 0, 0), np.array(0.8), np.array(0.6))
+    du, dv = camera_offset((0.02, 0.01, 0, 0, 0, 0, 0, 0), np.array(0.8), np.array(0.6))
     assert np.hypot(du, dv) == pytest.approx(0.03)

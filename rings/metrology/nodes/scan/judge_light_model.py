@@ -22,7 +22,7 @@ TRIED_RESIDUAL = 0.006
 
 @node
 def judge_light_model(
-    found: ModelSlope,
+    fit: ModelSlope,
     light: Light | None = None,
     model: LightModel | None = None,
     *,
@@ -32,7 +32,7 @@ def judge_light_model(
 
     Parameters
     ----------
-    found : of cells, whose noise is small
+    fit : of cells, whose noise is small
     light, model
         K x H x W of the same cells: then other orders of the LEDs, turned or reversed, are tried:
         slopes by a wrong one are those of no surface.
@@ -50,8 +50,8 @@ def judge_light_model(
         If the residual is above `REFUSED_RESIDUAL`, or above `MAX_RESIDUAL` at a brightness out of
         its range, or if the LEDs in another order explain the light, unless `force`.
     """
-    bright = float(np.median(found.brightness))
-    residual = _unexplained(found)
+    bright = float(np.median(fit.brightness))
+    residual = _unexplained(fit)
     if light is not None and model is not None and residual > TRIED_RESIDUAL:
         _compare_orders(light, model, force)
     usual = 1 / MAX_BRIGHTNESS_RATIO < bright < MAX_BRIGHTNESS_RATIO
@@ -71,8 +71,8 @@ def judge_light_model(
     return {"model_residual": residual, "model_brightness": bright}
 
 
-def _unexplained(found: ModelSlope) -> float:
-    return float(np.median(found.residual)) / max(float(np.median(found.brightness)), 1e-6)
+def _unexplained(fit: ModelSlope) -> float:
+    return float(np.median(fit.residual)) / max(float(np.median(fit.brightness)), 1e-6)
 
 
 def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
@@ -85,7 +85,7 @@ def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
         np.roll(each, by) for each in (stated_order, stated_order[::-1]) for by in stated_order
     ]
     slopes_by_order = (light_model_slope(light[each], model) for each in orders)
-    misfits = [(_unexplained(found), _curl(found.slope)) for found in slopes_by_order]
+    misfits = [(_unexplained(fit), _curl(fit.slope)) for fit in slopes_by_order]
     product = np.prod(misfits, axis=1)
     best = int(np.argmin(product))
     values = MAX_INDEPENDENT_REST * len(light)

@@ -35,7 +35,7 @@ def judge_press_radius(
     image: PressImages,
     flat: Light,
     circle: BallCircles,
-    kept: Annotated[U1, Port("B", "flag", high=1)],
+    selection: Annotated[U1, Port("B", "flag", high=1)],
     pixel: PixelSize,
     of: BallPress | None = None,
     *,
@@ -60,7 +60,7 @@ def judge_press_radius(
     plain film explains the light but for noise, by a chi-squared test at `FALSE_ALARMS`; at most
     one doubt.
     """
-    used = np.flatnonzero(kept)
+    used = np.flatnonzero(selection)
     used = used[:: used.size // MAX_JUDGED_BALLS + 1]
     press_image = image[used if of is None else of[used]]
     sheet = np.concatenate(list(press_image / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
