@@ -17,6 +17,7 @@ from tactograph.sdk.unstable import (
     SURE_ODDS,
     Film,
     FilmEvidence,
+    log_odds,
 )
 
 
@@ -24,8 +25,7 @@ def doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]:
     """Return a doubt if one bend over the frame explains the light better than a plane.
 
     It is looked for only where something is wrong: LEDs at infinity, or normals of held-out presses
-    that are far off.  The odds are those of the residuals' likelihoods, for as many independent
-    samples as they count as, less half the logarithm of their number for the bend (Schwarz 1978).
+    that are far off.  The odds are `log_odds`, for as many independent samples as they count as.
 
     Parameters
     ----------
@@ -45,13 +45,12 @@ def doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]:
     balls = ball_presses(*samples, evidence.pixel, film.camera)
     bent, plane = tried_bends(balls)
     bend = fitted_bend(balls, bent, only_ball=True)
-    gained = bend.samples / 2 * math.log(plane.cost / bend.cost) - math.log(bend.samples) / 2
-    digits = gained / math.log(10)
-    if digits < math.log10(SURE_ODDS):
+    odds = log_odds(math.sqrt(plane.cost), math.sqrt(bend.cost), 1, bend.samples)
+    if odds < math.log(SURE_ODDS):
         return []
     radius = 1 / float(bend.unknowns[0])
     return [
         f"the film is no plane at rest: a bend with a radius of {radius:.3g} mm explains the light "
-        f"better by odds of 10^{digits:.0f}: give its shape at rest, by a file or its radius, to "
-        "calibrate_curved"
+        f"better by odds of 10^{odds / math.log(10):.0f}: give its shape at rest, by a file or its "
+        "radius, to calibrate_curved"
     ]
