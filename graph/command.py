@@ -27,7 +27,6 @@ COMMANDS = (
     "demo",
     "run",
     "compare",
-    "batch",
     "check",
     "resolve",
     "explain",

@@ -12,6 +12,7 @@ import unicodedata
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 from traceback import walk_tb
 from typing import NamedTuple
 
@@ -141,17 +142,31 @@ def _is_control(character: str) -> bool:
 _BIDI_CLASSES = {"LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI"}
 
 
-def did_you_mean(word: str, known: Iterable[str], lister: str = "") -> str:
+def did_you_mean(word: str, choices: Iterable[str], lister: str = "") -> str:
     """Return ``"; did you mean 'x'?"`` for the closest known word, else an empty string.
 
     Of words that the command `lister` lists, name up to three, and the command.
     """
-    words = list(known)
+    words = list(choices)
     few = difflib.get_close_matches(word, words, n=3, cutoff=0.75) if lister else []
     close = few or difflib.get_close_matches(word, words, n=1, cutoff=0.6)
     meant = " or ".join(filter(None, [", ".join(map(repr, close[:-1])), *map(repr, close[-1:])]))
     hint = f"; did you mean {meant}?" if close else ";" if lister else ""
     return f"{hint} '{lister}' lists all" if lister else hint
+
+
+def missing(path: Path, what: str) -> str:
+    """Say that a path does not exist, and which name beside it is close.
+
+    `what` is the noun of what was expected there, such as ``folder``.
+    """
+    first = next((each for each in (path, *path.parents) if each.parent.is_dir()), path)
+    where = "" if first == path else f", nor '{first}'"
+    try:
+        siblings = [each.name for each in first.parent.iterdir()]
+    except (OSError, ValueError):
+        siblings = []
+    return f"{path}: there is no such {what}{where}{did_you_mean(first.name, siblings)}"
 
 
 def a_few(words: Sequence[str], most: int) -> str:

@@ -12,7 +12,7 @@ the ring's and whose value the package.  What lies in its folder is found by pla
                                 in ``variants`` what it adds to graph NAME of another
 ``verbs/NAME.py``               ``tactograph NAME``, a click command called ``command``
 ``formats/EXT.py``              files ``.EXT`` of heights: functions ``read``, ``write``
-``show/EXT.py``                 what ``tactograph show`` prints of a file ``.EXT``: ``show``
+``show/EXT.py``                 what ``tactograph show`` prints of ``NAME.EXT``: ``show``
 ``captures/NAME.py``            folders of images that a ``NAME.yaml`` lists: ``read``
 ``sensors/NAME.yaml``           preset NAME of a sensor
 ==============================  ============================================================
@@ -100,9 +100,9 @@ def bring(kind: str, name: str) -> ModuleType | None:
 
     Raises NodeError, which names the ring, if it cannot be imported.
     """
-    if (found := brought(kind).get(name)) is None:
+    if (entry := brought(kind).get(name)) is None:
         return None
-    ring, file = found
+    ring, file = entry
     try:
         return importlib.import_module(ring.module(kind, file))
     except Exception as error:

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict
 
 from tactograph.graph import FRACTIONS, InputError, Whole, node, warn
 from tactograph.graph.disk.strict_yaml import read_yaml
+from tactograph.graph.errors import missing
 from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.capture.led_files import (
     LIGHTS_ADVICE,
@@ -220,7 +221,7 @@ def _check_folder(folder: Path) -> None:
         what = _of_video(folder) if is_video else "is a file; give the folder that holds the images"
         raise InputError(f"{folder}: {what}")
     if not folder.is_dir():
-        raise InputError(f"{folder}: there is no such folder")
+        raise InputError(missing(folder, "folder"))
 
 
 def _check_sensor(folder: Path, calibration: Path | None, another_sensor: bool) -> None:

@@ -13,6 +13,7 @@ from PIL import Image, PngImagePlugin
 from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 
 from tactograph.graph import InputError
+from tactograph.graph.errors import missing
 from tactograph.graph.rings import bring, brought
 from tactograph.nodes import F4, I4, Height, HeightError, Lens
 from tactograph.nodes.files.height_picture import (
@@ -316,9 +317,10 @@ def read_height_file(file: Path) -> HeightFile:
     InputError
         If the file is missing, damaged or no height map.
     """
+    if file.is_dir():
+        raise InputError(f"{file}: is a folder; give the height in it")
     if not file.is_file():
-        what = "is a folder; give the height in it" if file.is_dir() else "there is no such file"
-        raise InputError(f"{file}: {what}")
+        raise InputError(missing(file, "file"))
     suffix = file.suffix.lower()
     if suffix in HEIGHT_READERS:
         return HEIGHT_READERS[suffix](file)

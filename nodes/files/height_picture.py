@@ -25,15 +25,15 @@ def height_levels(height: Height) -> Levels:
     InputError
         If a height does not fit into 16 bits.
     """
-    known = np.isfinite(height)
-    levels = np.rint((height[known].astype(np.float64) - OFFSET_MM) / STEP_MM)
+    finite = np.isfinite(height)
+    levels = np.rint((height[finite].astype(np.float64) - OFFSET_MM) / STEP_MM)
     if levels.size and (levels.min() <= UNKNOWN_LEVEL or levels.max() > MAX_LEVEL):
         raise InputError(
-            f"heights from {height[known].min():.2f} to {height[known].max():.2f} mm do not fit "
+            f"heights from {height[finite].min():.2f} to {height[finite].max():.2f} mm do not fit "
             f"into {OFFSET_MM + STEP_MM:.4f} to {OFFSET_MM + MAX_LEVEL * STEP_MM:.4f} mm"
         )
     grey = np.full(height.shape, UNKNOWN_LEVEL, np.uint16)
-    grey[known] = levels
+    grey[finite] = levels
     return grey
 
 

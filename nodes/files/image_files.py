@@ -13,6 +13,7 @@ from PIL import Image, UnidentifiedImageError
 
 from tactograph.graph import InputError, warn
 from tactograph.graph.disk.array_files import load_array
+from tactograph.graph.errors import missing
 
 MAX_LEDS = 8
 """A label has 8 bits."""
@@ -64,7 +65,7 @@ def read_image(file: Path) -> NDArray[Any]:
     except Image.DecompressionBombError:
         raise InputError(f"{file}: too large for a camera image") from None
     except FileNotFoundError:
-        raise InputError(f"{file}: there is no such file") from None
+        raise InputError(missing(file, "file")) from None
     except (InputError, MemoryError):
         raise
     except Exception as error:  # a damaged file fails anywhere inside its decoder
@@ -184,7 +185,7 @@ def read_numbers(file: Path) -> NDArray[Any]:
     try:
         return load_array(file)
     except FileNotFoundError:
-        raise InputError(f"{file}: there is no such file") from None
+        raise InputError(missing(file, "file")) from None
     except (OSError, ValueError) as error:
         raise InputError(f"{file}: not a NumPy array of numbers: {error}") from None
 

@@ -45,7 +45,7 @@ def film_bounce(
     pixel: PixelSize,
     before: Light | None = None,
     slope: Slope | None = None,
-    kept: Light | None = None,
+    recall: Light | None = None,
     still: Still | None = None,
     *,
     cells: Annotated[int, Interval(ge=1, le=100000)] = DEFAULT_MAX_CELLS,
@@ -105,8 +105,8 @@ def film_bounce(
     _check(film.albedo)
     if film.albedo == 0:
         return None
-    if still and kept is not None:
-        return kept
+    if still and recall is not None:
+        return recall
     grid = cell_grid(height.shape, pixel, cells, film.rim, film.refraction, azimuths)
     on_cells = partial(_on_cells, light, height, film, pixel, slope, from_above)
     bounced = between_cells(extrapolated(on_cells, grid), height.shape, grid.factor)
@@ -142,12 +142,12 @@ def _throws_nothing(film_albedo: float) -> bool:
 def _launch(run: Launch) -> None:
     count, *size = (run.sizes[symbol] for symbol in "KHW")
     inputs, settings, out = run.inputs, run.settings, run.outputs["film_bounce"]
-    pixel, albedo, kept = inputs["pixel"], inputs["film.albedo"], inputs.get("kept")
+    pixel, albedo, recall = inputs["pixel"], inputs["film.albedo"], inputs.get("recall")
     _check(albedo)
     work = run.in_row_lanes(count, *size)
-    if inputs.get("still") and kept is not None:
+    if inputs.get("still") and recall is not None:
         run.kernel(
-            "interpolate", work, None, kept, out, *size, 1, *size, 0.0, constants=_constants(run)
+            "interpolate", work, None, recall, out, *size, 1, *size, 0.0, constants=_constants(run)
         )
         return
     film = inputs["film.rim"], inputs["film.refraction"]

@@ -33,7 +33,7 @@ MAX_STEP_CELLS = 8
 """... and the longest step."""
 MIN_FACING = np.float32(1e-3)
 """Smallest n_e."""
-MIN_SEEN_RISE = np.float32(0.02)
+MIN_APPARENT_RISE = np.float32(0.02)
 """Least rise above the tangent of a cell that is seen: film that lies below that sends a ten
 thousandth of its light, and on film at rest noise makes much rise a little."""
 
@@ -72,7 +72,7 @@ class _Looking(NamedTuple):
     tangent: F4
     """The first horizon, t_0."""
     steepness: F4
-    """Rise of the height seen per length of a step, of a line `MIN_SEEN_RISE` above the tangent."""
+    """Apparent rise per length of a step, of a line `MIN_APPARENT_RISE` above the tangent."""
     gain: F4
     """Factor from F to the share of the light that arrives, per radian of azimuth."""
 
@@ -110,7 +110,7 @@ def _looking(at: F4, normal: F4, azimuth: F4, camera: float) -> _Looking:
     tangent = -forwards / facing
     nearer = 1 - np.float32(camera) * at[2]
     widens = nearer * flat - np.float32(camera) * (x * at[0] + y * at[1]) * along * eye[2]
-    lifted = (tangent + MIN_SEEN_RISE) * np.sqrt(flat) - along
+    lifted = (tangent + MIN_APPARENT_RISE) * np.sqrt(flat) - along
     steepness = eye[2] / widens * lifted / max(abs(x), abs(y))
     return _Looking(at, eye, facing, forwards, tangent, steepness, eye[2] / flat)
 
@@ -164,8 +164,8 @@ def _risen(
     """
     rows, columns = steps.longest.shape
     reach = int(steps.length[-1]) + 1
-    as_seen = on.at[2] / (1 - camera * on.at[2])
-    film = np.pad(as_seen, reach)
+    apparent = on.at[2] / (1 - camera * on.at[2])
+    film = np.pad(apparent, reach)
     horizon, cells, heights = on.steepness, [], []
     for length, corners, part in zip(steps.length, steps.corners, steps.part, strict=True):
         one, other = (
@@ -175,7 +175,7 @@ def _risen(
         ends = steps.longest < length
         z = np.where(ends, 0, one + part * (other - one))
         far = np.minimum(steps.longest, np.float32(length)) * np.float32(grid.width)
-        steep = (z - as_seen) / far
+        steep = (z - apparent) / far
         if grid.film == 0:
             steep[ends] = -np.inf
         cells.append(np.flatnonzero(steep > horizon))

@@ -36,7 +36,7 @@ def show_calibration(file: Path) -> Shown:
     arrays = read_arrays(file, kind)
     about, head = read_about(file), about_in(load_arrays(file, only=ABOUT_ARRAY))
     verdict = "doubtful" if about.doubts else "nothing speaks against it"
-    provenance = head.get("made")
+    provenance = head.get("provenance")
     warnings = sentences(provenance.get("warnings") if isinstance(provenance, dict) else None)
     others = [line for line in warnings if line.strip() not in about.doubts]
     lines = [

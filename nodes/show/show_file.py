@@ -1,6 +1,6 @@
 """Print and draw all that is in a file.
 
-Long because calibrations, stores and results are each told by a module of their own.
+Long because calibrations and results are each told by a module of their own.
 """
 
 from pathlib import Path
@@ -10,15 +10,13 @@ import click
 
 from tactograph.graph import InputError, node
 from tactograph.graph.disk.atomic_files import atomic_file
-from tactograph.graph.errors import one_line
+from tactograph.graph.errors import missing, one_line
 from tactograph.graph.rings import bring, brought
 from tactograph.nodes.files.result_file import RESULT_FILE
 from tactograph.nodes.show._calibration import show_calibration
 from tactograph.nodes.show._capture import show_capture
 from tactograph.nodes.show._result import show_result
 from tactograph.nodes.show.shown import Shown
-
-STORE_FILE = "zarr.json"
 
 
 @node
@@ -28,9 +26,9 @@ def show_file(*, file: Path, folder: Path | None = None) -> None:
     Parameters
     ----------
     file
-        A calibration or a lens (``.npz``), a batch's store (``.zarr``), a result (its folder or
-        its ``result.json``), a file that a ring can show, such as a recording (``.mcap``), or a
-        folder of those, or captures: a folder of images, a scan, or a folder of such.
+        A calibration or a lens (``.npz``), a result (its folder or its ``result.json``), what a
+        ring can show, such as a recording (``.mcap``) or a batch's store (``.zarr``), or a folder
+        of those, or captures: a folder of images, a scan, or a folder of such.
     folder : where the pictures go; None: none are drawn
 
     Raises
@@ -54,17 +52,12 @@ def _look(file: Path) -> Shown:
     try:
         file.stat()
     except (OSError, ValueError):
-        raise InputError(f"{file}: there is no such file") from None
+        raise InputError(missing(file, "file")) from None
     if file.suffix == ".npz" and file.is_file():
         return show_calibration(file)
-    if (file / STORE_FILE).is_file():
-        # Needs the packages of a batch, which not every installation has.
-        from tactograph.nodes.show._store import show_store
-
-        return show_store(file)
     if file.name == RESULT_FILE or (file / RESULT_FILE).is_file():
         return show_result(file if file.is_file() else file / RESULT_FILE)
-    if file.is_file() and (further := bring("show", file.suffix[1:])) is not None:
+    if (further := bring("show", file.suffix[1:])) is not None:
         content: Shown = further.show(file)
         return content
     if file.is_dir():
@@ -76,7 +69,6 @@ def _look(file: Path) -> Shown:
         return show_capture(file)
     others = "".join(f", a .{name}" for name in brought("show"))
     raise InputError(
-        f"{file}: nothing that can be shown; give a calibration or a lens (.npz){others}, a "
-        "batch's store (.zarr), the folder of a result, of a recording, or of captures "
-        "('tactograph draw' draws a graph)"
+        f"{file}: nothing that can be shown; give a calibration or a lens (.npz){others}, the "
+        "folder of a result, of a recording, or of captures ('tactograph draw' draws a graph)"
     )

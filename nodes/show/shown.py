@@ -49,25 +49,25 @@ def origin(provenance: Any) -> list[str]:
     provenance = provenance if isinstance(provenance, dict) else {}
     graph, params, versions = (
         part if isinstance(part := provenance.get(name), dict) else {}
-        for name in ("graph", "given", "versions")
+        for name in ("graph", "arguments", "versions")
     )
     lines = [f"made by: graph {graph['name']} [{graph.get('hash', '')}]"] if "name" in graph else []
     if "tactograph" in versions:
         lines[-1:] = [f"{line}, version {versions['tactograph']}" for line in lines[-1:]]
-    return [*lines, *given_params(params), *input_files(provenance.get("inputs"))]
+    return [*lines, *param_line(params), *input_files(provenance.get("inputs"))]
 
 
 def input_files(inputs: Any) -> list[str]:
     """Return a line for each file that a graph was given: its sensor, date and hash."""
     files = inputs.items() if isinstance(inputs, dict) else ()
     return [
-        f"{name}: {', '.join(f'{key} {text}' for key, text in is_known.items())}"
-        for name, is_known in files
-        if isinstance(is_known, dict) and is_known
+        f"{name}: {', '.join(f'{key} {text}' for key, text in identity.items())}"
+        for name, identity in files
+        if isinstance(identity, dict) and identity
     ]
 
 
-def given_params(values: Mapping[str, Any]) -> list[str]:
+def param_line(values: Mapping[str, Any]) -> list[str]:
     """Return a line of the params that were given; nothing if there were none."""
     params = [f"{name}={value}" for name, value in values.items() if value is not None]
-    return [f"given: {' '.join(params)}"] if params else []
+    return [f"params: {' '.join(params)}"] if params else []

@@ -82,8 +82,8 @@ def export_height(
     film = height if rest is None else height + rest
     images = [f"height.{extension}" for extension in formats if extension not in MESH_WRITERS]
     if view and images:
-        even, as_seen = film_places(film, None, 0.0), film_places(film, lens, camera or 0.0)
-        apart_mm = pixel * np.nanmax(np.hypot(*np.subtract(as_seen, even)))
+        even, apparent = film_places(film, None, 0.0), film_places(film, lens, camera or 0.0)
+        apart_mm = pixel * np.nanmax(np.hypot(*np.subtract(apparent, even)))
         warn(
             f"{', '.join(images)}: what the camera's pixels see, by a lens or from near, is up to "
             f"{apart_mm:.2g} mm from where an even grid has it; meshes are true, and so are "

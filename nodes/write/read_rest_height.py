@@ -7,7 +7,7 @@ from tactograph.nodes import Height
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
 from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays
 from tactograph.nodes.files.result_file import RELIEF_FIGURE, read_result
-from tactograph.nodes.height.as_seen import as_seen
+from tactograph.nodes.height.distort_height import distort_height
 
 
 @node
@@ -40,4 +40,4 @@ def read_rest_height(*, height: Path, calibration: Path | None = None) -> Height
     arrays = read_arrays(calibration, CALIBRATION_KIND)
     check_use(calibration, read_about(calibration), None)
     rest = arrays.get("rest")
-    return None if rest is None or not rest.any() else as_seen(rest, arrays["lens"])
+    return None if rest is None or not rest.any() else distort_height(rest, arrays["lens"])

@@ -1,19 +1,31 @@
 from tactograph.graph import (
     FRACTIONS as FRACTIONS,
-    BatchMaps as BatchMaps,
     Cache as Cache,
     NodeCall as NodeCall,
     Pipeline as Pipeline,
     Whole as Whole,
 )
+from tactograph.graph.backends.device_backend import (
+    open_device as open_device,
+)
+from tactograph.graph.cache.result_origin import (
+    find_origin as find_origin,
+)
 from tactograph.graph.commands import (
+    RunOptions as RunOptions,
     graph_command as graph_command,
+    run_options as run_options,
     run_shipped as run_shipped,
+    say as say,
 )
 from tactograph.graph.commands.check import (
     verified as verified,
 )
+from tactograph.graph.commands.progress_line import (
+    ProgressLine as ProgressLine,
+)
 from tactograph.graph.cores import (
+    CORES_VARIABLE as CORES_VARIABLE,
     cores as cores,
 )
 from tactograph.graph.declare.find_node import (
@@ -28,6 +40,9 @@ from tactograph.graph.declare.node_page import (
     describe as describe,
     range_of as range_of,
 )
+from tactograph.graph.disk.folder_lock import (
+    lock_folder as lock_folder,
+)
 from tactograph.graph.disk.strict_yaml import (
     Document as Document,
     Entries as Entries,
@@ -35,8 +50,14 @@ from tactograph.graph.disk.strict_yaml import (
     parse_yaml as parse_yaml,
     read_yaml as read_yaml,
 )
+from tactograph.graph.disk.text_names import (
+    refuse_other_names as refuse_other_names,
+)
 from tactograph.graph.errors import (
+    Terminated as Terminated,
+    a_few as a_few,
     collect_warnings as collect_warnings,
+    printable as printable,
 )
 from tactograph.graph.files.captures_in import (
     captures_in as captures_in,
@@ -72,6 +93,9 @@ from tactograph.graph.plan.names import (
 from tactograph.graph.plan.sketch import (
     plan_svg as plan_svg,
 )
+from tactograph.graph.run.open_pipeline import (
+    refuse_to_write_over as refuse_to_write_over,
+)
 from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
 )
@@ -84,6 +108,9 @@ from tactograph.graph.run.result import (
 from tactograph.graph.show.colours import (
     BIT_COLOURS as BIT_COLOURS,
     SEVERAL_COLOUR as SEVERAL_COLOUR,
+)
+from tactograph.graph.show.warning_lines import (
+    warning_lines as warning_lines,
 )
 from tactograph.nodes import (
     BAND_DEVIATIONS as BAND_DEVIATIONS,
@@ -114,6 +141,7 @@ from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
     FOLD_COUNT as FOLD_COUNT,
     MAX_INDEPENDENT as MAX_INDEPENDENT,
+    MAX_SAMPLE_SLOPE as MAX_SAMPLE_SLOPE,
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
     SHIFT_DEVIATION_PX as SHIFT_DEVIATION_PX,
@@ -153,7 +181,7 @@ from tactograph.nodes.calibrate.film.ball_samples import (
 )
 from tactograph.nodes.calibrate.film.film_at_rest import (
     MAX_INDEPENDENT_REST as MAX_INDEPENDENT_REST,
-    rest_left as rest_left,
+    rest_residual as rest_residual,
 )
 from tactograph.nodes.calibrate.film.film_fit import (
     light_scale as light_scale,
@@ -177,7 +205,7 @@ from tactograph.nodes.calibrate.film.fit_film import (
     stored as stored,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
-    AS_TOLD as AS_TOLD,
+    AS_STATED as AS_STATED,
     WITH_COAT as WITH_COAT,
     doubts_of as doubts_of,
     explain as explain,
@@ -199,6 +227,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     rest_of as rest_of,
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
+    LED_DRIFT as LED_DRIFT,
     Doubts as Doubts,
     drawn as drawn,
 )
@@ -209,11 +238,16 @@ from tactograph.nodes.calibrate.rating.judge_contact import (
     ball_shape as ball_shape,
     judge_contact as judge_contact,
 )
+from tactograph.nodes.calibrate.rating.judge_labels import (
+    MAX_JUDGED_BALLS as MAX_JUDGED_BALLS,
+)
 from tactograph.nodes.calibrate.rating.verdict import (
+    SURE_ODDS as SURE_ODDS,
     Advice as Advice,
     Judged as Judged,
     advice_after as advice_after,
     grows as grows,
+    log_odds as log_odds,
     of_heldout_error as of_heldout_error,
     pays as pays,
     verdict_of as verdict_of,
@@ -224,12 +258,12 @@ from tactograph.nodes.capture.led_files import (
 )
 from tactograph.nodes.capture.read_balls import (
     BallPresses as BallPresses,
-    KnownCircles as KnownCircles,
     Millimetres as Millimetres,
     Radii as Radii,
-    known_circle as known_circle,
+    StatedCircles as StatedCircles,
     read_presses as read_presses,
     refuse_flat as refuse_flat,
+    stated_circle as stated_circle,
 )
 from tactograph.nodes.capture.read_capture import (
     CaptureFile as CaptureFile,
@@ -357,12 +391,12 @@ from tactograph.nodes.optics.harmonics import (
 )
 from tactograph.nodes.optics.lens import (
     LENS_TERMS as LENS_TERMS,
+    camera_offset as camera_offset,
     half_diagonal as half_diagonal,
     ideal_offset as ideal_offset,
+    ideal_place as ideal_place,
     is_straight as is_straight,
     pixel_sides as pixel_sides,
-    seen_from_above as seen_from_above,
-    seen_offset as seen_offset,
 )
 from tactograph.nodes.optics.near_light import (
     expected_light as expected_light,

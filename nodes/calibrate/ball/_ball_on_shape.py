@@ -6,7 +6,7 @@ import numpy as np
 
 from tactograph.nodes import F4, F8, U1
 from tactograph.nodes.calibrate.ball._ball_search import Circle
-from tactograph.nodes.calibrate.ball.ball_slopes import KnownBall
+from tactograph.nodes.calibrate.ball.ball_slopes import BallSlopes
 from tactograph.nodes.calibrate.ball.ball_surface import away_on, ball_height
 from tactograph.nodes.optics.rest_shape import RestShape
 
@@ -50,7 +50,7 @@ class BallOnShape(NamedTuple):
         normal = [part / self.radius for part in (dx, dy, np.maximum(z - at.z, 0))]
         return normal, away * circle.radius / max(at.rim, 1e-9)
 
-    def known_ball(self, circle: Circle, mask: U1 | None = None) -> KnownBall:
+    def slopes(self, circle: Circle, mask: U1 | None = None) -> BallSlopes:
         """Return the slope and height of a ball within its contact, or where a mask is not 0."""
         rows, columns = self.shape.height.shape
         y, x = np.mgrid[:rows, :columns].astype(np.float64)
@@ -63,7 +63,7 @@ class BallOnShape(NamedTuple):
         at = place_on(self.shape, circle, self.radius)
         slope = np.stack([-nx / up, -ny / up]) * inside
         height = np.where(inside, at.z + self.radius * nz, 0)
-        return KnownBall(
+        return BallSlopes(
             slope.reshape(2, rows, columns).astype(np.float32),
             inside.reshape(rows, columns).astype(np.uint8),
             height.reshape(rows, columns).astype(np.float32),

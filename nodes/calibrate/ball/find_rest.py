@@ -41,7 +41,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
 )
 from tactograph.nodes.calibrate.rest.read_rest import by_rays, wants_search
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
-from tactograph.nodes.capture.read_balls import KnownCircles, Radii
+from tactograph.nodes.capture.read_balls import Radii, StatedCircles
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
@@ -79,7 +79,7 @@ class Bend(NamedTuple):
     trial: _Trial
 
     @property
-    def left(self) -> F8:
+    def residuals(self) -> F8:
         """Residuals of balls and flat frame."""
         placed = self.trial.placed
         return all_residuals(self.trial.objects, self.trial.rest, placed.leds, placed.shifts)
@@ -87,7 +87,7 @@ class Bend(NamedTuple):
     @property
     def cost(self) -> float:
         """Huber's loss of a residual, on average."""
-        return huber(self.left) / self.left.size
+        return huber(self.residuals) / self.residuals.size
 
     def likelihood(self) -> float:
         """Return -2 log of the likelihood: residuals are of unknown spread."""
@@ -142,13 +142,13 @@ def find_rest(
     flat: Light,
     even: Annotated[F4, Port("K R C", "1")],
     radius: Radii,
-    known: KnownCircles,
+    circles: StatedCircles,
     names: list[str],
     pixel: PixelSize,
     even_pixel: PixelSize,
     factor: int,
     noise: Noise,
-    given: RestShape | None = None,
+    stated: RestShape | None = None,
     *,
     rest: Path | None = None,
     camera_mm: Annotated[float, Gt(0)] | None = None,
@@ -164,7 +164,7 @@ def find_rest(
     pixel, even_pixel : mm per px at height 0, of `flat` and of `even`
     factor : pixels of `even` along a pixel of `flat`
     noise : (shot, read), a captured light I has the variance shot * I + read
-    given : as `read_rest` returns it
+    stated : as `read_rest` returns it
     rest : ``find`` searches for a bend (`fitted_bend`), and where the film has a coat, with it
     camera_mm : height of the pupil above height 0
 
@@ -181,12 +181,12 @@ def find_rest(
         If fewer than two presses show a ball, there is no flat frame, or the film has a coat and
         `camera_mm` is not given.
     """
-    if given is not None or not wants_search(rest):
-        shape = None if given is None else given.binned(factor)
-        return FoundRest(None if given is None else given.height, shape, {})
+    if stated is not None or not wants_search(rest):
+        shape = None if stated is None else stated.binned(factor)
+        return FoundRest(None if stated is None else stated.height, shape, {})
     if is_uniform(flat):
         raise InputError("`rest`=find needs `flat`: the untouched film's light tells its shape")
-    ball = find_balls(light, flat, radius, known, names, pixel)
+    ball = find_balls(light, flat, radius, circles, names, pixel)
     if np.count_nonzero(ball.circle[:, 2]) < MIN_PRESSES:
         raise InputError(
             f"`rest`=find needs presses at {MIN_PRESSES} places or more: one in the middle, "
@@ -196,8 +196,8 @@ def find_rest(
     evidence = light, flat, ball.circle, ball.radius, ball.of, pixel, camera
     presses = ball_presses(*evidence)
     tried, _ = tried_bends(presses)
-    is_told = camera_mm is not None
-    bend = _under_coat(presses, tried, noise, bounce, is_told) or fitted_bend(presses, tried)
+    is_stated = camera_mm is not None
+    bend = _under_coat(presses, tried, noise, bounce, is_stated) or fitted_bend(presses, tried)
     size = even.shape[1], even.shape[2]
     whole = bent(size, even_pixel, camera, bend.unknowns)
     deviation = _deviation(bend, flat.shape[1:], pixel)
@@ -282,7 +282,7 @@ def ball_presses(
 
 
 def _under_coat(
-    presses: BallPresses, bend: Bend, noise: Noise, bounce: NodeCall, is_told: bool
+    presses: BallPresses, bend: Bend, noise: Noise, bounce: NodeCall, is_stated: bool
 ) -> Bend | None:
     """The bend by a film's model with a coat; None where the film has none."""
 
@@ -294,7 +294,7 @@ def _under_coat(
     bending = Bending(
         np.concatenate(presses.light, axis=1), presses.flat, np.array(presses.radii, np.float32),
         np.arange(len(presses.radii), dtype=np.int32), noise, presses.pixel,
-        presses.unit, is_told, presses.shape, lay, bounce,
+        presses.unit, is_stated, presses.shape, lay, bounce,
     )  # fmt: skip
     coated = coated_bend(bending, bend.unknowns, bend.samples)
     return None if coated is None else bend._replace(unknowns=coated[0], covariance=coated[1])
@@ -312,7 +312,7 @@ def fitted_bend(presses: BallPresses, bend: Bend, *, only_ball: bool = False) ->
     ways = presses.unit * (np.array([[1, 0, 1, 0, 0]]) if only_ball else np.eye(5))
 
     def linear(now: Bend) -> Callable[[float], Bend]:
-        residuals, trial, columns = now.left, now.trial, []
+        residuals, trial, columns = now.residuals, now.trial, []
         for way in DERIVATIVE_STEP * ways:
             other = _on(presses, now.unknowns + way, trial.circles)
             after = all_residuals(*other, trial.placed.leds, trial.placed.shifts)
@@ -363,7 +363,7 @@ def _on(
         y, x = np.indices(light.shape[1:])
         away = np.hypot(x - first.x, y - first.y)
         near = (away < SAMPLED_SHARE * first.radius).astype(np.uint8)
-        ball = on.known_ball(circle, near)
+        ball = on.slopes(circle, near)
         press = Press(light, ball.slope, near, ball.height, label_lit(light))
         objects.append(sample(press, presses.pixel, MAX_SAMPLES, shape))
     return objects, rest_of(presses.flat, presses.pixel, shape)

@@ -1,5 +1,6 @@
-"""Tell by the balls' contacts where pixels are not square."""
+"""Tell by a ball's contact where pixels are not square."""
 
+import math
 from typing import Annotated
 
 import numpy as np
@@ -10,15 +11,10 @@ from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_search import Circle
 from tactograph.nodes.calibrate.ball.find_ball import oblong_of
+from tactograph.nodes.calibrate.film.film_at_rest import MAX_INDEPENDENT_REST
+from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS, log_odds
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
-
-MAX_OBLONG_SHARE = 0.03
-"""Ratio of a pixel's sides, less 1, above which pixels are not square..."""
-MIN_EXPLAINED = 0.3
-"""... where it explains at least this share of the balls' residual."""
-MAX_BALLS = 5
-"""Most balls that are used: the best suffice."""
 
 
 @node
@@ -34,7 +30,10 @@ def judge_oblong(
     *,
     radius_mm: Annotated[float, Gt(0)] | None = None,
 ) -> list[str]:
-    """Return a doubt if the balls' contacts are ellipses, as on pixels that are not square.
+    """Return a doubt if the best ball's contact is an ellipse, as on pixels that are not square.
+
+    Pixels of other sides have to be likelier by `SURE_ODDS` (`log_odds`).  What a ball leaves of
+    the light is smooth, so that it counts as few independent values, as in `judge_radius`.
 
     Parameters
     ----------
@@ -47,24 +46,17 @@ def judge_oblong(
         The film at rest if it is no plane: then contacts are no circles, and nothing is told.
     radius_mm : the radius of all balls, where `radius` is not given
     """
-    if shape is not None:
+    best = int(np.argmax(np.where(circle[:, 2] > 0, goodness, -1)))
+    if shape is not None or not circle[best, 2]:
         return []
-    if radius is None:
-        radius = np.full(len(circle), radius_mm, np.float32)
-    presses = cut(light, flat.shape[1])
-    estimates = [
-        oblong_of(presses[of[n]], Circle(*circle[n]), radius[n] / pixel, MAX_OBLONG_SHARE)
-        for n in np.argsort(-goodness)[:MAX_BALLS]
-        if circle[n, 2] > 0
-    ]
-    if not estimates:
-        return []
-    oblong, explained = np.median(estimates, axis=0)
-    share = np.expm1(abs(oblong))
-    if share < MAX_OBLONG_SHARE or explained < MIN_EXPLAINED:
+    stated = radius_mm if radius is None else radius[best]
+    press = cut(light, flat.shape[1])[of[best]]
+    oblong, square, free = oblong_of(press, Circle(*circle[best]), stated / pixel)
+    values = MAX_INDEPENDENT_REST * len(flat)
+    if log_odds(square, free, 1, values) < math.log(SURE_ODDS):
         return []
     sides = "wider than long" if oblong > 0 else "longer than wide"
     return [
-        f"pixels are not square: the balls show them {share:.0%} {sides}; give `pixel`=X,Y, "
-        "or measure both with a grid (calibrate_camera)"
+        f"pixels are not square: a ball shows them {np.expm1(abs(oblong)):.1%} {sides}; give "
+        "`pixel`=X,Y, or measure both with a grid (calibrate_camera)"
     ]

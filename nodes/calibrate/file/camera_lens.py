@@ -44,7 +44,7 @@ CAMERA_KIND = FileKind(
     1,
     "run calibrate_camera",
     CameraLens,
-    made_from="the image of the grid and its pitch",
+    sources="the image of the grid and its pitch",
     users="a camera's lens",
 )
 NewCamera = Annotated[Path, AfterValidator(partial(free_for, kind=CAMERA_KIND))]

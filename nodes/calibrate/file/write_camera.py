@@ -39,4 +39,4 @@ def write_camera(
     """
     size = np.array(image.shape[::-1], np.int32)
     record = CameraLens(lens, pixel, residual, size, quality)
-    write_record(file, CAMERA_KIND, record, {"made": provenance})
+    write_record(file, CAMERA_KIND, record, {"provenance": provenance})

@@ -1,5 +1,6 @@
 """Search for the film's model: parts that pay, more samples, harmonics, and bad balls."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -23,14 +24,12 @@ from tactograph.nodes.calibrate.film.film_fit import (
 from tactograph.nodes.calibrate.film.film_misfit import Held
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, surprise, unknowns_of
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.calibrate.rating.verdict import grows, pays
+from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS, grows, log_odds, pays
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
 
 FINAL_SAMPLES = 15000
 """Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
 a ball's height, the coat's index and the albedo uncertain by some per cent."""
-MAX_CHANGE = 0.004
-"""Relative change of albedo and contact radius below which rounds end (`MAX_ROUNDS`)."""
 MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
 """Number of balls from which on, and multiple of the median residual above which, a ball is left
 out."""
@@ -80,7 +79,7 @@ class Trial(NamedTuple):
         values = min(self.balls.u.size, MAX_INDEPENDENT_SAMPLES)
         return grows(model.errors, larger.errors, scales, more, values, unusual - usual)
 
-    def folds(self, balls: Balls) -> list[NDArray[np.bool_]]:
+    def splits(self, balls: Balls) -> list[NDArray[np.bool_]]:
         """The samples to hold out in turn: some of the balls, or quarters of a single ball."""
         numbers = np.unique(self.balls.held_by % FOLD_COUNT)
         return [balls.held_by % FOLD_COUNT == number for number in numbers]
@@ -98,7 +97,7 @@ class Model(NamedTuple):
     error: float
     errors: list[float]
     noises: list[float]
-    folds: list[Fitted]
+    splits: list[Fitted]
     """The fit without each fold, in the order of `Trial.folds`."""
 
     def __str__(self) -> str:
@@ -108,7 +107,7 @@ class Model(NamedTuple):
 
 def judge(trial: Trial, parts: frozenset[str], fitted: Fitted) -> Model:
     """Fit without each fold, and measure the error of the normals on that fold."""
-    held_out = trial.folds(trial.balls)
+    held_out = trial.splits(trial.balls)
     return judged(
         trial, parts, fitted, [trial.fit(parts, fitted, trial.balls.only(~h)) for h in held_out]
     )
@@ -123,7 +122,7 @@ def judged(
 ) -> Model:
     """Measure the error of the normals on each fold by the fit without it."""
     errors, weights = [], []
-    for held_out, fold in zip(trial.folds(trial.balls), fold_fits, strict=True):
+    for held_out, fold in zip(trial.splits(trial.balls), fold_fits, strict=True):
         test = trial.balls.only(held_out)
         placed = place_balls(test, fold, trial.shift_mm) if len(fold.shifts) > 1 else fold
         errors.append(normal_error(test, placed))
@@ -136,7 +135,7 @@ def judged(
 def held_out_of(trial: Trial, best: Model, whole: Balls, bad: NDArray[np.bool_]) -> list[Held]:
     """Every pixel of each fold, without bad balls, with the film fitted to the other folds."""
     good = whole.only(~bad[whole.ball])
-    held_out = zip(map(good.only, trial.folds(good)), best.folds, strict=True)
+    held_out = zip(map(good.only, trial.splits(good)), best.splits, strict=True)
     return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held_out if b.u.size]
 
 
@@ -210,19 +209,18 @@ def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial,
 
 
 def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
-    """Fit the chosen parts to more samples until the light from film to film converges.
+    """Fit the chosen parts to more samples until another round is not surely likelier.
 
     Also returns every pixel of the balls.
     """
     for _ in range(MAX_ROUNDS):
-        film, rim = best.fitted.film, trial.balls.rim
+        before = best.fitted.scale
         trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
         whole = trial.balls
         trial = trial._replace(balls=thinned(whole, FINAL_SAMPLES))
         best = best._replace(fitted=trial.fit(best.parts, placed))
-        moved = np.abs(whole.rim / rim - 1).max()
-        changed = abs(best.fitted.film.albedo - film.albedo)
-        if film.albedo == 0 or (changed < MAX_CHANGE * film.albedo and moved < MAX_CHANGE):
+        gained = log_odds(before, best.fitted.scale, 0, MAX_INDEPENDENT_SAMPLES)
+        if best.fitted.film.albedo == 0 or gained < math.log(SURE_ODDS):
             break
     return trial, judge(trial, best.parts, best.fitted), whole
 
@@ -233,7 +231,7 @@ def bend(trial: Trial, best: Model, errors: Metrics) -> Model:
     for degree in HARMONIC_DEGREES:
         if len(trial.balls.centre) <= term_count(degree):
             break
-        held_out = zip(trial.folds(trial.balls), physics.folds, strict=True)
+        held_out = zip(trial.splits(trial.balls), physics.splits, strict=True)
         fold_fits = [_bent(trial, trial.balls.only(~h), fold, degree) for h, fold in held_out]
         candidate = judged(trial, physics.parts, physics.fitted, fold_fits, degree)
         errors[f"film_heldout_deg/{candidate}"] = candidate.error

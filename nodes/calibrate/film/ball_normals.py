@@ -1,5 +1,6 @@
 """The true normals of balls, and those found from their light by a film's model."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -7,19 +8,20 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F8
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
+from tactograph.nodes.calibrate.film.film_fit import MAX_ROUNDS
 from tactograph.nodes.optics.film import rest_below, turned
 
-NORMAL_STEPS = 4
-"""Iterations for a normal, which start from the ball's own."""
-BALL_RINGS, BALL_SECTORS = 3, 8
-"""Parts of a ball over which errors of the normal are averaged, to suppress noise."""
+BALL_SECTORS = 8
+"""Parts of a ball in azimuth over which errors of the normal are averaged, to suppress noise."""
+BALL_RINGS = math.ceil(BALL_SECTORS / math.pi)
+"""Parts in slant, so that parts are about as long as wide."""
 
 
 class BallNormals(NamedTuple):
     """True and found normals, 3 x N; the light without bounces, K x N; places, and their lift."""
 
     truth: F8
-    found: F8
+    fitted: F8
     direct: F8
     place: tuple[F8, F8, F8]
     lift: F8
@@ -31,7 +33,7 @@ def ball_normals(balls: Balls, fitted: Fitted, uneven: float = 0.0) -> BallNorma
     truth, place, lift = balls.touched_place(fitted.shifts, film)
     direct = balls.direct(fitted.shifts, film)
     n, rest = truth, rest_below(film, *place)
-    for _ in range(NORMAL_STEPS):
+    for _ in range(MAX_ROUNDS):
         n = turned(film, direct, n, place, uneven, rest, lift)
     return BallNormals(truth, n, direct, place, lift)
 
@@ -63,7 +65,6 @@ def normal_error(balls: Balls, fitted: Fitted) -> NormalError:
 def _parts(balls: Balls, normal: F8) -> NDArray[np.intp]:
     """The number of the ball's part in which each sample lies."""
     ring = np.minimum((BALL_RINGS * (1 - normal[2] ** 2)).astype(int), BALL_RINGS - 1)
-    turn = (np.arctan2(normal[1], normal[0]) / (2 * np.pi) % 1 * BALL_SECTORS).astype(
-        int
-    ) % BALL_SECTORS
-    return np.asarray((balls.ball * BALL_RINGS + ring) * BALL_SECTORS + turn, np.intp)
+    turn = np.arctan2(normal[1], normal[0]) / (2 * np.pi) % 1
+    sector = (turn * BALL_SECTORS).astype(int) % BALL_SECTORS
+    return np.asarray((balls.ball * BALL_RINGS + ring) * BALL_SECTORS + sector, np.intp)

@@ -16,7 +16,7 @@ from tactograph.nodes import F4, F8, Light, Noise
 from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, laid_on, sample_balls
-from tactograph.nodes.calibrate.film.film_at_rest import rest_left
+from tactograph.nodes.calibrate.film.film_at_rest import rest_residual
 from tactograph.nodes.calibrate.film.film_fit import (
     MAX_ROUNDS,
     Further,
@@ -56,7 +56,7 @@ class Bending(NamedTuple):
     pixel: float
     unit: F8
     """Unit of each unknown."""
-    is_told: bool
+    is_stated: bool
     """Whether the height of the camera's pupil is given."""
     shape: Callable[[F8], RestShape]
     lay: Callable[[F8], Laid]
@@ -90,7 +90,7 @@ def coated_bend(bending: Bending, unknowns: F8, independent: float) -> tuple[F8,
     more = len(PART_UNKNOWNS["lobe"])
     if log_odds(matt.fitted.scale, coat.scale, more, independent) < math.log(SURE_ODDS):
         return None
-    if not bending.is_told:
+    if not bending.is_stated:
         raise InputError(
             "`rest`=find: the film has a coat, and what that mirrors from near looks like a bend: "
             "give `camera_mm`, the height of the camera's pupil above the film (1e6: far away)"
@@ -146,12 +146,12 @@ def _step(bending: Bending, now: _Round, parts: frozenset[str], further: Further
 
 def _further(bending: Bending, unknowns: F8, now: _Round) -> Further:
     """Derivatives of the light by the unknowns of the bend, in their units."""
-    light, flat = predicted(now.balls, now.fitted), rest_left(now.rest, now.fitted)
+    light, flat = predicted(now.balls, now.fitted), rest_residual(now.rest, now.fitted)
     by_light, by_flat = [], []
     for way in np.eye(len(unknowns)):
         shape = bending.shape(unknowns + DERIVATIVE_STEP * bending.unit * way)
         balls = laid_on(now.balls, now.laid.circle, shape)
         by_light.append((predicted(balls, now.fitted) - light) / DERIVATIVE_STEP)
         rest = replace(now.rest, beneath=shape.at(now.rest.x, now.rest.y))
-        by_flat.append((rest_left(rest, now.fitted) - flat) / DERIVATIVE_STEP)
+        by_flat.append((rest_residual(rest, now.fitted) - flat) / DERIVATIVE_STEP)
     return Further(np.stack(by_light), np.stack(by_flat))

@@ -5,6 +5,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import fftfreq, irfft2, next_fast_len, rfft2
+from scipy.optimize import isotonic_regression
 from scipy.special import ndtr, stdtrit
 
 from tactograph.nodes import BAND_DEVIATIONS, F4, F8, FULL_MISFIT_SLOPE, Film
@@ -23,8 +24,6 @@ from tactograph.nodes.optics.film import direct_share, predict, touch_gain, turn
 
 MIN_LAG_PX = 2
 """Distance from which the noise of pixels is independent, even after undistortion."""
-MAX_LAG_SHARE, LAG_COUNT = 0.7, 12
-"""Longest lag, relative to a contact's radius, and number of lags."""
 BRIGHTENING_FACTOR = 2.5
 """Factor by which another object may brighten the film more than the calibration's balls, which
 all stretch it in the same way."""
@@ -35,18 +34,6 @@ class Held(NamedTuple):
 
     balls: Balls
     fitted: Fitted
-
-
-class _Sums(NamedTuple):
-    """Sums by lag over pairs of pixels: products of normals and of light, and number of pairs.
-
-    Pairs of a lag lie as far apart in any direction, within half a pixel.
-    """
-
-    lags: NDArray[np.intp]
-    normal: F8
-    light: F8
-    pairs: F8
 
 
 def misfit(held_out: list[Held], film: Film, pixel: float, uneven: float) -> F4:
@@ -71,12 +58,11 @@ def misfit(held_out: list[Held], film: Film, pixel: float, uneven: float) -> F4:
     pixel : mm per px
     """
     rim = float(np.median(np.concatenate([h.balls.rim for h in held_out])))
-    farthest = max(MAX_LAG_SHARE * rim / pixel, MIN_LAG_PX + 1)
-    lags = np.unique(np.geomspace(MIN_LAG_PX, farthest, LAG_COUNT).round().astype(int))
-    total = _Sums(lags, *(np.zeros(lags.size) for _ in range(3)))
+    lags = np.arange(MIN_LAG_PX, max(rim / pixel, MIN_LAG_PX + 1)).astype(int)
+    total = np.zeros((3, lags.size))
     tilts, spread, count = [], 0.0, 0
     for part in held_out:
-        errors, residual, truth = left_over(part, uneven)
+        errors, residual, truth = residuals_of(part, uneven)
         spread += float(np.square(errors).sum())
         count += errors.shape[1]
         for ball in np.unique(part.balls.ball):
@@ -84,13 +70,15 @@ def misfit(held_out: list[Held], film: Film, pixel: float, uneven: float) -> F4:
             place = np.stack([part.balls.v[at], part.balls.u[at]]) / pixel
             outward = _outward(truth[:, at])
             tilt = float((errors[:, at] * outward).sum() / np.square(outward).sum())
-            _add(total, place, errors[:, at] - tilt * outward, residual[:, at])
+            total += _products(lags, place, errors[:, at] - tilt * outward, residual[:, at])
             tilts.append(tilt)
-    pairs = np.maximum(total.pairs, 1)
-    normal, light = total.normal / pairs, total.light / pairs
+    pairs = np.maximum(total[0], 1)
+    normal, light = total[1:] / pairs
     chance = spread / (2 * max(count, 1)) / np.sqrt(pairs)
     possible = np.maximum(normal, 0) + chance
-    reach = _half_way(lags, possible) * pixel
+    # Covariance falls with distance.
+    falling = isotonic_regression(possible, weights=pairs, increasing=False).x
+    reach = _half_way(lags, falling) * pixel
     near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
     sure = _root(normal[0] - chance[0])
     away = inverse_places(film.others) - inverse_places(film.lights)
@@ -119,8 +107,7 @@ def unevenness(held_out: list[Held], pixel: float) -> float:
     held_out : every held-out pixel, fold by fold
     pixel : mm per px
     """
-    lags = np.array([MIN_LAG_PX])
-    total = _Sums(lags, *(np.zeros(1) for _ in range(3)))
+    pairs, square = 0.0, 0.0
     for part in held_out:
         film, balls = part.fitted.film, part.balls
         light = predicted(balls, part.fitted)
@@ -134,8 +121,10 @@ def unevenness(held_out: list[Held], pixel: float) -> float:
         for ball in np.unique(balls.ball):
             at = balls.ball == ball
             place = np.stack([balls.v[at], balls.u[at]]) / pixel
-            _add(total, place, np.empty((0, at.sum())), brightness[None, at])
-    return BRIGHTENING_FACTOR * _root(float(total.light[0] / max(total.pairs[0], 1)))
+            nothing, one = np.empty((0, at.sum())), np.array([MIN_LAG_PX])
+            (more,), _, (product,) = _products(one, place, nothing, brightness[None, at])
+            pairs, square = pairs + more, square + product
+    return BRIGHTENING_FACTOR * _root(float(square / max(pairs, 1)))
 
 
 def _led_tilt(part: Held, away: F8, uneven: float) -> float:
@@ -159,7 +148,7 @@ def _outward(normal: F8) -> F8:
     return np.asarray(rising * np.stack([nx * nz / sine, ny * nz / sine, -sine]))
 
 
-def left_over(held_out: Held, uneven: float) -> tuple[F8, F8, F8]:
+def residuals_of(held_out: Held, uneven: float) -> tuple[F8, F8, F8]:
     """Return errors of the normals (3 x N), residual light in matt units, and true normals."""
     film = held_out.fitted.film
     truth, solved, direct, place, lift = ball_normals(held_out.balls, held_out.fitted, uneven)
@@ -170,24 +159,23 @@ def left_over(held_out: Held, uneven: float) -> tuple[F8, F8, F8]:
     return solved - truth, residual - brighter(residual, explained, uneven) * explained, truth
 
 
-def _add(total: _Sums, place: F8, errors: F8, residual: F8) -> None:
-    """Add the products of one ball's pixels, by the correlation of its planes (Wiener 1930)."""
+def _products(lags: NDArray[np.intp], place: F8, errors: F8, residual: F8) -> F8:
+    """Sums over pairs of a ball's pixels: their number, products of normals and of light, 3 x L.
+
+    Pairs of a lag lie as far apart in any direction, within half a pixel.  The sums are the
+    correlation of planes (Wiener 1930), which meets each pair from both of its ends.
+    """
     row, column = (np.rint(p - p.min()).astype(int) for p in place)
     planes = np.zeros((1 + len(errors) + len(residual), row.max() + 1, column.max() + 1))
     planes[:, row, column] = np.concatenate([np.ones((1, row.size)), errors, residual])
-    reach = int(total.lags[-1]) + 1
-    size = [next_fast_len(side + reach) for side in planes.shape[1:]]
+    size = [next_fast_len(int(side + lags[-1]) + 1) for side in planes.shape[1:]]
     power = np.square(np.abs(rfft2(planes, size)))
     kinds = power[:1], power[1 : 1 + len(errors)] / 2, power[1 + len(errors) :] / len(residual)
     products = irfft2(np.stack([kind.sum(axis=0) for kind in kinds]), size)
     down, right = (fftfreq(side, 1 / side) for side in size)
-    away = np.hypot(down[:, None], right)
-    for i, lag in enumerate(total.lags):
-        # Each pair is met from both of its ends.
-        pairs, normal, light = products[:, np.abs(away - lag) < 0.5].sum(axis=1) / 2
-        total.pairs[i] += pairs
-        total.normal[i] += normal
-        total.light[i] += light
+    away = np.rint(np.hypot(down[:, None], right)).astype(int).ravel()
+    sums = [np.bincount(away, plane.ravel(), lags[-1] + 1)[lags] for plane in products]
+    return np.stack(sums) / 2
 
 
 def _half_way(lags: NDArray[np.intp], covariance: F8) -> float:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
-from tactograph.nodes.optics.lens import seen_places
+from tactograph.nodes.optics.lens import camera_places
 
 KIND = CAMERA_KIND
 MARKS_ACROSS = 12
@@ -23,7 +23,7 @@ def draw(arrays: Mapping[str, Any], title: str, target: Path) -> None:
     figure = Figure(figsize=(8, 8 * rows / columns + 1), dpi=100, layout="constrained")
     axes = figure.subplots()
     step = max(columns // MARKS_ACROSS, 1)
-    places = [plane[::step, ::step] for plane in seen_places(arrays["lens"], (rows, columns))]
+    places = [plane[::step, ::step] for plane in camera_places(arrays["lens"], (rows, columns))]
     y, x = (plane[::step, ::step] for plane in np.mgrid[:rows, :columns])
     axes.plot(x.ravel(), y.ravel(), ".", color="#9a9a9a", label="even grid")
     axes.plot(

@@ -10,6 +10,10 @@ from tactograph.nodes.calibrate.rest.denoise_flat import TREND_DEGREE
 
 MAX_SLOPE = 0.008
 """Slope of untouched film, in root mean square; 0.002 to 0.005 on real and rendered film."""
+RETAKE_FLAT = (
+    "take it again with nothing touching the film, after the last touch has relaxed, and with the "
+    "camera's local contrast off"
+)
 
 
 @node
@@ -41,10 +45,7 @@ def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[st
     why = f"as film with slopes of {steepness:.1%} is"
     if steepness < by_chance:
         why = "unevenly, under each LED in another way"
-    doubt = (
-        f"the flat frame is lit {why}, which is not at rest: take it again with nothing touching "
-        "the film, after the last touch has relaxed, and with the camera's local contrast off"
-    )
+    doubt = f"the flat frame is lit {why}, which is not at rest: {RETAKE_FLAT}"
     return [doubt] * (max(steepness, by_chance) > MAX_SLOPE)
 
 

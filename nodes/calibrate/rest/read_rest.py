@@ -34,14 +34,14 @@ Radius = float | Annotated[tuple[float, ...], Len(1, 2)]
 class Resting(NamedTuple):
     """The height that each pixel sees of the film at rest, and its shape; None for a plane.
 
-    `seen` is 1 where a pixel sees the film, 0 where its own curvature or its end hides it; None:
+    `visible` is 1 where a pixel sees the film, 0 where its own curvature or its end hides it; None:
     everywhere.
     """
 
     height: Height | None
     shape: RestShape | None
     is_plane: bool
-    seen: Mask | None = None
+    visible: Mask | None = None
 
 
 @node
@@ -115,8 +115,8 @@ def read_rest(
             "check `camera_mm`"
         )
     shape = rest_shape(np.asarray(height, np.float32), pixel, camera)
-    seen = None if is_known.all() else is_known.astype(np.uint8)
-    return Resting(shape.height, shape, is_plane=False, seen=seen)
+    visible = None if is_known.all() else is_known.astype(np.uint8)
+    return Resting(shape.height, shape, is_plane=False, visible=visible)
 
 
 def _continued(height: F8, is_known: NDArray[np.bool_], source: Path | str) -> F8:

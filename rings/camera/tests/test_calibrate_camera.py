@@ -102,7 +102,7 @@ def test_part_of_a_grid_with_holes_and_dirt_is_enough() -> None:
         found = camera_of(image)
     assert found.pixel == pytest.approx(PITCH_MM / 20, rel=1e-3)
     assert any("of the way to the corners" in note for note in notes)
-    assert found.quality["left_out"] == 1, "the lost one; dirt is no dot"
+    assert found.quality["unused_marks"] == 1, "the lost one; dirt is no dot"
 
 
 def test_a_large_image_is_measured_in_full() -> None:
@@ -122,7 +122,7 @@ def test_a_mark_that_is_off_is_left_out() -> None:
     place[7] += 1.5
     found = fit_lens(image, marks._replace(place=place), pitch_mm=PITCH_MM)
     assert np.isnan(found.departure[7]).all()
-    assert found.quality["left_out"] == 1
+    assert found.quality["unused_marks"] == 1
 
 
 @pytest.mark.parametrize("pattern", ["auto", "dots", "checkerboard"])
@@ -199,7 +199,7 @@ def test_a_lens_that_two_numbers_do_not_describe_is_doubted() -> None:
 def test_a_tilted_lens_off_the_middle_keeps_all_its_marks() -> None:
     lens = np.float32([-0.1, 0, 0.1, 0.05, 0, 0.03, 0.1, 0.05])
     found = camera_of(pixels(dots(*on_film(SHAPE, lens, 15, 0.1, (0, 0)))))
-    assert found.quality["left_out"] == 0
+    assert found.quality["unused_marks"] == 0
     assert found.residual < 0.05
     assert largest_departure(found.lens, lens) < 0.3
 
@@ -219,7 +219,7 @@ def test_a_whole_dot_on_no_place_of_the_grid_is_counted_and_named() -> None:
     with collect_warnings([]) as notes:
         found = camera_of(pixels(samples))
     clean = camera_of(pixels(dots(i, j)))
-    assert (found.quality["left_out"], clean.quality["left_out"]) == (2, 0)
+    assert (found.quality["unused_marks"], clean.quality["unused_marks"]) == (2, 0)
     assert found.quality["marks"] == clean.quality["marks"]
     assert len(notes) == 1
     assert notes[0].startswith("2 whole dots are on no place of the grid and left out, at ")
@@ -310,11 +310,12 @@ def test_presses_are_undistorted_one_by_one() -> None:
     assert np.array_equal(found.image, want)
     assert np.array_equal(found.first, want[:, :20])
     u, v = ideal_places(lens, (20, 30))
-    assert np.allclose(found.known[0], [u[4, 3], v[4, 3], 5], atol=1e-4)
-    assert np.isnan(found.known[1]).all()
-    assert np.allclose(found.known[2], known[2])
+    assert np.allclose(found.circles[0], [u[4, 3], v[4, 3], 5], atol=1e-4)
+    assert np.isnan(found.circles[1]).all()
+    assert np.allclose(found.circles[2], known[2])
 
 
+@pytest.mark.slow
 def test_the_graph_writes_a_file_and_a_picture(tmp_path: Path) -> None:
     image = pixels(dots(*on_film(SHAPE, NONE, 20, 0.1, (0, 0))))
     cv2.imwrite(str(tmp_path / "grid.png"), np.uint8(255 * image))

@@ -41,7 +41,7 @@ def read_in_metres(file: Path, read: Callable[[Path], Sequence[Any]]) -> HeightF
     # A damaged file can raise any exception.
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{file}: cannot be read as a {file.suffix} file: {reason}") from None
+        raise InputError(f"{file}: cut off, damaged or no {file.suffix} file: {reason}") from None
     if max(width, length) > MAX_PIXEL_MM * METRES_PER_MM:
         raise InputError(
             f"{file}: says {width / METRES_PER_MM:.4g} mm per px; are its lengths in mm, where "

@@ -65,7 +65,7 @@ def test_a_file_cut_short_is_one_line(tmp_path: Path, height: F4, kind: str, end
     export_height(height, PIXEL, folder=tmp_path, formats=(kind,))
     file = tmp_path / f"height.{kind}"
     file.write_bytes(file.read_bytes()[:end])
-    with pytest.raises(InputError, match=rf"cannot be read as a .{kind} file"):
+    with pytest.raises(InputError, match=rf"damaged or no .{kind} file"):
         read_height_file(file)
 
 

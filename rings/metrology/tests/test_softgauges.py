@@ -112,5 +112,5 @@ def test_what_is_exported_as_a_softgauge_is_read_back(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.height, height, rtol=1e-6)
     assert found.pixel == pytest.approx(1e-3 * PIXEL_UM)
     (tmp_path / "height.sdf").write_bytes((tmp_path / "height.sdf").read_bytes()[:200])
-    with pytest.raises(InputError, match=r"height\.sdf: cannot be read as a \.sdf file"):
+    with pytest.raises(InputError, match=r"height\.sdf: cut off, damaged or no \.sdf file"):
         read_height_file(tmp_path / "height.sdf")

@@ -134,7 +134,7 @@ def test_a_thousand_frames_of_two_sensors_come_back_to_the_bit(tmp_path: Path) -
         came = list(read_lerobot(dataset=tmp_path / sensor, sensor=sensor))
         assert len(came) == 500
         for touch, height, frame, time in zip(came, heights, frames, sent, strict=True):
-            np.testing.assert_array_equal(height_levels(touch.kept), height_levels(height))
+            np.testing.assert_array_equal(height_levels(touch.recorded), height_levels(height))
             np.testing.assert_array_equal(touch.image, frame / np.float32(255))
             assert touch.time == pytest.approx(time, abs=1e-3)
 

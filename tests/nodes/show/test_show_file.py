@@ -14,10 +14,6 @@ import pytest
 from matplotlib.figure import Figure
 
 from tactograph.graph import InputError, Provenance
-from tactograph.graph.batch.entry import DONE, FAILED, Entry
-from tactograph.graph.batch.job import Job
-from tactograph.graph.batch.store import create_store
-from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.command import SIGPIPE_EXIT_CODE, run_command
 from tactograph.graph.errors import WriteError
 from tactograph.nodes.calibrate.file.write_camera import write_camera
@@ -27,7 +23,7 @@ from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
 from tests.nodes.files.test_calibration_file import write as write_flashed
 
-MADE = Provenance(
+PROVENANCE = Provenance(
     {"name": "toy", "hash": "f00"}, None, [], {}, {"tactograph": "0"}, ["too bright"], [],
     {"lights": "bgr", "dark": None},
 )  # fmt: skip
@@ -52,7 +48,7 @@ def result(tmp_path: Path) -> Path:
     level, image = np.zeros((8, 10), np.float32), np.ones((4, 8, 10), np.float32)
     lit = np.zeros((8, 10), np.uint8)
     touch = Touch(level, image, 0.1, metrics={"contacts": 0.0}, layers={"shadow": lit})
-    write_result(touch, folder=tmp_path / "out", pictures=False, provenance=MADE)
+    write_result(touch, folder=tmp_path / "out", pictures=False, provenance=PROVENANCE)
     return tmp_path / "out"
 
 
@@ -91,7 +87,7 @@ def test_a_reader_that_has_gone_is_no_error_of_the_node(tmp_path: Path) -> None:
 def test_a_lens_shows_its_numbers_and_grid(tmp_path: Path, shown: Shown) -> None:
     file, image = tmp_path / "camera.npz", np.zeros((24, 32), np.float32)
     bent = np.array([0.03, 0, 0, 0, 0, 0, 0, 0], np.float32)
-    write_camera(image, bent, 0.07, 0.02, {"left_out": 3.0}, file=file, provenance=MADE)
+    write_camera(image, bent, 0.07, 0.02, {"left_out": 3.0}, file=file, provenance=PROVENANCE)
     told = shown(file)
     assert told.startswith(f"{file}: camera, format 1\n")
     assert "lens        0.03 0 0 0 0 0 0 0" in told
@@ -99,21 +95,9 @@ def test_a_lens_shows_its_numbers_and_grid(tmp_path: Path, shown: Shown) -> None
     assert (tmp_path / "drawn" / "camera.png").is_file()
 
 
-def test_a_store_shows_what_became_of_each_capture(tmp_path: Path, shown: Shown) -> None:
-    place = tmp_path / "out.zarr"
-    job = Job("", "toy", "f00", {"lights": None}, {}, ())
-    store = create_store(str(place), job, Origin({}, {}, ""), 4)
-    store.append(["a", "b", "c"])
-    store.write({0: Entry(DONE, warnings=["too bright"]), 1: Entry(FAILED, "all black")})
-    told = shown(place)
-    assert "captures: 3, done 1, failed 1, pending 1" in told
-    assert "  b: all black" in told
-    assert "  1 x too bright" in told
-
-
 def test_a_result_shows_figures_and_warnings(result: Path, tmp_path: Path, shown: Shown) -> None:
     told = shown(result)
-    assert "made by: graph toy [f00], version 0\ngiven: lights=bgr\n" in told
+    assert "made by: graph toy [f00], version 0\nparams: lights=bgr\n" in told
     assert "warnings:\n  too bright\n" in told
     assert "contacts  0" in told
     assert (tmp_path / "drawn" / "height.png").is_file()

@@ -226,6 +226,8 @@ def open_rig(
     board: SimulatedController | None = None
     lit_between: LitBetween | None = None
     table = _simulated(driver, preset, calibration)
+    if table is None:
+        check_camera(driver.camera, driver.library)  # before LEDs are looked for
     with ExitStack() as undo:
         # Close everything again if a later step fails or Ctrl-C is pressed.
         if table is not None:

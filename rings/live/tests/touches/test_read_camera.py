@@ -383,3 +383,8 @@ def test_nothing_stays_open_when_opening_is_broken_off(
     for thread in left:
         thread.join(2)
     assert [thread.name for thread in left if thread.is_alive()] == []
+
+
+def test_a_camera_that_is_none_is_named_before_an_led_controller() -> None:
+    with pytest.raises(InputError, match="`camera`=simulatd: there is no such file"):
+        open_rig(CameraParams("simulatd"), None, (None, None), leds=4)

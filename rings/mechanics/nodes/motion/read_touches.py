@@ -133,7 +133,7 @@ def _even(
 
 
 def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
-    from tactograph.sdk.unstable import BatchMaps
+    from tactograph.rings.batch.batch_maps import BatchMaps
 
     maps = BatchMaps(folder)
     pixel = pixel or maps.pixel
@@ -145,8 +145,8 @@ def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
     heights = [touch["height"].astype(np.float32) for touch in touches]
     unknown = np.full(heights[0].shape, np.nan, np.float32)
     errors = [touch.get("error", unknown).astype(np.float32) for touch in touches]
-    made_by = maps.given.get("calibration")
-    view = View() if made_by is None else calibrated_view(Path(made_by))
+    calibration = maps.arguments.get("calibration")
+    view = View() if calibration is None else calibrated_view(Path(calibration))
     names = [Path(maps.captures[n]).name for n in numbers]
     return _even(heights, errors, [view] * len(heights), pixel, names)
 
@@ -165,8 +165,8 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
             for line in result.warnings:
                 warnings_by_kind.setdefault(warning_kind(line), line)
             if number % stride == 0:
-                height_as_seen, pixel = result["height"].copy(), float(result["pixel"])
-                heights[number], _ = on_even_grid(height_as_seen, [], lens, camera or 0.0)
+                apparent, pixel = result["height"].copy(), float(result["pixel"])
+                heights[number], _ = on_even_grid(apparent, [], lens, camera or 0.0)
             if len(heights) > 2 * most:
                 stride *= 2
                 heights = {n: height for n, height in heights.items() if n % stride == 0}
