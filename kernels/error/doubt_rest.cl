@@ -30,6 +30,6 @@ LANED __kernel void doubt_rest(
     const floats above = load_floats(height + at, count), scaled = scale_error * above;
     const floats held = MORE_OF(wide, moved) + hidden;
     const floats off = stated * stated + moved + scaled * scaled;
-    const floats known = load_bytes(rest + at, count) != 0 ? held : off;
-    store_floats(sqrt(known + zero * zero), out + at, count);
+    const floats without_zero = load_bytes(rest + at, count) != 0 ? held : off;
+    store_floats(sqrt(without_zero + zero * zero), out + at, count);
 }

@@ -24,9 +24,9 @@ static ints leds_of(
 {
     __global const uchar *line = used + row * side * W;
     if (side == 1) return load_bytes_within_border(line, column, count, W, REPLICATE);
-    uchar found[LANES];
-    for (int l = 0; l < LANES; ++l) found[l] = line[min((column + l) * side, W - 1)];
-    return TO_INTS(LOAD_LANES(found));
+    uchar values[LANES];
+    for (int l = 0; l < LANES; ++l) values[l] = line[min((column + l) * side, W - 1)];
+    return TO_INTS(LOAD_LANES(values));
 }
 
 // The curl between LANES cells, those right of them and below, over what is expected, equation T2.

@@ -10,7 +10,7 @@ from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, Contacts, Height, Metrics, PixelSize
 from tactograph.nodes.contact.find_contact import MAX_CONTACTS
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
-from tactograph.nodes.height.as_seen import as_seen
+from tactograph.nodes.height.distort_height import distort_height
 from tactograph.nodes.optics.lens import ideal_place
 from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
 from tactograph.nodes.stream.touch import View
@@ -86,7 +86,7 @@ def measure_contact(
 
 def _apparent_rest(rest: F4, view: View) -> Height:
     """The height of the film at rest that each pixel of the camera sees."""
-    return rest if view.lens is None else as_seen(rest, view.lens)
+    return rest if view.lens is None else distort_height(rest, view.lens)
 
 
 def _on_film(height: Height, mask: NDArray[np.bool_], shape: RestShape) -> Metrics:

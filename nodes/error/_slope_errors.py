@@ -96,8 +96,8 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
         by_place = light_by_place(
             causes.film.lights, inside.x, inside.y, inside.height, inside.slope
         )
-        by_seen = by_light / _sharpness(inside, causes.film)
-        root = _root_of_noise(inside, by_seen, causes)
+        by_apparent = by_light / _sharpness(inside, causes.film)
+        root = _root_of_noise(inside, by_apparent, causes)
         first = part.start * columns
         for number, other in enumerate(causes.film.others):
             elsewhere = (other - causes.film.lights)[:, :, None, None]
@@ -108,7 +108,7 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
             # of it in turn, so that it lies between the last two.
             wrong = BOUNCE_SIGNS[number] * causes.misfit[3] * inside.bounced
             wrong += SETTLING_SIGNS[number] * np.float32(0.5) * inside.changed
-            error += (by_seen * wrong).sum(axis=1)
+            error += (by_apparent * wrong).sum(axis=1)
             error += _noise(root, key_of(seed, number), first, rows * columns)
             error = _bounded(error + MEAN_SIGNS[number] * inside.averaged)
             leaning = _leaning(inside, causes.misfit, causes.pixel, number)

@@ -71,8 +71,8 @@ def doubt_rest(
     hidden = np.float32((level * pixel) ** 2 / 6) * slopes
     moved, scaled = apart * apart, np.float32(scale_error or 0) * height
     held, off = np.maximum(free * free, moved) + hidden, error * error + moved + scaled * scaled
-    known = np.sqrt(np.where(rest != 0, held, off))
-    return np.asarray(np.hypot(known, np.float32(zero or 0)), np.float32)
+    without_zero = np.sqrt(np.where(rest != 0, held, off))
+    return np.asarray(np.hypot(without_zero, np.float32(zero or 0)), np.float32)
 
 
 doubt_rest.opencl(grid="H W", lanes="grid")

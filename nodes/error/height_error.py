@@ -73,7 +73,7 @@ def height_error(
     used: Labels,
     film: Film,
     misfit: Misfit,
-    seen: Slope,
+    apparent: Slope,
     bounced: Light | None = None,
     earlier: Light | None = None,
     correlation: NoiseCorrelation | None = None,
@@ -134,7 +134,7 @@ def height_error(
         Where the LEDs are and may be instead, and how uneven the film's brightness is.
     misfit
         Length 5, errors of the film's model, as `touch_misfit` gives them.
-    seen
+    apparent
         2 x H x W, the slopes of the pixels' mean normals (`pixel_mean_slope`).
     bounced, earlier
         K x H x W, the light that the film throws on itself, already subtracted from `light`; and
@@ -173,7 +173,7 @@ def height_error(
         window.of(thrown),
         window.of(thrown - (thrown if bounced is None or earlier is None else earlier)),
         window.of(slope if tilt is None else slope - tilt),
-        window.of(slope - seen),
+        window.of(slope - apparent),
     )
     inside = system.cut(height)
     *_, residual = system.residuals(inside)
@@ -280,7 +280,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
         inputs["film.uneven"], inputs["film.refraction"],
         signs, run.put(np.array(keys)),
         inputs["misfit"], *(inputs.get(name) for name in ("bounced", "earlier", "tilt")),
-        inputs["seen"],
+        inputs["apparent"],
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
@@ -334,5 +334,5 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
         "correlation": float(rng.uniform(1, 4)),
         "blur": float(rng.uniform(0, 1)),
         "tilt": rng.normal(0, 0.2, (2, *shape)).astype(np.float32),
-        "seen": (0.98 * slope).astype(np.float32),
+        "apparent": (0.98 * slope).astype(np.float32),
     }

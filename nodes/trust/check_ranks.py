@@ -130,7 +130,7 @@ CHECK_FIGURES = {
         "that fills the frame is for reconstruct_filled; or another sensor or light)",
         SHARE_ERROR,
     ),
-    "left_as_matt": Figure("cause", ""),
+    "matt_residual": Figure("cause", ""),
 }
 """All figures of a touch, by name; the more causes change one, the later it stands.  The last
 belongs to no check: it tells mistakes that explain a doubted touch from those that do not
@@ -160,12 +160,12 @@ def figures_of(
     evidence: TouchEvidence,
     lines: LineChanges | None = None,
     motion: FilmMotion | None = None,
-    left: float = 0.0,
+    residual: float = 0.0,
 ) -> F8:
     """Return the figures of a touch (T1 to T5, T7), in the order of `CHECK_FIGURES`.
 
     `lines` is what `line_changes` found, on one-shot sensors, `motion` what `film_motion` did, and
-    `left` what `left_as_matt` did, where it was asked.
+    `residual` what `matt_residual` did, where it was asked.
     """
     curl, film, light = evidence.read()
     change = evidence.level.astype(np.float64) - 1
@@ -175,7 +175,7 @@ def figures_of(
     sure = curl, light.dirty, rows, film.dark, level, moved, light.brighter, -light.brighter
     deep = -film.lowest / max(film.highest, MIN_HEIGHT_MM)
     vague = film.shape, light.at_rest, light.dim, light.of_touch, deep, 1 - film.calm
-    return np.array([*sure, *vague, left])
+    return np.array([*sure, *vague, residual])
 
 
 def _worst_line(lines: LineChanges) -> float:
@@ -220,9 +220,9 @@ def p_values(figures: F8, quantiles: F8) -> F8:
     return np.where(figures > start, beyond, np.maximum(above, TAIL_SHARE))
 
 
-def share_left(ranks: F8, left: float) -> float:
+def residual_share(ranks: F8, residual: float) -> float:
     """Return the p-value of what a matt film leaves of a touch."""
-    return float(p_values(np.full(len(CHECK_FIGURES), left), ranks[:-1])[-1])
+    return float(p_values(np.full(len(CHECK_FIGURES), residual), ranks[:-1])[-1])
 
 
 def of_all_checks(least: float, ranks: F8) -> float:

@@ -17,7 +17,7 @@ from tactograph.nodes.trust.check_ranks import (
     figures_of,
     of_all_checks,
     p_values,
-    share_left,
+    residual_share,
 )
 from tactograph.nodes.trust.film_motion import FilmMotion, motion_in_words
 from tactograph.nodes.trust.film_on_rims import RimShare
@@ -106,7 +106,7 @@ def judge_touch(
                         light,
                         flat,
                         lights,
-                        lambda left: share_left(quantiles, left) >= false_alarms,
+                        lambda residual: residual_share(quantiles, residual) >= false_alarms,
                         has_moved=motion is not None and bool(motion.any()),
                     )
                 )

@@ -10,7 +10,7 @@ from tactograph.sdk import InputError
 from tactograph.sdk.unstable import captures_in, refuse_other_names
 
 
-class Found(NamedTuple):
+class Captures(NamedTuple):
     """The captures of a batch, the folder in which all patterns begin, and the skipped paths.
 
     `below` is "" where the patterns have no folder in common.
@@ -26,7 +26,7 @@ def absolute(place: str) -> str:
     return str(Path(place).absolute())
 
 
-def find_captures(patterns: Sequence[str]) -> Found:
+def find_captures(patterns: Sequence[str]) -> Captures:
     """Find every place that a pattern matches, once, in order of name.
 
     A pattern is a path with ``*``, ``?``, ``[...]`` and ``**`` as a shell takes them.  A folder
@@ -46,7 +46,7 @@ def find_captures(patterns: Sequence[str]) -> Found:
         passed_over.update(dict.fromkeys(set(matches) - {*folders} if folders else ()))
     for capture in captures:
         refuse_other_names(capture)
-    return Found(list(captures), _common_start(spread), sorted(passed_over))
+    return Captures(list(captures), _common_start(spread), sorted(passed_over))
 
 
 def _spread(pattern: str) -> list[str]:

@@ -205,7 +205,7 @@ from tactograph.nodes.calibrate.film.ball_samples import (
 )
 from tactograph.nodes.calibrate.film.film_at_rest import (
     MAX_INDEPENDENT_REST as MAX_INDEPENDENT_REST,
-    rest_left as rest_left,
+    rest_residual as rest_residual,
 )
 from tactograph.nodes.calibrate.film.film_fit import (
     MAX_ROUNDS as MAX_ROUNDS,
@@ -235,7 +235,7 @@ from tactograph.nodes.calibrate.film.fit_film import (
     stored as stored,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
-    AS_TOLD as AS_TOLD,
+    AS_STATED as AS_STATED,
     WITH_COAT as WITH_COAT,
     doubts_of as doubts_of,
     explain as explain,

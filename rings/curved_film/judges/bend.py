@@ -35,7 +35,11 @@ def doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]:
     far = float(np.linalg.norm(film.lights, axis=1).max()) > MAX_LED_WIDTHS * width
     wrong = far or fitted.get("film_heldout_deg", 0.0) > MAX_ERROR_DEG
     presses = np.count_nonzero(evidence.circle[:, 2])
-    if evidence.shape is not None or not wrong or not MIN_PRESSES <= presses == len(evidence.kept):
+    if (
+        evidence.shape is not None
+        or not wrong
+        or not MIN_PRESSES <= presses == len(evidence.selection)
+    ):
         return []
     samples = evidence.light, evidence.flat, evidence.circle, evidence.radius, evidence.of
     balls = ball_presses(*samples, evidence.pixel, film.camera)

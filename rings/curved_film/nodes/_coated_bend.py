@@ -35,8 +35,8 @@ from tactograph.sdk.unstable import (
     log_odds,
     matt_film,
     predicted,
-    rest_left,
     rest_of,
+    rest_residual,
     sample_balls,
     start_at,
 )
@@ -65,7 +65,7 @@ class Bending(NamedTuple):
     pixel: float
     unit: F8
     """Unit of each unknown."""
-    is_told: bool
+    is_stated: bool
     """Whether the height of the camera's pupil is given."""
     shape: Callable[[F8], RestShape]
     lay: Callable[[F8], Laid]
@@ -99,7 +99,7 @@ def coated_bend(bending: Bending, unknowns: F8, independent: float) -> tuple[F8,
     more = len(PART_UNKNOWNS["lobe"])
     if log_odds(matt.fitted.scale, coat.scale, more, independent) < math.log(SURE_ODDS):
         return None
-    if not bending.is_told:
+    if not bending.is_stated:
         raise InputError(
             "the film has a coat, and what that mirrors from near looks like a bend: to find both, "
             "give `camera_mm`, the height of the camera's pupil above the film (1e6: far away)"
@@ -155,12 +155,12 @@ def _step(bending: Bending, now: _Round, parts: frozenset[str], further: Further
 
 def _further(bending: Bending, unknowns: F8, now: _Round) -> Further:
     """Derivatives of the light by the unknowns of the bend, in their units."""
-    light, flat = predicted(now.balls, now.fitted), rest_left(now.rest, now.fitted)
+    light, flat = predicted(now.balls, now.fitted), rest_residual(now.rest, now.fitted)
     by_light, by_flat = [], []
     for way in np.eye(len(unknowns)):
         shape = bending.shape(unknowns + DERIVATIVE_STEP * bending.unit * way)
         balls = laid_on(now.balls, now.laid.circle, shape)
         by_light.append((predicted(balls, now.fitted) - light) / DERIVATIVE_STEP)
         rest = replace(now.rest, beneath=shape.at(now.rest.x, now.rest.y))
-        by_flat.append((rest_left(rest, now.fitted) - flat) / DERIVATIVE_STEP)
+        by_flat.append((rest_residual(rest, now.fitted) - flat) / DERIVATIVE_STEP)
     return Further(np.stack(by_light), np.stack(by_flat))

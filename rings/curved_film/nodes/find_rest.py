@@ -198,8 +198,8 @@ def find_rest(
     evidence = light, flat, ball.circle, ball.radius, ball.of, pixel, camera
     presses = ball_presses(*evidence)
     tried, _ = tried_bends(presses)
-    is_told = camera_mm is not None
-    bend = _under_coat(presses, tried, noise, bounce, is_told) or fitted_bend(presses, tried)
+    is_stated = camera_mm is not None
+    bend = _under_coat(presses, tried, noise, bounce, is_stated) or fitted_bend(presses, tried)
     size = even.shape[1], even.shape[2]
     whole = bent(size, even_pixel, camera, bend.unknowns)
     deviation = _deviation(bend, flat.shape[1:], pixel)
@@ -284,7 +284,7 @@ def ball_presses(
 
 
 def _under_coat(
-    presses: BallPresses, bend: Bend, noise: Noise, bounce: NodeCall, is_told: bool
+    presses: BallPresses, bend: Bend, noise: Noise, bounce: NodeCall, is_stated: bool
 ) -> Bend | None:
     """The bend by a film's model with a coat; None where the film has none."""
 
@@ -296,7 +296,7 @@ def _under_coat(
     bending = Bending(
         np.concatenate(presses.light, axis=1), presses.flat, np.array(presses.radii, np.float32),
         np.arange(len(presses.radii), dtype=np.int32), noise, presses.pixel,
-        presses.unit, is_told, presses.shape, lay, bounce,
+        presses.unit, is_stated, presses.shape, lay, bounce,
     )  # fmt: skip
     coated = coated_bend(bending, bend.unknowns, bend.samples)
     return None if coated is None else bend._replace(unknowns=coated[0], covariance=coated[1])

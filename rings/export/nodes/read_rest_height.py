@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from tactograph.sdk import Height, node, warn
-from tactograph.sdk.nodes import as_seen
+from tactograph.sdk.nodes import distort_height
 from tactograph.sdk.unstable import (
     CALIBRATION_KIND,
     RELIEF_FIGURE,
@@ -44,4 +44,4 @@ def read_rest_height(*, height: Path, calibration: Path | None = None) -> Height
     arrays = read_arrays(calibration, CALIBRATION_KIND)
     check_use(calibration, read_about(calibration), None)
     rest = arrays.get("rest")
-    return None if rest is None or not rest.any() else as_seen(rest, arrays["lens"])
+    return None if rest is None or not rest.any() else distort_height(rest, arrays["lens"])

@@ -37,8 +37,8 @@ from tactograph.sdk.unstable import (
     places_within,
     positions,
     predict,
-    rest_left,
     rest_of,
+    rest_residual,
     stored,
 )
 
@@ -285,7 +285,7 @@ def _residuals(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     leds = np.c_[
         unknowns[: 3 * count].reshape(count, 3), np.zeros(count), np.full(count, shared[0])
     ]
-    at_rest = rest_left(scene.rest, Fitted(leds, film, np.zeros((0, 3)), 1.0))
+    at_rest = rest_residual(scene.rest, Fitted(leds, film, np.zeros((0, 3)), 1.0))
     parts = [
         (unknowns[2 : 3 * count : 3] - usual) / usual,
         (shared - about) / _units(scene, unknowns)[3 * count :],

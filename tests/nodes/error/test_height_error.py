@@ -52,7 +52,7 @@ def stated_error(
     system = system or equations(slope, 1e-4, at_rest(z))
     light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
     noisy = np.float32(noise) * light
-    given = {"misfit": np.zeros(5, np.float32), "seen": slope} | given
+    given = {"misfit": np.zeros(5, np.float32), "apparent": slope} | given
     return np.asarray(height_error(z, slope, system, light, noisy, used, film, **given))
 
 
@@ -190,7 +190,9 @@ def test_an_edge_may_lie_anywhere_in_its_pixel() -> None:
 def test_all_that_a_rim_carries_shares_its_error() -> None:
     """No slope on the top of a table errs, but all of it stands on the steps of its rim."""
     z, slope = (0.08 * part for part in table())
-    bent, known = (stated_error(z, slope, 1e-6, seen=k * slope, **LIGHT_ALONE) for k in (0.8, 1))
+    bent, known = (
+        stated_error(z, slope, 1e-6, apparent=k * slope, **LIGHT_ALONE) for k in (0.8, 1)
+    )
     assert bent[TOP].min() > 2 * known[TOP].max()
     assert np.ptp(bent[TOP]) < 0.3 * bent[TOP].mean()
 

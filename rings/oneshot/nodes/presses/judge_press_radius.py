@@ -8,7 +8,7 @@ from scipy.special import chdtri
 
 from tactograph.sdk import F4, U1, Light, PixelSize, Port, node
 from tactograph.sdk.unstable import (
-    AS_TOLD,
+    AS_STATED,
     DEVIATIONS_PER_MAD,
     FALSE_ALARMS,
     MAX_JUDGED_BALLS,
@@ -75,7 +75,7 @@ def judge_press_radius(
     # The film at rest of such sensors is not lit by points.
     flat = np.ones_like(flat)
     explained = explain(balls, flat, pixel, _directions(balls), strength, camera=None, coated=True)
-    plain, scale = explained.by_name[AS_TOLD], scale_error(explained)
+    plain, scale = explained.by_name[AS_STATED], scale_error(explained)
     # What a coat explains better is no evidence of another radius or of a gamma.
     departure = min(plain.departure, explained.by_name[WITH_COAT].departure)
     doubts, _ = doubts_of(explained, radius_mm, departure, which=RADIUS_INPUTS)

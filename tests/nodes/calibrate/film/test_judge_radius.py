@@ -12,7 +12,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.judge_radius import (
-    AS_TOLD,
+    AS_STATED,
     CLEAR_GEL,
     OTHER_CAMERA,
     OTHER_POWER,
@@ -102,7 +102,7 @@ def left_by(**departures: float) -> Alternatives:
         CLEAR_GEL: plain._replace(size=0.6),
         OTHER_POWER: plain._replace(power=1 / 2.2),
         OTHER_CAMERA: plain._replace(camera=1 / 60),
-        AS_TOLD: plain,
+        AS_STATED: plain,
     }
     some = {name: others[name]._replace(departure=left) for name, left in departures.items()}
     return Alternatives(others | some, 80, {OTHER_SIZE: 0.4, CLEAR_GEL: 0.5})
@@ -119,11 +119,11 @@ def test_the_likeliest_value_is_named_and_whatever_explains_as_much() -> None:
 
 
 def test_what_the_chosen_film_explains_better_is_no_evidence() -> None:
-    assert doubts_of(left_by(size=0.02), 6.0, left=0.011) == ([], False)
+    assert doubts_of(left_by(size=0.02), 6.0, misfit=0.011) == ([], False)
 
 
 def test_a_film_chosen_that_explains_less_than_a_plain_one_is_doubted() -> None:
-    (doubt,), is_clear = doubts_of(left_by(), 6.0, left=0.26)
+    (doubt,), is_clear = doubts_of(left_by(), 6.0, misfit=0.26)
     assert "the best leaves 26.0% of the light unexplained" in doubt
     assert not is_clear
 

@@ -10,13 +10,13 @@ from tactograph.nodes.optics.lens import ideal_places, is_straight
     neutral="height",
     tolerance=Close(3e-4, why="places rounded to 1e-5 px, times a step between two pixels"),
 )
-def as_seen(height: Height, lens: Lens) -> Height:
+def distort_height(height: Height, lens: Lens) -> Height:
     """Return the height that each pixel of the camera sees: the inverse of `undistort`.
 
     Values between pixels are interpolated by cubic convolution.  Pixels that look beyond the
     ideal grid, at the border of an image with barrel distortion, repeat its border.  Without a
     lens the height is returned unchanged, bit for bit.  Cubic convolution overshoots at steps:
-    a standard deviation is brought back by `error_as_seen`.
+    a standard deviation is brought back by `distort_error`.
 
     Parameters
     ----------
@@ -28,5 +28,5 @@ def as_seen(height: Height, lens: Lens) -> Height:
     return between_pixels(height, *ideal_places(lens, height.shape))
 
 
-as_seen.opencl(grid="H W", lanes="rows")
-as_seen.idle(is_straight)
+distort_height.opencl(grid="H W", lanes="rows")
+distort_height.idle(is_straight)

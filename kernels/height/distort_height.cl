@@ -5,7 +5,7 @@
 #include "bicubic.clh"
 
 // The height that each pixel of the camera sees.  A work-item does LANES pixels of a row.
-LANED __kernel void as_seen(
+LANED __kernel void distort_height(
     __global const float *restrict height,
     __global const float *restrict lens,
     __global float *restrict out,

@@ -11,7 +11,7 @@ static floats value_of(
 }
 
 // The height's standard deviation at each pixel of the camera, by linear interpolation.
-LANED __kernel void error_as_seen(
+LANED __kernel void distort_error(
     __global const float *restrict error,
     __global const float *restrict lens,
     __global float *restrict out,

@@ -9,7 +9,7 @@ from tactograph.nodes.optics.lens import is_straight, nearest_ideal
     neutral="labels",
     tolerance=Flips(1e-3, why="places that lie between two pixels, rounded"),
 )
-def labels_as_seen(labels: Labels, lens: Lens) -> Labels:
+def distort_labels(labels: Labels, lens: Lens) -> Labels:
     """Return the labels that each pixel of the camera sees: those of the nearest ideal pixel.
 
     Pixels that look beyond the ideal grid repeat its border.  Without a lens the labels are
@@ -25,5 +25,5 @@ def labels_as_seen(labels: Labels, lens: Lens) -> Labels:
     return labels[nearest_ideal(lens, labels.shape)]
 
 
-labels_as_seen.opencl(grid="H W", lanes="rows")
-labels_as_seen.idle(is_straight)
+distort_labels.opencl(grid="H W", lanes="rows")
+distort_labels.idle(is_straight)

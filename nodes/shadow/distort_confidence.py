@@ -9,10 +9,10 @@ from tactograph.nodes.optics.lens import is_straight, nearest_ideal
     neutral="confidence",
     tolerance=Flips(1e-3, why="places that lie between two pixels, rounded"),
 )
-def confidence_as_seen(confidence: Confidence, lens: Lens) -> Confidence:
+def distort_confidence(confidence: Confidence, lens: Lens) -> Confidence:
     """Return the confidence in the labels at each pixel of the camera.
 
-    It is that of the nearest ideal pixel, as in `labels_as_seen`.  Without a lens it is
+    It is that of the nearest ideal pixel, as in `distort_labels`.  Without a lens it is
     returned unchanged.
 
     Parameters
@@ -25,5 +25,5 @@ def confidence_as_seen(confidence: Confidence, lens: Lens) -> Confidence:
     return confidence[nearest_ideal(lens, confidence.shape)]
 
 
-confidence_as_seen.opencl(grid="H W", lanes="rows")
-confidence_as_seen.idle(is_straight)
+distort_confidence.opencl(grid="H W", lanes="rows")
+distort_confidence.idle(is_straight)

@@ -10,10 +10,10 @@ from tactograph.nodes.optics.lens import ideal_places, is_straight
     neutral="error",
     tolerance=Close(3e-4, why="places rounded to 1e-5 px, times a step between two pixels"),
 )
-def error_as_seen(error: HeightError, lens: Lens) -> HeightError:
+def distort_error(error: HeightError, lens: Lens) -> HeightError:
     """Return the standard deviation of the height at each pixel of the camera.
 
-    Values between pixels are interpolated linearly.  Cubic convolution, as in `as_seen`,
+    Values between pixels are interpolated linearly.  Cubic convolution, as in `distort_height`,
     overshoots beside the film at rest, and a standard deviation is never negative.  Pixels that
     look beyond the ideal grid repeat its border.  Without a lens the standard deviation is
     returned unchanged.
@@ -28,5 +28,5 @@ def error_as_seen(error: HeightError, lens: Lens) -> HeightError:
     return bilinear(error, *ideal_places(lens, error.shape))
 
 
-error_as_seen.opencl(grid="H W", lanes="rows")
-error_as_seen.idle(is_straight)
+distort_error.opencl(grid="H W", lanes="rows")
+distort_error.idle(is_straight)
