@@ -30,7 +30,7 @@ from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 LINE_PORTS = ("across_row", "along_row", "across_column")
-EVIDENCE_PORTS = {"level": "told.level", "figures": "told.figures", "motion": "moved"}
+EVIDENCE_PORTS = {"level": "evidence.level", "figures": "evidence.figures", "motion": "moved"}
 RIM_PORTS = {"rims": "on_rims.share"}
 CAUSE_PORTS = {"light": "drifted_c", "cells": "flat_c", "leds": "cal.lights"}
 ONE_SHOT_PORTS = {port: f"lines.{port}" for port in LINE_PORTS}
