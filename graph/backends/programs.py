@@ -24,7 +24,7 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-from tactograph.graph.backends.pocl_builtins import with_builtins
+from tactograph.graph.backends.pocl_source import pocl_source
 from tactograph.graph.disk.disk_cache import CACHE_SUFFIX, cache_folder, read_cached, write_cached
 
 Recipe = tuple[str, tuple[str, ...]]
@@ -136,10 +136,10 @@ def _alone(file: Path, *, wait: bool = True) -> Iterator[None]:
 
 
 def _compiled(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Program:
-    is_pocl = context.devices[0].platform.name == POCL_PLATFORM
-    if is_pocl and (declared := with_builtins(source)):
+    if context.devices[0].platform.name == POCL_PLATFORM:
+        text, more = pocl_source(source)
         with suppress(cl.RuntimeError):  # another version's file may say it otherwise
-            return _built(cl.Program(context, declared[0]), (*options, *declared[1]))
+            return _built(cl.Program(context, text), (*options, *more))
     return _built(cl.Program(context, source), options)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tactograph.graph.backends.device_backend import open_device
-from tactograph.graph.backends.kernel_source import kernel_text
+from tactograph.graph.backends.kernel_source import kernel_source
 from tactograph.graph.declare.check_settings import PARAM_PLACEHOLDER
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
@@ -43,8 +43,8 @@ def find_origin(
 
     ``hash`` is the graph's, ``arguments`` are the values of its params.  ``inputs`` has the hash of
     every file's or folder's content that these, or nodes that read (``node.param``), name, and what
-    an ``.npz`` states of its sensor.  ``code`` has, by package and for the engine, a hash of its
-    source.  ``versions`` are of Python, this package, the nodes' packages, and all that these need.
+    an ``.npz`` states of its sensor.  ``code`` has, by package and for the engine, a hash of all
+    its source.  ``versions`` are of Python, this package, the nodes' packages, and what these need.
     ``device`` is "" where none is used.  A missing capture or ``out`` does not count.
 
     Raises InputError if a node or the device is not there, or a param is not given.
@@ -110,7 +110,7 @@ def code_of(node: Node) -> str:
     It covers the core's nodes, the node's own package, and the kernels with their headers, also of
     the nodes that it calls.
     """
-    kernels = [kernel_text(n) for n in (node, *node.calls.values()) if n.has_kernel]
+    kernels = [kernel_source(n) for n in (node, *node.calls.values()) if n.has_kernel]
     files = [*_source(NODES_PACKAGE), *_source(_package(node))]
     return digest({"files": files, "kernels": kernels})
 

@@ -25,7 +25,7 @@ from tactograph.nodes.optics.radiosity import (
     larger_cells,
     means,
 )
-from tactograph.nodes.optics.sweep import arriving, azimuth_directions, matt
+from tactograph.nodes.optics.sweep import arriving, matt, steps_in_table
 
 MAX_ALBEDO = 0.95
 CELL_ITEMS, GROUP_CELLS = 8, 32
@@ -180,15 +180,14 @@ def _launch_on_cells(run: Launch, grid: Grid, larger: DeviceArray | None = None)
         constants=constants,
     )  # fmt: skip
     bounced = run.scratch((count, grid.rows, grid.columns))
-    ways = run.keep(("azimuths", grid.azimuths), lambda: run.put(azimuth_directions(grid.azimuths)))
+    steps = run.keep(grid, lambda: run.put(steps_in_table(grid)))
     shared = (1, 1) if run.lanes > 1 else (GROUP_CELLS, CELL_ITEMS)
     side = math.isqrt(run.lanes)
-    tiles = -(-grid.rows // side) * -(-grid.columns // side)
     run.kernel(
-        "throw_light", (shared[1], tiles),
+        "throw_light", (shared[1], -(-grid.rows // side) * -(-grid.columns // side)),
         table, sources, bounced, lights, *of_coat, inputs["film.camera"],
         grid.rows, grid.columns, grid.rim, grid.width, grid.film,
-        camera, ways, grid.azimuths, inputs["film.albedo"], larger,
+        camera, grid.azimuths, steps, steps.shape[1], inputs["film.albedo"], larger,
         local=shared, constants=constants,
     )  # fmt: skip
     return bounced

@@ -43,18 +43,6 @@ Law = Callable[[Numbers, F4, Numbers], F4]
 all cells, by number, to light K x N."""
 
 
-class Sight(NamedTuple):
-    """Pairs of cells that see one another along an azimuth: N pairs, by number."""
-
-    share: F4
-    """Factor from the other cell's light to the arriving light, per radian of azimuth: N."""
-    direction: F4
-    """Direction to the other cell, 3 x N."""
-    here: Numbers
-    there: Numbers
-    """Among all cells."""
-
-
 class _Steps(NamedTuple):
     """The steps along an azimuth, N."""
 
@@ -89,21 +77,29 @@ class _Looking(NamedTuple):
     """Factor from F to the share of the light that arrives, per radian of azimuth."""
 
 
-def _sight_lines(cells: Cells, grid: Grid, camera: float, number: int) -> Sight:
-    """Return the pairs of cells that see one another along one of the grid's azimuths."""
-    frame = slice(None), *grid.frame
-    x, y = azimuth_directions(grid.azimuths)[number]
-    on = _looking(cells.at[frame], cells.normal[frame], (x, y), camera)
-    return _sight(on, grid, _steps(grid, x, y), np.float32(camera))
+def steps_in_table(grid: Grid) -> NDArray[np.int32]:
+    """Return a kernel's steps along the azimuths: azimuths x steps x 7.
+
+    How far from the start, among all cells in order, lie the two corners and the middle; the
+    length; and the bits of the part, and of the azimuth's x and y.
+    """
+    azimuths = _azimuths(grid.azimuths)
+    ways, to_row = [_steps(grid, *azimuth) for azimuth in azimuths], (grid.whole[1], 1)
+    table = np.zeros((len(ways), max(way.length.size for way in ways), 7), np.int32)
+    for steps, way in zip(table, ways, strict=True):
+        places = way.corners @ to_row, way.middle @ to_row, way.length, way.part.view(np.int32)
+        steps[: way.length.size, :5] = np.column_stack(places)
+    table[..., 5:] = azimuths.view(np.int32)[:, None]
+    return table
 
 
-def azimuth_directions(count: int) -> F4:
+def _azimuths(count: int) -> F4:
     """Return x and y of the azimuths that cells look along: count x 2."""
     turn = 2 * np.pi * (np.arange(count) + 0.5) / count
     return np.stack([np.cos(turn), np.sin(turn)], axis=1).astype(np.float32)
 
 
-def _looking(at: F4, normal: F4, azimuth: tuple[float, float], camera: float) -> _Looking:
+def _looking(at: F4, normal: F4, azimuth: F4, camera: float) -> _Looking:
     """The start of a sweep, when the horizon of each cell is its own tangent."""
     eye = np.stack(to_pupil(camera, *at))
     x, y = (np.float32(part) for part in azimuth)
@@ -119,8 +115,14 @@ def _looking(at: F4, normal: F4, azimuth: tuple[float, float], camera: float) ->
     return _Looking(at, eye, facing, forwards, tangent, steepness, eye[2] / flat)
 
 
-def _sight(on: _Looking, grid: Grid, steps: _Steps, camera: np.float32) -> Sight:
-    """Film that rises over the horizon of each cell along an azimuth.
+def _sight(
+    on: _Looking, grid: Grid, steps: _Steps, camera: np.float32
+) -> tuple[F4, F4, Numbers, Numbers]:
+    """Return the N pairs of cells that see one another along an azimuth.
+
+    They are the factor from the other cell's light to the arriving light, per radian of azimuth;
+    the direction to the other cell, 3 x N; the cell of the frame, and the other among all cells,
+    by number.
 
     The camera sees other heights, but straight lines stay straight: what rises over the horizon
     in its image does so on the film.  Most steps see nothing rise, and the image shows that with
@@ -149,7 +151,7 @@ def _sight(on: _Looking, grid: Grid, steps: _Steps, camera: np.float32) -> Sight
     row, column = np.divmod(cell, grid.columns)
     down, right = steps.middle[step].T + grid.rim
     source = (row + down) * grid.whole[1] + column + right
-    return Sight(on.gain.ravel()[cell] * share, direction, cell, source)
+    return on.gain.ravel()[cell] * share, direction, cell, source
 
 
 def _risen(
@@ -192,17 +194,18 @@ def arriving(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
     `camera` is 1 over the height of the pupil for which the cells form a grid.  All cores share
     the azimuths.
     """
-    count = grid.azimuths
-    size = grid.rows * grid.columns
+    size, frame = grid.rows * grid.columns, (slice(None), *grid.frame)
 
-    def along(number: int) -> NDArray[np.float64]:
-        share, direction, cell, source = _sight_lines(cells, grid, camera, number)
+    def along(azimuth: F4) -> NDArray[np.float64]:
+        on = _looking(cells.at[frame], cells.normal[frame], azimuth, camera)
+        steps = _steps(grid, *azimuth)
+        share, direction, cell, source = _sight(on, grid, steps, np.float32(camera))
         thrown = share * law(cell, direction, source)
         return np.stack([np.bincount(cell, plane, size) for plane in thrown])
 
     with ThreadPoolExecutor(cores()) as threads:
-        total: Any = sum(threads.map(along, range(count)))
-    return (2 / count * total).astype(np.float32).reshape(-1, grid.rows, grid.columns)
+        total: Any = sum(threads.map(along, _azimuths(grid.azimuths)))
+    return (2 / grid.azimuths * total).astype(np.float32).reshape(-1, grid.rows, grid.columns)
 
 
 def matt(sources: F4) -> Law:

@@ -59,6 +59,7 @@ def test_heights_are_as_of_square_pixels_but_have_no_pixel_size(folder: Path, gr
             read_pixel_size(height=folder / graph / name)
 
 
+@pytest.mark.slow
 def test_a_ball_that_looks_oblong_is_told(folder: Path) -> None:
     result = calibrated(folder, out="square.npz")
     assert oblong_percent(said(result)) == pytest.approx(100 * (LENGTH_MM / PIXEL_MM - 1), abs=0.5)

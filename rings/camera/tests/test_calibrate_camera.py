@@ -315,6 +315,7 @@ def test_presses_are_undistorted_one_by_one() -> None:
     assert np.allclose(found.circles[2], known[2])
 
 
+@pytest.mark.slow
 def test_the_graph_writes_a_file_and_a_picture(tmp_path: Path) -> None:
     image = pixels(dots(*on_film(SHAPE, NONE, 20, 0.1, (0, 0))))
     cv2.imwrite(str(tmp_path / "grid.png"), np.uint8(255 * image))

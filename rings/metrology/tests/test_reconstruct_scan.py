@@ -13,6 +13,7 @@ from tactograph.nodes import BAND_DEVIATIONS
 from tests.fixtures import real_data
 
 
+@pytest.mark.slow
 def test_a_cap_has_its_height(tmp_path: Path) -> None:
     model = write_model(tmp_path / "model.yaml")
     z = cap(radius=0.9, depth=0.06)

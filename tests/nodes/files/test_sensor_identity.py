@@ -71,6 +71,7 @@ def test_a_calibration_keeps_name_and_serial_of_its_sensor(calibrated: Calibrate
     assert str(identity_in({"sensor": "a\nb\x1b[2J", "serial": 7})).isprintable()
 
 
+@pytest.mark.slow
 def test_results_name_the_calibration_they_were_made_with(
     tmp_path: Path, calibration: Callable[[str], str], raytraced: Path, tactograph: Command
 ) -> None:

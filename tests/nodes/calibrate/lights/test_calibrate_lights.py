@@ -58,6 +58,7 @@ def test_leds_are_found(slant: float, distance: float, count: int) -> None:
     assert found.residual.max() < 0.02
 
 
+@pytest.mark.slow
 def test_the_leds_are_as_far_off_as_the_fit_says() -> None:
     off_by, stated = [], []
     for seed in range(4):
