@@ -52,7 +52,7 @@ CAMERA_ADVICE = ", or the camera near the film, whose height you have not given 
 RADIUS_INPUTS = " (`evidence.radius`, `evidence.pixel`)"
 
 OTHER_SIZE, OTHER_POWER = STATED_UNKNOWNS
-AS_STATED, OTHER_CAMERA, CLEAR_GEL, WITH_COAT = "told", "camera", "clear", "coated"
+AS_STATED, OTHER_CAMERA, CLEAR_GEL, WITH_COAT = "stated", "camera", "clear", "coated"
 FREE_PARTS = {
     name: frozenset({"plain", name} - {AS_STATED})
     for name in (AS_STATED, OTHER_SIZE, OTHER_POWER, OTHER_CAMERA)

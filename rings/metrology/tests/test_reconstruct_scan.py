@@ -77,7 +77,7 @@ def test_a_step_of_known_depth_settles_the_scale(tmp_path: Path) -> None:
     for wrong, message in (
         ({"certified_um": None}, "a known step needs both: step=SCAN certified_um=DEPTH"),
         ({"step": None}, "a known step needs both: step=SCAN certified_um=DEPTH"),
-        ({"scale": (1.1, 0.01)}, "step: a known step tells the scale: give step or scale"),
+        ({"scale": (1.1, 0.01)}, "known: a known step tells the scale: give step or scale"),
         (
             {"certified_um": (60, 0.2)},
             "/known: its step is 13. um deep, not 60: check certified_um",

@@ -129,10 +129,10 @@ def test_a_film_chosen_that_explains_less_than_a_plain_one_is_doubted() -> None:
 
 
 def test_a_radius_is_open_until_the_light_excludes_a_gel_that_diffuses_none() -> None:
-    light = left_by(told=0.03, clear=0.031)
+    light = left_by(stated=0.03, clear=0.031)
     assert "6 mm fits if the gel diffuses 0% of the light, 3.6 mm if it" in unconfirmed(light, 6.0)
     # A ball of 0.6 times the radius is half as high; pixels of 1 / 0.6 times the size add that.
     assert scale_error(light) == pytest.approx(math.hypot(0.5, 1 - 0.5 / 0.6) / math.sqrt(2))
-    excluded = left_by(told=0.03, clear=0.04)
+    excluded = left_by(stated=0.03, clear=0.04)
     assert not unconfirmed(excluded, 6.0)
     assert scale_error(excluded) == 0
