@@ -9,6 +9,7 @@ import pyopencl as cl
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.backends.kernel_source import (
+    check_kernel,
     kernel_file,
     kernel_signatures,
     kernel_source,
@@ -36,6 +37,7 @@ class Compiled:
         NodeError
             If it is not there, or does not match.
         """
+        check_kernel(self.node)
         return kernel_source(self.node)
 
     def kernels_with(self, constants: Mapping[str, int]) -> dict[str, Kernel]:

@@ -114,7 +114,7 @@ def _make_bar() -> Progress:
     bar = Progress(
         TextColumn("{task.description}", markup=False),
         BarColumn(),
-        TextColumn("{task.fields[left]}"),
+        TextColumn("{task.fields[remaining_text]}"),
         console=Console(stderr=True, force_terminal=True),
         transient=True,
         auto_refresh=False,
