@@ -144,16 +144,21 @@ from tactograph.nodes.calibrate.file.calibration import (
     NO_MISFIT as NO_MISFIT,
     Calibration as Calibration,
 )
+from tactograph.nodes.calibrate.film._film_search import (
+    FINAL_SAMPLES as FINAL_SAMPLES,
+)
 from tactograph.nodes.calibrate.film.ball_normals import (
     normal_error as normal_error,
 )
 from tactograph.nodes.calibrate.film.ball_samples import (
     grain as grain,
+    lights_itself as lights_itself,
     sample_balls as sample_balls,
+    thinned as thinned,
 )
 from tactograph.nodes.calibrate.film.film_at_rest import (
-    MAX_INDEPENDENT_REST as MAX_INDEPENDENT_REST,
     rest_left as rest_left,
+    rest_spread as rest_spread,
 )
 from tactograph.nodes.calibrate.film.film_fit import (
     light_scale as light_scale,
