@@ -173,7 +173,7 @@ def refit_film(
     before_refit = _known(precise, flat, before, pixel)
     before_error = float(np.mean(_judged(before_refit, balls, ())[1]))
     best, errors, fold_fits = _choose(before_refit, balls)
-    if lights_itself(best.film) and not lights_itself(film):
+    if best.film.albedo > 0 and not lights_itself(film):
         # Now the light that the new film reflects from film to film is known.
         renewed = sampled(best.film, shifts=best.shifts, rim=balls.rim, edges=True, fine=True)
         more = thinned(renewed, FINAL_SAMPLES)
