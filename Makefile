@@ -70,7 +70,7 @@ test-all: $(VENV)/.tested-all lint test-oldest
 # what packages give: arrays, files, commands, kernels.
 OLDEST = .venv-oldest
 OLDEST_TESTS = tests/graph/run tests/graph/files tests/graph/test_command.py tests/graph/compare \
-    tests/graph/batch tests/nodes/capture tests/nodes/write tests/nodes/files tests/nodes/height
+    rings/batch/tests tests/nodes/capture tests/nodes/write tests/nodes/files tests/nodes/height
 test-oldest:
 	@$(MAKE) --no-print-directory VENV=$(OLDEST) CONSTRAINTS=tests/oldest.txt $(OLDEST)/.tested
 	$(subst $(BIN),$(OLDEST)/bin,$(PYTEST)) -m 'not slow and not realtime' $(OLDEST_TESTS)

@@ -284,7 +284,7 @@ def settled(device: str, wall: float, seed: int, folder: Path) -> tuple[Metrics,
         light *= 1 + 0.01 * rng.normal(size=light.shape)
         write_scan(folder / name, np.clip(light, 0, 1).astype(np.float32), pixel=pixel)
     given = {"capture": folder / "part", "model": model, "cell_px": 8, "out": folder / "result"}
-    known = {"known": folder / "known", "known_um": (KNOWN_UM, 0.2)}
+    known = {"step": folder / "known", "certified_um": (KNOWN_UM, 0.2)}
     figures = []
     for more in ({}, known):
         run("reconstruct_scan", **given, **more)

@@ -37,7 +37,6 @@ from tactograph.graph.errors import (
 
 if TYPE_CHECKING:
     from tactograph.graph.backends import parity
-    from tactograph.graph.batch.batch_maps import BatchMaps
     from tactograph.graph.cache.cache import Cache
     from tactograph.graph.run.open_pipeline import load
     from tactograph.graph.run.pipeline import Pipeline
@@ -45,7 +44,6 @@ if TYPE_CHECKING:
 __all__ = [
     "EVERYTHING",
     "FRACTIONS",
-    "BatchMaps",
     "Cache",
     "Close",
     "EndOfStream",
@@ -74,7 +72,6 @@ __all__ = [
 
 
 _LATE_MODULES = {
-    "BatchMaps": "batch.batch_maps",
     "Cache": "cache.cache",
     "Pipeline": "run.pipeline",
     "load": "run.open_pipeline",

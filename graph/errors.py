@@ -142,12 +142,12 @@ def _is_control(character: str) -> bool:
 _BIDI_CLASSES = {"LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI"}
 
 
-def did_you_mean(word: str, known: Iterable[str], lister: str = "") -> str:
+def did_you_mean(word: str, choices: Iterable[str], lister: str = "") -> str:
     """Return ``"; did you mean 'x'?"`` for the closest known word, else an empty string.
 
     Of words that the command `lister` lists, name up to three, and the command.
     """
-    words = list(known)
+    words = list(choices)
     few = difflib.get_close_matches(word, words, n=3, cutoff=0.75) if lister else []
     close = few or difflib.get_close_matches(word, words, n=1, cutoff=0.6)
     meant = " or ".join(filter(None, [", ".join(map(repr, close[:-1])), *map(repr, close[-1:])]))

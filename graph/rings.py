@@ -6,13 +6,14 @@ the ring's and whose value the package.  What lies in its folder is found by pla
 ==============================  ============================================================
 ``nodes/**/NAME.py``            node NAME, declared by ``@node``
 ``kernels/**/NAME.cl``          its kernels, in the same room
+``judges/NAME.py``              doubts of a calibration with a ball: ``doubts`` (`ring_doubts`)
 ``calibrations/NAME_kind.py``   files of calibrations of a kind (`nodes.calibrate.kinds`)
 ``layers/NAME.py``              layer NAME of a touch: its ``KIND`` (`nodes.stream.touch`)
 ``pipelines/FOLDER/NAME.yaml``  graph NAME; in ``overlays``, ``studies`` an overlay, a study;
                                 in ``variants`` what it adds to graph NAME of another
 ``verbs/NAME.py``               ``tactograph NAME``, a click command called ``command``
 ``formats/EXT.py``              files ``.EXT`` of heights: functions ``read``, ``write``
-``show/EXT.py``                 what ``tactograph show`` prints of a file ``.EXT``: ``show``
+``show/EXT.py``                 what ``tactograph show`` prints of ``NAME.EXT``: ``show``
 ``captures/NAME.py``            folders of images that a ``NAME.yaml`` lists: ``read``
 ``sensors/NAME.yaml``           preset NAME of a sensor
 ==============================  ============================================================
@@ -100,9 +101,9 @@ def bring(kind: str, name: str) -> ModuleType | None:
 
     Raises NodeError, which names the ring, if it cannot be imported.
     """
-    if (found := brought(kind).get(name)) is None:
+    if (entry := brought(kind).get(name)) is None:
         return None
-    ring, file = found
+    ring, file = entry
     try:
         return importlib.import_module(ring.module(kind, file))
     except Exception as error:

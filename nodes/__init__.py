@@ -92,7 +92,7 @@ Misfit = Annotated[F4, Port("5", "1", low=0.001, high=0.02)]
 - bounce: relative error of the light reflected from film to film.
 - tilt: error of the slant common to all normals of an object, in radians."""
 FULL_MISFIT_SLOPE = np.float32(0.1)
-"""Slope from which on the model's error is that of the presses."""
+"""Slope from which on film counts as touched, and the model's error is that of the presses."""
 LEVEL_MISFIT_SHARE = np.float32(0.3)
 """Share of that error on level film around a touch.  There the flat frame cancels it, except for
 the light that the touch throws on the film."""

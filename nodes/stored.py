@@ -54,24 +54,24 @@ def stored_values(record: type) -> Mapping[str, Value]:
     return values
 
 
-def with_plain(record: type, known: Mapping[str, Any]) -> dict[str, Any]:
+def with_plain(record: type, stated: Mapping[str, Any]) -> dict[str, Any]:
     """The values of a record, those that are not known as of a plain sensor.
 
-    Arrays are shaped to the `known` ones, and as exact as the most exact of them.
+    Arrays are shaped to the `stated` ones, and as exact as the most exact of them.
     """
     values = stored_values(record)
-    arrays = {name: known[name] for name in values if np.ndim(known.get(name, 0))}
+    arrays = {name: stated[name] for name in values if np.ndim(stated.get(name, 0))}
     sizes = {
         dim: size
         for name, array in arrays.items()
         for dim, size in zip(values[name].port.dims, array.shape, strict=True)
     }
     exact = np.result_type(np.float32, *(array.dtype for array in arrays.values()))
-    filled = dict(known)
+    filled = dict(stated)
     for name, (port, stored) in values.items():
-        if name in known:
+        if name in stated:
             continue
-        plain = known[stored.plain] if isinstance(stored.plain, str) else stored.plain
+        plain = stated[stored.plain] if isinstance(stored.plain, str) else stored.plain
         filled[name] = plain
         if port.dims:
             shape = [dim if isinstance(dim, int) else sizes[dim] for dim in port.dims]

@@ -4,8 +4,6 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from types import FrameType
 
 AGAIN_S = 0.02
@@ -41,22 +39,6 @@ def raise_heard() -> None:
     """Raise what waits for the end of an import that is over."""
     if _first is not None:
         raise KeyboardInterrupt
-
-
-@contextmanager
-def later() -> Iterator[None]:
-    """Let Ctrl-C wait for the end of the block; only the main thread ever hears of it."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    heard: list[tuple[int, FrameType | None]] = []
-    before = signal.signal(signal.SIGINT, lambda *about: heard.append(about))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-    if heard and callable(before):
-        before(*heard[0])
 
 
 def _is_in_import(frame: FrameType | None) -> bool:

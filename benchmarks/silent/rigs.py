@@ -133,7 +133,7 @@ class Simulator:
 
     @cached_property
     def pipeline(self) -> Any:
-        seen = {"light": "lens", "height": "seen.height"}
+        seen = {"light": "lens", "height": "view.height"}
         outputs = seen if self.hand else {"light": "scene.light", "height": "film"}
         shape = {"file": "none.npy", "pixel_size_mm": "$pixel_size_mm"}
         patch = [{"replace": "shape", "op": "shape_image", "with": shape}]

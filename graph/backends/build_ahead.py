@@ -16,7 +16,7 @@ from threading import Thread
 import pyopencl as cl
 
 from tactograph.graph.backends.programs import (
-    KEPT_PLATFORMS,
+    CACHED_PLATFORMS,
     Recipe,
     ahead,
     build_if_free,
@@ -75,7 +75,7 @@ def _tell(helper: subprocess.Popen[bytes], recipes: Sequence[Recipe]) -> None:
 def main() -> None:
     """Build what the parent writes into the standard input."""
     parent, name = sys.argv[1:]
-    platforms = (p for p in cl.get_platforms() if p.name in KEPT_PLATFORMS)
+    platforms = (p for p in cl.get_platforms() if p.name in CACHED_PLATFORMS)
     context = next(context_of(d) for p in platforms for d in p.get_devices() if d.name == name)
     start_compiler(context)
     with suppress(EOFError):  # there was nothing to build

@@ -1,10 +1,9 @@
 """A node's kernels, compiled for one device."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
-import numpy as np
 import pyopencl as cl
 
 from tactograph.graph.backends.device_queue import Queue
@@ -13,14 +12,10 @@ from tactograph.graph.backends.kernel_source import (
     kernel_file,
     kernel_signatures,
     kernel_source,
-    scalar_type,
 )
 from tactograph.graph.backends.programs import build
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import NodeError
-
-Convert = Callable[[Any], list[Any]]
-"""Converts a parameter's value to kernel arguments."""
 
 
 class Compiled:
@@ -28,8 +23,7 @@ class Compiled:
 
     def __init__(self, node: Node, queue: Queue) -> None:
         self.node = node
-        self.converters = _converters(node)
-        self.kept: dict[Any, Any] = {}
+        self.shared: dict[Any, Any] = {}
         self._queue = queue
         self._built: dict[tuple[tuple[str, int], ...], dict[str, Kernel]] = {}
 
@@ -76,23 +70,3 @@ class Compiled:
             kernel.function_name: Kernel(kernel, signatures[kernel.function_name])
             for kernel in program.all_kernels()
         }
-
-
-def _converters(node: Node) -> dict[str, Convert]:
-    """The converters by parameter; empty for a node whose launch function converts its own."""
-    if node.kernels.grid is None:
-        return {}
-    return {name: _converter(p.annotation) for name, p in node.parameters.items()}
-
-
-def _converter(annotation: Any) -> Convert:
-    """Make a converter: a number passes as it is, a tuple item by item, a choice as its index."""
-    scalar = scalar_type(annotation)
-    assert scalar is not None
-    c_type, count, choices = scalar
-    make = np.float32 if c_type == "float" else np.int32
-    if choices:
-        return lambda value: [np.int32(choices.index(value))]
-    if count > 1:
-        return lambda value: [make(v) for v in value]
-    return lambda value: [make(value)]

@@ -167,7 +167,7 @@ class Queue:
         local = local_size(1, self.lanes)
         work_items = global_size(in_lanes(array.shape, self.lanes), local)
         arguments = (source.buffer, target.buffer, np.int32(array.size), full)
-        return target, (started, kernel.enqueue(self.queue, work_items, local, arguments))
+        return target, (started, kernel.bind(self.queue, work_items, local, arguments)())
 
     def _now(self) -> Timer:
         marker = cl.enqueue_marker(self.queue)

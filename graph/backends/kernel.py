@@ -30,7 +30,6 @@ class Kernel:
     def __init__(self, kernel: cl.Kernel, signature: Sequence[Argument] = ()) -> None:
         self._kernel = kernel
         self.name = kernel.function_name
-        self._twins: list[Kernel] = []
         self._signature = signature
         self._converters = [converter(c_type) for c_type, _ in signature]
         self._typed = False
@@ -43,49 +42,28 @@ class Kernel:
         TypeError
             If there are too many or too few, or one has a wrong type.
         """
-        try:
-            pairs = zip(self._converters, arguments, strict=True)
-            return [convert(value) for convert, value in pairs]
-        except (TypeError, ValueError, OverflowError):
-            raise TypeError(self._complaint(arguments)) from None
-
-    def _complaint(self, arguments: Sequence[Any]) -> str:
-        name = f"kernel {self.name}"
-        if len(arguments) != len(self._signature):
-            takes = ", ".join(name for _, name in self._signature)
-            return f"{name} takes {len(self._signature)} arguments ({takes}), not {len(arguments)}"
-        for number, (value, convert) in enumerate(
-            zip(arguments, self._converters, strict=True), start=1
-        ):
+        name, signature = f"kernel {self.name}", self._signature
+        if len(arguments) != len(signature):
+            takes = ", ".join(name for _, name in signature)
+            raise TypeError(
+                f"{name} takes {len(signature)} arguments ({takes}), not {len(arguments)}"
+            )
+        converted: list[Any] = []
+        for value, convert in zip(arguments, self._converters, strict=True):
             try:
-                convert(value)
+                converted.append(convert(value))
             except (TypeError, ValueError, OverflowError):
-                type_name = " ".join(self._signature[number - 1])
-                return f"{name}: argument {number} is '{type_name}', not {in_words(value)}"
-        raise AssertionError(name)
+                number = len(converted)
+                raise TypeError(
+                    f"{name}: argument {number + 1} is '{' '.join(signature[number])}', "
+                    f"not {in_words(value)}"
+                ) from None
+        return converted
 
     def copy(self) -> Kernel:
         """Copy the kernel, with arguments of its own."""
         kernel = cl.Kernel(self._kernel.program, self.name)
         return Kernel(kernel, self._signature)
-
-    def twin(self, number: int) -> Kernel:
-        """The copy of this number, made on first use."""
-        while len(self._twins) <= number:
-            self._twins.append(self.copy())
-        return self._twins[number]
-
-    def enqueue(
-        self,
-        queue: cl.CommandQueue,
-        work_items: tuple[int, ...],
-        local: tuple[int, ...],
-        arguments: Sequence[Any],
-    ) -> cl.Event:
-        """Launch over `work_items` in work-groups of `local`, both fastest axis first."""
-        self._be_typed(arguments)
-        launch = partial(self._kernel, queue, work_items, local, *arguments)
-        return self._named(launch, arguments)()
 
     def bind(
         self,
@@ -94,8 +72,14 @@ class Kernel:
         local: tuple[int, ...],
         arguments: Sequence[Any],
     ) -> Callable[[], cl.Event]:
-        """Set the arguments once; return a function that launches the kernel with them."""
-        self._be_typed(arguments)
+        """Set the arguments; return a function that launches the kernel with them.
+
+        It launches over `work_items` in work-groups of `local`, both fastest axis first.
+        """
+        if not self._typed:
+            types = [type(a) if isinstance(a, np.generic) else None for a in arguments]
+            self._kernel.set_arg_types(types)
+            self._typed = True
         self._kernel.set_args(*arguments)
         launch = partial(cl.enqueue_nd_range_kernel, queue, self._kernel, work_items, local)
         return self._named(launch, arguments)
@@ -115,12 +99,6 @@ class Kernel:
         names = [name for _, name in self._signature] or [""] * len(arguments)
         listed = ", ".join(map(_in_short, names, arguments))
         return partial(renamed(_launch_and_wait, f"kernel {self.name}({listed})"), launch)
-
-    def _be_typed(self, arguments: Sequence[Any]) -> None:
-        if not self._typed:
-            types = [type(a) if isinstance(a, np.generic) else None for a in arguments]
-            self._kernel.set_arg_types(types)
-            self._typed = True
 
 
 def renamed(function: Callable[..., T], name: str) -> Callable[..., T]:

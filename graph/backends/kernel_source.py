@@ -38,7 +38,7 @@ def kernel_source(node: Node) -> str:
     """
     if node.kernels.grid is not None:
         _check(node)
-    return kernel_text(node)
+    return _with_headers(node, f"{node.name}.cl", set())
 
 
 def kernel_file(node: Node) -> str:
@@ -50,17 +50,6 @@ def kernel_file(node: Node) -> str:
         If there is no such file.
     """
     return _find(node, f"{node.name}.cl")[0]
-
-
-def kernel_text(node: Node) -> str:
-    """`kernel_source` without the comparison with the declaration.
-
-    Raises
-    ------
-    NodeError
-        If a file is not there.
-    """
-    return _with_headers(node, f"{node.name}.cl", set())
 
 
 def _with_headers(node: Node, file: str, written: set[str]) -> str:
@@ -146,6 +135,16 @@ def scalar_type(annotation: Any) -> tuple[str, int, tuple[Any, ...]] | None:
         if members and members[0] is not None and all(m == members[0] for m in members):
             return members[0][0], len(members), ()
     return None
+
+
+def scalar_values(annotation: Any, value: Any) -> list[Any]:
+    """The numbers of a parameter: a tuple item by item, a choice as its index."""
+    scalar = scalar_type(annotation)
+    assert scalar is not None
+    _, count, choices = scalar
+    if choices:
+        return [choices.index(value)]
+    return [value] if count == 1 else [*value]
 
 
 def _parameter_arguments(node: Node, parameter: Parameter) -> list[Argument]:

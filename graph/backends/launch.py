@@ -1,7 +1,6 @@
 """The argument of a node's launch function: its arrays on the device, and its kernels."""
 
-from collections import Counter
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -18,7 +17,8 @@ from tactograph.graph.backends.arrays import (
 )
 from tactograph.graph.backends.compiled_node import Compiled
 from tactograph.graph.backends.device_queue import Queue
-from tactograph.graph.backends.kernel import Kernel
+from tactograph.graph.backends.kernel_source import scalar_values
+from tactograph.graph.errors import NodeError
 
 __all__ = ["DeviceArray", "Launch", "global_size", "local_size"]
 
@@ -61,7 +61,6 @@ class Launch:
         self._events: list[cl.Event] = []
         self._sent: list[cl.Event] = []
         self._captured: list[Callable[[], cl.Event]] | None = None
-        self._twins: Counter[str] = Counter()
 
     @property
     def timer(self) -> tuple[cl.Event, cl.Event]:
@@ -141,41 +140,62 @@ class Launch:
         """
         local = local or local_size(len(grid), self.lanes)
         kernel = self._compiled.kernels_with(constants or {})[name]
-        work_items, converted = global_size(grid, local), kernel.converted(arguments)
-        if self._captured is not None:
-            bound = kernel.twin(self._twins[name])
-            self._captured.append(bound.bind(self._device.queue, work_items, local, converted))
-            self._twins[name] += 1
-        else:
-            self.enqueue(kernel, work_items, local, converted)
+        repeated: list[Any] | None = self._captured
+        if repeated is None and self._record is not None:
+            repeated = self._record.kernels
+        converted = kernel.converted(arguments)
+        if repeated is not None:
+            kernel = kernel.copy()
+        bound = kernel.bind(self._device.queue, global_size(grid, local), local, converted)
+        if repeated is not None:
+            repeated.append(bound)
+        if self._captured is None:
+            self._events.append(bound())
 
-    def enqueue(
-        self,
-        kernel: Kernel,
-        work_items: tuple[int, ...],
-        local: tuple[int, ...],
-        arguments: Sequence[Any],
-    ) -> None:
-        """Enqueue a kernel whose launch is worked out; see `Kernel.enqueue`."""
-        queue = self._device.queue
-        if self._record is None:
-            self._events.append(kernel.enqueue(queue, work_items, local, arguments))
-            return
-        bound = kernel.copy().bind(queue, work_items, local, arguments)
-        self._record.kernels.append(bound)
-        self._events.append(bound())
+    def own_kernel(self) -> None:
+        """Enqueue the kernel that the node's declaration describes.
+
+        Its arguments are those of `expected_arguments`: an absent array is a null pointer, an
+        absent number 0.  It is compiled for float images or for the camera's integers.
+
+        Raises
+        ------
+        NodeError
+            If a size is not known.
+        """
+        node = self._compiled.node
+        declared = node.kernels
+        sizes = {s: 0 for s in node.symbols if node.may_lack(s)} | self.sizes
+        for symbol in node.symbols:
+            if symbol not in sizes:
+                raise NodeError(f"the size {symbol} is not known where the node begins")
+        grid = tuple(sizes[symbol] for symbol in declared.grid or ())
+        if declared.lanes is not None:
+            grid = (self.in_lanes if declared.lanes == "grid" else self.in_row_lanes)(*grid)
+        arguments: list[Any] = []
+        for name, port in node.inputs.items():
+            if port.kind != "object":
+                value = self.inputs.get(name)
+                arguments.append(0 if value is None and port.kind == "number" else value)
+        arguments += map(self.outputs.get, node.outputs)
+        arguments += (sizes[symbol] for symbol in node.symbols)
+        for name, parameter in node.parameters.items():
+            arguments += scalar_values(parameter.annotation, self.settings[name])
+        dtype = None if declared.whole is None else self.inputs[declared.whole].dtype
+        whole = dtype is not None and dtype.kind != "f"
+        constants = {"FULL": int(np.iinfo(dtype).max)} if whole else None
+        self.kernel(node.name, grid, *arguments, constants=constants)
 
     def capture(self, launches: Callable[[], None]) -> Callable[[], None]:
         """Return a function that enqueues the kernels of `launches`, as often as it is called.
 
-        Their arguments are set once, now, so that enqueuing takes a fifth of the time.  Only the
-        last captured sequence may be enqueued.
+        Their arguments are set once, now, so that enqueuing takes a fifth of the time.
         """
         self.repeats = False
-        self._captured, self._twins = [], Counter()
+        captured: list[Callable[[], cl.Event]] = []
+        self._captured = captured
         try:
             launches()
-            captured = self._captured
         finally:
             self._captured = None
 
@@ -249,7 +269,7 @@ class Launch:
         if event is not None:
             self._events.append(event)
 
-    def found(self, symbol: str, size: int) -> None:
+    def set_size(self, symbol: str, size: int) -> None:
         """Set a size that depends on the data, and make the outputs that have it.
 
         An output with several such sizes is made when the last of them is set.
@@ -266,10 +286,10 @@ class Launch:
 
     def keep(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return the result of `make` for `key`, made once for this node on this device."""
-        if key not in self._compiled.kept:
+        if key not in self._compiled.shared:
             # A repeated launch skips what `make` does, unless that was recorded.
             repeats = self.repeats and self._record is None
-            self._compiled.kept[key] = make()
+            self._compiled.shared[key] = make()
             self.repeats = repeats
-        value: T = self._compiled.kept[key]
+        value: T = self._compiled.shared[key]
         return value

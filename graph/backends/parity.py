@@ -133,7 +133,7 @@ def _on_device(
         for name, value in inputs.items()
         if node.inputs[name].kind != "object"
     }
-    sizes = _known_sizes(node, case)
+    sizes = _stated_sizes(node, case)
     outputs, _ = device.prepare(node, case.settings, sizes, wanted).launch(remote)
     downloaded = {name: device.download(array) for name, array in outputs.items()}
     after = {n: device.download(a) for n, a in remote.items() if isinstance(a, DeviceArray)}
@@ -142,9 +142,9 @@ def _on_device(
     return downloaded, after
 
 
-def _known_sizes(node: Node, case: Case) -> dict[str, int]:
+def _stated_sizes(node: Node, case: Case) -> dict[str, int]:
     """The sizes of the ports that are there."""
-    ports = [port for name, port in node.inputs.items() if name not in case.left_out]
+    ports = [port for name, port in node.inputs.items() if name not in case.omitted]
     dims = {dim for port in (*ports, *node.outputs.values()) for dim in port.dims}
     return {symbol: size for symbol, size in case.sizes.items() if symbol in dims}
 

@@ -27,13 +27,13 @@ INTEGER_FILLS: dict[str, tuple[type, int]] = {
 
 @dataclass(frozen=True)
 class Case:
-    """A comparison: `left_out` are absent inputs, `wanted` the outputs asked for."""
+    """A comparison: `omitted` are absent inputs, `wanted` the outputs asked for."""
 
     sizes: Mapping[str, int]
     fill: str
     setting: str
     settings: Mapping[str, Any]
-    left_out: tuple[str, ...] = ()
+    omitted: tuple[str, ...] = ()
     wanted: tuple[str, ...] | None = None
 
     def __str__(self) -> str:
@@ -62,7 +62,7 @@ def cases(node: Node, shapes: tuple[tuple[int, int], ...] = CASE_SHAPES) -> list
     ]
     sizes = _sizes(node, middle, default)
     chosen += [
-        Case(sizes, "random", f"without {' and '.join(names)}", default, left_out=names)
+        Case(sizes, "random", f"without {' and '.join(names)}", default, omitted=names)
         for names in _absences(node)
     ]
     chosen += [
@@ -81,7 +81,7 @@ def make_inputs(node: Node, case: Case) -> dict[str, Any]:
     for name, port in node.inputs.items():
         if name not in arrays and port.kind != "object":
             arrays[name] = _drawn(port, case, rng)
-    return {name: value for name, value in arrays.items() if name not in case.left_out}
+    return {name: value for name, value in arrays.items() if name not in case.omitted}
 
 
 def _drawn(port: PortType, case: Case, rng: np.random.Generator) -> Any:

@@ -24,8 +24,8 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-from tactograph.graph.backends.pocl_builtins import with_builtins
-from tactograph.graph.disk.disk_cache import KEPT_SUFFIX, cache_folder, read_cached, write_cached
+from tactograph.graph.backends.pocl_source import pocl_source
+from tactograph.graph.disk.disk_cache import CACHE_SUFFIX, cache_folder, read_cached, write_cached
 
 Recipe = tuple[str, tuple[str, ...]]
 """A program's source and options."""
@@ -38,7 +38,7 @@ MAX_PROGRAM_BYTES = 2 * 10**8
 LOCK_DIGITS = 12
 """Digits of a program's key that choose its byte of the file of locks."""
 POCL_PLATFORM = "Portable Computing Language"
-KEPT_PLATFORMS = (POCL_PLATFORM, "NVIDIA CUDA")
+CACHED_PLATFORMS = (POCL_PLATFORM, "NVIDIA CUDA")
 """Platforms whose programs are kept on disk here."""
 
 
@@ -59,7 +59,7 @@ def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Prog
     cl.RuntimeError
         If it does not compile.
     """
-    file = _kept(context.devices[0], source, options)
+    file = _cache_file(context.devices[0], source, options)
     if file is None:
         return _compiled(context, source, options)
     while (binary := _from_disk(context, file, options)) is None:
@@ -75,7 +75,7 @@ def build_if_free(context: cl.Context, source: str, options: tuple[str, ...]) ->
 
     One that does not compile without constants of its launch is left to that.
     """
-    file = _kept(context.devices[0], source, options)
+    file = _cache_file(context.devices[0], source, options)
     if file is None or file.exists():
         return
     with suppress(BlockingIOError, cl.RuntimeError), _alone(file, wait=False):
@@ -90,7 +90,7 @@ def start_compiler(context: cl.Context) -> None:
 
 def is_ready(device: cl.Device, source: str, options: tuple[str, ...]) -> bool:
     """Return whether nothing would be gained by building a source for the disk."""
-    file = _kept(device, source, options)
+    file = _cache_file(device, source, options)
     return fcntl is None or file is None or file.exists()
 
 
@@ -136,10 +136,10 @@ def _alone(file: Path, *, wait: bool = True) -> Iterator[None]:
 
 
 def _compiled(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Program:
-    is_pocl = context.devices[0].platform.name == POCL_PLATFORM
-    if is_pocl and (declared := with_builtins(source)):
+    if context.devices[0].platform.name == POCL_PLATFORM:
+        text, more = pocl_source(source)
         with suppress(cl.RuntimeError):  # another version's file may say it otherwise
-            return _built(cl.Program(context, declared[0]), (*options, *declared[1]))
+            return _built(cl.Program(context, text), (*options, *more))
     return _built(cl.Program(context, source), options)
 
 
@@ -150,15 +150,15 @@ def _built(program: cl.Program, options: tuple[str, ...]) -> cl.Program:
     return program
 
 
-def _kept(device: cl.Device, source: str, options: tuple[str, ...]) -> Path | None:
+def _cache_file(device: cl.Device, source: str, options: tuple[str, ...]) -> Path | None:
     """The file for a binary; None where binaries are not kept."""
     folder = cache_folder()
     unwanted = os.environ.get("PYOPENCL_NO_CACHE", "0") != "0"
-    if folder is None or unwanted or device.platform.name not in KEPT_PLATFORMS:
+    if folder is None or unwanted or device.platform.name not in CACHED_PLATFORMS:
         return None
     origin = (
         device.platform.name, device.platform.version, device.name, device.version,
         device.driver_version, source, options, os.environ.get("PYOPENCL_BUILD_OPTIONS"),
     )  # fmt: skip
     key = hashlib.blake2b(repr(origin).encode(), digest_size=16).hexdigest()
-    return folder / "programs" / f"{key}{KEPT_SUFFIX}"
+    return folder / "programs" / f"{key}{CACHE_SUFFIX}"

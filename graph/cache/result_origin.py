@@ -7,18 +7,22 @@ import json
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from tactograph.graph.backends.device_backend import open_device
-from tactograph.graph.backends.kernel_source import kernel_text
+from tactograph.graph.backends.kernel_source import kernel_source
+from tactograph.graph.declare.check_settings import PARAM_PLACEHOLDER
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.provenance import installed, versions
 from tactograph.graph.disk.content_hash import content_hash
+from tactograph.graph.disk.file_identity import file_identity
+from tactograph.graph.files.captures_in import CAPTURE_PARAM
 from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.plan import names
 from tactograph.graph.plan.draft import Draft
 
 ENGINE_PACKAGE, NODES_PACKAGE = "tactograph.graph", "tactograph.nodes"
@@ -28,24 +32,31 @@ INSTALLED_FOLDERS = ("site-packages", "dist-packages")
 _FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
 
 
-@dataclass(frozen=True)
-class Origin:
-    """All that makes a graph's results, apart from the graph and its data.
+def find_origin(
+    graph: Graph,
+    arguments: Mapping[str, Any],
+    *,
+    backend: str | None = None,
+    device: str | None = None,
+) -> dict[str, Any]:
+    """Find all that decides what a graph puts out here and now, as plain data.
 
-    `code` has, by package and for the engine, a hash of all its source.  `versions` are of Python,
-    this package, the nodes' packages, and all that these need.  `device` is "" where none is used.
+    ``hash`` is the graph's, ``arguments`` are the values of its params.  ``inputs`` has the hash of
+    every file's or folder's content that these, or nodes that read (``node.param``), name, and what
+    an ``.npz`` states of its sensor.  ``code`` has, by package and for the engine, a hash of all
+    its source.  ``versions`` are of Python, this package, the nodes' packages, and what these need.
+    ``device`` is "" where none is used.  A missing capture or ``out`` does not count.
+
+    Raises InputError if a node or the device is not there, or a param is not given.
     """
-
-    code: dict[str, str]
-    versions: dict[str, str]
-    device: str
-
-
-def find_origin(graph: Graph, *, backend: str | None = None, device: str | None = None) -> Origin:
-    """Find the origin that this graph's results would have here and now.
-
-    Raises InputError if a node or the device is not there.
-    """
+    later = {CAPTURE_PARAM, "out"} & graph.params.keys() - arguments.keys()
+    draft = names.bind(graph, {**arguments, **dict.fromkeys(later, PARAM_PLACEHOLDER)}, sinks=True)
+    files = {
+        name: value
+        for name, value in arguments.items()
+        if graph.params[name].kind == "path" and name != "out" and value is not None
+    }
+    files |= _named_files(draft, {*arguments, CAPTURE_PARAM, "out"})
     nodes = [
         find_node(op, graph.own) for op in sorted({entry.op for entry in graph.nodes.values()})
     ]
@@ -55,17 +66,28 @@ def find_origin(graph: Graph, *, backend: str | None = None, device: str | None 
     packages = versions()
     for package in {node.package for node in nodes}:
         packages |= _versions_around(package)
-    names = replace(graph, prefer=(backend,)).backends if backend else graph.backends
-    opened, _ = open_device(names, device)
-    name = f"{opened.name}, driver {opened.driver}" if opened is not None else ""
+    preferred = replace(graph, prefer=(backend,)).backends if backend else graph.backends
+    opened, _ = open_device(preferred, device)
     hashes = {package: digest({"nodes": each}) for package, each in code.items()}
-    engine = digest({"files": _source(ENGINE_PACKAGE)})
-    return Origin({"engine": engine, **hashes}, dict(sorted(packages.items())), name)
+    origin = {
+        "hash": graph.hash,
+        "arguments": arguments,
+        "inputs": {
+            name: {"hash": content_hash(Path(file)), **file_identity(Path(file))}
+            for name, file in files.items()
+        },
+        "backend": backend,
+        "code": {"engine": digest({"files": _source(ENGINE_PACKAGE)}), **hashes},
+        "versions": packages,
+        "device": f"{opened.name}, driver {opened.driver}" if opened is not None else "",
+    }
+    plain: dict[str, Any] = json.loads(json.dumps(origin, default=str))
+    return plain
 
 
-def named_files(draft: Draft, given: Iterable[str]) -> dict[str, Path]:
-    """The files and folders that the graph itself names to nodes that read, by ``node.param``."""
-    words = {f"${name}" for name in given}
+def _named_files(draft: Draft, params: Iterable[str]) -> dict[str, Path]:
+    """The files and folders that a graph, not one of these params, names to nodes that read."""
+    words = {f"${name}" for name in params}
     return {
         f"{task.id}.{name}": value
         for task in draft.tasks.values()
@@ -88,7 +110,7 @@ def code_of(node: Node) -> str:
     It covers the core's nodes, the node's own package, and the kernels with their headers, also of
     the nodes that it calls.
     """
-    kernels = [kernel_text(n) for n in (node, *node.calls.values()) if n.has_kernel]
+    kernels = [kernel_source(n) for n in (node, *node.calls.values()) if n.has_kernel]
     files = [*_source(NODES_PACKAGE), *_source(_package(node))]
     return digest({"files": files, "kernels": kernels})
 

@@ -15,7 +15,7 @@ from tactograph.graph.cache.keys import content_key, key_of
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.ports import make_record
 from tactograph.graph.declare.provenance import versions
-from tactograph.graph.disk.disk_cache import KEPT_SUFFIX, cache_folder, read_cached, write_cached
+from tactograph.graph.disk.disk_cache import CACHE_SUFFIX, cache_folder, read_cached, write_cached
 from tactograph.graph.errors import collect_warnings, warn
 
 MIN_STORED_MS = 200.0
@@ -55,7 +55,7 @@ def recall_or_make(
 def has_stored(node: Node) -> bool:
     """Return whether earlier results of a node are on disk; its inputs decide which one fits."""
     folder = cache_folder()
-    return folder is not None and any(folder.glob(f"{node.name}-*{KEPT_SUFFIX}"))
+    return folder is not None and any(folder.glob(f"{node.name}-*{CACHE_SUFFIX}"))
 
 
 def _file(folder: Path, node: Node, settings: dict[str, Any], arguments: Sequence[Any]) -> Path:
@@ -64,7 +64,7 @@ def _file(folder: Path, node: Node, settings: dict[str, Any], arguments: Sequenc
     key = key_of(
         code_of(node), sorted(versions().items()), sorted(settings.items()), content_key(*arguments)
     )
-    return folder / f"{node.name}-{key}{KEPT_SUFFIX}"
+    return folder / f"{node.name}-{key}{CACHE_SUFFIX}"
 
 
 def _read(file: Path, node: Node) -> tuple[Any] | None:

@@ -82,9 +82,9 @@ class GraphCommand(click.Command):
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
-            how, is_known = _how_to_give(error.option_name, ctx.meta[WORDS_KEY])
+            how, is_param = _how_to_give(error.option_name, ctx.meta[WORDS_KEY])
             message = f"No such option '{error.option_name}'; {how}"
-            others = None if is_known else error.possibilities
+            others = None if is_param else error.possibilities
             raise click.NoSuchOption(error.option_name, message, others, ctx) from None
 
 
@@ -174,11 +174,11 @@ def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> G
     return with_changes(with_overlays(graph, overlays), read_settings(settings))
 
 
-def run_shipped(graph: str, given: Mapping[str, Any]) -> None:
+def run_shipped(graph: str, arguments: Mapping[str, Any]) -> None:
     """Run a graph that ships, whose sink prints."""
     from tactograph.graph.run.open_pipeline import open_pipeline
 
-    with open_pipeline(graph, given) as pipeline:
+    with open_pipeline(graph, arguments) as pipeline:
         for _ in pipeline.items():
             pass
 
@@ -199,12 +199,12 @@ class RunOptions:
 
         return changed(read_graph(graph), self.overlays, self.settings)
 
-    def open(self, graph: Graph, given: Mapping[str, Any], **more: Any) -> Pipeline:
+    def open(self, graph: Graph, arguments: Mapping[str, Any], **more: Any) -> Pipeline:
         """Plan and compile a graph as the options, and further words to `open_pipeline`, say."""
         from tactograph.graph.run.open_pipeline import open_pipeline
 
         return open_pipeline(
-            graph, given, backend=self.backend, device=self.device, strict=self.strict, **more
+            graph, arguments, backend=self.backend, device=self.device, strict=self.strict, **more
         )
 
 

@@ -38,11 +38,11 @@ def command(
     from tactograph.graph.files.typed_values import read_words
 
     read = options.read(graph)
-    given = read_words(read, values)
+    arguments = read_words(read, values)
     rows = []
     for place in _places(options):
         start = time.perf_counter()
-        pipeline = place.open(read, given, sinks=False)
+        pipeline = place.open(read, arguments, sinks=False)
         if pipeline.endless:
             raise InputError(f"{read.name}: its stream has no end; bench needs a stream that ends")
         for line in pipeline.plan.fallbacks:

@@ -26,8 +26,8 @@ def command(graph: str, values: tuple[str, ...], every: bool, options: RunOption
     from tactograph.graph.files.typed_values import read_words
 
     read = options.read(graph)
-    given = {**read.placeholders, **read_words(read, values)}
-    plan = options.open(read, given).plan
+    arguments = {**read.placeholders, **read_words(read, values)}
+    plan = options.open(read, arguments).plan
     moves = [step for step in plan.steps if step.is_transfer]
     title = f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}"
     steps = [step for step in plan.steps if every or not step.is_transfer]

@@ -55,7 +55,7 @@ class ProgressLine:
             self._thread.join()
         self._hide()
 
-    def seconds_left(self, now: float) -> float | None:
+    def remaining_s(self, now: float) -> float | None:
         """Seconds to the end of the work, `now` after its start; None if unknown."""
         return now / self._share - now if self._share else None
 
@@ -77,11 +77,11 @@ class ProgressLine:
             say(f"{stage}: {self._time(now)}", err=True)
 
     def _time(self, now: float) -> str:
-        remaining = self.seconds_left(now)
+        remaining = self.remaining_s(now)
         return f"{now:.0f} s" if remaining is None else f"{remaining:.0f} s left"
 
     def _draw(self, stage: str, now: float) -> None:
-        remaining = self.seconds_left(now)
+        remaining = self.remaining_s(now)
         if self._bar is None:
             self._bar = _make_bar()
         self._bar.update(
@@ -89,7 +89,7 @@ class ProgressLine:
             description=stage,
             total=None if remaining is None else now + remaining,
             completed=now,
-            left=self._time(now),
+            remaining_text=self._time(now),
         )
         self._bar.start()
         self._bar.refresh()
@@ -121,5 +121,5 @@ def _make_bar() -> Progress:
         redirect_stdout=False,
         redirect_stderr=False,
     )
-    bar.add_task("", total=None, left="")
+    bar.add_task("", total=None, remaining_text="")
     return bar

@@ -79,9 +79,9 @@ def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
     from tactograph.graph.run.keep_values import read_selection
 
     read = wanted.options.read(wanted.graph)
-    given = read_words(read, wanted.values)
+    arguments = read_words(read, wanted.values)
     selection = read_selection(wanted.keep, read) if wanted.keep is not None else {}
-    pipeline = wanted.options.open(read, given, outputs={**read.outputs, **selection})
+    pipeline = wanted.options.open(read, arguments, outputs={**read.outputs, **selection})
     report = _Report(line, pipeline, figures=wanted.figures, quiet=wanted.quiet)
     for fallback in pipeline.plan.fallbacks:
         line.say(f"fallback: {fallback}", err=True)
@@ -91,7 +91,7 @@ def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
     finally:
         report.warnings(pipeline.closing_warnings)
     line.end()
-    ending = _ending(pipeline, report.told)
+    ending = _ending(pipeline, report.last_due)
     if ending and not wanted.quiet:
         say(ending)
 
@@ -122,22 +122,22 @@ def _run_items(pipeline: Pipeline, report: _Report, selection: Mapping[str, str]
 def _out_folder(pipeline: Pipeline) -> Path:
     graph = pipeline.plan.graph
     default = graph.params["out"].default if "out" in graph.params else "."
-    return Path(str(pipeline.plan.given.get("out", default)))
+    return Path(str(pipeline.plan.arguments.get("out", default)))
 
 
 class _Report:
     """The lines that a run prints.
 
-    `told` holds when each warning was last due; those of an endless stream without their figures,
-    which differ from item to item.
+    `last_due` holds when each warning was last due; those of an endless stream without their
+    figures, which differ from item to item.
     """
 
     def __init__(
         self, line: ProgressLine, pipeline: Pipeline, *, figures: bool, quiet: bool
     ) -> None:
         self._line, self._pipeline, self._figures, self._quiet = line, pipeline, figures, quiet
-        self.told: dict[str, float] = {}
-        self._said = ""
+        self.last_due: dict[str, float] = {}
+        self._last_kind = ""
 
     def item(self, number: int, result: Result) -> None:
         """Print the warnings and the figures of an item.
@@ -153,7 +153,7 @@ class _Report:
         else:
             self.warnings(result.warnings)
         kind = warning_kind(" ".join(v for v in result.outputs.values() if isinstance(v, str)))
-        news, self._said = number == 1 or kind != self._said, kind
+        news, self._last_kind = number == 1 or kind != self._last_kind, kind
         if not self._quiet and (not endless or news):
             self._line.say(_summary(number, result, figures=self._figures))
         if endless:
@@ -162,9 +162,9 @@ class _Report:
     def warnings(self, warnings: Iterable[str]) -> None:
         """Print the warnings that were not printed yet."""
         for warning in warnings:
-            if warning not in self.told:
+            if warning not in self.last_due:
                 self._line.say(f"warning: {warning}", err=True)
-                self.told[warning] = 0.0
+                self.last_due[warning] = 0.0
 
     def _news(self, warnings: Iterable[str]) -> None:
         """Print the kinds of warnings that have not been due for a while, as a camera's faults."""
@@ -173,16 +173,16 @@ class _Report:
         now = time.monotonic()
         for warning in warnings:
             kind = warning_kind(warning)
-            if now - self.told.get(kind, -math.inf) > WARNING_INTERVAL_S:
+            if now - self.last_due.get(kind, -math.inf) > WARNING_INTERVAL_S:
                 self._line.say(f"warning: {warning}", err=True)
-            self.told[kind] = now
+            self.last_due[kind] = now
 
 
 def _ending(pipeline: Pipeline, warnings: Collection[str]) -> str:
     """The last line: where the results are, and the number of warnings."""
     plan = pipeline.plan
     places = {
-        str(plan.given.get(name[1:], param.default)): None
+        str(plan.arguments.get(name[1:], param.default)): None
         for task in plan.tasks.values()
         if task.node.sink
         for name in task.entry.settings.values()
@@ -268,7 +268,7 @@ def _times(result: Result) -> str:
 
 def _name_of(result: Result) -> str:
     """The name of the item, if the stream's source yields one."""
-    names = (made for value, made in result.item.items() if value.port == "name")
+    names = (output for value, output in result.item.items() if value.port == "name")
     return next((name for name in names if isinstance(name, str)), "")
 
 

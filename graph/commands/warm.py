@@ -20,18 +20,18 @@ def command(graph: str, values: tuple[str, ...], options: RunOptions) -> None:
     from tactograph.graph.plan.make_plan import make_plan
 
     read = options.read(graph)
-    given = read_words(read, values)
+    arguments = read_words(read, values)
     names = read.backends if options.backend is None else (options.backend,)
     device, reason = open_device(names, options.device)
     if device is None:
         raise InputError(f"{read.name}: no kernels to build: {reason}")
-    plan = make_plan(read, {**read.placeholders, **given}, device=device)
+    plan = make_plan(read, {**read.placeholders, **arguments}, device=device)
     placed = [(plan.tasks[name].node, place) for name, place in plan.placements.items()]
     nodes = [node for node, place in placed if place.on_device]
     nodes += [node.calls[name] for node, place in placed for name in place.calls]
     count = device.build(nodes)
-    missing = read.placeholders.keys() - given.keys()
+    missing = read.placeholders.keys() - arguments.keys()
     if not missing:
-        next(options.open(read, given, sinks=False).items(), None)
+        next(options.open(read, arguments, sinks=False).items(), None)
     rest = f"; the rest follows with {', '.join(sorted(missing))}" if missing else ""
     say(f"{read.name}: {count} programs are built for {device.name}{rest}")

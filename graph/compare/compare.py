@@ -13,17 +13,15 @@ from statistics import fmean
 from typing import Any
 
 from tactograph.graph.cache.cache import Cache
-from tactograph.graph.cache.result_origin import digest, find_origin, named_files
+from tactograph.graph.cache.result_origin import find_origin
 from tactograph.graph.compare.stored_views import save_views, views_of
 from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_like, seeds
 from tactograph.graph.disk.atomic_files import atomic_files
-from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.errors import InputError, TactographError, WriteError
 from tactograph.graph.files.captures_in import CAPTURE_PARAM
 from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.typed_values import read_words
-from tactograph.graph.plan import names
 from tactograph.graph.plan.plan import Step
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
@@ -46,7 +44,7 @@ class Study:
     repeats: int = 1
 
     @cached_property
-    def given(self) -> dict[str, dict[str, Any]]:
+    def arguments(self) -> dict[str, dict[str, Any]]:
         """The values of each graph's params, by its name.  Raises what `read_words` does."""
         return {graph.name: read_words(graph, self.values) for graph in self.graphs}
 
@@ -62,8 +60,8 @@ class Study:
         if len({*targets, self.seed}) < len([*targets, self.seed]):
             raise InputError("a parameter can be swept, or be the seed, only once")
         if self.repeats > 1 and self.seed is None:
-            known = ", ".join(seed_like(self.graphs)) or "no node has one"
-            raise InputError(f"--repeats needs --seed node.param to vary (seeds: {known})")
+            choices = ", ".join(seed_like(self.graphs)) or "no node has one"
+            raise InputError(f"--repeats needs --seed node.param to vary (seeds: {choices})")
         for graph in self.graphs:
             if takes_capture(graph) and not self.captures:
                 raise InputError(f"{graph.name} takes captures; give --over DIR")
@@ -82,12 +80,10 @@ class Row:
     backends: dict[str, str] = field(default_factory=dict)
     device: str | None = None
     error: str = ""
-    given: dict[str, str] = field(default_factory=dict)
     fallbacks: list[str] = field(default_factory=list)
     sweep: dict[str, Any] = field(default_factory=dict)
     seed: int | None = None
-    inputs: dict[str, str] = field(default_factory=dict)
-    made_by: str = ""
+    origin: dict[str, Any] = field(default_factory=dict)
     items: int = 0
     warnings: list[str] = field(default_factory=list)
 
@@ -140,7 +136,7 @@ def make_jobs(study: Study) -> list[Job]:
         if takes_capture(graph) != (capture is not None):
             continue
         name = "" if capture is None else capture.resolve().name
-        all_seeds = seeds(graph, study.seed, study.repeats, study.given[graph.name])
+        all_seeds = seeds(graph, study.seed, study.repeats, study.arguments[graph.name])
         for backend, point, seed in product(study.backends, points(graph, study.sweeps), all_seeds):
             changed = with_changes(graph, {**point, **seed})
             row = Row(graph.name, name, backend or "preferred", changed.hash, sweep=point)
@@ -159,15 +155,9 @@ def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]
     whether a former run made it.
     """
     row, folder = job.row, job.row.folder(out)
-    values = {**study.given[job.graph.name], **_places(job, folder)}
-    row.given = {name: str(value) for name, value in values.items()}
-    row.inputs = {
-        name: content_hash(Path(str(value)))
-        for name, value in values.items()
-        if job.graph.params[name].kind == "path" and name != "out" and value is not None
-    }
+    values = {**study.arguments[job.graph.name], **_places(job, folder)}
     try:
-        row.made_by = _made_by(job, values, study.device, row)
+        row.origin = find_origin(job.graph, values, backend=job.backend, device=study.device)
         done = _done(folder, row)
         if done is not None:
             return done, True
@@ -219,22 +209,6 @@ def _computing(result: Result) -> list[Step]:
     return [step for step in result.plan.steps if step.name not in others]
 
 
-def _made_by(job: Job, values: Mapping[str, Any], device: str | None, row: Row) -> str:
-    """A hash of everything that makes the run: see `Origin`."""
-    draft = names.bind(job.graph, values, sinks=True)
-    files = named_files(draft, values)
-    return digest(
-        {
-            "graph": row.hash,
-            "backend": row.backend,
-            "given": row.given,
-            "inputs": row.inputs,
-            "files": {name: content_hash(file) for name, file in files.items()},
-            "origin": asdict(find_origin(job.graph, backend=job.backend, device=device)),
-        }
-    )
-
-
 def _places(job: Job, folder: Path) -> dict[str, str]:
     """The places of the capture and of the results, for params that the graph has."""
     places = {"out": str(folder)}
@@ -248,4 +222,4 @@ def _done(folder: Path, job: Row) -> Row | None:
         row = Row(**json.loads((folder / "row.json").read_text()))
     except (OSError, ValueError, TypeError):
         return None
-    return row if row.made_by == job.made_by else None
+    return row if row.origin == job.origin else None

@@ -20,7 +20,7 @@ def make_record(study: Study, rows: Sequence[Row], argv: list[str]) -> dict[str,
     """Describe a comparison that has been run, as ``report.json`` holds it."""
     return {
         "command": shlex.join(["tactograph", *argv]),
-        "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "created": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "graphs": {graph.name: graph.hash for graph in study.graphs},
         "capture_hashes": {capture.name: content_hash(capture) for capture in study.captures},
         "devices_used": sorted({row.device for row in rows if row.device}),

@@ -20,9 +20,10 @@ from tactograph.graph.compare.tables import (
     Line,
     columns,
     fallback_lines,
-    is_best,
+    figure_cells,
     make_lines,
     over_all,
+    row_labels,
     sweep_columns,
     what_is_better,
 )
@@ -63,7 +64,7 @@ class Section:
     """All pictures of one capture."""
 
     title: str
-    left_out: int
+    omitted: int
     pictures: list[Picture]
 
 
@@ -111,14 +112,9 @@ def _table(lines: Sequence[Line], details: bool = False) -> dict[str, Any]:
     names, targets = columns(lines, details), sweep_columns(lines)
     blocks: dict[str, list[dict[str, Any]]] = {}
     for line in rows:
-        cells = [
-            {"text": str(line.figures.get(name, "")), "best": is_best(line, name, rows)}
-            for name in names
-        ]
-        labels = [line.variant, *(short(line.sweep.get(t, "")) for t in targets), line.where]
-        blocks.setdefault(line.capture, []).append(
-            {"labels": labels, "cells": cells, "error": line.error, "warnings": line.warnings}
-        )
+        about = {"labels": row_labels(line, targets), "cells": figure_cells(line, names, rows)}
+        about |= {"error": line.error, "warnings": line.warnings}
+        blocks.setdefault(line.capture, []).append(about)
     headings = [
         {"text": words(name), "better": what_is_better(name), "aim": FIGURE_AIMS.get(name)}
         for name in names
@@ -221,7 +217,7 @@ class _Shown:
                 key = view.array.tobytes(), b"" if truth is None else truth.array.tobytes()
                 equal.setdefault(key, []).append(label)
         panels = {_panel(labels): labels[0] for labels in equal.values()}
-        self.found = {panel: by_label[label].array for panel, label in panels.items()}
+        self.results = {panel: by_label[label].array for panel, label in panels.items()}
         truth_of = {panel: truths[label] for panel, label in panels.items()}
         self.truths = {panel: truth for panel, truth in truth_of.items() if truth is not None}
 
@@ -235,15 +231,15 @@ class _Shown:
     def panels(self) -> dict[str, NDArray[Any]]:
         """All truths and all runs."""
         if self.truth is not None:
-            return {TRUTH_LABEL: self.truth, **self.found}
+            return {TRUTH_LABEL: self.truth, **self.results}
         return {
             **{f"{TRUTH_LABEL}, {k}": v for k, v in _distinct(self.truths).items()},
-            **self.found,
+            **self.results,
         }
 
     @property
     def errors(self) -> dict[str, NDArray[Any]]:
-        return {label: self.found[label] - truth for label, truth in self.truths.items()}
+        return {label: self.results[label] - truth for label, truth in self.truths.items()}
 
 
 def _panel(labels: Sequence[str]) -> str:
@@ -260,7 +256,7 @@ def _distinct(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 
 def _draw_planes(view: View, shown: _Shown) -> list[Picture]:
-    name, distinct = words(view.name).capitalize(), _distinct(shown.found)
+    name, distinct = words(view.name).capitalize(), _distinct(shown.results)
     source = "given to every run" if len(distinct) == 1 else f"of {next(iter(distinct))}"
     return [Picture(draw_planes(view), f"{name}, {source}.")]
 
@@ -275,8 +271,8 @@ def _draw_labels(view: View, shown: _Shown) -> list[Picture]:
 
 def _draw_map(view: View, shown: _Shown) -> list[Picture]:
     name, panels = words(view.name), shown.panels
-    known = [panel for panel in panels.values() if np.isfinite(panel).any()]
-    if not known:
+    finite = [panel for panel in panels.values() if np.isfinite(panel).any()]
+    if not finite:
         return []
     axis = f"{name} / {view.unit}"
     pictures = [Picture(draw_maps(panels, axis), f"{name.capitalize()}, one scale for all.")]
@@ -287,7 +283,7 @@ def _draw_map(view: View, shown: _Shown) -> list[Picture]:
             f"{ERROR_PERCENTILE:g} % of the pixels do not reach. Red is too high, blue too low."
         )
         pictures.append(Picture(uri, caption))
-    reference = np.where(np.isfinite(known[0]), known[0], np.nan)
+    reference = np.where(np.isfinite(finite[0]), finite[0], np.nan)
     row = int(np.unravel_index(int(np.nanargmax(reference)), reference.shape)[0])
     uri = draw_section(panels, axis, row, TRUTH_LABEL if TRUTH_LABEL in panels else None)
     pictures.append(Picture(uri, f"Section through the peak, row {row}."))

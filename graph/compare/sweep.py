@@ -63,7 +63,7 @@ def points(graph: Graph, sweeps: Iterable[Sweep]) -> list[dict[str, Any]]:
 
 
 def seeds(
-    graph: Graph, target: str | None, repeats: int, given: Mapping[str, Any]
+    graph: Graph, target: str | None, repeats: int, arguments: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
     """The settings of `repeats` runs that differ in a seed: the graph's own, and upwards.
 
@@ -71,7 +71,7 @@ def seeds(
     """
     if target is None or not has_parameter(graph, target):
         return [{}]
-    first = _own_value(graph, target, given)
+    first = _own_value(graph, target, arguments)
     if type(first) is not int:
         raise InputError(f"--seed {target}: a seed is a whole number, not {first!r}")
     return [{target: first + i} for i in range(repeats)]
@@ -145,11 +145,11 @@ def _values_at(graph: Graph, node_id: str) -> dict[str, Any]:
     return {}
 
 
-def _own_value(graph: Graph, target: str, given: Mapping[str, Any]) -> Any:
+def _own_value(graph: Graph, target: str, arguments: Mapping[str, Any]) -> Any:
     node_id, _, name = target.rpartition(".")
     value = _values_at(graph, node_id)[name]
     if isinstance(value, str) and value.startswith("$"):
-        return given.get(value[1:], graph.params[value[1:]].default)
+        return arguments.get(value[1:], graph.params[value[1:]].default)
     return value
 
 

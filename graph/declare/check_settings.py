@@ -13,7 +13,7 @@ from tactograph.graph.disk.strict_yaml import parse_scalar
 from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import GraphError, InputError, did_you_mean, shortened
 
-NOT_GIVEN = object()
+PARAM_PLACEHOLDER = object()
 """Value of a param where only the plan matters, not the data."""
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-12, 1e12
 """Magnitudes that a node's parameters may have."""
@@ -25,7 +25,7 @@ def check_settings(
     """Return the node's parameters, defaults filled in, each of its declared type.
 
     `where` gives the place of a parameter's value by the parameter's name.  Raises GraphError if
-    one is unknown, missing, of a wrong type or out of its range; `NOT_GIVEN` passes.
+    one is unknown, missing, of a wrong type or out of its range; `PARAM_PLACEHOLDER` passes.
     """
     for name in settings:
         if name not in node.parameters:
@@ -36,7 +36,9 @@ def check_settings(
     try:
         model = model_of(node).model_validate(dict(settings))
     except ValidationError as error:
-        wrong = [e for e in error.errors() if settings.get(str(e["loc"][0])) is not NOT_GIVEN]
+        wrong = [
+            e for e in error.errors() if settings.get(str(e["loc"][0])) is not PARAM_PLACEHOLDER
+        ]
         if wrong:
             # Where a number or a list may stand, what is wrong inside the list says more.
             text = max(wrong, key=lambda e: (len(e["loc"]), e["type"] != "float_type"))

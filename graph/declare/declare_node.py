@@ -184,8 +184,8 @@ def _fields_as_parameters(record: type) -> list[Parameter]:
 def _kernel_package(module: str) -> str:
     """The package of a module's kernels: ``kernels/`` has the same rooms as ``nodes/``."""
     package, _, _ = module.rpartition(".")
-    ring, found, room = f"{package}.".partition(".nodes.")
-    return f"{ring}.kernels.{room}".rstrip(".") if found else package or module
+    ring, separator, room = f"{package}.".partition(".nodes.")
+    return f"{ring}.kernels.{room}".rstrip(".") if separator else package or module
 
 
 def _read_outputs(name: str, annotation: Any) -> tuple[dict[str, PortType], type | None, bool]:

@@ -15,19 +15,19 @@ class Session:
     """
 
     def __init__(self) -> None:
-        self._kept: list[Any] = []
+        self._values: list[Any] = []
 
     def keep(self, make: Callable[[], T]) -> T:
         """Return the result of the first call of `make`; it is closed with the pipeline."""
-        if not self._kept:
-            self._kept.append(make())
-        value: T = self._kept[0]
+        if not self._values:
+            self._values.append(make())
+        value: T = self._values[0]
         return value
 
     def close(self) -> None:
         """Close the kept object, if it has a ``close()``, and forget it."""
-        while self._kept:
-            close = getattr(self._kept.pop(), "close", None)
+        while self._values:
+            close = getattr(self._values.pop(), "close", None)
             if close is not None:
                 close()
 

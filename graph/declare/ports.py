@@ -132,20 +132,20 @@ def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:
     return ports
 
 
-def record_values(record: type, made: Any) -> tuple[Any, ...]:
+def record_values(record: type, output: Any) -> tuple[Any, ...]:
     """The values of a record in the order of its ports.
 
     Raises TypeError if the value is no such record.
     """
     fields = record_fields(record)
-    if not isinstance(made, tuple) or len(made) != len(fields):
-        size = f" of {len(made)}" if isinstance(made, tuple) else ""
+    if not isinstance(output, tuple) or len(output) != len(fields):
+        size = f" of {len(output)}" if isinstance(output, tuple) else ""
         raise TypeError(
             f"{record.__name__}({', '.join(fields)}) is declared, but a "
-            f"{type(made).__name__}{size} was made"
+            f"{type(output).__name__}{size} was made"
         )
     values: list[Any] = []
-    for annotation, value in zip(fields.values(), made, strict=True):
+    for annotation, value in zip(fields.values(), output, strict=True):
         values += record_values(annotation, value) if is_record(annotation) else [value]
     return tuple(values)
 

@@ -33,7 +33,7 @@ class Provenance:
     versions: dict[str, str]
     warnings: list[str]
     fallbacks: list[str]
-    given: dict[str, Any] = field(default_factory=dict)
+    arguments: dict[str, Any] = field(default_factory=dict)
     """The values of the graph's params, given or by default."""
     inputs: dict[str, dict[str, str]] = field(default_factory=dict)
     """Hash of each ``.npz`` file among these, and sensor, serial and date if known."""

@@ -19,7 +19,7 @@ FOLDER_VARIABLE = "TACTOGRAPH_CACHE"
 """The environment variable with another folder, or ``off``."""
 MAX_FOLDER_BYTES = 10**9
 """The most bytes of a folder's files."""
-KEPT_SUFFIX = ".kept"
+CACHE_SUFFIX = ".cached"
 _FIRST_LINE = b"tactograph kept 1\n"
 
 
@@ -63,7 +63,7 @@ def write_cached(file: Path, body: bytes, most_bytes: int = MAX_FOLDER_BYTES) ->
 def _make_room(new: Path, most: int) -> None:
     """Delete the files that were read longest ago."""
     stats = []
-    for file in new.parent.glob(f"*{KEPT_SUFFIX}"):
+    for file in new.parent.glob(f"*{CACHE_SUFFIX}"):
         with suppress(OSError):
             stats.append((file.stat().st_mtime, file.stat().st_size, file))
     total = 0

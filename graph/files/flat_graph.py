@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from tactograph.graph.declare.check_settings import NOT_GIVEN
+from tactograph.graph.declare.check_settings import PARAM_PLACEHOLDER
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.graph_model import GRAPH_FORMAT
@@ -52,13 +52,13 @@ class Entry:
 
     def where(self, key: str = "") -> str:
         """``file:line:column: path`` of a key such as ``with.threshold``, or of the node."""
-        known = key
-        while known not in self.places:
-            if not known:
+        nearest = key
+        while nearest not in self.places:
+            if not nearest:
                 return key
-            known = known.rpartition(".")[0]
-        place = self.places[known]
-        return str(place if known or not key else place._replace(path=f"{place.path}.{key}"))
+            nearest = nearest.rpartition(".")[0]
+        place = self.places[nearest]
+        return str(place if nearest or not key else place._replace(path=f"{place.path}.{key}"))
 
     def as_dict(self) -> dict[str, Any]:
         plain: dict[str, Any] = {"op": self.op}
@@ -143,7 +143,7 @@ class Graph:
     @property
     def placeholders(self) -> dict[str, Any]:
         """Placeholders for required params, where only the plan matters and not the data."""
-        return {name: NOT_GIVEN for name, param in self.params.items() if param.required}
+        return {name: PARAM_PLACEHOLDER for name, param in self.params.items() if param.required}
 
     @cached_property
     def hash(self) -> str:
@@ -230,10 +230,10 @@ class Graph:
         least = min((path.count(".") for path in paths), default=0)
         return [path for path in paths if path.count(".") == least]
 
-    def hint(self, name: str, known: Iterable[str]) -> str:
+    def hint(self, name: str, choices: Iterable[str]) -> str:
         """What a name that no node has may have been meant for."""
         near = self._called(name.partition(".")[0])
-        return f"; say which: {', '.join(near)}" if near else did_you_mean(name, known)
+        return f"; say which: {', '.join(near)}" if near else did_you_mean(name, choices)
 
     @cached_property
     def _inside(self) -> dict[str, list[str]]:

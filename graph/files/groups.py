@@ -36,16 +36,16 @@ def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use]) -> Graph:
     added = _uses(graph, nodes, "", ())
     uses = {path: use for path, (use, _) in added.items()}
     stated = {name: entry for name, entry in nodes.items() if isinstance(entry, Entry)}
-    known = replace(
+    wider = replace(
         graph,
         params=_with_taken_over(graph, uses.values()),
         nodes={**graph.nodes, **stated},
         uses={**graph.uses, **uses},
     )
     for path, (use, around) in added.items():  # the use around another comes first
-        bound = _bound(known, use, around, path.rpartition(".")[2])
-        known = replace(known, uses={**known.uses, path: bound})
-    return replace(known, nodes={**graph.nodes, **_taken_apart(known, nodes, "")})
+        bound = _bound(wider, use, around, path.rpartition(".")[2])
+        wider = replace(wider, uses={**wider.uses, path: bound})
+    return replace(wider, nodes={**graph.nodes, **_taken_apart(wider, nodes, "")})
 
 
 def flat_reference(
@@ -205,8 +205,8 @@ def _uses(
                 f"{use.where('group')}: groups are nested more than {MAX_GROUP_DEPTH} deep"
             )
         group = graph.definition(use)
-        _check_given(use, "in", "input", use.inputs, group.inputs)
-        _check_given(use, "with", "param", use.settings, group.body.params)
+        _check_stated(use, "in", "input", use.inputs, group.inputs)
+        _check_stated(use, "with", "param", use.settings, group.body.params)
         uses[path] = use, scope
         uses |= _uses(graph, group.body.uses, path, (*chain, use.group))
         if sum(1 + len(graph.definition(each).body.nodes) for each, _ in uses.values()) > MAX_NODES:
@@ -226,26 +226,26 @@ def _with_taken_over(graph: Graph, uses: Iterable[Use]) -> dict[str, Param]:
         for name, param in body.params.items():
             if not param.kind or name in use.settings:
                 continue
-            known = graph.params.get(name) or taken.setdefault(name, param)
-            if known.kind != param.kind:
+            first = graph.params.get(name) or taken.setdefault(name, param)
+            if first.kind != param.kind:
                 raise GraphError(
                     f"{body.where(f'params.{name}.kind')}: the graph has a param '{name}' of kind "
-                    f"'{known.kind}'; give another name, or a value where '{use.group}' is used"
+                    f"'{first.kind}'; give another name, or a value where '{use.group}' is used"
                 )
     return {**taken, **graph.params}
 
 
-def _check_given(
-    use: Use, key: str, word: str, given: Mapping[str, Any], taken: Mapping[str, Param]
+def _check_stated(
+    use: Use, key: str, word: str, stated: Mapping[str, Any], taken: Mapping[str, Param]
 ) -> None:
-    for name in given:
+    for name in stated:
         if name not in taken and not (key == "in" and name in ENGINE_INPUTS):
             has = did_you_mean(name, taken) or f" (it takes: {', '.join(taken) or 'none'})"
             raise GraphError(
                 f"{use.where(f'{key}.{name}')}: the group '{use.group}' has no {word} '{name}'{has}"
             )
     for name, param in taken.items():
-        if param.required and not param.kind and name not in given:
+        if param.required and not param.kind and name not in stated:
             raise GraphError(f"{use.where(key)}: the group '{use.group}' needs the {word} '{name}'")
 
 
@@ -314,8 +314,8 @@ def _of_use(graph: Graph, path: str, rest: str, where: str, *, whole: bool = Fal
     if not rest and len(outputs) == 1:
         (first,) = outputs
     if not first:
-        known = ", ".join(f"{path}.{o}" for o in outputs) or "none"
-        raise GraphError(f"{where}: '{path}' uses the group '{name}'; say which output: {known}")
+        choices = ", ".join(f"{path}.{o}" for o in outputs) or "none"
+        raise GraphError(f"{where}: '{path}' uses the group '{name}'; say which output: {choices}")
     if first in outputs:
         inner = _joined(outputs[first], port)
     elif first in nodes or f"{path}.{first}" in {*graph.nodes, *graph.uses}:
@@ -349,10 +349,10 @@ def _settings(
 
 def _used_by(use: Use, entry: Entry) -> dict[str, Place]:
     """Places of a group's entry, each with the place of the use, which names the node."""
-    given = {f"in.{port}": f"in.{r.partition('.')[0]}" for port, r in entry.inputs.items()}
-    given |= {f"with.{key}": f"with.{str(v)[1:]}" for key, v in entry.settings.items()}
+    stated = {f"in.{port}": f"in.{r.partition('.')[0]}" for port, r in entry.inputs.items()}
+    stated |= {f"with.{key}": f"with.{str(v)[1:]}" for key, v in entry.settings.items()}
     return {
-        key: place._replace(use=use.place(given.get(key, "")))
+        key: place._replace(use=use.place(stated.get(key, "")))
         for key, place in entry.places.items()
     }
 

@@ -35,23 +35,23 @@ def in_turns(
         stated, missing = ("repeat", "carry") if turns else ("carry", "repeat")
         raise GraphError(f"{use.where(stated)}: '{stated}' needs '{missing}'")
     name = f"{len(turns)} x {use.group}"
-    given = {each: each for each in use.inputs if each != CONDITION_INPUT}
+    shared = {each: each for each in use.inputs if each != CONDITION_INPUT}
     values = [{**use.settings, **turn} for turn in turns]
     passed = {v[1:] for turn in values for v in turn.values() if _is_param(v)}
     uses: dict[str, Use] = {}
     for index, settings in enumerate(values):
-        carried = {port: f"{index}.{made}" for port, made in carry.items()} if index else {}
+        carried = {port: f"{index}.{output}" for port, output in carry.items()} if index else {}
         if going and index:
             carried |= {CONDITION_INPUT: f"{index}.{going}", RESTING_INPUT: str(index)}
         places = _of_turn(use.places, index, turns[index], carried)
-        uses[str(index + 1)] = Use(use.group, {**given, **carried}, settings, places)
+        uses[str(index + 1)] = Use(use.group, {**shared, **carried}, settings, places)
     params = {each: Param("") for each in passed}
     body = Graph(name, "", params, (), {}, {}, places=use.places, uses=uses)
     return replace(
         use,
         group=name,
         settings={each: f"${each}" for each in passed},
-        turns=Group({each: Param("") for each in given}, body),
+        turns=Group({each: Param("") for each in shared}, body),
     )
 
 

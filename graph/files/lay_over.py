@@ -74,10 +74,10 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
     """
     model, document = layer.model, layer.document
     nodes = model.nodes or {} if isinstance(model, GraphModel) else {}
-    known = {name: use.group for name, use in graph.uses.items()} | {
+    names = {name: use.group for name, use in graph.uses.items()} | {
         name: node.group if isinstance(node, UseModel) else "" for name, node in nodes.items()
     }
-    _refuse_taken(model.groups, dict.fromkeys(graph.nodes, "") | known, graph.groups, document)
+    _refuse_taken(model.groups, dict.fromkeys(graph.nodes, "") | names, graph.groups, document)
     changed = replace(
         graph,
         params={**graph.params, **_params(model.params, document, ("params",))},
@@ -224,7 +224,7 @@ def _with_change(
     """Change a node of a group that no graph uses yet."""
     graph = Graph(name, "", {}, (), {}, {}, groups=groups)
     meant = {
-        key: f"{name}.{said}" if key in VERB_FUNCTIONS else said for key, said in change.items()
+        key: f"{name}.{value}" if key in VERB_FUNCTIONS else value for key, value in change.items()
     }
     return {**apply_patch(graph, meant, places).groups}
 

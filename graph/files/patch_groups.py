@@ -46,12 +46,12 @@ def flat_change(graph: Graph, change: Change, places: Places, scope: str, node: 
     `node` is the name there of the node that it changes.
     """
     reads = change.get("inputs", {})
-    given = {port: reference for port, reference in reads.items() if reference is not None}
-    stated = Entry("", given, change.get("settings", {}), places=places)
+    reads_set = {port: reference for port, reference in reads.items() if reference is not None}
+    stated = Entry("", reads_set, change.get("settings", {}), places=places)
     stated = in_scope(graph, stated, scope, node)
-    gone = dict.fromkeys(reads.keys() - given.keys())
-    known = {"inputs": {**stated.inputs, **gone}, "settings": stated.settings}
-    flat = {**change, **{key: known[key] for key in known.keys() & change.keys()}}
+    gone = dict.fromkeys(reads.keys() - reads_set.keys())
+    translated = {"inputs": {**stated.inputs, **gone}, "settings": stated.settings}
+    flat = {**change, **{key: translated[key] for key in translated.keys() & change.keys()}}
     if change.get("after") is not None:
         flat["after"] = flat_reference(graph, change["after"], scope, stated.where("after"))
     return flat
@@ -65,8 +65,8 @@ def change_group(graph: Graph, name: str, node: str, change: Change, places: Pla
     if node in body.uses:
         inside = body.uses[node].group
         raise GraphError(f"{place}: {verb}: '{node}' uses the group '{inside}'; change that one")
-    known = [*body.nodes, *group.inputs]
-    if verb == "insert" and node in known:
+    names = [*body.nodes, *group.inputs]
+    if verb == "insert" and node in names:
         raise GraphError(f"{place}: insert: the group '{name}' has '{node}' already")
     if verb != "insert" and node not in body.nodes:
         hint = did_you_mean(node, body.nodes)
@@ -140,33 +140,33 @@ def _set_params(graph: Graph, target: str, change: Change, places: Places) -> Gr
         for turn in turns.body.uses:
             graph = _set_params(graph, f"{target}.{turn}", change, places)
         return graph
-    given: Mapping[str, Any] = change["settings"]
+    values: Mapping[str, Any] = change["settings"]
     name = graph.uses[target].group if target in graph.uses else target
     group = graph.groups[name]
     params = group.body.params
-    for param in given:
+    for param in values:
         if param not in params:
             place = places.get(f"with.{param}", places[""])
             hint = did_you_mean(param, params) or f" (it takes: {', '.join(params) or 'none'})"
             raise GraphError(f"{place}: set: the group '{name}' has no param '{param}'{hint}")
     if target in graph.uses:
-        return _set_use(graph, target, given, places)
-    stated = {n: replace(params[n], kind="", required=False, default=v) for n, v in given.items()}
+        return _set_use(graph, target, values, places)
+    stated = {n: replace(params[n], kind="", required=False, default=v) for n, v in values.items()}
     body = replace(group.body, params={**params, **stated})
     graph = replace(graph, groups={**graph.groups, name: replace(group, body=body)})
     for use in uses_of(graph, name):
-        graph = _set_use(graph, use, given, places)
+        graph = _set_use(graph, use, values, places)
     return graph
 
 
-def _set_use(graph: Graph, path: str, given: Mapping[str, Any], places: Places) -> Graph:
+def _set_use(graph: Graph, path: str, values: Mapping[str, Any], places: Places) -> Graph:
     """Set params of a use, in those of its nodes that take them."""
     use = graph.uses[path]
     body = graph.definition(use).body
-    settings = {**use.settings, **given}
+    settings = {**use.settings, **values}
     graph = replace(graph, uses={**graph.uses, path: replace(use, settings=settings)})
-    words = {f"${name}": value for name, value in given.items()}
-    for name in given:
+    words = {f"${name}": value for name, value in values.items()}
+    for name in values:
         nodes = graph.definition(use).nodes.values()
         if not any(f"${name}" in each.settings.values() for each in nodes):
             raise GraphError(

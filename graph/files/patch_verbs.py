@@ -21,22 +21,22 @@ Places = Mapping[str, Place]
 
 def _set(graph: Graph, target: str, change: Change, places: Places) -> Graph:
     entry = graph.nodes[target]
-    given, reads = change.get("settings", {}), change.get("inputs", {})
+    values, reads = change.get("settings", {}), change.get("inputs", {})
     here = {
         key: places.get(key, places[""])
-        for key in (*(f"with.{name}" for name in given), *(f"in.{port}" for port in reads))
+        for key in (*(f"with.{name}" for name in values), *(f"in.{port}" for port in reads))
     }
-    if given:
+    if values:
         here["with"] = places.get("with", places[""])
     inputs = {p: r for p, r in {**entry.inputs, **reads}.items() if r is not None}
-    settings = {**entry.settings, **given}
+    settings = {**entry.settings, **values}
     entry = replace(entry, inputs=inputs, settings=settings, places={**entry.places, **here})
     return graph.with_entry(target, entry)
 
 
 def _replace(graph: Graph, target: str, change: Change, places: Places) -> Graph:
-    kept = {"inputs": graph.nodes[target].inputs, **change}
-    return graph.with_entry(target, entry_of(kept, places))
+    own = {"inputs": graph.nodes[target].inputs, **change}
+    return graph.with_entry(target, entry_of(own, places))
 
 
 def _insert(graph: Graph, target: str, change: Change, places: Places) -> Graph:

@@ -193,14 +193,14 @@ def _shipped_variant(name: str) -> Layer | None:
 def _in_words(text: str, variants: Container[str]) -> tuple[str, ...]:
     """Overlays and variants whose names are joined in a text; empty if a part is neither."""
 
-    def is_known(name: str) -> bool:
-        known = name in variants or name in shipped_overlays()
-        return known or _shipped_variant(name) is not None
+    def is_layer(name: str) -> bool:
+        own = name in variants or name in shipped_overlays()
+        return own or _shipped_variant(name) is not None
 
-    if is_known(text):
+    if is_layer(text):
         return (text,)
     for first, rest in _splits(text):
-        if is_known(first) and (others := _in_words(rest, variants)):
+        if is_layer(first) and (others := _in_words(rest, variants)):
             return (first, *others)
     return ()
 

@@ -54,8 +54,10 @@ class Task:
         if self.filled:
             return False
         node, settings = self.node, self.settings.values()
-        is_told = bool(node.session or node.provenance)
-        return node.source or self.stand_in or is_told or any(isinstance(v, Path) for v in settings)
+        of_the_run = bool(node.session or node.provenance)
+        return (
+            node.source or self.stand_in or of_the_run or any(isinstance(v, Path) for v in settings)
+        )
 
     @property
     def inherited(self) -> dict[Value, Value]:

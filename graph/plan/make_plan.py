@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def make_plan(
     graph: Graph,
-    given: Mapping[str, Any],
+    arguments: Mapping[str, Any],
     *,
     device: DeviceBackend | None,
     no_device: str = "",
@@ -27,15 +27,15 @@ def make_plan(
 ) -> Plan:
     """Verify `graph` and plan its run, without running or writing anything.
 
-    `given` are values of the graph's params.  Without a `device`, `no_device` says why.  `sinks`
-    tells whether nodes that only write (files, pictures) are part of the run.  `stand_ins` are
+    `arguments` are values of the graph's params.  Without a `device`, `no_device` says why.
+    `sinks`: whether nodes that only write (files, pictures) are part of the run.  `stand_ins` are
     source nodes whose items the caller will hand in as arrays.  `outputs` are references, by name,
     to put out in place of the graph's own; with `stays`, arrays among them are left on the device.
 
     Raises GraphError, which says where, if the graph does not verify; InputError if arrays are to
     stay on a device that no node uses.
     """
-    draft = names.bind(graph, given, sinks=sinks, stand_ins=stand_ins, outputs=outputs)
+    draft = names.bind(graph, arguments, sinks=sinks, stand_ins=stand_ins, outputs=outputs)
     if stays:
         draft.stays = {v for v in draft.outputs.values() if draft.port_of(v).kind == "array"}
     ports.check(draft)
@@ -47,7 +47,7 @@ def make_plan(
     steps = order.order(*transfers.insert(draft, placements), draft)
     return Plan(
         **vars(draft),
-        given=dict(given),
+        arguments=dict(arguments),
         placements=placements,
         sizes=classes,
         steps=steps,

@@ -29,7 +29,7 @@ from tactograph.graph.plan.draft import Draft, Task, Value
 
 def bind(
     graph: Graph,
-    given: Mapping[str, Any],
+    arguments: Mapping[str, Any],
     *,
     sinks: bool,
     stand_ins: frozenset[str] = frozenset(),
@@ -40,7 +40,7 @@ def bind(
     Raises GraphError, with its place, for what is wrong in the graph; InputError for a param that
     is not given, or that the graph does not have.
     """
-    for name in given:
+    for name in arguments:
         graph.check_param(name)
     errors = ErrorsTogether()
     nodes: dict[str, Node] = {}
@@ -75,7 +75,7 @@ def bind(
         task.stand_in = task.id in stand_ins and not has_stream
         with errors.gathered():
             if not task.stand_in:
-                task.settings = settings_of(task.entry, graph, task.node, given)
+                task.settings = settings_of(task.entry, graph, task.node, arguments)
     errors.raise_any()
     ordered = [tasks[name] for name in in_order(before) if name in tasks]
     _mark_streams(ordered, before)
@@ -312,15 +312,17 @@ def _refuse_cycles(graph: Graph, before: Before) -> None:
         raise GraphError(f"{where}: the graph has a cycle: {' -> '.join(cycle)}")
 
 
-def settings_of(entry: Entry, graph: Graph, node: Node, given: Mapping[str, Any]) -> dict[str, Any]:
+def settings_of(
+    entry: Entry, graph: Graph, node: Node, arguments: Mapping[str, Any]
+) -> dict[str, Any]:
     """A node's parameters, each `$name` replaced by its value; raises what `bind` does."""
     settings = dict(entry.settings)
     places: dict[str, str] = {}
     for name, value in entry.settings.items():
         if isinstance(value, str) and value.startswith("$"):
             param = value[1:]
-            settings[name] = _param(param, graph, given, entry.where(f"with.{name}"))
-            if name in node.parameters and param in given:
+            settings[name] = _param(param, graph, arguments, entry.where(f"with.{name}"))
+            if name in node.parameters and param in arguments:
                 places[name] = f"{graph.name}: {param}"
             elif name in node.parameters and graph.params[param].kind == "path":
                 # What lies at a default place is not the file's fault.
@@ -332,14 +334,14 @@ def settings_of(entry: Entry, graph: Graph, node: Node, given: Mapping[str, Any]
     return check_settings(node, settings, where)
 
 
-def _param(name: str, graph: Graph, given: Mapping[str, Any], where: str) -> Any:
+def _param(name: str, graph: Graph, arguments: Mapping[str, Any], where: str) -> Any:
     if name not in graph.params:
         raise GraphError(
             f"{where}: the graph has no param '{name}'{did_you_mean(name, graph.params)}"
         )
     param = graph.params[name]
-    if name in given:
-        return given[name]
+    if name in arguments:
+        return arguments[name]
     if param.required:
         about = f" ({param.help})" if param.help else ""
         raise InputError(f"{graph.name} needs {name}=...{about}")

@@ -15,12 +15,12 @@ class NewSettings(NamedTuple):
     """A graph, values of its params, and the settings of the nodes that differ, by name."""
 
     graph: Graph
-    given: Mapping[str, Any]
+    arguments: Mapping[str, Any]
     settings: Mapping[str, dict[str, Any]]
 
     def apply(self, plan: Plan) -> None:
         """Let a plan have these settings."""
-        plan.graph, plan.given = self.graph, self.given
+        plan.graph, plan.arguments = self.graph, self.arguments
         for name, settings in self.settings.items():
             task = plan.tasks[name]
             task.entry, task.settings = self.graph.nodes[name], settings
@@ -34,16 +34,16 @@ def with_parameters(plan: Plan, node: str, parameters: Mapping[str, Any]) -> New
     if not meant_nodes(graph, node):
         graph.entry(node)
     settings = {
-        name: settings_of(graph.nodes[name], graph, task.node, plan.given)
+        name: settings_of(graph.nodes[name], graph, task.node, plan.arguments)
         for name, task in plan.tasks.items()
         if graph.nodes[name] != before.nodes[name] and not task.stand_in
     }
-    return NewSettings(graph, plan.given, settings)
+    return NewSettings(graph, plan.arguments, settings)
 
 
 def with_values(plan: Plan, values: Mapping[str, Any]) -> NewSettings:
     """Give other values to params of the graph; see `Pipeline.aim`."""
-    graph, given = plan.graph, {**plan.given, **values}
+    graph, arguments = plan.graph, {**plan.arguments, **values}
     for name in values:
         graph.check_param(name)
     words = {f"${name}" for name in values}
@@ -56,5 +56,5 @@ def with_values(plan: Plan, values: Mapping[str, Any]) -> NewSettings:
                 "it cannot differ from item to item"
             )
         if used:
-            settings[task.id] = settings_of(task.entry, graph, task.node, given)
-    return NewSettings(graph, given, settings)
+            settings[task.id] = settings_of(task.entry, graph, task.node, arguments)
+    return NewSettings(graph, arguments, settings)

@@ -65,7 +65,7 @@ class Step:
 class Plan(Draft):
     """The steps in order, and why each runs where it does."""
 
-    given: Mapping[str, Any]
+    arguments: Mapping[str, Any]
     placements: dict[str, Placement]
     sizes: SizeClasses
     steps: list[Step]

@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 class DeviceValues:
     """Buffers on the device by value, those of the item before, and launches.
 
-    `given` are arrays that the caller handed in there, beside the views of them on the host.
+    `caller_arrays` are arrays that the caller handed in there, beside their views on the host.
     """
 
     def __init__(self, plan: Plan, device: DeviceBackend, host: HostValues) -> None:
         self._plan, self._device, self._host = plan, device, host
-        self.given: Mapping[Value, DeviceArray] = {}
+        self.caller_arrays: Mapping[Value, DeviceArray] = {}
         self._values: dict[Value, DeviceArray] = {}
         self._before: dict[Value, DeviceArray] = {}
         self._launches: dict[str, Prepared] = {}
@@ -89,8 +89,8 @@ class DeviceValues:
             port = self._plan.tasks[value.node].node.outputs[value.port]
             as_float = array.dtype != port.dtype and value not in self._read_whole
             device = self._device
-            if value in self.given and not as_float:
-                self._values[value] = self.given[value]
+            if value in self.caller_arrays and not as_float:
+                self._values[value] = self.caller_arrays[value]
                 return
             start = device.start_upload_of_fraction if as_float else device.start_upload
             self._values[value], timer = start(array)
@@ -107,7 +107,7 @@ class DeviceValues:
 
     def _hand_on(self, task: Task) -> Shapes | None:
         """Pass on existing values instead of running a node; return None if it must run."""
-        handed_on = self._made_first(task) if task.id in self._first else None
+        handed_on = self._compute_first(task) if task.id in self._first else None
         is_idle = task.node.is_idle
         if handed_on is None and is_idle is not None and self._is_idle(task, is_idle):
             handed_on = self._read(task)
@@ -137,7 +137,7 @@ class DeviceValues:
             arrays[name] = array
         return arrays
 
-    def _made_first(self, task: Task) -> dict[str, DeviceArray] | None:
+    def _compute_first(self, task: Task) -> dict[str, DeviceArray] | None:
         """The outputs of the node that this one repeats; None if it does more."""
         first = self._plan.tasks[self._first[task.id]]
         differing = [value for _, value in first.reads.items() ^ task.reads.items()]
@@ -222,14 +222,14 @@ class DeviceValues:
         """Forget a node's launch, since its settings changed."""
         self._launches.pop(node, None)
 
-    def lent(self, values: Collection[Value], *, kept: bool) -> dict[Value, Any]:
+    def lent(self, values: Collection[Value], *, cached: bool) -> dict[Value, Any]:
         """Arrays of the device's library, in memory that nothing else holds, or copied.
 
-        `kept` says that a cache holds all values.
+        `cached` says that a cache holds all values.
         """
-        free = set() if kept else {v for v in values if self._plan.tasks[v.node].stream}
+        free = set() if cached else {v for v in values if self._plan.tasks[v.node].stream}
         free -= {*self._recalled}
-        in_use = [*self.given.values(), *self._before.values()]
+        in_use = [*self.caller_arrays.values(), *self._before.values()]
         in_use += [array for value, array in self._values.items() if value not in free]
         numbers = {array.memory.number for array in in_use}
         lent: dict[Value, Any] = dict.fromkeys(values)
@@ -244,7 +244,7 @@ class DeviceValues:
     def remember(self) -> None:
         """Keep the values that the next item recalls; the caller may refill what was given."""
         recalled = {v: self._values.pop(v, None) for v in self._recalled}
-        numbers = {array.memory.number for array in self.given.values()}
+        numbers = {array.memory.number for array in self.caller_arrays.values()}
         self._before = {
             v: self._device.copied(array) if array.memory.number in numbers else array
             for v, array in recalled.items()

@@ -30,23 +30,23 @@ def part_of(plan: Plan, *, stream: bool) -> Part:
 class Executor:
     """Computes the parts of a plan: first, once, that outside the stream; then item by item.
 
-    This one runs every step of every item.  `kept` are the steps that did not run.
+    This one runs every step of every item.  `reused` are the steps that did not run.
     """
 
     def __init__(self, runner: StepRunner) -> None:
         self._runner = runner
         self._behind_once: Bounds = {}
-        self.kept: frozenset[str] = frozenset()
+        self.reused: frozenset[str] = frozenset()
 
     def begin(self, *, same_item: bool) -> None:
         """Begin an item; with `same_item`, the last one with its sources as they are."""
 
     def compute(
-        self, part: Part, given: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
+        self, part: Part, yields: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
     ) -> tuple[Bounds, float]:
         """Compute the wanted outputs, and the values that the part's sinks read.
 
-        `given` are values that the stream's source yielded, by node.  With several `repeats`, times
+        `yields` are the values of the stream's source, by node.  With several `repeats`, times
         are medians of all but the first.  Returns the sizes that are known behind the part, and the
         milliseconds of a run.
         """
@@ -56,7 +56,7 @@ class Executor:
         totals: list[float] = []
         for _ in range(repeats):
             start = time.perf_counter()
-            bounds = runner.walk(part.computing, before, partial(self._run, given=given))
+            bounds = runner.walk(part.computing, before, partial(self._run, yields=yields))
             totals.append(1e3 * (time.perf_counter() - start))
             if repeats > 1:
                 runs.append(dict(runner.times))
@@ -80,7 +80,7 @@ class Executor:
         for side in self._runner.sides:
             side.forget()
 
-    def _run(self, step: Step, bounds: Bounds, *, given: Mapping[str, Any]) -> Bounds:
-        bounds = self._runner.execute(step, bounds, given)
+    def _run(self, step: Step, bounds: Bounds, *, yields: Mapping[str, Any]) -> Bounds:
+        bounds = self._runner.execute(step, bounds, yields)
         self._runner.release(step)
         return bounds

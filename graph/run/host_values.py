@@ -118,11 +118,11 @@ class HostValues:
                 result = recall_or_make(node, keywords, arguments, make)
         return result, 1e3 * (time.perf_counter() - start)
 
-    def enter(self, task: Task, step: Step, made: Any) -> Shapes:
+    def enter(self, task: Task, step: Step, output: Any) -> Shapes:
         """Enter the result of a node, or a caller's in its place; return the arrays' shapes."""
         shapes: Shapes = {}
         with Blaming(self._plan, task):
-            results = task.node.results(made)
+            results = task.node.results(output)
         for value, result in zip(step.writes, results, strict=True):
             port = task.node.outputs[value.port]
             unread = task.node.wanted is not None and port.name not in self._wanted[task.id]

@@ -53,7 +53,7 @@ class OnlyChanged(Executor):
         """The key of the value that lies at a spot."""
         self._before: dict[Value, str] = {}
         """The keys of the values that this item recalls."""
-        self._known_needs: dict[tuple[Spot, ...], set[str]] = {}
+        self._needs: dict[tuple[Spot, ...], set[str]] = {}
         self._sizes: dict[str, Bounds] = {}
         """The sizes that are known before each step."""
         self._captured: list[tuple[Spot, CacheKey]] = []
@@ -61,7 +61,7 @@ class OnlyChanged(Executor):
         self._to_repeat: set[str] = set()
         self._targets: dict[str, set[Spot]] = {}
         """The spots that are wanted in the end, by the step that writes them."""
-        self._given: Mapping[str, Any] = {}
+        self._yields: Mapping[str, Any] = {}
 
     def begin(self, *, same_item: bool) -> None:
         tasks = self._plan.tasks
@@ -84,7 +84,7 @@ class OnlyChanged(Executor):
         self._keys = {}
 
     def compute(
-        self, part: Part, given: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
+        self, part: Part, yields: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
     ) -> tuple[Bounds, float]:
         if not part.stream and not part.sinks:
             return {}, 0.0  # it is made when an item needs it
@@ -97,12 +97,12 @@ class OnlyChanged(Executor):
         steps = [step for step in steps if step.name in needed]
         start = time.perf_counter()
         try:
-            bounds = self._make(steps, targets, given, repeats)
+            bounds = self._make(steps, targets, yields, repeats)
         finally:
             self._settle()
         total = 1e3 * (time.perf_counter() - start)
         self._tell_warnings()
-        self.kept = frozenset(step.name for step in steps if step.name not in self._ran)
+        self.reused = frozenset(step.name for step in steps if step.name not in self._ran)
         return bounds, total
 
     def end(self) -> None:
@@ -139,13 +139,17 @@ class OnlyChanged(Executor):
         return lent(in_fractions(plan.tasks[value.node], content))
 
     def _make(
-        self, steps: Sequence[Step], targets: Iterable[Spot], given: Mapping[str, Any], repeats: int
+        self,
+        steps: Sequence[Step],
+        targets: Iterable[Spot],
+        yields: Mapping[str, Any],
+        repeats: int,
     ) -> Bounds:
         """Make the targets; return the sizes that are known behind the steps.
 
         Steps that do not run take the times of when they ran.
         """
-        self._targets, self._given = {}, given
+        self._targets, self._yields = {}, yields
         for spot in targets:
             self._targets.setdefault(self._maker[spot].name, set()).add(spot)
         self._captured, self._ran, self._to_repeat = [], set(), set()
@@ -228,7 +232,7 @@ class OnlyChanged(Executor):
             self._bring(spot)
         warnings: list[str] = []
         with collect_warnings(warnings, marked=True):
-            bounds = self._runner.execute(step, self._sizes[step.name], self._given)
+            bounds = self._runner.execute(step, self._sizes[step.name], self._yields)
         self._capture(step, warnings)
         for value in step.release:
             self._here.pop(Spot(value, "device"), None)
@@ -258,9 +262,9 @@ class OnlyChanged(Executor):
 
     def _needed(self, targets: tuple[Spot, ...]) -> set[str]:
         """The steps that the targets come of, by name."""
-        if targets in self._known_needs:
-            return self._known_needs[targets]
-        needed = self._known_needs[targets] = set[str]()
+        if targets in self._needs:
+            return self._needs[targets]
+        needed = self._needs[targets] = set[str]()
         waiting = list(targets)
         while waiting:
             step = self._maker[waiting.pop()]

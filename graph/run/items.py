@@ -75,19 +75,19 @@ class Items:
 
     def item(
         self,
-        given: Mapping[str, Any],
+        yields: Mapping[str, Any],
         repeats: int = 1,
         there: Mapping[Value, DeviceArray] | None = None,
     ) -> Result:
-        """Run one item of the stream, `given` what its source yielded; see `Pipeline.items`.
+        """Run one item of the stream, `yields` the values of its source; see `Pipeline.items`.
 
         Of what was given, some may lie on the device as well; it is the caller's again afterwards.
         """
         device, host = self.runner.device, self.runner.host
         if device is not None:
-            device.given = there or {}
+            device.caller_arrays = there or {}
         try:
-            return self._item(self._stream, given, repeats, self._plan.outputs, same_item=False)
+            return self._item(self._stream, yields, repeats, self._plan.outputs, same_item=False)
         finally:
             for value in there or {}:
                 host.put(value, None)
@@ -108,13 +108,13 @@ class Items:
         assert self._only_changed is not None
         return self._only_changed.inspect(value)
 
-    def rehearse(self, given: Mapping[str, Any]) -> None:
+    def rehearse(self, yields: Mapping[str, Any]) -> None:
         """Compute an item that nobody sees: kernels are compiled, and caches filled."""
         if self.keeps:
             return  # what would be computed is kept
         self.begin()
         with collect_warnings([]):
-            self._every.compute(self._stream, given, self._plan.outputs, 1)
+            self._every.compute(self._stream, yields, self._plan.outputs, 1)
         self.runner.stage = ""
         self.forget()
 
@@ -140,7 +140,7 @@ class Items:
     def _item(
         self,
         part: Part,
-        given: Mapping[str, Any],
+        yields: Mapping[str, Any],
         repeats: int,
         outputs: Mapping[str, Value],
         *,
@@ -148,10 +148,10 @@ class Items:
     ) -> Result:
         executor, host = self._executor, self.runner.host
         executor.begin(same_item=same_item)
-        total = self._run(part, given, repeats, outputs)
+        total = self._run(part, yields, repeats, outputs)
         tasks = self._plan.tasks
-        yielded = [Value(name, port) for name in given for port in tasks[name].node.outputs]
-        lent = self.runner.lent(outputs.values(), kept=self.keeps)
+        yielded = [Value(name, port) for name in yields for port in tasks[name].node.outputs]
+        lent = self.runner.lent(outputs.values(), cached=self.keeps)
         result = Result(
             outputs={name: lent[value] for name, value in outputs.items()},
             times=dict(self.runner.times),
@@ -159,23 +159,23 @@ class Items:
             warnings=list(self.runner.notes),
             item={value: host[value] for value in yielded},
             total=total,
-            kept=executor.kept,
+            reused=executor.reused,
         )
         executor.end()
         return result
 
     def _run(
-        self, part: Part, given: Mapping[str, Any], repeats: int, outputs: Mapping[str, Value]
+        self, part: Part, yields: Mapping[str, Any], repeats: int, outputs: Mapping[str, Value]
     ) -> float:
         """Compute a part, then run its sinks, when every time is known; return the total time."""
         # Nodes multiply small matrices, which OpenBLAS makes up to 50 times slower by sharing
         # them among threads that wait for one another.
         one_thread = self._libraries.limit(limits=1, user_api="blas")
         with collect_warnings(self.runner.notes), one_thread:
-            bounds, total = self._executor.compute(part, given, outputs, repeats)
+            bounds, total = self._executor.compute(part, yields, outputs, repeats)
             for step in part.sinks:
                 try:
-                    bounds = self.runner.execute(step, bounds, given)
+                    bounds = self.runner.execute(step, bounds, yields)
                 except EndOfStream:
                     # The other sinks take this item, too.
                     self.ended = True

@@ -14,7 +14,7 @@ def make_provenance(
     plan: Plan, times: Mapping[str, float], bounds: Bounds, warnings: list[str]
 ) -> Provenance:
     """Describe the run so far, for a sink that writes it down."""
-    given = {n: plan.given.get(n, p.default) for n, p in plan.graph.params.items()}
+    arguments = {n: plan.arguments.get(n, p.default) for n, p in plan.graph.params.items()}
     paths = [n for n, p in plan.graph.params.items() if p.kind == "path"]
     sizes: dict[str, int] = {}
     for (_, symbol), bound in bounds.items():
@@ -27,8 +27,8 @@ def make_provenance(
         versions=versions(),
         warnings=list(warnings),
         fallbacks=plan.fallbacks,
-        given={name: _plain(value) for name, value in given.items()},
-        inputs=identities({name: given[name] for name in paths}),
+        arguments={name: _plain(value) for name, value in arguments.items()},
+        inputs=identities({name: arguments[name] for name in paths}),
     )
 
 

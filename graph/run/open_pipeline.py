@@ -34,7 +34,7 @@ def load(
     to: Literal["host", "device"] = "host",
     cache: Cache | None = None,
     nodes: Iterable[Node] = (),
-    **given: Any,
+    **arguments: Any,
 ) -> Pipeline:
     """Read, verify, plan and compile a graph, to be called with arrays.
 
@@ -84,24 +84,24 @@ def load(
     >>> pipeline(frames=stack)["height"].shape  # doctest: +SKIP
     (480, 640)
     """
-    for word in given.keys() & (params or {}).keys():
+    for word in arguments.keys() & (params or {}).keys():
         raise InputError(f"{word} is given twice")
-    given = {**(params or {}), **given}
+    arguments = {**(params or {}), **arguments}
     if to not in ("host", "device"):
         raise InputError(f"to={to!r}: 'host' or 'device'")
     read = read_graph(graph)
     read = replace(read, own={**read.own, **own_nodes(nodes)})
     graph = with_changes(read, changes or {})
-    _check_archives(graph, given)
+    _check_archives(graph, arguments)
     pipeline = open_pipeline(
         graph,
-        given,
+        arguments,
         backend=backend,
         device=device,
         strict=strict,
         sinks=False,
         cache=cache,
-        stand_ins=_ungiven_sources(graph, given),
+        stand_ins=_ungiven_sources(graph, arguments),
         outputs=None if outputs is None else _chosen_outputs(graph, outputs),
         stays=to == "device",
     )
@@ -112,7 +112,7 @@ def load(
 
 def open_pipeline(
     graph: Source,
-    given: Mapping[str, Any],
+    arguments: Mapping[str, Any],
     *,
     backend: str | None = None,
     device: str | None = None,
@@ -128,7 +128,7 @@ def open_pipeline(
     Raises InputError also if `strict` and a node would fall back to another back end.
     """
     graph = read_graph(graph)
-    given = {word: plain(value) for word, value in given.items()}
+    arguments = {word: plain(value) for word, value in arguments.items()}
     if backend is not None:
         if backend not in BACKENDS:
             raise InputError(f"there is no back end '{backend}'; there are {', '.join(BACKENDS)}")
@@ -138,9 +138,9 @@ def open_pipeline(
     if opened is None and backend not in (None, "numpy"):
         raise InputError(f"--backend {backend}: {reason}; 'tactograph devices' says more")
     if sinks:
-        _check_out(graph, given)
+        _check_out(graph, arguments)
     plan = make_plan(
-        graph, given, device=opened, no_device=reason, sinks=sinks, stand_ins=stand_ins,
+        graph, arguments, device=opened, no_device=reason, sinks=sinks, stand_ins=stand_ins,
         outputs=outputs, stays=stays,
     )  # fmt: skip
     if strict and plan.fallbacks:
@@ -152,18 +152,18 @@ def open_pipeline(
     return Pipeline(plan, opened, cache, anew)
 
 
-def _check_archives(graph: Graph, given: Mapping[str, Any]) -> None:
+def _check_archives(graph: Graph, arguments: Mapping[str, Any]) -> None:
     """Refuse a calibration that is not there, before the first array comes."""
-    for name, place in given.items():
+    for name, place in arguments.items():
         is_path = name in graph.params and graph.params[name].kind == "path" and name != "out"
         if is_path and str(place).endswith(".npz") and not Path(str(place)).is_file():
             raise InputError(f"{name}={missing(Path(str(place)), 'file')}")
 
 
-def _check_out(graph: Graph, given: Mapping[str, Any]) -> None:
+def _check_out(graph: Graph, arguments: Mapping[str, Any]) -> None:
     """Refuse to write results over what the graph's params read."""
     params = {name: param for name, param in graph.params.items() if param.kind == "path"}
-    places = {name: given.get(name, param.default) for name, param in params.items()}
+    places = {name: arguments.get(name, param.default) for name, param in params.items()}
     out = places.pop("out", None)
     if not isinstance(out, str | Path):
         return
@@ -193,14 +193,14 @@ def _chosen_outputs(graph: Graph, chosen: Collection[str]) -> dict[str, str]:
     return {name: graph.outputs[name] for name in chosen}
 
 
-def _ungiven_sources(graph: Graph, given: Mapping[str, Any]) -> frozenset[str]:
+def _ungiven_sources(graph: Graph, arguments: Mapping[str, Any]) -> frozenset[str]:
     """The sources of a stream or an array that refer to a required param which was not given."""
 
     def is_missing(setting: Any) -> bool:
         if not isinstance(setting, str) or not setting.startswith("$"):
             return False
         param = graph.params.get(setting[1:])
-        return param is not None and param.required and setting[1:] not in given
+        return param is not None and param.required and setting[1:] not in arguments
 
     return frozenset(
         node_id

@@ -67,7 +67,7 @@ class Pipeline:
     def __reduce__(self) -> tuple[Any, ...]:
         if self._anew is None:
             raise InputError(f"{self.plan.graph.name}: load the graph again where it is needed")
-        return self._anew, (self.plan.graph, dict(self.plan.given))
+        return self._anew, (self.plan.graph, dict(self.plan.arguments))
 
     def __call__(self, /, **stand_ins: NDArray[Any]) -> Result:
         """Run one item on arrays that stand in for source nodes, and return its outputs.
@@ -128,7 +128,7 @@ class Pipeline:
         if self._items.keeps:  # what is kept must not change with the caller's arrays
             arrays, on_device = {name: own(array) for name, array in arrays.items()}, {}
         self._items.begin()
-        self._runner.notes += handed_in.told
+        self._runner.notes += handed_in.warnings
         self._has_run = False
         try:
             result = self._items.item(self._stand_ins.item(arrays), there=on_device)
@@ -236,8 +236,10 @@ class Pipeline:
         source = self._source
         if source is None or source.node.session is not None:
             return None
-        given = {**self.plan.given, **values}
-        return self._begun(source, settings_of(source.entry, self.plan.graph, source.node, given))
+        arguments = {**self.plan.arguments, **values}
+        return self._begun(
+            source, settings_of(source.entry, self.plan.graph, source.node, arguments)
+        )
 
     def _begun(self, source: Task, settings: dict[str, Any], *, ahead: bool = True) -> SourceStream:
         keywords = {**settings, **self._runner.host.source_keywords(source)}

@@ -18,12 +18,12 @@ class Result(Mapping[str, Any]):
     Attributes
     ----------
     times
-        Milliseconds by step; for `kept` steps those of their last run.
+        Milliseconds by step; for `reused` steps those of their last run.
     item
         The values that the stream's source yielded.
     total
         Milliseconds from the source to the last output, on a wall clock.
-    kept
+    reused
         Steps that did not run, since their results were kept.
     """
 
@@ -33,7 +33,7 @@ class Result(Mapping[str, Any]):
     warnings: list[str] = field(default_factory=list)
     item: dict[Value, Any] = field(default_factory=dict)
     total: float = 0.0
-    kept: frozenset[str] = frozenset()
+    reused: frozenset[str] = frozenset()
 
     @property
     def figures(self) -> dict[str, Any]:

@@ -102,7 +102,7 @@ class ReadAhead(Generic[Item]):
     def __init__(self, read: Callable[[], Item]) -> None:
         self._read = read
         self._wanted: SimpleQueue[bool] = SimpleQueue()
-        self._made: SimpleQueue[Item | BaseException] = SimpleQueue()
+        self._items_ahead: SimpleQueue[Item | BaseException] = SimpleQueue()
         # A source that never returns must not keep the process from ending.
         self._thread = threading.Thread(target=self._work, name="read", daemon=True)
         self._wanted.put(True)
@@ -113,7 +113,7 @@ class ReadAhead(Generic[Item]):
 
         What `read` raises is raised here, in its item's place.
         """
-        item = self._made.get()
+        item = self._items_ahead.get()
         self._wanted.put(True)
         if isinstance(item, BaseException):
             raise item
@@ -128,9 +128,9 @@ class ReadAhead(Generic[Item]):
     def _work(self) -> None:
         while self._wanted.get():
             try:
-                self._made.put(self._read())
+                self._items_ahead.put(self._read())
             except BaseException as error:
-                self._made.put(error)
+                self._items_ahead.put(error)
 
 
 def in_thread(items: Iterator[Item]) -> Iterator[Item]:

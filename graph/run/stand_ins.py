@@ -19,7 +19,7 @@ MAX_LIGHTS = 32
 """A stack of more images is taken for the rows of one image."""
 
 
-class Given(NamedTuple):
+class CallerArray(NamedTuple):
     """An array that a caller hands in; where it lies `there`, on the device, a view of it."""
 
     array: NDArray[Any]
@@ -29,8 +29,8 @@ class Given(NamedTuple):
 class HandedIn(NamedTuple):
     """The arrays of an item by source node, and what their checks warn of."""
 
-    arrays: dict[str, Given]
-    told: list[str]
+    arrays: dict[str, CallerArray]
+    warnings: list[str]
 
 
 class StandIns:
@@ -51,11 +51,11 @@ class StandIns:
         Raises InputError if one is missing, unknown, or does not fit the first output of its
         source.
         """
-        graph, given_for = self._plan.graph, sorted(arrays)
+        graph, names = self._plan.graph, sorted(arrays)
         arrays = {graph.in_full(name): array for name, array in arrays.items()}
         if self._waiting != arrays.keys():
             raise InputError(
-                f"{graph.name}: arrays are needed for {self.names}, and were given for {given_for}"
+                f"{graph.name}: arrays are needed for {self.names}, and were given for {names}"
             )
         warnings: list[str] = []
         with collect_warnings(warnings):
@@ -66,10 +66,10 @@ class StandIns:
         """A copy of what a caller's stream yields: a mapping, or an array for the one source."""
         arrays = item if isinstance(item, Mapping) else dict.fromkeys(self._waiting, item)
         handed_in = self.check(arrays)
-        copies = {name: Given(own(given.array)) for name, given in handed_in.arrays.items()}
+        copies = {name: CallerArray(own(each.array)) for name, each in handed_in.arrays.items()}
         return handed_in._replace(arrays=copies)
 
-    def _checked(self, name: str, array: Any) -> Given:
+    def _checked(self, name: str, array: Any) -> CallerArray:
         """An array: images of 8 or 16 bits as they are, all else converted.
 
         What needs no conversion, and lies on the device, is read there as well.
@@ -82,23 +82,23 @@ class StandIns:
             if self._device is None:
                 raise InputError(f"{name} lies on a device, which is not used here: {name}.get()")
             array, adopt = self._device.mapped(on_device, name), self._device.adopted
-        given = _images(array) if _takes_images(port) else _values(array, name, port)
+        unconverted = _images(array) if _takes_images(port) else _values(array, name, port)
         if node.check_handed_in is not None:
-            node.check_handed_in(given, name)
-        array = _converted(given, port).view()
-        stays = adopt is not None and array.dtype == given.dtype
-        return Given(array, adopt(on_device) if adopt is not None and stays else None)
+            node.check_handed_in(unconverted, name)
+        array = _converted(unconverted, port).view()
+        stays = adopt is not None and array.dtype == unconverted.dtype
+        return CallerArray(array, adopt(on_device) if adopt is not None and stays else None)
 
     def split(
-        self, given: Mapping[str, Given]
+        self, arrays: Mapping[str, CallerArray]
     ) -> tuple[dict[str, NDArray[Any]], dict[Value, DeviceArray]]:
         """Arrays of the host by node, and those on the device by the values they stand for."""
         on_device = {
             Value(name, next(iter(self._plan.tasks[name].node.outputs))): each.there
-            for name, each in given.items()
+            for name, each in arrays.items()
             if each.there is not None
         }
-        return {name: each.array for name, each in given.items()}, on_device
+        return {name: each.array for name, each in arrays.items()}, on_device
 
     def item(self, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
         """The item that the nodes would have yielded."""

@@ -74,10 +74,10 @@ class StepRunner:
             self.host.all_arrived()
         return bounds
 
-    def execute(self, step: Step, bounds: Bounds, given: Mapping[str, Any]) -> Bounds:
+    def execute(self, step: Step, bounds: Bounds, yields: Mapping[str, Any]) -> Bounds:
         """Run one step; return the sizes that are known behind it.
 
-        `given` holds what the stream's source yielded, by node.
+        `yields` holds the values of the stream's source, by node.
         """
         self.stage = step.name
         tell_progress("")
@@ -96,8 +96,8 @@ class StepRunner:
         elif step.on_device:
             assert self.device is not None
             shapes = self.device.launch(task, step, sized.sizes)
-        elif task.id in given:
-            shapes = self.host.enter(task, step, given[task.id])
+        elif task.id in yields:
+            shapes = self.host.enter(task, step, yields[task.id])
         else:
             shapes = self._call(task, step, sized)
         return self.plan.sizes.behind(task, sized, shapes)
@@ -133,10 +133,10 @@ class StepRunner:
         sized = self._sized.get(step.name)
         return {} if sized is None else sized.shapes or {}
 
-    def lent(self, values: Iterable[Value], *, kept: bool) -> dict[Value, Any]:
-        """Outputs for the caller; `kept` ones are held by a cache, too."""
+    def lent(self, values: Iterable[Value], *, cached: bool) -> dict[Value, Any]:
+        """Outputs for the caller; `cached` ones are held by a cache, too."""
         stays = {value for value in values if value in self.plan.stays}
-        on_device = {} if self.device is None else self.device.lent(stays, kept=kept)
+        on_device = {} if self.device is None else self.device.lent(stays, cached=cached)
         return {**{v: self.host.lent(v) for v in values if v not in stays}, **on_device}
 
     def settings_changed(self, node: str) -> None:

@@ -1,6 +1,6 @@
 """The warnings of many runs in few lines."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 from tactograph.graph.errors import a_few
 
@@ -20,13 +20,9 @@ def warning_lines(
         for text in warnings:
             places.setdefault(text, []).append(place)
     lines = [_line(text, where) for text, where in places.items()]
-    return lines if most is None else first_lines(lines, most, "warning")
-
-
-def first_lines(lines: Sequence[str], most: int, kind: str) -> list[str]:
-    """The first lines of a `kind`, and one that counts the others."""
-    more = len(lines) - most
-    return [*lines[:most], *([f"{kind}: {more} more, see the table"] if more > 0 else [])]
+    if most is None or len(lines) <= most:
+        return lines
+    return [*lines[:most], f"warning: {len(lines) - most} more, see the table"]
 
 
 def _line(text: str, places: list[str]) -> str:

@@ -71,19 +71,19 @@ static Response respond(
 {
     const floats none = 0.0f, tiny = 1e-10f, one = 1.0f;
     const ints one_more = 1, nothing = 0;
-    floats told_a[LED_SLOTS], told_b[LED_SLOTS], shown[LED_SLOTS], weight[LED_SLOTS];
+    floats response_a[LED_SLOTS], response_b[LED_SLOTS], shown[LED_SLOTS], weight[LED_SLOTS];
     floats by_shown_a = 0.0f, by_shown_b = 0.0f, whole = 0.0f;
     ints leds = 0;
     EACH_LED(k) {
         const Vector v = light_vector(lights + 3 * k, x, y, z);
         const floats square = noise[k] * noise[k], sure = 1.0f / MORE_OF(square, tiny);
         const ints lit = (used & (1 << k)) != 0;
-        told_a[k] = (v.x + v.z * p) * nz;
-        told_b[k] = (v.y + v.z * q) * nz;
+        response_a[k] = (v.x + v.z * p) * nz;
+        response_b[k] = (v.y + v.z * q) * nz;
         shown[k] = (v.z - v.x * p - v.y * q) * nz;
         weight[k] = lit ? sure : none;
-        by_shown_a += weight[k] * shown[k] * told_a[k];
-        by_shown_b += weight[k] * shown[k] * told_b[k];
+        by_shown_a += weight[k] * shown[k] * response_a[k];
+        by_shown_b += weight[k] * shown[k] * response_b[k];
         whole += weight[k] * shown[k] * shown[k];
         leds += lit ? one_more : nothing;
     }
@@ -91,35 +91,35 @@ static Response respond(
     const floats share = leds > 2 ? brightness_share(whole, one, uneven) : none;
     floats aa = 0.0f, ab = 0.0f, bb = 0.0f;
     EACH_LED(k) {
-        const floats a = told_a[k], b = told_b[k];
-        told_a[k] = weight[k] * (a - share * by_shown_a * shown[k]);
-        told_b[k] = weight[k] * (b - share * by_shown_b * shown[k]);
-        aa += told_a[k] * a;
-        ab += told_a[k] * b;
-        bb += told_b[k] * b;
+        const floats a = response_a[k], b = response_b[k];
+        response_a[k] = weight[k] * (a - share * by_shown_a * shown[k]);
+        response_b[k] = weight[k] * (b - share * by_shown_b * shown[k]);
+        aa += response_a[k] * a;
+        ab += response_a[k] * b;
+        bb += response_b[k] * b;
     }
     const floats determinant = aa * bb - ab * ab;
-    const ints known = (determinant > MIN_DETERMINANT_SHARE * aa * bb) & free_;
-    const floats divisor = known ? determinant : one;
-    const floats inverse = known ? 1.0f / divisor : none;
-    Response found;
+    const ints certain = (determinant > MIN_DETERMINANT_SHARE * aa * bb) & free_;
+    const floats divisor = certain ? determinant : one;
+    const floats inverse = certain ? 1.0f / divisor : none;
+    Response result;
     EACH_LED(k) {
-        const floats by_a = (bb * told_a[k] - ab * told_b[k]) * inverse;
-        const floats by_b = (aa * told_b[k] - ab * told_a[k]) * inverse;
-        found.by_p[k] = -((1.0f + p * p) * by_a + p * q * by_b);
-        found.by_q[k] = -(p * q * by_a + (1.0f + q * q) * by_b);
+        const floats by_a = (bb * response_a[k] - ab * response_b[k]) * inverse;
+        const floats by_b = (aa * response_b[k] - ab * response_a[k]) * inverse;
+        result.by_p[k] = -((1.0f + p * p) * by_a + p * q * by_b);
+        result.by_q[k] = -(p * q * by_a + (1.0f + q * q) * by_b);
     }
-    return found;
+    return result;
 }
 
 // How much faster a coated film's light changes with its normal than a matt film's, over the LEDs
 // that count; `coat_sharpness` of nodes/optics/film.py.
 static floats sharpness(
     const Film *film, const floats p, const floats q, const floats u, const floats v,
-    const floats seen, const ints used, const floats *noise)
+    const floats apparent, const ints used, const floats *noise)
 {
     const floats none = 0.0f, tiny = 1e-10f, one = 1.0f;
-    const floats z = seen / (1.0f + film->camera * seen), nearer = 1.0f - film->camera * z;
+    const floats z = apparent / (1.0f + film->camera * apparent), nearer = 1.0f - film->camera * z;
     const Places here = {u * nearer, v * nearer, z, u, v};
     const Vector eye = to_pupil(film, here.x, here.y, z), n = unit(-p, -q, one);
     const Vector way_s = {n.z, none, -n.x}, way_t = {none, n.z, -n.y};
@@ -181,7 +181,7 @@ LANED __kernel void err_slopes(
     __global const float *restrict kinds,
     __global const uint *restrict keys, __global const float *misfit,
     __global const float *bounced, __global const float *earlier, __global const float *tilt,
-    __global const float *seen)
+    __global const float *apparent)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     __global const Kind *kind = (__global const Kind *)kinds;
@@ -215,8 +215,8 @@ LANED __kernel void err_slopes(
         const floats flat = flat_noise * load_floats(light + at, count);
         const floats noisy = shared * noise[k] * sqrt(1.0f + flat * flat);
         const floats to_p = response.by_p[k], to_q = response.by_q[k];
-        const floats seen_p = to_p * blunt, seen_q = to_q * blunt;
-        const floats noise_p = seen_p * noisy, noise_q = seen_q * noisy;
+        const floats apparent_p = to_p * blunt, apparent_q = to_q * blunt;
+        const floats noise_p = apparent_p * noisy, noise_q = apparent_q * noisy;
         pp += noise_p * noise_p;
         pq += noise_p * noise_q;
         qq += noise_q * noise_q;
@@ -237,8 +237,8 @@ LANED __kernel void err_slopes(
             for (int n = 0; n < ERROR_COUNT; ++n) {
                 const floats change =
                     kind[n].sign * wrong * thrown + 0.5f * kind[n].settling * changed;
-                p[n] += seen_p * change;
-                q[n] += seen_q * change;
+                p[n] += apparent_p * change;
+                q[n] += apparent_q * change;
             }
         }
     }
@@ -258,8 +258,8 @@ LANED __kernel void err_slopes(
     const floats square = sunk_p * sunk_p + sunk_q * sunk_q, slant = sqrt(square);
     const floats share = slant / FULL_MISFIT_SLOPE, above = MORE_OF(share, level);
     const floats tilted = LESS_OF(above, whole), leans = MORE_OF(slant, full);
-    const floats mean_p = a - load_floats(seen + from, count);
-    const floats mean_q = b - load_floats(seen + frame_size + from, count);
+    const floats mean_p = a - load_floats(apparent + from, count);
+    const floats mean_q = b - load_floats(apparent + frame_size + from, count);
     for (int n = 0; n < ERROR_COUNT; ++n) {
         p[n] = within(p[n] + kind[n].averaged * mean_p, MAX_SLOPE);
         q[n] = within(q[n] + kind[n].averaged * mean_q, MAX_SLOPE);
@@ -378,7 +378,7 @@ LANED __kernel void deviation(
     __global const float *restrict freed, __global const float *restrict height,
     __global float *restrict out, const int frame_height, const int frame_width, const int top,
     const int left, const int H, const int W, const float pixel, const float place_px,
-    const float flattening_px2, const float scale_error)
+    const float flattening_px2)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
@@ -388,9 +388,7 @@ LANED __kernel void deviation(
     const Bend bent = bend_at(height, top + y, left + x, count, frame_height, frame_width);
     const floats spread = MORE_OF(edge, fabs(flattening_px2 * (bent.across + bent.along)));
     const floats mean = load_floats(variance + i, count) / MORE_OF(total, least);
-    const floats above = load_floats(height + (top + y) * frame_width + left + x, count);
-    const floats scaled = scale_error * above;
-    const floats found = sqrt(MORE_OF(mean, none) + spread * spread + scaled * scaled);
+    const floats result = sqrt(MORE_OF(mean, none) + spread * spread);
     const ints free = load_floats(freed + i, count) > 0.0f;
-    store_floats(free ? found : none, out + (top + y) * frame_width + left + x, count);
+    store_floats(free ? result : none, out + (top + y) * frame_width + left + x, count);
 }

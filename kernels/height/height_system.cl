@@ -18,14 +18,14 @@ __kernel void find_touch(
     GRID_1(line, H + W)
     const int is_row = line < H;
     const int start = is_row ? line * W : line - H, stride = is_row ? 1 : W;
-    uchar found = 0;
+    uchar result = 0;
     for (int n = 0; n < (is_row ? W : H); ++n) {
         const int i = start + n * stride;
         if (mask && !mask[i]) continue;
-        found |= rest[i] ? 2 : 1;
+        result |= rest[i] ? 2 : 1;
     }
-    if (is_row) rows[line] = found;
-    else columns[line - H] = found;
+    if (is_row) rows[line] = result;
+    else columns[line - H] = result;
 }
 
 // Steps in px from slopes before, at both ends of, and behind a spring, and their variances.
@@ -43,13 +43,13 @@ static void steps_between(
     const floats turned = bend * (after - before);
     const floats both = 0.25f * (var_before + var_after) + turned * turned;
     const floats least = LESS_OF(var_before, var_after);
-    const ints known = MORE_OF(var_before, var_after) < UNKNOWN_VARIANCE;
+    const ints certain = MORE_OF(var_before, var_after) < UNKNOWN_VARIANCE;
     const floats surer = var_before < var_after ? before : after;
     // A wall ends within the pixel that shows it.
     const floats little = LESS_OF(least, most) + LONE_SLOPE_VARIANCE + surer * surer;
     const floats alone = both == INFINITY ? both : little;
-    *wanted = known ? step_ : surer;
-    *spread = (known ? both : alone) + least_spread;
+    *wanted = certain ? step_ : surer;
+    *spread = (certain ? both : alone) + least_spread;
 }
 
 // Slopes, and their variances, at the pixels before, of and behind springs.
@@ -102,7 +102,7 @@ LANED __kernel void gather_system(
     store_floats(below ? wanted * pixel : none, down + i, count);
     store_floats(below ? spread * pixel * pixel : infinite, down_variance + i, count);
     const ints free_ = 0;
-    ints found = load_bytes(rest + here + x, count) != 0 ? still : free_;
-    if (mask) found = load_bytes(mask + here + x, count) != 0 ? found : out;
-    store_bytes(found, state + i, count);
+    ints result = load_bytes(rest + here + x, count) != 0 ? still : free_;
+    if (mask) result = load_bytes(mask + here + x, count) != 0 ? result : out;
+    store_bytes(result, state + i, count);
 }

@@ -15,8 +15,8 @@ LANED __kernel ONE_GROUP void border_median(
     for (int j = PLACE_IN_GROUP; j < size; j += GROUP)
         values[j] = height[on_ring(j, H, W, border)];
     barrier(CLK_GLOBAL_MEM_FENCE);
-    const float found = group_median(values, size, parts);
-    if (PLACE_IN_GROUP == 0) median[0] = found;
+    const float result = group_median(values, size, parts);
+    if (PLACE_IN_GROUP == 0) median[0] = result;
 }
 
 LANED __kernel void subtract(

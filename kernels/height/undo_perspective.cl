@@ -11,12 +11,12 @@ LANED __kernel void undo_perspective(
     const int inverse)
 {
     GRID_LANES(at, count, H * W)
-    const floats seen = load_floats(height + at, count);
+    const floats apparent = load_floats(height + at, count);
     const float by = inverse ? -camera : camera;
     if (!rest) {
-        store_floats(seen / (1.0f + by * seen), out + at, count);
+        store_floats(apparent / (1.0f + by * apparent), out + at, count);
         return;
     }
-    const floats low = load_floats(rest + at, count), whole = seen + low;
+    const floats low = load_floats(rest + at, count), whole = apparent + low;
     store_floats(whole / (1.0f + by * whole) - low / (1.0f + by * low), out + at, count);
 }

@@ -23,14 +23,14 @@ LANED __kernel void calm_film(
         for (int dy = -radius_px; dy <= radius_px; ++dy) {
             __global const float *row = light + k * size + clamp(y + dy, 0, H - 1) * W;
             for (int dx = -radius_px; dx <= radius_px; ++dx) {
-                const floats found = inside ? LOAD_LANES(row + x + dx)
+                const floats result = inside ? LOAD_LANES(row + x + dx)
                                             : load_within_border(row, x + dx, count, W, REPLICATE);
                 if (at_rest) {
                     __global const float *low = at_rest + (row - light);
-                    sum += found - (inside ? LOAD_LANES(low + x + dx)
+                    sum += result - (inside ? LOAD_LANES(low + x + dx)
                                            : load_within_border(low, x + dx, count, W, REPLICATE));
                 } else {
-                    sum += found - 1.0f;
+                    sum += result - 1.0f;
                 }
             }
         }

@@ -10,7 +10,7 @@
 #include "sweep.clh"
 
 // Cells at the edge of the rim that only lanes without a share of light read.
-#define MARGIN_CELLS 14
+#define MARGIN_CELLS 7
 
 // The cells of the frame and of the rim around it: `height` is the one that a pinhole at
 // 1 / `pupil` sees, `slope` is the film's.  Under a coat also what they send (`sources`).
@@ -53,7 +53,7 @@ LANED __kernel void lay_out(
         falls[l] = inside ? mean_slope(height, down, across, H, W, 1) / pixel : 0.0f;
         heights[l] += across.aside * rises[l] + down.aside * falls[l];
     }
-    const floats seen = LOAD_LANES(heights);
+    const floats apparent = LOAD_LANES(heights);
     floats p = LOAD_LANES(rises), q = LOAD_LANES(falls);
     if (slope) {
         means_of(slope, column, down, W, w, rim, factor, 0.0f, rises);
@@ -61,20 +61,20 @@ LANED __kernel void lay_out(
         p = LOAD_LANES(rises);
         q = LOAD_LANES(falls);
     } else {
-        const floats least = MIN_VIEW_SHARE, steep = 1.0f + pupil * (seen - (p * u + q * v));
+        const floats least = MIN_VIEW_SHARE, steep = 1.0f + pupil * (apparent - (p * u + q * v));
         const floats scale = MORE_OF(steep, least);
         p /= scale;
         q /= scale;
     }
-    const floats nearer = 1.0f / (1.0f + pupil * seen), upright = 1.0f / sqrt(1.0f + p * p + q * q);
+    const floats nearer = 1.0f / (1.0f + pupil * apparent), upright = 1.0f / sqrt(1.0f + p * p + q * q);
     const Film film = COATED_FILM;
     store_floats(u * nearer, cell + CELL_X * N, count);
     store_floats(v * nearer, cell + (CELL_X + 1) * N, count);
-    store_floats(seen * nearer, cell + (CELL_X + 2) * N, count);
+    store_floats(apparent * nearer, cell + (CELL_X + 2) * N, count);
     store_floats(-p * upright, cell + CELL_NORMAL * N, count);
     store_floats(-q * upright, cell + (CELL_NORMAL + 1) * N, count);
     store_floats(upright, cell + (CELL_NORMAL + 2) * N, count);
-    store_floats(seen, cell + CELL_SEEN * N, count);
+    store_floats(apparent, cell + CELL_APPARENT * N, count);
     for (int k = 0; k < LEDS; ++k) {
         __global const float *led = lights + 3 * k;
         const floats dx = led[0] - u, dy = led[1] - v;
@@ -101,11 +101,11 @@ LANED __kernel void interpolate(
 {
     GRID_PARTS_OF_ROWS(line, x, count, LEDS * H, W)
     const int k = line / H, y = line - k * H, i = line * W + x;
-    floats found = 0.0f;
-    if (bounced) found = between_cells(bounced + k * h * w, y, x, count, factor, h, w);
+    floats result = 0.0f;
+    if (bounced) result = between_cells(bounced + k * h * w, y, x, count, factor, h, w);
     if (before) {
         const floats earlier = load_floats(before + i, count);
-        found = earlier + share * (found - earlier);
+        result = earlier + share * (result - earlier);
     }
-    store_floats(found, out + i, count);
+    store_floats(result, out + i, count);
 }

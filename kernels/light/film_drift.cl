@@ -12,8 +12,8 @@
 #define TERM_PAIRS 21
 #define MAX_LEDS 8
 #define COUNTED TERM_PAIRS
-#define SEEN (COUNTED + 1)
-#define CHANCE (SEEN + MAX_LEDS * DRIFT_TERMS)
+#define MEASURED (COUNTED + 1)
+#define CHANCE (MEASURED + MAX_LEDS * DRIFT_TERMS)
 #define FIT_SUMS (CHANCE + MAX_LEDS)
 #define MIN_CALM_SHARE 0.05f
 #define SHAPE_REGULARISATION 0.003f
@@ -216,9 +216,9 @@ static ONCE float border_level(
 }
 
 // Weighted sums over the cells: of the products of the first `used` terms, of terms times the light
-// less `known` by LED, and of the noise's square by LED; and the number of cells that count.
+// less `before` by LED, and of the noise's square by LED; and the number of cells that count.
 static ONCE void tally(
-    const Film *film, __global const float *weights, __global const float *known,
+    const Film *film, __global const float *weights, __global const float *before,
     const int used, __global float *shares, SHARED float *sums)
 {
     const floats one = 1.0f, none = 0.0f;
@@ -239,10 +239,10 @@ static ONCE void tally(
             for (int b = 0; b <= a; ++b, ++j) mine[j] += counted[a] * t[b];
         for (int k = 0; k < film->K; ++k) {
             const int at = k * film->H * film->W + i;
-            const floats left = load_floats(film->light + at, count)
-                - gain_of(known + DRIFT_TERMS * k, t);
+            const floats excess = load_floats(film->light + at, count)
+                - gain_of(before + DRIFT_TERMS * k, t);
             for (int a = 0; a < used; ++a)
-                mine[SEEN + DRIFT_TERMS * k + a] += counted[a] * left;
+                mine[MEASURED + DRIFT_TERMS * k + a] += counted[a] * excess;
             if (film->share <= 0.0f) continue;
             const floats chance = film->share * load_floats(film->sigma + at, count);
             mine[CHANCE + k] += weight * chance * chance;
@@ -291,7 +291,7 @@ static ONCE void settle(
     // Without calm film the sums are empty, and the result is not used.
     a[0] = fmax(a[0], MIN_WEIGHT);
     for (int j = 1; j < used; ++j) a[j * (j + 3) / 2] += held;
-    for (int j = 0; j < used; ++j) b[j] = sums[SEEN + DRIFT_TERMS * k + j];
+    for (int j = 0; j < used; ++j) b[j] = sums[MEASURED + DRIFT_TERMS * k + j];
     solve(a, b, change, used);
     float level = b[0];
     for (int j = 0; j < used; ++j) {
@@ -300,10 +300,10 @@ static ONCE void settle(
         if (j > 0) level -= change[j] * a[j * (j + 1) / 2];
     }
     change[0] = level / a[0];
-    const int known = !too_few && explained > doubt * sums[CHANCE + k] / a[0];
+    const int significant = !too_few && explained > doubt * sums[CHANCE + k] / a[0];
     for (int j = 0; j < DRIFT_TERMS; ++j)
         next[DRIFT_TERMS * k + j] =
-            old[DRIFT_TERMS * k + j] + (known && j < used ? change[j] : 0.0f);
+            old[DRIFT_TERMS * k + j] + (significant && j < used ? change[j] : 0.0f);
 }
 
 // The old drift, and the start: that drift, or scaled to the border if this makes more film calm.

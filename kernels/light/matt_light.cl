@@ -45,12 +45,12 @@ LANED __kernel void matt_light(
 
     for (int x = first; x < past; x += LANES) {
         const int at = row * W + x, count = min(LANES, past - x);
-        const floats seen = load_floats(height + at, count);
+        const floats apparent = load_floats(height + at, count);
         const floats u = ((float)x + LANE_NUMBERS - 0.5f * (float)(W - 1)) * pixel, v = y0;
-        const floats z = seen / (1.0f + film_camera * seen), nearer = 1.0f - film_camera * z;
+        const floats z = apparent / (1.0f + film_camera * apparent), nearer = 1.0f - film_camera * z;
         const Places here = {u * nearer, v * nearer, z, u, v};
         // Film is touched where it is above its place at rest; on a plane that is its height.
-        const floats lift = resting ? seen - load_floats(resting + at, count) : seen;
+        const floats lift = resting ? apparent - load_floats(resting + at, count) : apparent;
         const floats lifted = touch_gain(&film, lift);
         floats shown[MAX_LEDS], shine[MAX_LEDS], scale[MAX_LEDS], spread[MAX_LEDS];
         for (int k = 0; k < K; ++k) {
@@ -78,32 +78,32 @@ LANED __kernel void matt_light(
         const floats p = load_floats(slope + at, count);
         const floats q = load_floats(slope + size + at, count);
         Vector n = unit(-p, -q, (floats)1.0f);
-        AtPlace known[MAX_LEDS];
+        AtPlace at_place[MAX_LEDS];
         floats weight[MAX_LEDS];
         for (int k = 0; k < K; ++k) {
             const float diffuse = film_diffuse[k], direct = 1.0f / direct_share(&film, k);
             const floats rest = per_rest(rows + k, (x - first) / LANES);
-            set_place(known + k, &film, k, eye, &here, touched, shine[k], rest, rows + k);
+            set_place(at_place + k, &film, k, eye, &here, touched, shine[k], rest, rows + k);
             weight[k] = weight_of((shown[k] * per_touch_there - diffuse) * direct, shown[k]);
             shown[k] -= touched * diffuse;
         }
         floats expected[MAX_LEDS];
         int far = 1;
         for (int step = 0; far && step < turns; ++step)
-            far = turned(&film, shown, weight, known, &n, eye, expected);
+            far = turned(&film, shown, weight, at_place, &n, eye, expected);
         const Facing facing = facing_of(&film, n, eye);
         for (int k = 0; k < K; ++k) {
             const int i = k * size + at;
             if (film_refraction == 1.0f && film_camera == 0.0f && film_diffuse[k] < MAX_DIFFUSE) {
                 // What a matt film has there, the harmonics stand beside.
-                const floats beside = shaded(&film, known + k, &facing);
-                const floats found = (shown[k] - beside) * scale[k];
-                put(found, spread[k], film_wrap, light_, sigma_, i, count);
+                const floats beside = shaded(&film, at_place + k, &facing);
+                const floats result = (shown[k] - beside) * scale[k];
+                put(result, spread[k], film_wrap, light_, sigma_, i, count);
                 continue;
             }
-            const Vector to = light_vector(film_lights + 3 * k, u, v, seen);
+            const Vector to = light_vector(film_lights + 3 * k, u, v, apparent);
             const floats matt = wrapped(dot_of(to, n), film_wrap);
-            const floats there = far ? predicted(&film, known + k, &facing) : expected[k];
+            const floats there = far ? predicted(&film, at_place + k, &facing) : expected[k];
             put((shown[k] - there) * scale[k] + matt, spread[k], film_wrap, light_, sigma_, i, count);
         }
     }

@@ -13,7 +13,7 @@
 LANED __kernel void leave(
     __global const float *restrict light, __global const float *restrict slope,
     __global const float *restrict height, __global const uchar *restrict used,
-    __global const float *restrict lights, __global float *restrict left,
+    __global const float *restrict lights, __global float *restrict excess,
     __global float *restrict counts, const int K, const int H, const int W, const float pixel,
     const float uneven)
 {
@@ -38,15 +38,15 @@ LANED __kernel void leave(
     const floats brighter = along * brightness_share(whole, noise, uneven);
     for (int k = 0; k < K; ++k) {
         const floats rest = departs[k] - brighter * shown[k];
-        store_floats(tells ? rest : none, left + k * size + at, count);
+        store_floats(tells ? rest : none, excess + k * size + at, count);
     }
     store_floats(tells ? one : none, counts + at, count);
 }
 
 // Over blocks of pixels, the sums of products with neighbours `lag` pixels away, and of pairs.
 LANED __kernel void add_blocks(
-    __global const float *restrict left, __global const float *restrict counts,
-    __global float *restrict total, __global float *restrict known, const int K, const int H,
+    __global const float *restrict excess, __global const float *restrict counts,
+    __global float *restrict total, __global float *restrict number, const int K, const int H,
     const int W, const int lag, const int rows, const int columns)
 {
     GRID_2(row, column, rows, columns)
@@ -56,14 +56,14 @@ LANED __kernel void add_blocks(
         for (int x = 0; x < BLOCK_PX; x += LANES) {
             const int i = corner + y * W + x;
             for (int k = 0; k < K; ++k) {
-                __global const float *here = left + k * size + i;
+                __global const float *here = excess + k * size + i;
                 product += LOAD_LANES(here) * (LOAD_LANES(here + lag * W) + LOAD_LANES(here + lag));
             }
             pairs += LOAD_LANES(counts + i) *
                      (LOAD_LANES(counts + i + lag * W) + LOAD_LANES(counts + i + lag));
         }
     total[row * columns + column] = sum_of_lanes(product) / (float)K;
-    known[row * columns + column] = sum_of_lanes(pairs);
+    number[row * columns + column] = sum_of_lanes(pairs);
 }
 
 // Over blocks of pixels, by how much each LED's light on the film at rest departs from its model,
@@ -71,7 +71,7 @@ LANED __kernel void add_blocks(
 LANED __kernel void rest_blocks(
     __global const float *restrict light, __global const float *restrict height,
     __global const float *restrict lights, __global const uchar *restrict rest,
-    __global const float *tilt, __global float *restrict total, __global float *restrict known,
+    __global const float *tilt, __global float *restrict total, __global float *restrict number,
     const int K, const int H, const int W, const float pixel, const int rows, const int columns)
 {
     GRID_3(k, row, column, K, rows, columns)
@@ -92,5 +92,5 @@ LANED __kernel void rest_blocks(
             pixels += calm ? one : none;
         }
     total[(k * rows + row) * columns + column] = sum_of_lanes(departs);
-    if (k == 0) known[row * columns + column] = sum_of_lanes(pixels);
+    if (k == 0) number[row * columns + column] = sum_of_lanes(pixels);
 }

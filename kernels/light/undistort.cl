@@ -16,7 +16,7 @@ LANED __kernel void undistort(
     Taps taps;
     if (bent) {
         floats x, y;
-        seen_places(lens, row, column, H, W, &x, &y);
+        camera_places(lens, row, column, H, W, &x, &y);
         find_taps(x, y, column, count, H, W, &taps);
     }
     for (int k = 0; k < K; ++k) {

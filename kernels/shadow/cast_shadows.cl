@@ -84,7 +84,7 @@ __kernel void cast(
 
 // The LEDs whose shadow the image shows at a pixel, or `reach` pixels away along one axis (1: x).
 LANED __kernel void spread_labels(
-    __global const uchar *restrict seen,
+    __global const uchar *restrict image_labels,
     __global uchar *restrict near,
     const int H, const int W, const int reach, const int axis)
 {
@@ -92,7 +92,7 @@ LANED __kernel void spread_labels(
     ints labels = 0;
     for (int d = -reach; d <= reach; ++d) {
         const int row = axis ? y : clamp(y + d, 0, H - 1), column = axis ? x + d : x;
-        labels |= load_bytes_within_border(seen + row * W, column, count, W, REPLICATE);
+        labels |= load_bytes_within_border(image_labels + row * W, column, count, W, REPLICATE);
     }
     store_bytes(labels, near + y * W + x, count);
 }

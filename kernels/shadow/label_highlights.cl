@@ -11,7 +11,7 @@
 typedef struct {
     floats light[MAX_LEDS], weight[MAX_LEDS];
     Vector towards[MAX_LEDS];
-} Seen;
+} Observation;
 
 // A symmetric 3 x 3 matrix taken apart into L D L^T: one over D, then L.
 typedef struct {
@@ -36,20 +36,20 @@ static Vector solve(const Moments m, const Vector right)
     floats y = right.y - m.yx * right.x;
     const floats z = (right.z - m.zx * right.x - m.zy * y) * m.third;
     y = y * m.second - m.zy * z;
-    const Vector found = {right.x * m.first - m.yx * y - m.zx * z, y, z};
-    return found;
+    const Vector result = {right.x * m.first - m.yx * y - m.zx * z, y, z};
+    return result;
 }
 
 // Least squares over all LEDs but one, then the nearest normal of unit length.
-static Fit fit(const Seen *seen, const int K, const int without)
+static Fit fit(const Observation *observed, const int K, const int without)
 {
     const floats tiny = 1e-20f, thin = 1e-12f;
     floats xx = 0.0f, xy = 0.0f, xz = 0.0f, yy = 0.0f, yz = 0.0f, zz = 0.0f;
     Vector right = {0.0f, 0.0f, 0.0f};
     for (int k = 0; k < K; ++k) {
         if (k == without) continue;
-        const floats weight = seen->weight[k], weighted = weight * seen->light[k];
-        const Vector v = seen->towards[k];
+        const floats weight = observed->weight[k], weighted = weight * observed->light[k];
+        const Vector v = observed->towards[k];
         xx += weight * v.x * v.x;
         xy += weight * v.x * v.y;
         xz += weight * v.x * v.z;
@@ -61,8 +61,8 @@ static Fit fit(const Seen *seen, const int K, const int without)
         right.z += weighted * v.z;
     }
     const floats share = RIDGE_TRACE_SHARE * (xx + yy + zz), soft = MORE_OF(share, tiny);
-    Fit found;
-    Moments *m = &found.moments;
+    Fit result;
+    Moments *m = &result.moments;
     m->first = 1.0f / (xx + soft);
     m->yx = xy * m->first;
     m->zx = xz * m->first;
@@ -83,14 +83,14 @@ static Fit fit(const Seen *seen, const int K, const int without)
     n.x /= size;
     n.y /= size;
     n.z /= size;
-    found.normal = n;
-    found.misfit = 0.0f;
+    result.normal = n;
+    result.misfit = 0.0f;
     for (int k = 0; k < K; ++k) {
         if (k == without) continue;
-        const floats away = seen->light[k] - dot_of(seen->towards[k], n);
-        found.misfit += seen->weight[k] * away * away;
+        const floats away = observed->light[k] - dot_of(observed->towards[k], n);
+        result.misfit += observed->weight[k] * away * away;
     }
-    return found;
+    return result;
 }
 
 // The unit vector half-way between an LED and the camera above.
@@ -101,8 +101,8 @@ static Vector half_way(
     const floats away = sqrt(dot_of(ray, ray));
     const Vector half_ = {ray.x / away, ray.y / away, ray.z / away + 1.0f};
     const floats size = sqrt(dot_of(half_, half_));
-    const Vector found = {half_.x / size, half_.y / size, half_.z / size};
-    return found;
+    const Vector result = {half_.x / size, half_.y / size, half_.z / size};
+    return result;
 }
 
 // Mark the LED whose light exceeds what the others predict, where it could be mirrored.
@@ -125,35 +125,35 @@ LANED __kernel void label_highlights(
     const floats least = 1e-10f, zero = 0.0f, z = load_floats(height + i, count);
     const float near = cos(lobe_deg * 0.017453293f);
     floats x, y, level = zero;
-    Seen seen;
+    Observation observed;
     places(i, H, W, pixel, &x, &y);
     for (int k = 0; k < K; ++k) {
         const floats noise = load_floats(sigma + k * size + i, count), square = noise * noise;
-        seen.light[k] = load_floats(light + k * size + i, count);
-        seen.weight[k] = 1.0f / MORE_OF(square, least);
-        seen.towards[k] = light_vector(lights + 3 * k, x, y, z);
-        const floats away = seen.light[k] - seen.towards[k].z;
-        level += seen.weight[k] * away * away;
+        observed.light[k] = load_floats(light + k * size + i, count);
+        observed.weight[k] = 1.0f / MORE_OF(square, least);
+        observed.towards[k] = light_vector(lights + 3 * k, x, y, z);
+        const floats away = observed.light[k] - observed.towards[k].z;
+        level += observed.weight[k] * away * away;
     }
     ints marked = 0, doubted = level > unlikely;
     // If level film explains the light, the best normal explains it, too.
-    if (K > 3 && ANY(doubted)) doubted &= fit(&seen, K, NO_LED).misfit > unlikely;
+    if (K > 3 && ANY(doubted)) doubted &= fit(&observed, K, NO_LED).misfit > unlikely;
     if (K > 3 && ANY(doubted)) {
         floats best = INFINITY;
         for (int k = 0; k < K; ++k) {
-            const Fit others = fit(&seen, K, k);
-            const Vector towards = seen.towards[k];
+            const Fit others = fit(&observed, K, k);
+            const Vector towards = observed.towards[k];
             const floats noise = load_floats(sigma + k * size + i, count);
-            const floats over = seen.light[k] - dot_of(towards, others.normal);
+            const floats over = observed.light[k] - dot_of(towards, others.normal);
             const floats doubt = dot_of(towards, solve(others.moments, towards));
             const ints bright = over > excess * sqrt(noise * noise + doubt);
             const Vector half_ = half_way(lights + 3 * k, x, y, z);
             const ints facing = dot_of(half_, others.normal) > near;
             const ints better = others.misfit < best;
             const ints bit = 1 << k, none = 0;
-            const ints found = (bright & facing & (others.misfit < likely)) ? bit : none;
+            const ints result = (bright & facing & (others.misfit < likely)) ? bit : none;
             best = better ? others.misfit : best;
-            marked = better ? found : marked;
+            marked = better ? result : marked;
         }
         const ints none = 0;
         marked = doubted ? marked : none;

@@ -81,7 +81,7 @@ typedef struct {
 typedef struct {
     __global float *slope, *twin, *variance, *misfit;
     __global uchar *used, *shadow;
-} Made;
+} Outputs;
 
 typedef struct {
     int pair, dark;
@@ -195,45 +195,45 @@ static Equations normal_equations(const Pixels *pixels, const int used)
             b.z += w.z * pixels->light[k];
         }
     const floats scale = 1.0f / (a.xx + a.yy + a.zz);
-    const Equations made = {{a.xx * scale, a.xy * scale, a.xz * scale,
+    const Equations system = {{a.xx * scale, a.xy * scale, a.xz * scale,
                              a.yy * scale, a.yz * scale, a.zz * scale}, scaled(b, scale), scale};
-    return made;
+    return system;
 }
 
-static Vector linear(const Equations *made)
+static Vector linear(const Equations *system)
 {
-    return visible(unit(solution(made->a, made->b)));
+    return visible(unit(solution(system->a, system->b)));
 }
 
-static Vector step_from(const Equations *made, const Vector n)
+static Vector step_from(const Equations *system, const Vector n)
 {
-    return unit(visible(gauss_newton(made->a, made->b, made->scale, n)));
+    return unit(visible(gauss_newton(system->a, system->b, system->scale, n)));
 }
 
 // The normal equations near n, less what the film's brightness explains.
-static Equations at_any_brightness(const Equations *made, const Vector n, const float uneven)
+static Equations at_any_brightness(const Equations *system, const Vector n, const float uneven)
 {
-    const Vector along = times_(made->a, n);
-    const Vector taken = scaled(along, brightness_share(dot_of(n, along), made->scale, uneven));
-    const floats nb = dot_of(n, made->b);
-    const Symmetric a = made->a;
-    const Vector b = made->b;
+    const Vector along = times_(system->a, n);
+    const Vector taken = scaled(along, brightness_share(dot_of(n, along), system->scale, uneven));
+    const floats nb = dot_of(n, system->b);
+    const Symmetric a = system->a;
+    const Vector b = system->b;
     const Equations less = {
         {a.xx - taken.x * along.x, a.xy - taken.x * along.y, a.xz - taken.x * along.z,
          a.yy - taken.y * along.y, a.yz - taken.y * along.z, a.zz - taken.z * along.z},
         {b.x - taken.x * nb, b.y - taken.y * nb, b.z - taken.z * nb},
-        made->scale};
+        system->scale};
     return less;
 }
 
 // The unit normal by which a set of three LEDs or more is judged, and the one that it gives.
-static Judged least_squares(const Equations *made, const int count, const float uneven)
+static Judged least_squares(const Equations *system, const int count, const float uneven)
 {
-    const Vector start = linear(made);
-    const Equations free = at_any_brightness(made, start, uneven);
+    const Vector start = linear(system);
+    const Equations free = at_any_brightness(system, start, uneven);
     const Vector normal = step_from(&free, start);
-    const Judged found = {count > 3 ? normal : step_from(made, start), normal};
-    return found;
+    const Judged result = {count > 3 ? normal : step_from(system, start), normal};
+    return result;
 }
 
 // The light that the dark LEDs would give; plenty for a normal that the camera cannot see.
@@ -275,9 +275,9 @@ static Normals pair_of(const Pixels *pixels, const int used, const int attached)
         take = dot_of(first, pixels->believed) >= dot_of(second, pixels->believed);
     }
     take = MORE_OF(first.z, second.z) > AT_REST ? flatter : take;
-    const Normals found = {visible(chosen_of(take, first, second)),
+    const Normals result = {visible(chosen_of(take, first, second)),
                            visible(chosen_of(take, second, first))};
-    return found;
+    return result;
 }
 
 // The next larger number with as many bits set.
@@ -328,12 +328,12 @@ static Slope variance_of(
     h12 -= share * u1 * u2;
     h22 -= share * u2 * u2;
     const floats determinant = h11 * h22 - h12 * h12;
-    const ints known = determinant > MIN_SINE_SQUARED * h11 * h22;
+    const ints certain = determinant > MIN_SINE_SQUARED * h11 * h22;
     const floats a = 1.0f + slope.p * slope.p, b = slope.p * slope.q;
     const floats c = 1.0f + slope.q * slope.q;
     const floats by_p = (a * a * h22 - 2.0f * a * b * h12 + b * b * h11) / determinant;
     const floats by_q = (b * b * h22 - 2.0f * b * c * h12 + c * c * h11) / determinant;
-    const Slope variance = {known ? by_p : unknown, known ? by_q : unknown};
+    const Slope variance = {certain ? by_p : unknown, certain ? by_q : unknown};
     return variance;
 }
 
@@ -486,37 +486,37 @@ static void put_bytes(
 }
 
 static void put_choice(
-    const Made *made, const Frame *frame, const Rules *rules, const Pixels *here,
+    const Outputs *outputs, const Frame *frame, const Rules *rules, const Pixels *here,
     const Choice *best, const int first, const int count, const int *at)
 {
     const int size = frame->H * frame->W, all = (1 << frame->K) - 1;
     const Vector normal = best->normals.normal;
-    const Slope found = slope_of(normal, rules->steepest);
-    if (made->slope) {
-        put(found.p, made->slope, first, count, at);
-        put(found.q, made->slope + size, first, count, at);
+    const Slope result = slope_of(normal, rules->steepest);
+    if (outputs->slope) {
+        put(result.p, outputs->slope, first, count, at);
+        put(result.q, outputs->slope + size, first, count, at);
     }
-    if (made->twin) {
+    if (outputs->twin) {
         const Slope other = slope_of(best->normals.twin, rules->steepest);
-        put(other.p, made->twin, first, count, at);
-        put(other.q, made->twin + size, first, count, at);
+        put(other.p, outputs->twin, first, count, at);
+        put(other.q, outputs->twin + size, first, count, at);
     }
-    if (made->variance) {
-        const Slope spread = variance_of(here, best->used, normal, found, rules->uneven);
-        put(spread.p, made->variance, first, count, at);
-        put(spread.q, made->variance + size, first, count, at);
+    if (outputs->variance) {
+        const Slope spread = variance_of(here, best->used, normal, result, rules->uneven);
+        put(spread.p, outputs->variance, first, count, at);
+        put(spread.q, outputs->variance + size, first, count, at);
     }
     const ints used = best->used & ~here->below;
-    if (made->used) put_bytes(used, made->used, first, count, at);
-    if (made->shadow) {
+    if (outputs->used) put_bytes(used, outputs->used, first, count, at);
+    if (outputs->shadow) {
         ints dim = 0;
         if (ANY(used != all)) {
             dim = dim_of(here, normal) & ~used;
             dim = best->used == 0 ? here->below : dim;
         }
-        put_bytes(dim, made->shadow, first, count, at);
+        put_bytes(dim, outputs->shadow, first, count, at);
     }
-    if (made->misfit) put(best->misfit, made->misfit, first, count, at);
+    if (outputs->misfit) put(best->misfit, outputs->misfit, first, count, at);
 }
 
 // List the pixels that another set may explain better.
@@ -555,13 +555,13 @@ static void list_doubtful(
 
 // Take every LED to reach `count` pixels, RUN LANES at most.
 static ONCE void all_lit(
-    const Made *made, const Frame *frame, const Rules *rules, const int start, const int count,
+    const Outputs *outputs, const Frame *frame, const Rules *rules, const int start, const int count,
     Doubtful *doubtful)
 {
     const int all = (1 << frame->K) - 1, vectors = (count + LANES - 1) / LANES;
     Pixels here[RUN];
     Equations equations[RUN];
-    Judged found[RUN];
+    Judged result[RUN];
     floats squares[RUN];
     for (int r = 0; r < vectors; ++r) {
         const int filled = count == RUN * LANES ? LANES : min(LANES, count - r * LANES);
@@ -569,14 +569,14 @@ static ONCE void all_lit(
     }
     for (int r = 0; r < vectors; ++r) equations[r] = normal_equations(&here[r], all);
     for (int r = 0; r < vectors; ++r)
-        found[r] = least_squares(&equations[r], frame->K, rules->uneven);
+        result[r] = least_squares(&equations[r], frame->K, rules->uneven);
     for (int r = 0; r < vectors; ++r)
-        squares[r] = squares_of(&here[r], all, found[r].judged, rules->uneven);
+        squares[r] = squares_of(&here[r], all, result[r].judged, rules->uneven);
     for (int r = 0; r < vectors; ++r) {
         const int at = start + r * LANES;
         const int filled = count == RUN * LANES ? LANES : min(LANES, count - r * LANES);
-        const Choice lit = {{found[r].normal, found[r].normal}, all, squares[r], squares[r]};
-        put_choice(made, frame, rules, &here[r], &lit, at, filled, 0);
+        const Choice lit = {{result[r].normal, result[r].normal}, all, squares[r], squares[r]};
+        put_choice(outputs, frame, rules, &here[r], &lit, at, filled, 0);
         list_doubtful(&here[r], squares[r], rules, at, filled, doubtful);
     }
 }
@@ -631,7 +631,7 @@ static ints allow_dimmed(const Pixels *here, const Rules *rules, Choice *best)
 
 // The set of LEDs that explains some doubtful pixels best, LANES of them at most.
 static ONCE void any_set(
-    const Made *made, const Frame *frame, const Rules *rules, const Doubtful *doubtful,
+    const Outputs *outputs, const Frame *frame, const Rules *rules, const Doubtful *doubtful,
     const int *order, const int count)
 {
     const int K = frame->K, all = (1 << K) - 1;
@@ -657,9 +657,9 @@ static ONCE void any_set(
             Vector judged;
             if (number < K - 2) {
                 const Equations equations = normal_equations(&here, lit);
-                const Judged found = least_squares(&equations, K - number, rules->uneven);
-                judged = found.judged;
-                tried.normal = tried.twin = found.normal;
+                const Judged result = least_squares(&equations, K - number, rules->uneven);
+                judged = result.judged;
+                tried.normal = tried.twin = result.normal;
             } else {
                 tried = pair_of(&here, lit, rules->pair);
                 judged = tried.normal;
@@ -693,7 +693,7 @@ static ONCE void any_set(
         moved |= !stay[l];
         if (stay[l]) at[l] = -1;
     }
-    if (moved) put_choice(made, frame, rules, &here, &best, 0, count, at);
+    if (moved) put_choice(outputs, frame, rules, &here, &best, 0, count, at);
 }
 
 // The set of LEDs that explains a pixel best, and the slope that follows; see
@@ -727,19 +727,19 @@ LANED __kernel void label_lights(
     const int item = get_global_id(0), end = min(LANES * (item + SHARE), H * W);
     if (item % SHARE) return;
     const Frame frame = {light, sigma, lights, height, prior, pixel, K, H, W};
-    const Made made = {slope, twin, variance, misfit, used, shadow};
+    const Outputs outputs = {slope, twin, variance, misfit, used, shadow};
     const Rules rules = {pair, dark, floor_, price, one_sided, steepest, dimmed, uneven, wrap, turn};
     Doubtful doubtful;
     doubtful.number = 0;
     for (int at = LANES * item; at < end; at += RUN * LANES)
         // That a run is whole is known to the compiler where it is.
         if (end - at >= RUN * LANES)
-            all_lit(&made, &frame, &rules, at, RUN * LANES, &doubtful);
+            all_lit(&outputs, &frame, &rules, at, RUN * LANES, &doubtful);
         else
-            all_lit(&made, &frame, &rules, at, end - at, &doubtful);
+            all_lit(&outputs, &frame, &rules, at, end - at, &doubtful);
     if (doubtful.number == 0) return;
     int order[SHARE * LANES];
     sort_by_kind(&doubtful, K, order);
     for (int i = 0; i < doubtful.number; i += LANES)
-        any_set(&made, &frame, &rules, &doubtful, order + i, min(LANES, doubtful.number - i));
+        any_set(&outputs, &frame, &rules, &doubtful, order + i, min(LANES, doubtful.number - i));
 }

@@ -17,7 +17,7 @@ static floats share_of(const floats light, const floats sigma, const floats show
 // The probability that the labels of all LEDs are right.
 LANED __kernel void shadow_confidence(
     __global const uchar *restrict shadow,
-    __global const uchar *restrict seen,
+    __global const uchar *restrict image_labels,
     __global const float *restrict light,
     __global const float *restrict sigma,
     __global const float *restrict slope,
@@ -39,7 +39,7 @@ LANED __kernel void shadow_confidence(
     const floats y = ((float)row - 0.5f * (float)(H - 1)) * pixel;
     const floats z = load_floats(height + i, count), p = load_floats(slope + i, count);
     const floats q = load_floats(slope + size + i, count), nz = 1.0f / sqrt(1.0f + p * p + q * q);
-    const ints label = load_bytes(shadow + i, count), differs = label ^ load_bytes(seen + i, count);
+    const ints label = load_bytes(shadow + i, count), differs = label ^ load_bytes(image_labels + i, count);
     const ints near = edges(shadow, row, column, count, H, W, 2);
     ints edge = 0;
     if (ANY(near != 0)) edge = edges(shadow, row, column, count, H, W, 1);

@@ -24,9 +24,9 @@ static int any_of(__global const uchar *labels, const int count)
         return (any | any >> 8 | any >> 16 | any >> 24) & 0xff;
     }
 #endif
-    int found = 0;
-    for (int l = 0; l < count; ++l) found |= labels[l];
-    return found;
+    int result = 0;
+    for (int l = 0; l < count; ++l) result |= labels[l];
+    return result;
 }
 
 // The LEDs whose shadow may cover any of `count` pixels of a row, or a pixel `reach` beside them.
@@ -35,11 +35,11 @@ static int shadows_near(
     const int reach, const int H, const int W)
 {
     const int end = min(column + count + reach, W), last = max(W - LANES, 0);
-    int found = 0;
+    int result = 0;
     for (int y = max(row - reach, 0); y <= min(row + reach, H - 1); ++y)
         for (int x = max(column - reach, 0); x < end; x += LANES)
-            found |= any_of(shadow + y * W + min(x, last), min(LANES, W));
-    return found;
+            result |= any_of(shadow + y * W + min(x, last), min(LANES, W));
+    return result;
 }
 
 // The share (0 to 1) of its light that each pixel near an LED's shadow gets from the LED.
@@ -175,19 +175,19 @@ __kernel void measure(
     GRID_1(n, H * across)
     const int row = n / across, start = span * (n - row * across), end = min(start + span, W);
     const Measured to = {top, foot, rise};
-    int found[MAX_LEDS];
-    for (int k = 0; k < K; ++k) found[k] = 0;
+    int result[MAX_LEDS];
+    for (int k = 0; k < K; ++k) result[k] = 0;
     for (int x = start; x < end; x += LANES) {
         const int count = min(LANES, end - x);
         const int near = shadows_near(shadow, row, x, count, 1, H, W);
         for (int k = 0; near && k < K; ++k)
             for (int l = 0; l < (near >> k & 1 ? count : 0); ++l)
-                found[k] += measure_at(
+                result[k] += measure_at(
                     shadow, used, slope, height, lights, part, to,
-                    (k * H + row) * W + start + found[k], k, row, x + l, H, W, pixel, step_,
+                    (k * H + row) * W + start + result[k], k, row, x + l, H, W, pixel, step_,
                     longest);
     }
-    for (int k = 0; k < K; ++k) counts[k * H * across + n] = found[k];
+    for (int k = 0; k < K; ++k) counts[k * H * across + n] = result[k];
 }
 
 // The measurements of all spans without gaps, from the film at rest; those of a span end at `ends`.

@@ -29,25 +29,25 @@ LANED __kernel void film_light(
 
     for (int x = first; x < past; x += LANES) {
         const int at = row * W + x, count = min(LANES, past - x);
-        const floats seen = load_floats(height + at, count);
+        const floats apparent = load_floats(height + at, count);
         const floats u = ((float)x + LANE_NUMBERS - 0.5f * (float)(W - 1)) * pixel, v = y0;
-        const floats z = seen / (1.0f + film_camera * seen), nearer = 1.0f - film_camera * z;
+        const floats z = apparent / (1.0f + film_camera * apparent), nearer = 1.0f - film_camera * z;
         const Places here = {u * nearer, v * nearer, z, u, v};
         const Vector eye = to_pupil(&film, here.x, here.y, z);
-        const floats lift = resting ? seen - load_floats(resting + at, count) : z;
+        const floats lift = resting ? apparent - load_floats(resting + at, count) : z;
         const floats touched = touch_gain(&film, lift);
         const floats p = load_floats(slope + at, count);
         const floats q = load_floats(slope + size + at, count);
         const Facing facing = facing_of(&film, unit(-p, -q, one), eye);
         const ints dark = shadow ? load_bytes(shadow + at, count) : (ints)(0);
         for (int k = 0; k < K; ++k) {
-            AtPlace known;
+            AtPlace at_place;
             const floats shine = emitted(&film, k, &here);
             const floats rest = per_rest(rows + k, (x - first) / LANES);
-            set_place(&known, &film, k, eye, &here, touched, shine, rest, rows + k);
-            const floats diffused = touched * film_diffuse[k], left = diffused - known.wrap;
-            const floats lit = diffused + predicted(&film, &known, &facing);
-            const floats light = (dark >> k & 1) == 0 ? lit : left;
+            set_place(&at_place, &film, k, eye, &here, touched, shine, rest, rows + k);
+            const floats diffused = touched * film_diffuse[k], remainder = diffused - at_place.wrap;
+            const floats lit = diffused + predicted(&film, &at_place, &facing);
+            const floats light = (dark >> k & 1) == 0 ? lit : remainder;
             store_floats(light, out + k * size + at, count);
         }
     }

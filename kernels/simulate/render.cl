@@ -145,7 +145,7 @@ float coated(const Spot spot, const Ray ray, const float n_l, const Coat coat)
         const float length_ = sqrt(spot.x * spot.x + spot.y * spot.y + up * up);
         vx = -spot.x / length_, vy = -spot.y / length_, vz = up / length_;
     }
-    const float seen = fmax((vz - spot.p * vx - spot.q * vy) / spot.norm, MIN_COAT_COSINE);
+    const float view_cosine = fmax((vz - spot.p * vx - spot.q * vy) / spot.norm, MIN_COAT_COSINE);
     const float lit = fmax(n_l, MIN_COAT_COSINE);
     const float hx = lx + vx, hy = ly + vy, hz = lz + vz;
     const float length_ = sqrt(hx * hx + hy * hy + hz * hz);
@@ -153,9 +153,9 @@ float coated(const Spot spot, const Ray ray, const float n_l, const Coat coat)
         fmax((hz - spot.p * hx - spot.q * hy) / (spot.norm * length_), MIN_COAT_COSINE);
     const float between = (vx * hx + vy * hy + vz * hz) / length_;
     const float mirrored = beckmann(upright, coat.alpha) * fresnel(between, coat.index)
-        * lit * unhidden_by(lit, coat.alpha) * unhidden_by(seen, coat.alpha);
+        * lit * unhidden_by(lit, coat.alpha) * unhidden_by(view_cosine, coat.alpha);
     const float matt = n_l * let_in_by(coat.let_in, fmax(lit, MIN_COSINE))
-        * let_in_by(coat.let_in, fmax(seen, MIN_COSINE));
+        * let_in_by(coat.let_in, fmax(view_cosine, MIN_COSINE));
     return matt + mirrored * PI_ / (4.0f * coat.albedo);
 }
 

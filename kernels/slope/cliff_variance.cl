@@ -51,8 +51,8 @@ LANED __kernel void add_steps(
     const float jump, const float grazing)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    const floats least = grazing, found = largest_around(cliffs, y, x, count, H, W);
-    const floats largest = MORE_OF(found, least);
+    const floats least = grazing, result = largest_around(cliffs, y, x, count, H, W);
+    const floats largest = MORE_OF(result, least);
     const floats step = jump * (largest - grazing);
     const int size = H * W, i = y * W + x;
     store_floats(load_floats(variance + i, count) + step * step, out + i, count);

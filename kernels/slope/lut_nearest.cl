@@ -121,7 +121,7 @@ __kernel void lut_nearest(
     GRID_2(y, x, H, W)
     const int size = H * W, pixel = y * W + x;
     const int t = table_of(light, shadow[pixel], pixel, size);
-    const Table table = read_table(t, GIVEN_INDEX);
+    const Table table = read_table(t, INDEX_ARRAYS);
     Packet packet;
     for (int k = 0; k < LIGHTS; ++k)
         packet.light[k] = k == t - 1 ? 0.0f : tame(light[k * size + pixel]);
@@ -140,7 +140,7 @@ __kernel void lut_nearest(
 
 // Find the entries of `count` pixels; the leaves of one packet are where the next one starts.
 static ONCE void search(
-    int *found, const float light[LIGHTS][PADDED], const ushort *order, const int count,
+    int *result, const float light[LIGHTS][PADDED], const ushort *order, const int count,
     const Table *table)
 {
     int leaves[LANES];
@@ -160,7 +160,7 @@ static ONCE void search(
         Nearest nearest = {(floats)(FLT_MAX), (ints)(INT_MAX), (ints)(0)};
         walk(&nearest, &packet, table);
         STORE_LANES(nearest.leaf, leaves);
-        STORE_LANES(nearest.number, found + i);
+        STORE_LANES(nearest.number, result + i);
     }
 }
 
@@ -170,20 +170,20 @@ void search_cells(
     __global const float *restrict sorted,
     __global const int *restrict starts,
     INDEX,
-    __global float *restrict found_slopes,
+    __global float *restrict result_slopes,
     const int levels)
 {
     const int cell = get_global_id(0), t = table_of_cell(cell, levels);
-    const Table table = read_table(t, GIVEN_INDEX);
+    const Table table = read_table(t, INDEX_ARRAYS);
     for (int from = starts[cell]; from < starts[cell + 1]; from += CELL_PIXELS) {
         const int count = min(CELL_PIXELS, starts[cell + 1] - from);
         if (table.tops == 0) {
-            for (int i = 0; i < 2 * count; ++i) found_slopes[2 * from + i] = 0.0f;
+            for (int i = 0; i < 2 * count; ++i) result_slopes[2 * from + i] = 0.0f;
             continue;
         }
         float value[LIGHTS][PADDED];
         ushort order[PADDED];
-        int found[PADDED];
+        int result[PADDED];
         // The last packet is padded with the last pixel.
         for (int i = 0; i < count; ++i)
             for (int k = 0; k < LIGHTS; ++k)
@@ -192,26 +192,26 @@ void search_cells(
             for (int i = count; i < count + LANES; ++i) value[k][i] = value[k][count - 1];
         sort_piece(order, value, count);
         for (int i = count; i < count + LANES; ++i) order[i] = order[count - 1];
-        search(found, value, order, count, &table);
+        search(result, value, order, count, &table);
         for (int i = 0; i < count; ++i) {
             const int to = 2 * (from + order[i]);
-            found_slopes[to] = table.slopes[2 * found[i]];
-            found_slopes[to + 1] = table.slopes[2 * found[i] + 1];
+            result_slopes[to] = table.slopes[2 * result[i]];
+            result_slopes[to + 1] = table.slopes[2 * result[i] + 1];
         }
     }
 }
 
 // From the order of the cells back to that of the image.
 __kernel void put_back(
-    __global const float *restrict found_slopes,
+    __global const float *restrict result_slopes,
     __global const int *restrict place,
     __global float *restrict out,
     const int size)
 {
     CHUNK(first, past, size)
     for (int pixel = first; pixel < past; ++pixel) {
-        out[pixel] = found_slopes[2 * place[pixel]];
-        out[size + pixel] = found_slopes[2 * place[pixel] + 1];
+        out[pixel] = result_slopes[2 * place[pixel]];
+        out[size + pixel] = result_slopes[2 * place[pixel] + 1];
     }
 }
 #endif

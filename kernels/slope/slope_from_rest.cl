@@ -12,11 +12,11 @@ LANED __kernel void slope_from_rest(
     GRID_LANES(at, count, H * W)
     for (int axis = 0; axis < 2; ++axis) {
         const int i = axis * H * W + at;
-        floats found = load_floats(slope + i, count);
+        floats result = load_floats(slope + i, count);
         if (tilt) {
             const floats rest = load_floats(tilt + i, count);
-            found = back ? found + rest : found - rest;
+            result = back ? result + rest : result - rest;
         }
-        store_floats(found, out + i, count);
+        store_floats(result, out + i, count);
     }
 }

@@ -18,10 +18,10 @@ LANED __kernel void view_slope(
     if (camera != 0.0f) {
         floats u, v;
         places(at, H, W, pixel, &u, &v);
-        const floats seen = load_floats(height + at, count), least = MIN_VIEW_SHARE;
-        const floats along = p * u + q * v, z = seen / (1.0f + camera * seen);
+        const floats apparent = load_floats(height + at, count), least = MIN_VIEW_SHARE;
+        const floats along = p * u + q * v, z = apparent / (1.0f + camera * apparent);
         const floats nearer = 1.0f - camera * z;
-        const floats share = inverse ? 1.0f + camera * (seen - along)
+        const floats share = inverse ? 1.0f + camera * (apparent - along)
                                      : 1.0f - camera * (z - along * nearer);
         const floats by = 1.0f / MORE_OF(share, least);
         p *= by;

@@ -39,32 +39,32 @@ LANED __kernel void light_departure(
     floats x, y;
     places(at, H, W, pixel, &x, &y);
     floats departs[MAX_LEDS], shown[MAX_LEDS], weight[MAX_LEDS];
-    floats product = none, whole = none, leds = none, seen = none, due = none;
+    floats product = none, whole = none, leds = none, measured = none, due = none;
     for (int k = 0; k < K; ++k) {
         const Vector v = light_vector(lights + 3 * k, x, y, z);
         const floats bright = (v.z - v.x * p - v.y * q) * nz, darkest = DARK_LIGHT;
         const floats noise = load_floats(sigma + k * size + at, count) * share_of_noise;
         const floats model = error * MORE_OF(bright, darkest);
         const floats lit = ((bits >> k) & 1) != 0 ? one : none;
-        const floats found = load_floats(light + k * size + at, count);
-        departs[k] = found - bright;
+        const floats value = load_floats(light + k * size + at, count);
+        departs[k] = value - bright;
         shown[k] = bright;
         weight[k] = lit / (noise * noise + model * model);
         product += departs[k] * (bright * weight[k]);
         whole += bright * (bright * weight[k]);
         leds += lit;
-        seen += found * bright * lit;
+        measured += value * bright * lit;
         due += bright * bright * lit;
     }
     const floats one_scale = 1.0f, share = brightness_share(whole, one_scale, uneven);
     floats chi = none;
     for (int k = 0; k < K; ++k) {
-        const floats left = departs[k] - product * share * shown[k];
-        chi += weight[k] * left * left;
+        const floats residual = departs[k] - product * share * shown[k];
+        chi += weight[k] * residual * residual;
     }
     const floats freedom = leds - 2.0f - share * whole, smallest = MIN_FREEDOM, untested = NOT_TESTED;
     const floats reduced = chi / MORE_OF(freedom, smallest);
     store_floats(freedom >= smallest ? reduced : untested, departure + at, count);
     const floats least = MIN_LIGHT;
-    store_floats(seen / MORE_OF(due, least) - 1.0f, brighter + at, count);
+    store_floats(measured / MORE_OF(due, least) - 1.0f, brighter + at, count);
 }

@@ -5,7 +5,7 @@
 #include "cell_side.clh"
 
 #define MIN_LEDS 3
-#define MIN_SLOPE 0.1f
+#define FULL_MISFIT_SLOPE 0.1f
 #define NOT_TESTED (-1.0f)
 
 // The means of LANES cells of side x side pixels.
@@ -24,9 +24,9 @@ static ints leds_of(
 {
     __global const uchar *line = used + row * side * W;
     if (side == 1) return load_bytes_within_border(line, column, count, W, REPLICATE);
-    uchar found[LANES];
-    for (int l = 0; l < LANES; ++l) found[l] = line[min((column + l) * side, W - 1)];
-    return TO_INTS(LOAD_LANES(found));
+    uchar values[LANES];
+    for (int l = 0; l < LANES; ++l) values[l] = line[min((column + l) * side, W - 1)];
+    return TO_INTS(LOAD_LANES(values));
 }
 
 // The curl between LANES cells, those right of them and below, over what is expected, equation T2.
@@ -70,7 +70,7 @@ LANED __kernel void slope_curl(
     const floats bent =
         p_right * p_right + p_down * p_down + q_right * q_right + q_down * q_down;
     const floats number = (float)column + LANE_NUMBERS, last = (float)(w - 1);
-    tests &= gentlest > MIN_SLOPE * MIN_SLOPE;
+    tests &= gentlest > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE;
     tests &= number < last;
     const float pixels = (float)(side * cell_px) * (float)(side * cell_px);
     const floats curl = p_down - q_right;

@@ -7,7 +7,7 @@
 
 #define MIN_CELLS 20
 #define MIN_LEDS 3
-#define MIN_SLOPE 0.1f
+#define FULL_MISFIT_SLOPE 0.1f
 #define MAX_SQUARED_BEND 0.16f
 
 #define CURL_BANDS 9
@@ -41,18 +41,18 @@ static floats load_thin(
     const int step)
 {
     if (step == 1) return load_within_border(row, x + beside, count, W, REPLICATE);
-    float found[LANES];
-    for (int l = 0; l < LANES; ++l) found[l] = row[clamp((x + l) * step + beside, 0, W - 1)];
-    return LOAD_LANES(found);
+    float result[LANES];
+    for (int l = 0; l < LANES; ++l) result[l] = row[clamp((x + l) * step + beside, 0, W - 1)];
+    return LOAD_LANES(result);
 }
 
 static ints load_bytes_thin(
     __global const uchar *row, const int x, const int count, const int W, const int step)
 {
     if (step == 1) return load_bytes(row + x, count);
-    uchar found[LANES];
-    for (int l = 0; l < LANES; ++l) found[l] = row[min((x + l) * step, W - 1)];
-    return TO_INTS(LOAD_LANES(found));
+    uchar result[LANES];
+    for (int l = 0; l < LANES; ++l) result[l] = row[min((x + l) * step, W - 1)];
+    return TO_INTS(LOAD_LANES(result));
 }
 
 // The squared difference of the slopes from those two elements away, in a row and a column.
@@ -84,7 +84,7 @@ static ints is_steep(
 {
     const floats p = load_thin(slope + y * W, x, 0, count, W, step);
     const floats q = load_thin(slope + (H + y) * W, x, 0, count, W, step);
-    return p * p + q * q > MIN_SLOPE * MIN_SLOPE;
+    return p * p + q * q > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE;
 }
 
 // What each cell tells of the light, and how many cells tell what.
@@ -115,16 +115,16 @@ static ONCE void look_at_light(
         const ints dark = shadow ? load_bytes_thin(shadow + from * W, x, count, W, step) : no_leds;
         floats light = none, leds = none;
         for (int k = 0; k < K && matt; ++k) {
-            const floats seen = load_thin(matt + (k * H + from) * W, x, 0, count, W, step);
-            light += ((dark >> k) & 1) != 0 ? seen : none;
+            const floats touched_light = load_thin(matt + (k * H + from) * W, x, 0, count, W, step);
+            light += ((dark >> k) & 1) != 0 ? touched_light : none;
             leds += ((dark >> k) & 1) != 0 ? one : none;
         }
         floats excess = untold;
         if (brighter) {
             excess = load_thin(brighter + from * W, x, 0, count, W, step);
-            const ints known = has_bits(bits, MIN_LEDS) & here;
-            const ints lacks = known & (excess < -max_dimming);
-            const ints touched = known & (is | (fabs(excess) > MIN_SLOPE));
+            const ints certain = has_bits(bits, MIN_LEDS) & here;
+            const ints lacks = certain & (excess < -max_dimming);
+            const ints touched = certain & (is | (fabs(excess) > FULL_MISFIT_SLOPE));
             dirty += lacks ? one : none;
             excess = touched ? excess : untold;
         }
@@ -164,10 +164,10 @@ static ONCE void look_at_rest(
     SHARED float *parts)
 {
     const int me = PLACE_IN_GROUP, size = h * w;
-    int found = 0;
-    for (int k = 0; k < K && drift; ++k) found |= drift[DRIFT_TERMS * k] != 1.0f;
+    int result = 0;
+    for (int k = 0; k < K && drift; ++k) result |= drift[DRIFT_TERMS * k] != 1.0f;
     float shape = 0.0f;
-    if (found) {
+    if (result) {
         for (int k = 0; k < K; ++k)
             for (int j = 1; j < DRIFT_TERMS; ++j)
                 shape = fmax(shape, fabs(drift[DRIFT_TERMS * k + j]));
@@ -279,17 +279,17 @@ LANED __kernel ONE_GROUP void weigh(
     const int N, const int h, const int w)
 {
     SHARED float parts[GROUP];
-    __global float *seen = figures + OF_LIGHT;
+    __global float *light_figures = figures + OF_LIGHT;
     const int quarters[4] = {2, 3, 1, 2};
     const int which = get_group_id(0), of_light = which < 4;
-    float found = 0.0f;
+    float result = 0.0f;
     if (!of_light) {
-        found = worst_band(curl, h, w, parts);
-    } else if (seen[4] >= 0.0f) {
-        found = group_quarter(values + which * N, UNTOLD, N, quarters[which], MIN_CELLS, parts);
-        if (which == AT_REST || which == TOUCHED) found = sqrt(found);
+        result = worst_band(curl, h, w, parts);
+    } else if (light_figures[4] >= 0.0f) {
+        result = group_quarter(values + which * N, UNTOLD, N, quarters[which], MIN_CELLS, parts);
+        if (which == AT_REST || which == TOUCHED) result = sqrt(result);
     }
-    if (PLACE_IN_GROUP == 0) *(of_light ? seen + which : figures) = found;
+    if (PLACE_IN_GROUP == 0) *(of_light ? light_figures + which : figures) = result;
 }
 
 // Every step-th cell of every step-th row of K planes.

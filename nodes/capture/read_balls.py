@@ -25,7 +25,7 @@ MAX_MARK_DIFFERENCE = 0.1
 Millimetres = Annotated[float, Gt(0)]
 Radii = Annotated[F4, Port("P", "mm", low=1, high=3)]
 """The radius of each press's ball."""
-KnownCircles = Annotated[F4, Port("P 3", "px", nan=True)]
+StatedCircles = Annotated[F4, Port("P 3", "px", nan=True)]
 """x, y and contact radius of each press's ball; NaN where unknown."""
 
 
@@ -39,7 +39,7 @@ class BallPresses(NamedTuple):
     image: SheetLight
     first: Light
     radius: Radii
-    known: KnownCircles
+    circles: StatedCircles
     names: list[str]
     marks: Marks | None = None
     pixel_size: PixelSize | None = None
@@ -107,12 +107,12 @@ def read_balls(
         for number, scan in enumerate(scans)
         for mark in (scan.balls if scan else ())
     ]
-    known = [known_circle(about, center_px, contact_px) for about in files]
+    circles = [stated_circle(about, center_px, contact_px) for about in files]
     return BallPresses(
         np.concatenate([each.image for each in captures], axis=1) if captures[1:] else first,
         first,
         np.asarray(radii, np.float32),
-        np.asarray(known, np.float32),
+        np.asarray(circles, np.float32),
         names,
         np.array(marks, np.float32) if marks else None,
         captures[0].pixel_size,
@@ -176,7 +176,7 @@ def _compare_marks(press: Path, scan: ListedCapture) -> None:
         )
 
 
-def known_circle(
+def stated_circle(
     about: CaptureFile,
     center_px: tuple[float, float] | None = None,
     contact_px: float | None = None,

@@ -10,8 +10,8 @@ from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, Contacts, Height, Metrics, PixelSize
 from tactograph.nodes.contact.find_contact import MAX_CONTACTS
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
-from tactograph.nodes.height.as_seen import as_seen
-from tactograph.nodes.optics.lens import seen_from_above
+from tactograph.nodes.height.distort_height import distort_height
+from tactograph.nodes.optics.lens import ideal_place
 from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
 from tactograph.nodes.stream.touch import View
 
@@ -71,7 +71,7 @@ def measure_contact(
         )
         numbers = largest_contacts(contact, most)
     shape = (
-        None if rest is None else rest_shape(_rest_as_seen(rest, view), pixel, view.camera or 0.0)
+        None if rest is None else rest_shape(_apparent_rest(rest, view), pixel, view.camera or 0.0)
     )
     if shape is not None:
         figures["rest_relief_mm"] = float(np.ptp(shape.height))
@@ -84,9 +84,9 @@ def measure_contact(
     return figures
 
 
-def _rest_as_seen(rest: F4, view: View) -> Height:
+def _apparent_rest(rest: F4, view: View) -> Height:
     """The height of the film at rest that each pixel of the camera sees."""
-    return rest if view.lens is None else as_seen(rest, view.lens)
+    return rest if view.lens is None else distort_height(rest, view.lens)
 
 
 def _on_film(height: Height, mask: NDArray[np.bool_], shape: RestShape) -> Metrics:
@@ -114,7 +114,7 @@ def _measured(height: Height, mask: NDArray[np.uint8], pixel: float, view: View)
     moments = cv2.moments(mask[part])
     count = moments["m00"]
     x, y = left + moments["m10"] / count, top + moments["m01"] / count
-    (x_ideal, y_ideal), stretch = seen_from_above(view.lens, height.shape, x, y)
+    (x_ideal, y_ideal), stretch = ideal_place(view.lens, height.shape, x, y)
     shared = moments["mu11"] / count
     spread = np.array([[moments["mu20"] / count, shared], [shared, moments["mu02"] / count]])
     spread = stretch @ (spread + PIXEL_VARIANCE * np.eye(2)) @ stretch.T * pixel**2

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import F4, U1
 
-SEEN_RGB, PREDICTED_RGB = (255, 176, 0), (154, 154, 154)
+VISIBLE_RGB, PREDICTED_RGB = (255, 176, 0), (154, 154, 154)
 """Colours (red, green, blue) of markers that are seen and of those that are not."""
 SUBPIXEL_BITS = 4
 """OpenCV draws in sixteenths of a pixel."""
@@ -31,7 +31,7 @@ def draw_arrows(
                 ((begin + 0.5) + np.stack([0 * by, by])) * unit - (1 << SUBPIXEL_BITS) / 2
             )
         )
-        colour = SEEN_RGB if visible else PREDICTED_RGB
+        colour = VISIBLE_RGB if visible else PREDICTED_RGB
         cv2.circle(picture, start, 1 << SUBPIXEL_BITS, colour, -1, cv2.LINE_AA, SUBPIXEL_BITS)
         cv2.arrowedLine(picture, start, end, colour, 1, cv2.LINE_AA, SUBPIXEL_BITS, 0.3)
     return picture

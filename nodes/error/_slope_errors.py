@@ -96,15 +96,19 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
         by_place = light_by_place(
             causes.film.lights, inside.x, inside.y, inside.height, inside.slope
         )
-        by_seen = by_light / _sharpness(inside, causes.film)
-        root = _root_of_noise(inside, by_seen, causes)
+        by_apparent = by_light / _sharpness(inside, causes.film)
+        root = _root_of_noise(inside, by_apparent, causes)
         first = part.start * columns
         for number, other in enumerate(causes.film.others):
             elsewhere = (other - causes.film.lights)[:, :, None, None]
             wrong = (by_place * elsewhere).sum(axis=1)
             wrong += causes.misfit[2] * LED_SIGNS[number, : len(wrong), None, None]
             error = (by_light * wrong).sum(axis=1)
-            error += (by_seen * _wrong_bounce(inside, causes.misfit, number)).sum(axis=1)
+            # Of the bounced light a share, and half its change: passes find too much and too little
+            # of it in turn, so that it lies between the last two.
+            wrong = BOUNCE_SIGNS[number] * causes.misfit[3] * inside.bounced
+            wrong += SETTLING_SIGNS[number] * np.float32(0.5) * inside.changed
+            error += (by_apparent * wrong).sum(axis=1)
             error += _noise(root, key_of(seed, number), first, rows * columns)
             error = _bounded(error + MEAN_SIGNS[number] * inside.averaged)
             leaning = _leaning(inside, causes.misfit, causes.pixel, number)
@@ -125,7 +129,7 @@ def slope_by_light(unperturbed: Unperturbed, causes: Causes) -> F4:
     nz = 1 / np.sqrt(1 + p * p + q * q)
     vectors = vectors_at(causes.film.lights, unperturbed.x, unperturbed.y, unperturbed.height)
     model_light = expected_light(vectors, unperturbed.slope)
-    tangents = (vectors[:, 0] + vectors[:, 2] * p) * nz, (vectors[:, 1] + vectors[:, 2] * q) * nz
+    a, b = (vectors[:, 0] + vectors[:, 2] * p) * nz, (vectors[:, 1] + vectors[:, 2] * q) * nz
     counts = unperturbed.used >> np.arange(len(vectors), dtype=np.uint8)[:, None, None] & 1
     weight = counts / np.maximum(unperturbed.sigma * unperturbed.sigma, MIN_DIVISOR)
     weighted = weight * model_light
@@ -133,12 +137,8 @@ def slope_by_light(unperturbed: Unperturbed, causes: Causes) -> F4:
         (weighted * model_light).sum(axis=0), np.float32(1), np.float32(causes.film.uneven)
     )
     share = np.where(counts.sum(axis=0) > 2, share, np.float32(0))
-    (a, b), (of_a, of_b) = (
-        tangents,
-        (
-            weight * (along - share * (weighted * along).sum(axis=0) * model_light)
-            for along in tangents
-        ),
+    of_a, of_b = (
+        weight * (along - share * (weighted * along).sum(axis=0) * model_light) for along in (a, b)
     )
     aa, ab, bb = (of_a * a).sum(axis=0), (of_a * b).sum(axis=0), (of_b * b).sum(axis=0)
     determinant = aa * bb - ab * ab
@@ -171,17 +171,6 @@ def _sharpness(unperturbed: Unperturbed, film: Film) -> F4 | np.float32:
     place = x * nearer, y * nearer, z
     return np.asarray(
         coat_sharpness(film, normal, place, weight).reshape(unperturbed.height.shape), np.float32
-    )
-
-
-def _wrong_bounce(unperturbed: Unperturbed, misfit: Misfit, number: int) -> F4:
-    """Error of the light that the film throws on itself: a share of it, and what has not settled.
-
-    Passes find too much and too little of it in turn, so that it lies between the last two.
-    """
-    halfway = SETTLING_SIGNS[number] * np.float32(0.5)
-    return np.asarray(
-        BOUNCE_SIGNS[number] * misfit[3] * unperturbed.bounced + halfway * unperturbed.changed
     )
 
 

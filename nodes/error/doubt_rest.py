@@ -1,4 +1,4 @@
-"""State how far film that is taken to be at rest may be from rest."""
+"""State what whole maps share: how far film taken to be at rest may be from it, and the scale."""
 
 from typing import Annotated, Any
 
@@ -6,7 +6,15 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import Close, node
-from tactograph.nodes import Height, HeightError, Mask, PixelSize, SlopeVariance, ZeroError
+from tactograph.nodes import (
+    Height,
+    HeightError,
+    Mask,
+    PixelSize,
+    ScaleError,
+    SlopeVariance,
+    ZeroError,
+)
 
 
 @node(neutral="error", tolerance=Close(1e-7, 1e-5, why="square roots"))
@@ -17,6 +25,8 @@ def doubt_rest(
     variance: SlopeVariance,
     pixel: PixelSize,
     apart: Height,
+    height: Height,
+    scale_error: ScaleError | None = None,
     zero: ZeroError | None = None,
     *,
     level: Annotated[float, Gt(0)] = 4.5,
@@ -35,8 +45,9 @@ def doubt_rest(
     them.  What is narrow hides
     below the noise of a slope, over a pixel, times the `level` up to which light counts as
     noise; any height up to there is equally likely, whose variance is a third of the square.
-    The error of the height's zero is added everywhere.  A film that is tilted as a whole is in
-    none of them: it looks like LEDs that have faded.
+    Where film is not at rest, the share of its height by which the calibration's scale may be
+    wrong is added, and the error of the height's zero everywhere.  A film that is
+    tilted as a whole is in none of them: it looks like LEDs that have faded.
 
     Parameters
     ----------
@@ -46,6 +57,8 @@ def doubt_rest(
     variance : 2 x H x W, the variance of p and q
     pixel : mm per px
     apart : H x W in mm, how high film may lie with what is held at zero (`rest_apart`)
+    height : H x W in mm
+    scale_error : relative error of all heights; without it the scale is exact
     zero : in mm, as `zero_error` gives it; without it the zero is known
     level : standard deviations of the light that `calm_film` counts as noise
     steepest : largest standard deviation of a slope
@@ -56,9 +69,10 @@ def doubt_rest(
     """
     slopes = np.minimum(variance[0] + variance[1], np.float32(2 * steepest * steepest))
     hidden = np.float32((level * pixel) ** 2 / 6) * slopes
-    moved = apart * apart
-    at_rest = np.where(rest != 0, np.maximum(free * free, moved) + hidden, error * error + moved)
-    return np.asarray(np.hypot(np.sqrt(at_rest), np.float32(zero or 0)), np.float32)
+    moved, scaled = apart * apart, np.float32(scale_error or 0) * height
+    held, off = np.maximum(free * free, moved) + hidden, error * error + moved + scaled * scaled
+    without_zero = np.sqrt(np.where(rest != 0, held, off))
+    return np.asarray(np.hypot(without_zero, np.float32(zero or 0)), np.float32)
 
 
 doubt_rest.opencl(grid="H W", lanes="grid")
@@ -69,9 +83,9 @@ def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, An
     """Some film at rest, some slopes unknown."""
     variance = rng.uniform(1e-6, 1e-2, (2, H, W))
     variance[:, rng.random((H, W)) < 0.1] = 1e12
-    return {
+    free, apart, height = np.float32(rng.normal(0, 0.01, (3, H, W)))
+    return {"free": free, "apart": apart, "height": height} | {
         "rest": rng.integers(0, 2, (H, W)).astype(np.uint8),
         "variance": variance.astype(np.float32),
-        "free": rng.normal(0, 0.005, (H, W)).astype(np.float32),
-        "apart": rng.normal(0, 0.005, (H, W)).astype(np.float32),
+        "scale_error": float(rng.uniform(0, 0.3)),
     }

@@ -27,7 +27,6 @@ from tactograph.nodes import (
     Light,
     Misfit,
     NoiseCorrelation,
-    ScaleError,
     Slope,
 )
 from tactograph.nodes.error._edge_errors import blurred, edge_deviation_px
@@ -74,11 +73,10 @@ def height_error(
     used: Labels,
     film: Film,
     misfit: Misfit,
-    seen: Slope,
+    apparent: Slope,
     bounced: Light | None = None,
     earlier: Light | None = None,
     correlation: NoiseCorrelation | None = None,
-    scale_error: ScaleError | None = None,
     blur: Blur | None = None,
     tilt: Slope | None = None,
     *,
@@ -117,12 +115,11 @@ def height_error(
       err;
     - where the slope differs by more than a half from pixel to pixel: the edge may lie anywhere
       in the pixel, or as far away as the blur spreads it.  Where it bends less, the blur flattens
-      the height by half its variance times the height's Laplacian;
-    - the share of the height itself by which the calibration's scale may be wrong.
+      the height by half its variance times the height's Laplacian.
 
     The eight positions of the LEDs are chosen so that the squares of the calibration's errors
     add up exactly.  On the film at rest the error is zero, because the height is held at zero;
-    `doubt_rest` says how far that may be off.
+    `doubt_rest` says how far that may be off, and adds what all heights share.
 
     Parameters
     ----------
@@ -137,7 +134,7 @@ def height_error(
         Where the LEDs are and may be instead, and how uneven the film's brightness is.
     misfit
         Length 5, errors of the film's model, as `touch_misfit` gives them.
-    seen
+    apparent
         2 x H x W, the slopes of the pixels' mean normals (`pixel_mean_slope`).
     bounced, earlier
         K x H x W, the light that the film throws on itself, already subtracted from `light`; and
@@ -145,8 +142,6 @@ def height_error(
     correlation
         Correlation of the noise of neighbours, as `noise_correlation` gives it; without it the
         noise is independent.
-    scale_error
-        Relative error of all heights, as `judge_radius` gives it; without it the scale is exact.
     blur
         Of the camera; without it the camera is sharp.
     tilt
@@ -178,7 +173,7 @@ def height_error(
         window.of(thrown),
         window.of(thrown - (thrown if bounced is None or earlier is None else earlier)),
         window.of(slope if tilt is None else slope - tilt),
-        window.of(slope - seen),
+        window.of(slope - apparent),
     )
     inside = system.cut(height)
     *_, residual = system.residuals(inside)
@@ -197,9 +192,8 @@ def height_error(
     total = _variance(springs, random_load, steps)
     deviation = _smooth_deviation(total, plain.free.astype(np.float32))
     spread = window.of(blurred(height, float(pixel), blur or 0.0))
-    scaled = np.float32(scale_error or 0.0) * plain.height
     out = np.zeros_like(height)
-    out[window] = np.hypot(np.hypot(deviation, spread), scaled) * plain.free
+    out[window] = np.hypot(deviation, spread) * plain.free
     return out
 
 
@@ -286,7 +280,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
         inputs["film.uneven"], inputs["film.refraction"],
         signs, run.put(np.array(keys)),
         inputs["misfit"], *(inputs.get(name) for name in ("bounced", "earlier", "tilt")),
-        inputs["seen"],
+        inputs["apparent"],
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
@@ -313,7 +307,6 @@ def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
         "deviation", by_rows, total, weight, free, inputs["height"], out,
         *frame, *networks.place, networks.pixel,
         float(edge_deviation_px(blur)), float(np.float32(blur * blur / 2)),
-        float(inputs.get("scale_error") or 0.0),
     )  # fmt: skip
 
 
@@ -329,7 +322,6 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     height = 0.01 * np.sin(np.arange(rows) / 9)[:, None] + 0.3 * (rising > 0.5)
     slope = (rising * rng.uniform(-3, 3, (2, *shape))).astype(np.float32)
     return {
-        "scale_error": float(rng.uniform(0, 0.3)),
         **example_system(rng, slope, **sizes),
         "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),
         "slope": slope,
@@ -342,5 +334,5 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
         "correlation": float(rng.uniform(1, 4)),
         "blur": float(rng.uniform(0, 1)),
         "tilt": rng.normal(0, 0.2, (2, *shape)).astype(np.float32),
-        "seen": (0.98 * slope).astype(np.float32),
+        "apparent": (0.98 * slope).astype(np.float32),
     }

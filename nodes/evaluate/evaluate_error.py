@@ -1,5 +1,6 @@
 """Check the stated error of a height against its true error."""
 
+import cv2
 import numpy as np
 
 from tactograph.graph import node
@@ -11,17 +12,19 @@ def evaluate_error(
     height: Height,
     error: HeightError,
     truth: Height | None = None,
+    off_rest: HeightError | None = None,
     unresolved: Mask | None = None,
 ) -> Metrics:
     """Return how much of the truth lies within the 90 % band, or nothing without truth.
 
-    Pixels of stated error zero are left out: there the film is at rest by definition.  So are
-    unresolved ones, whose height is that of either side of an edge; they are counted.
+    Film at rest is left out, as it would hide what is stated of a touch.  So are unresolved pixels,
+    whose height is that of either side of an edge; they are counted.
 
     Parameters
     ----------
     height, truth : H x W in mm
     error : H x W, one standard deviation in mm
+    off_rest : H x W, 0 on the film at rest; without it all film is taken for touched
     unresolved : H x W, as `unresolved_edges` gives it; without it all pixels count
 
     Returns
@@ -30,21 +33,21 @@ def evaluate_error(
         ``in_90_percent_band`` in per cent; 90 if the errors are right.
         ``stated_over_actual``, the root mean squares of stated and actual errors, divided.
         ``max_resolved_error_um``, the largest error of these pixels.
-        ``unresolved_percent``, of the pixels with a stated error, how many are left out.
+        ``unresolved_percent``, of the pixels of touched film, how many are left out.
     """
-    stated = error > 0
-    if truth is None or not stated.any():
+    # A lens mixes what is stated of film at rest into the pixels beside it.
+    stated = (error if off_rest is None else off_rest) > 0
+    touched = cv2.erode(stated.astype(np.uint8), np.ones((3, 3))) != 0
+    if truth is None or not touched.any():
         return {}
-    left_out = stated & (np.bool_(False) if unresolved is None else unresolved != 0)
-    figures = {"unresolved_percent": float(100 * left_out.sum() / stated.sum())}
-    counted = stated & ~left_out
+    counted = touched if unresolved is None else touched & (unresolved == 0)
+    figures = {"unresolved_percent": float(100 - 100 * counted.sum() / touched.sum())}
     if not counted.any():
         return figures
     off, deviation = np.abs(height - truth)[counted], error[counted]
-    inside = off <= BAND_DEVIATIONS * deviation
     ratio = np.sqrt(np.square(deviation).mean() / max(np.square(off).mean(), 1e-30))
     return {
-        "in_90_percent_band": float(100 * inside.mean()),
+        "in_90_percent_band": float(100 * (off <= BAND_DEVIATIONS * deviation).mean()),
         "stated_over_actual": float(ratio),
         "max_resolved_error_um": float(UM_PER_MM * off.max()),
         **figures,

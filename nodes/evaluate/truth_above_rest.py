@@ -4,7 +4,7 @@ from typing import Annotated
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, Height, Lens
-from tactograph.nodes.height.as_seen import as_seen
+from tactograph.nodes.height.distort_height import distort_height
 
 
 @node
@@ -27,4 +27,4 @@ def truth_above_rest(
         return None
     if own_rest is not None:
         return truth - own_rest
-    return truth if rest is None else truth - as_seen(rest, lens)
+    return truth if rest is None else truth - distort_height(rest, lens)

@@ -19,7 +19,7 @@ from tactograph.graph.disk.file_identity import ABOUT_ARRAY, about_in
 from tactograph.graph.errors import missing, one_line
 from tactograph.graph.rings import bring
 from tactograph.nodes.files.sensor_identity import identity_in
-from tactograph.nodes.optics.lens import seen_offset
+from tactograph.nodes.optics.lens import camera_offset
 from tactograph.nodes.stored import Value, stored_values, with_plain
 
 R = TypeVar("R")
@@ -44,7 +44,7 @@ class FileKind(NamedTuple):
 
     What can be done with any kind is in a module of its name, ``calibrations/NAME_kind.py``
     (`nodes.calibrate.kinds`).  The file keeps the fields of `record` that are `Stored`.  Every kind
-    holds a `pixel_size`, and all but a camera's a `flat`.  `made_from` is what to check if a
+    holds a `pixel_size`, and all but a camera's a `flat`.  `sources` is what to check if a
     calibration fails, `users` who takes it.  `check` raises a `ValueError` if the arrays, each of
     them as declared, cannot be of one sensor.
     """
@@ -53,7 +53,7 @@ class FileKind(NamedTuple):
     format: int
     maker: str
     record: type
-    made_from: str
+    sources: str
     users: str
     check: Callable[[Mapping[str, NDArray[Any]]], None] = _fits
 
@@ -116,7 +116,7 @@ def write_arrays(
         _check_arrays(kind, typed)
     except ValueError as error:
         raise InputError(
-            f"{file}: the calibration failed and is not written: {error}; check {kind.made_from}"
+            f"{file}: the calibration failed and is not written: {error}; check {kind.sources}"
         ) from None
     _write_archive(file, {ABOUT_ARRAY: np.array(json.dumps(head)), **typed})
 
@@ -135,7 +135,7 @@ def replace_arrays(file: Path, kind: FileKind, arrays: Mapping[str, Any]) -> Non
     try:
         _check_arrays(kind, every)
     except ValueError as error:
-        raise InputError(f"{file}: stays as it was: {error}; check {kind.made_from}") from None
+        raise InputError(f"{file}: stays as it was: {error}; check {kind.sources}") from None
     _write_archive(file, every)
 
 
@@ -224,7 +224,7 @@ def read_about(file: Path) -> About:
     if not isinstance(doubts, list) or not all(isinstance(d, str) for d in doubts):
         raise InputError(f"{file}: 'doubts' is not a list of sentences; calibrate again")
     lights: Any = head
-    for name in ("made", "given", "lights"):
+    for name in ("provenance", "arguments", "lights"):
         lights = lights.get(name) if isinstance(lights, dict) else None
     figures = {name: float(value) for name, value in quality.items()}
     sentences = [one_line(doubt) for doubt in doubts]
@@ -316,11 +316,11 @@ def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) 
     if not isinstance(name, str):
         raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one")
     if name != f"tactograph {kind.name}":
-        kind_found = name.removeprefix("tactograph ")
+        other_kind = name.removeprefix("tactograph ")
         other = kind_of(file)
-        users = f"; a {kind_found} is for {other.KIND.users}" if other else ""
+        users = f"; a {other_kind} is for {other.KIND.users}" if other else ""
         raise InputError(
-            f"{file}: is a {kind_found}, not a {kind.name}; '{kind.maker}' makes one{users}"
+            f"{file}: is a {other_kind}, not a {kind.name}; '{kind.maker}' makes one{users}"
         )
     if not isinstance(version, int):
         raise InputError(f"{file}: 'format' is not a whole number; calibrate again")
@@ -358,7 +358,7 @@ def _check_lens(lens: NDArray[Any]) -> None:
     along = np.linspace(-1, 1, 17)
     border = [(x, y) for x in along for y in (-1, 1)] + [(x, y) for x in (-1, 1) for y in along]
     u, v = np.array(border).T / np.sqrt(2)
-    shift = float(np.hypot(*seen_offset(lens.astype(np.float64), u, v)).max())
+    shift = float(np.hypot(*camera_offset(lens.astype(np.float64), u, v)).max())
     if not shift < MAX_LENS_SHIFT:
         raise ValueError(
             f"'lens' moves what lies at the border by {shift:.0%} of half the diagonal"

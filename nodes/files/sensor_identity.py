@@ -31,7 +31,7 @@ def identity_in(header: Mapping[str, Any]) -> SensorIdentity:
 
 def identity_from(provenance: Provenance) -> SensorIdentity:
     """Return the sensor of the calibration behind a result, unless another one's was taken."""
-    taken_on_purpose = provenance.given.get("another_sensor")
+    taken_on_purpose = provenance.arguments.get("another_sensor")
     return identity_in({} if taken_on_purpose else provenance.inputs.get("calibration", {}))
 
 

@@ -67,7 +67,7 @@ class Planes(NamedTuple):
     force: DeviceArray
     height: DeviceArray
     lifted: DeviceArray
-    kept: DeviceArray
+    saved: DeviceArray
     direction: DeviceArray
     moved: DeviceArray
     z: DeviceArray

@@ -172,7 +172,7 @@ class HeightSolver:
 
     def _large_step(self, stack: Stack, step: Step, gain: DeviceArray) -> None:
         run, level, network = self._run, self._levels[step.level], self._networks.arguments(stack)
-        coarse, (force, height, lifted, kept, *_) = self._levels[step.level + 1], self._planes
+        coarse, (force, height, lifted, saved, *_) = self._levels[step.level + 1], self._planes
         here, blocks = run.in_lanes(level.size), run.in_lanes(coarse.size)
         if step.action == STEP_RESTRICT:
             run.kernel(
@@ -182,11 +182,11 @@ class HeightSolver:
         elif step.action == STEP_REDO:
             run.kernel(
                 "redo_level", here,
-                *network, force, height, lifted, kept, *level.place, gain,
+                *network, force, height, lifted, saved, *level.place, gain,
             )  # fmt: skip
         elif step.action == STEP_LIFT:
             run.kernel(
-                "lift_level", blocks, height, lifted, kept, int(step.twice),
+                "lift_level", blocks, height, lifted, saved, int(step.twice),
                 *level.place, *coarse.place, gain,
             )  # fmt: skip
         else:

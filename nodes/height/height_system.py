@@ -169,7 +169,7 @@ def _launch(run: Launch) -> None:
     arguments: list[NDArray[Any]] = [*ends, *_constants(window, anchored, *limits, pixel)]
     (top, height), (left, width) = ((part.start, part.stop - part.start) for part in window)
     for symbol, length in (("h", height), ("w", width), ("T", ends[0].size)):
-        run.found(symbol, length)
+        run.set_size(symbol, length)
     out = run.outputs
     run.kernel(
         "gather_system", run.in_row_lanes(height, width),

@@ -25,7 +25,7 @@ from tactograph.nodes.optics.radiosity import (
     larger_cells,
     means,
 )
-from tactograph.nodes.optics.sweep import arriving, azimuth_directions, matt
+from tactograph.nodes.optics.sweep import arriving, matt, steps_in_table
 
 MAX_ALBEDO = 0.95
 CELL_ITEMS, GROUP_CELLS = 8, 32
@@ -45,7 +45,7 @@ def film_bounce(
     pixel: PixelSize,
     before: Light | None = None,
     slope: Slope | None = None,
-    kept: Light | None = None,
+    recall: Light | None = None,
     still: Still | None = None,
     *,
     cells: Annotated[int, Interval(ge=1, le=100000)] = DEFAULT_MAX_CELLS,
@@ -105,8 +105,8 @@ def film_bounce(
     _check(film.albedo)
     if film.albedo == 0:
         return None
-    if still and kept is not None:
-        return kept
+    if still and recall is not None:
+        return recall
     grid = cell_grid(height.shape, pixel, cells, film.rim, film.refraction, azimuths)
     on_cells = partial(_on_cells, light, height, film, pixel, slope, from_above)
     bounced = between_cells(extrapolated(on_cells, grid), height.shape, grid.factor)
@@ -142,12 +142,12 @@ def _throws_nothing(film_albedo: float) -> bool:
 def _launch(run: Launch) -> None:
     count, *size = (run.sizes[symbol] for symbol in "KHW")
     inputs, settings, out = run.inputs, run.settings, run.outputs["film_bounce"]
-    pixel, albedo, kept = inputs["pixel"], inputs["film.albedo"], inputs.get("kept")
+    pixel, albedo, recall = inputs["pixel"], inputs["film.albedo"], inputs.get("recall")
     _check(albedo)
     work = run.in_row_lanes(count, *size)
-    if inputs.get("still") and kept is not None:
+    if inputs.get("still") and recall is not None:
         run.kernel(
-            "interpolate", work, None, kept, out, *size, 1, *size, 0.0, constants=_constants(run)
+            "interpolate", work, None, recall, out, *size, 1, *size, 0.0, constants=_constants(run)
         )
         return
     film = inputs["film.rim"], inputs["film.refraction"]
@@ -180,13 +180,14 @@ def _launch_on_cells(run: Launch, grid: Grid, larger: DeviceArray | None = None)
         constants=constants,
     )  # fmt: skip
     bounced = run.scratch((count, grid.rows, grid.columns))
-    ways = run.keep(("azimuths", grid.azimuths), lambda: run.put(azimuth_directions(grid.azimuths)))
+    steps = run.keep(grid, lambda: run.put(steps_in_table(grid)))
     shared = (1, 1) if run.lanes > 1 else (GROUP_CELLS, CELL_ITEMS)
+    side = math.isqrt(run.lanes)
     run.kernel(
-        "throw_light", (shared[1], *run.in_row_lanes(grid.rows, grid.columns)),
+        "throw_light", (shared[1], -(-grid.rows // side) * -(-grid.columns // side)),
         table, sources, bounced, lights, *of_coat, inputs["film.camera"],
         grid.rows, grid.columns, grid.rim, grid.width, grid.film,
-        camera, ways, grid.azimuths, inputs["film.albedo"], larger,
+        camera, grid.azimuths, steps, steps.shape[1], inputs["film.albedo"], larger,
         local=shared, constants=constants,
     )  # fmt: skip
     return bounced

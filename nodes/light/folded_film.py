@@ -16,7 +16,7 @@ MIN_STEEP_CELLS = 20
 """Fewer steeper cells are no touch."""
 
 
-class Folds(NamedTuple):
+class FoldWidths(NamedTuple):
     """Whether the film's light on itself asks for a finer height: one at most holds."""
 
     wide: bool
@@ -29,7 +29,7 @@ def folded_film(
     *,
     least: Annotated[float, Ge(0)] = 0.16,
     narrow: Annotated[float, Ge(0)] = 0.5,
-) -> Folds:
+) -> FoldWidths:
     """Return whether film is folded, and how narrowly.
 
     Between the means of cells the edges of a fold are too flat, and flat film throws too little
@@ -49,7 +49,7 @@ def folded_film(
     squared = np.square(slope).sum(axis=0)
     steep = squared > MIN_SLOPE * MIN_SLOPE
     if np.count_nonzero(steep) < MIN_STEEP_CELLS:
-        return Folds(False, False)
+        return FoldWidths(False, False)
     across, down = (np.square(np.diff(slope, 2, axis)).sum(axis=0) for axis in (2, 1))
     bend = (across[steep[:, 1:-1]].sum() + down[steep[1:-1]].sum()) / squared[steep].sum()
-    return Folds(wide=bool(least <= bend < narrow), narrow=bool(bend >= narrow))
+    return FoldWidths(wide=bool(least <= bend < narrow), narrow=bool(bend >= narrow))

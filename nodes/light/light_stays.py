@@ -18,7 +18,7 @@ class LightStays(NamedTuple):
     """Whether the light has stayed as it was, and the light to compare the next item's with."""
 
     still: Still
-    seen: Light
+    reference: Light
 
 
 @node
@@ -33,11 +33,11 @@ def light_stays(light: Light, sigma: Light, before: Light | None = None) -> Ligh
     ----------
     light : K x H x W, relative to the film at rest
     sigma : K x H x W, its standard deviation, of which only the course over the image counts
-    before : this node's own ``seen`` of the item before (``previous.NODE.seen``)
+    before : this node's own ``reference`` of the item before (``previous.NODE.reference``)
 
     Returns
     -------
-    ``still``, 0 or 1, and ``seen``: `light` at the first item and where it has moved, else
+    ``still``, 0 or 1, and ``reference``: `light` at the first item and where it has moved, else
     `before`, so that slow motion adds up.
     """
     if before is None or _moves((light - before) / sigma):

@@ -82,7 +82,7 @@ def matt_light(
     -------
     Both K x H x W; the standard deviation includes the film's grain.
     """
-    thrown = _finest_found(finest, finer, bounced)
+    thrown = _finest(finest, finer, bounced)
     direct = light if thrown is None else light - thrown
     lifted = height if rest is None else height - rest
     flat = tuple(a.reshape(*a.shape[:-2], -1) for a in (direct, sigma, slope, height, lifted))
@@ -111,9 +111,9 @@ def matt_light(
     return MattLight(*(plane.reshape(light.shape) for plane in planes))
 
 
-def _finest_found(*passes: Thrown | None) -> Thrown | None:
+def _finest(*passes: Thrown | None) -> Thrown | None:
     """The light of the first pass that has run."""
-    return next((found for found in passes if found is not None), None)
+    return next((each for each in passes if each is not None), None)
 
 
 @matt_light.opencl()
@@ -121,7 +121,7 @@ def _launch(run: Launch) -> None:
     count, height, width = (run.sizes[symbol] for symbol in "KHW")
     inputs, out = run.inputs, run.outputs
     stretch = STRETCH_PX if run.lanes > 1 else 1
-    thrown = _finest_found(*map(inputs.get, ("finest", "finer", "bounced")))
+    thrown = _finest(*map(inputs.get, ("finest", "finer", "bounced")))
     film = [inputs[f"film.{name}"] for name in NOISY_LIGHT_FIELDS]
     film.insert(4, upload_curve(run, inputs["film.roughness"], inputs["film.refraction"]))
     run.kernel(
@@ -172,9 +172,9 @@ def example_film(rng: np.random.Generator, K: int, H: int, W: int) -> dict[str, 
     }
 
 
-def _scale(film: Film, u: F4, v: F4, as_seen: F4, lift: F4) -> F4:
+def _scale(film: Film, u: F4, v: F4, apparent: F4, lift: F4) -> F4:
     """1 / (s (1 - b) a) of equation F1, by places as the camera sees them: K x N."""
-    z = as_seen / (1 + np.float32(film.camera) * as_seen)
+    z = apparent / (1 + np.float32(film.camera) * apparent)
     nearer = 1 - np.float32(film.camera) * z
     scale = np.empty((len(film.lights), u.size), np.float32)
     for k, direct in enumerate(direct_share(film)):
@@ -193,11 +193,11 @@ def _by_normal(
     lift: F4 | None,
 ) -> F4:
     """Matt light of N pixels, from their normals."""
-    u, v, as_seen = place
-    z = as_seen / (1 + np.float32(film.camera) * as_seen)
+    u, v, apparent = place
+    z = apparent / (1 + np.float32(film.camera) * apparent)
     nearer = 1 - np.float32(film.camera) * z
     x, y = u * nearer, v * nearer
-    vectors = vectors_at(film.lights, u, v, as_seen)
+    vectors = vectors_at(film.lights, u, v, apparent)
     n, rest = _normal(slope), rest_below(film, x, y, z)
     for _ in range(steps):
         n = turned(film, light, n, (x, y, z), rest=rest, lift=lift)

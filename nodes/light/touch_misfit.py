@@ -136,9 +136,9 @@ def _typical(total: F4, counts: F4) -> float:
     return float(np.sqrt(max(middle - error, 0)))
 
 
-def _shared(total: F4, known: F4) -> float:
+def _shared(total: F4, counted: F4) -> float:
     """The root mean square of what neighbouring blocks of film at rest depart by alike."""
-    plenty, mean = known > BLOCK_PX * BLOCK_PX / 2, total / np.maximum(known, np.float32(1))
+    plenty, mean = counted > BLOCK_PX * BLOCK_PX / 2, total / np.maximum(counted, np.float32(1))
     across = (mean[:, :, 1:] * mean[:, :, :-1])[:, plenty[:, 1:] & plenty[:, :-1]]
     down = (mean[:, 1:] * mean[:, :-1])[:, plenty[1:] & plenty[:-1]]
     products = np.concatenate([across, down], axis=1)

@@ -5,7 +5,7 @@ import numpy as np
 from tactograph.graph import Close, node
 from tactograph.nodes import Lens, Light
 from tactograph.nodes.optics.bicubic import between_pixels
-from tactograph.nodes.optics.lens import is_straight, seen_places
+from tactograph.nodes.optics.lens import camera_places, is_straight
 
 
 @node(
@@ -27,7 +27,7 @@ def undistort(image: Light, lens: Lens) -> Light:
     """
     if is_straight(lens):
         return image
-    x, y = seen_places(lens, image.shape[1:])
+    x, y = camera_places(lens, image.shape[1:])
     return np.stack([between_pixels(plane, x, y) for plane in image])
 
 

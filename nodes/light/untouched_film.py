@@ -74,10 +74,10 @@ def untouched_film(
         shape = shape.continued(factor).binned(factor)
     direct, thrown = light_at_rest(shape, film, bounce)
     share = np.maximum(direct + thrown, np.float32(MIN_REST_LIGHT))
-    matt = expected_light(light_vectors(film.lights, shape.seen, shape.pixel), shape.slope)
+    matt = expected_light(light_vectors(film.lights, shape.apparent, shape.pixel), shape.slope)
     flat = np.asarray(flat / share, np.float32)
-    low = shape.seen, shape.tilt, shape.slope
-    return Surface(shape.seen, shape.slope, flat, share, thrown, matt, *low)
+    low = shape.apparent, shape.tilt, shape.slope
+    return Surface(shape.apparent, shape.slope, flat, share, thrown, matt, *low)
 
 
 def light_at_rest(
@@ -88,5 +88,5 @@ def light_at_rest(
     thrown = np.zeros_like(direct)
     for _ in range(REST_ROUNDS if film.albedo > 0 else 0):
         total = direct + thrown
-        thrown = bounce(total, shape.seen, film, shape.pixel, slope=shape.slope, cells=cells)
+        thrown = bounce(total, shape.apparent, film, shape.pixel, slope=shape.slope, cells=cells)
     return direct, thrown

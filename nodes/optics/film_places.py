@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tactograph.graph import InputError
 from tactograph.nodes import F4, Height, Lens
 from tactograph.nodes.optics.bicubic import between_pixels
-from tactograph.nodes.optics.lens import half_diagonal, ideal_places, is_straight, seen_offset
+from tactograph.nodes.optics.lens import camera_offset, half_diagonal, ideal_places, is_straight
 
 BISECTION_STEPS = 10
 """Bisections of the interval that holds the pixel which sees a point of the grid."""
@@ -83,7 +83,7 @@ def on_even_grid(
     u, v = (column - (columns - 1) / 2) / half, (row - (rows - 1) / 2) / half
 
     def places(stretch: Places) -> tuple[Places, Places]:
-        du, dv = seen_offset(lens.astype(np.float64), u * stretch, v * stretch)
+        du, dv = camera_offset(lens.astype(np.float64), u * stretch, v * stretch)
         x, y = (u * stretch + du) * half, (v * stretch + dv) * half
         return x + (columns - 1) / 2, y + (rows - 1) / 2
 

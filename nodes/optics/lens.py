@@ -70,7 +70,7 @@ def half_diagonal(shape: tuple[int, int]) -> np.float32:
     return np.float32(0.5) * np.sqrt(np.float32(columns * columns + rows * rows))
 
 
-def seen_offset(lens: Sequence[Any] | Lens, u: Places, v: Places) -> tuple[Places, Places]:
+def camera_offset(lens: Sequence[Any] | Lens, u: Places, v: Places) -> tuple[Places, Places]:
     """Return (x - u, y - v), by L1 and L2; exactly zero without a lens."""
     k1, k2, cx, cy, a, b, gx, gy = lens
     w = gx * u + gy * v
@@ -101,9 +101,9 @@ def ideal_offset(lens: Sequence[Any] | Lens, x: Places, y: Places) -> tuple[Plac
     return (m11 * qx - m01 * qy) * part - x, (m00 * qy - m10 * qx) * part - y
 
 
-def seen_places(lens: Lens, shape: tuple[int, int]) -> tuple[F4, F4]:
+def camera_places(lens: Lens, shape: tuple[int, int]) -> tuple[F4, F4]:
     """Return where the camera sees each ideal pixel: columns and rows, H x W each."""
-    return _moved(lens, shape, seen_offset)
+    return _moved(lens, shape, camera_offset)
 
 
 def ideal_places(lens: Lens, shape: tuple[int, int], step: int = 1) -> tuple[F4, F4]:
@@ -122,7 +122,7 @@ def _moved(lens: Lens, shape: tuple[int, int], offset: Any, step: int = 1) -> tu
     return column + half * du, row + half * dv
 
 
-def seen_from_above(
+def ideal_place(
     lens: Lens | None, shape: tuple[int, int], x: float, y: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return where on the ideal grid a pixel looks, and how that changes by a pixel, 2 x 2.

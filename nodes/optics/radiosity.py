@@ -16,8 +16,8 @@ from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, irradiance_ratio
 
 MAX_RIM_CELLS = 64
 """Cells beyond the frame after which the film's light is negligible."""
-SWEEP_MARGIN_CELLS = 22
-"""Cells beyond the film that a sweep may read, by a kernel's lanes or a step that overshoots."""
+SWEEP_MARGIN_CELLS = 12
+"""Cells beyond the film that a sweep may read, by a kernel's tile or a step that overshoots."""
 COATED_AZIMUTHS = 32
 """Number of azimuths under a coat; what it mirrors is narrower than the light of matt film."""
 

@@ -37,7 +37,7 @@ class RestShape:
     """
 
     height: F4
-    seen: F4
+    apparent: F4
     slope: F4
     tilt: F4
     pixel: float
@@ -84,15 +84,15 @@ class RestShape:
 
         slope, tilt = (np.stack([*map(means, pair)]) for pair in (self.slope, self.tilt))
         side = self.pixel * factor
-        return type(self)(means(self.height), means(self.seen), slope, tilt, side, self.camera)
+        return type(self)(means(self.height), means(self.apparent), slope, tilt, side, self.camera)
 
     def continued(self, factor: int) -> Self:
         """Return the shape continued to whole cells of `factor` x `factor` pixels."""
         beyond = [(0, -side % factor) for side in self.height.shape]
         height = np.pad(self.height, beyond, mode="edge")
-        seen = np.pad(self.seen, beyond, mode="edge")
+        apparent = np.pad(self.apparent, beyond, mode="edge")
         slope, tilt = (np.pad(p, [(0, 0), *beyond], mode="edge") for p in (self.slope, self.tilt))
-        return type(self)(height, seen, slope, tilt, self.pixel, self.camera)
+        return type(self)(height, apparent, slope, tilt, self.pixel, self.camera)
 
 
 def rest_shape(height: F4, pixel: float, camera: float = 0.0) -> RestShape:
@@ -101,12 +101,12 @@ def rest_shape(height: F4, pixel: float, camera: float = 0.0) -> RestShape:
     `pixel` is in mm per px at height 0, `camera` one over the height of the pupil.
     """
     by = np.float32(camera)
-    as_seen = np.asarray(height / (1 - by * height), np.float32)
-    p, q = tilt = np.stack([difference(as_seen, axis) for axis in (1, 0)]) / np.float32(pixel)
+    apparent = np.asarray(height / (1 - by * height), np.float32)
+    p, q = tilt = np.stack([difference(apparent, axis) for axis in (1, 0)]) / np.float32(pixel)
     u, v = _places(height.shape, pixel)
-    slope = tilt / np.maximum(1 + by * (as_seen - p * u - q * v), MIN_VIEW_SHARE)
+    slope = tilt / np.maximum(1 + by * (apparent - p * u - q * v), MIN_VIEW_SHARE)
     high, low, down, away = (
-        np.asarray(each, np.float32) for each in (height, as_seen, slope, tilt)
+        np.asarray(each, np.float32) for each in (height, apparent, slope, tilt)
     )
     return RestShape(high, low, down, away, float(pixel), float(camera))
 

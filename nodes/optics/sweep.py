@@ -33,7 +33,7 @@ MAX_STEP_CELLS = 8
 """... and the longest step."""
 MIN_FACING = np.float32(1e-3)
 """Smallest n_e."""
-MIN_SEEN_RISE = np.float32(0.02)
+MIN_APPARENT_RISE = np.float32(0.02)
 """Least rise above the tangent of a cell that is seen: film that lies below that sends a ten
 thousandth of its light, and on film at rest noise makes much rise a little."""
 
@@ -41,18 +41,6 @@ Numbers = NDArray[np.intp]
 Law = Callable[[Numbers, F4, Numbers], F4]
 """Law of light between cells: from N cells of the frame, by number, directions 3 x N and N of
 all cells, by number, to light K x N."""
-
-
-class Sight(NamedTuple):
-    """Pairs of cells that see one another along an azimuth: N pairs, by number."""
-
-    share: F4
-    """Factor from the other cell's light to the arriving light, per radian of azimuth: N."""
-    direction: F4
-    """Direction to the other cell, 3 x N."""
-    here: Numbers
-    there: Numbers
-    """Among all cells."""
 
 
 class _Steps(NamedTuple):
@@ -84,26 +72,34 @@ class _Looking(NamedTuple):
     tangent: F4
     """The first horizon, t_0."""
     steepness: F4
-    """Rise of the height seen per length of a step, of a line `MIN_SEEN_RISE` above the tangent."""
+    """Apparent rise per length of a step, of a line `MIN_APPARENT_RISE` above the tangent."""
     gain: F4
     """Factor from F to the share of the light that arrives, per radian of azimuth."""
 
 
-def _sight_lines(cells: Cells, grid: Grid, camera: float, number: int) -> Sight:
-    """Return the pairs of cells that see one another along one of the grid's azimuths."""
-    frame = slice(None), *grid.frame
-    x, y = azimuth_directions(grid.azimuths)[number]
-    on = _looking(cells.at[frame], cells.normal[frame], (x, y), camera)
-    return _sight(on, grid, _steps(grid, x, y), np.float32(camera))
+def steps_in_table(grid: Grid) -> NDArray[np.int32]:
+    """Return a kernel's steps along the azimuths: azimuths x steps x 7.
+
+    How far from the start, among all cells in order, lie the two corners and the middle; the
+    length; and the bits of the part, and of the azimuth's x and y.
+    """
+    azimuths = _azimuths(grid.azimuths)
+    ways, to_row = [_steps(grid, *azimuth) for azimuth in azimuths], (grid.whole[1], 1)
+    table = np.zeros((len(ways), max(way.length.size for way in ways), 7), np.int32)
+    for steps, way in zip(table, ways, strict=True):
+        places = way.corners @ to_row, way.middle @ to_row, way.length, way.part.view(np.int32)
+        steps[: way.length.size, :5] = np.column_stack(places)
+    table[..., 5:] = azimuths.view(np.int32)[:, None]
+    return table
 
 
-def azimuth_directions(count: int) -> F4:
+def _azimuths(count: int) -> F4:
     """Return x and y of the azimuths that cells look along: count x 2."""
     turn = 2 * np.pi * (np.arange(count) + 0.5) / count
     return np.stack([np.cos(turn), np.sin(turn)], axis=1).astype(np.float32)
 
 
-def _looking(at: F4, normal: F4, azimuth: tuple[float, float], camera: float) -> _Looking:
+def _looking(at: F4, normal: F4, azimuth: F4, camera: float) -> _Looking:
     """The start of a sweep, when the horizon of each cell is its own tangent."""
     eye = np.stack(to_pupil(camera, *at))
     x, y = (np.float32(part) for part in azimuth)
@@ -114,25 +110,32 @@ def _looking(at: F4, normal: F4, azimuth: tuple[float, float], camera: float) ->
     tangent = -forwards / facing
     nearer = 1 - np.float32(camera) * at[2]
     widens = nearer * flat - np.float32(camera) * (x * at[0] + y * at[1]) * along * eye[2]
-    lifted = (tangent + MIN_SEEN_RISE) * np.sqrt(flat) - along
+    lifted = (tangent + MIN_APPARENT_RISE) * np.sqrt(flat) - along
     steepness = eye[2] / widens * lifted / max(abs(x), abs(y))
     return _Looking(at, eye, facing, forwards, tangent, steepness, eye[2] / flat)
 
 
-def _sight(on: _Looking, grid: Grid, steps: _Steps, camera: np.float32) -> Sight:
-    """Film that rises over the horizon of each cell along an azimuth.
+def _sight(
+    on: _Looking, grid: Grid, steps: _Steps, camera: np.float32
+) -> tuple[F4, F4, Numbers, Numbers]:
+    """Return the N pairs of cells that see one another along an azimuth.
+
+    They are the factor from the other cell's light to the arriving light, per radian of azimuth;
+    the direction to the other cell, 3 x N; the cell of the frame, and the other among all cells,
+    by number.
 
     The camera sees other heights, but straight lines stay straight: what rises over the horizon
     in its image does so on the film.  Most steps see nothing rise, and the image shows that with
     less computation.
     """
-    step, cell, far, z = _risen(on, grid, steps, camera)
+    step, cell, far, seen = _risen(on, grid, steps, camera)
     (px, py, pz), eye = on.at.reshape(3, -1)[:, cell], on.eye.reshape(3, -1)[:, cell]
-    # From where the camera's ray of P meets the film at rest.
-    whole, nearer = 1 - camera * pz, 1 - camera * z
-    x = (px / whole + steps.across * far) * nearer - px
-    y = (py / whole + steps.down * far) * nearer - py
-    z = z - pz
+    # From where the camera's ray of P meets the film at rest; longer by as much as the other cell
+    # seems wider than it is, which no direction or tangent depends on.
+    whole, wider = 1 - camera * pz, 1 + camera * seen
+    x = px / whole + steps.across * far - px * wider
+    y = py / whole + steps.down * far - py * wider
+    z = seen - pz * wider
     up = x * eye[0] + y * eye[1] + z * eye[2]
     aside = np.sqrt(x * x + y * y + z * z - up * up)
     t = up / aside
@@ -148,21 +151,21 @@ def _sight(on: _Looking, grid: Grid, steps: _Steps, camera: np.float32) -> Sight
     row, column = np.divmod(cell, grid.columns)
     down, right = steps.middle[step].T + grid.rim
     source = (row + down) * grid.whole[1] + column + right
-    return Sight(on.gain.ravel()[cell] * share, direction, cell, source)
+    return on.gain.ravel()[cell] * share, direction, cell, source
 
 
 def _risen(
     on: _Looking, grid: Grid, steps: _Steps, camera: np.float32
 ) -> tuple[Numbers, Numbers, F4, F4]:
     """Film that rises over the horizons in the image: step and cell, by number, distance and
-    height.
+    the height seen.
 
     Sorted by cell, and for each cell from near to far.
     """
     rows, columns = steps.longest.shape
     reach = int(steps.length[-1]) + 1
-    as_seen = on.at[2] / (1 - camera * on.at[2])
-    film = np.pad(as_seen, reach)
+    apparent = on.at[2] / (1 - camera * on.at[2])
+    film = np.pad(apparent, reach)
     horizon, cells, heights = on.steepness, [], []
     for length, corners, part in zip(steps.length, steps.corners, steps.part, strict=True):
         one, other = (
@@ -172,7 +175,7 @@ def _risen(
         ends = steps.longest < length
         z = np.where(ends, 0, one + part * (other - one))
         far = np.minimum(steps.longest, np.float32(length)) * np.float32(grid.width)
-        steep = (z - as_seen) / far
+        steep = (z - apparent) / far
         if grid.film == 0:
             steep[ends] = -np.inf
         cells.append(np.flatnonzero(steep > horizon))
@@ -182,9 +185,7 @@ def _risen(
     order = np.argsort(cell, kind="stable")
     cell, step = cell[order], step[order]
     far = np.minimum(steps.longest.ravel()[cell], steps.length.astype(np.float32)[step])
-    z = np.concatenate(heights)[order]
-    z /= 1 + camera * z
-    return step, cell, far * np.float32(grid.width), z
+    return step, cell, far * np.float32(grid.width), np.concatenate(heights)[order]
 
 
 def arriving(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
@@ -193,17 +194,18 @@ def arriving(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
     `camera` is 1 over the height of the pupil for which the cells form a grid.  All cores share
     the azimuths.
     """
-    count = grid.azimuths
-    size = grid.rows * grid.columns
+    size, frame = grid.rows * grid.columns, (slice(None), *grid.frame)
 
-    def along(number: int) -> NDArray[np.float64]:
-        share, direction, cell, source = _sight_lines(cells, grid, camera, number)
+    def along(azimuth: F4) -> NDArray[np.float64]:
+        on = _looking(cells.at[frame], cells.normal[frame], azimuth, camera)
+        steps = _steps(grid, *azimuth)
+        share, direction, cell, source = _sight(on, grid, steps, np.float32(camera))
         thrown = share * law(cell, direction, source)
         return np.stack([np.bincount(cell, plane, size) for plane in thrown])
 
     with ThreadPoolExecutor(cores()) as threads:
-        total: Any = sum(threads.map(along, range(count)))
-    return (2 / count * total).astype(np.float32).reshape(-1, grid.rows, grid.columns)
+        total: Any = sum(threads.map(along, _azimuths(grid.azimuths)))
+    return (2 / grid.azimuths * total).astype(np.float32).reshape(-1, grid.rows, grid.columns)
 
 
 def matt(sources: F4) -> Law:

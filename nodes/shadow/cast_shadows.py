@@ -37,7 +37,7 @@ def cast_shadows(
     height: Height,
     lights: LightPositions,
     pixel: PixelSize,
-    seen: Labels | None = None,
+    image_labels: Labels | None = None,
     *,
     attached: bool = False,
 ) -> Labels:
@@ -55,7 +55,7 @@ def cast_shadows(
     height : H x W in mm; beyond the frame nothing casts a shadow
     lights : K x 3 in mm
     pixel : mm per px
-    seen
+    image_labels
         H x W, the shadows in the image, up to `REACH_PX` away along each axis; without it the
         height alone decides
     attached : whether surface that faces away from an LED, by central differences, is in shadow too
@@ -78,8 +78,8 @@ def cast_shadows(
         if attached:
             rises = difference(height, 1) * across + difference(height, 0) * down[:, None]
             dark |= rises + (led_z - height) < 0
-        if seen is not None:
-            dark &= cv2.dilate(np.ascontiguousarray(seen >> k & 1), window) > 0
+        if image_labels is not None:
+            dark &= cv2.dilate(np.ascontiguousarray(image_labels >> k & 1), window) > 0
         labels |= dark.astype(np.uint8) << k
     return labels
 
@@ -136,7 +136,7 @@ def _launch(run: Launch) -> None:
         "cast", (work,), inputs["height"], inputs["lights"], dark, *sizes, blocks,
         float(inputs["pixel"]), local=run.alone,
     )  # fmt: skip
-    near = inputs.get("seen")
+    near = inputs.get("image_labels")
     if near is not None:
         for axis in (1, 0):
             in_view, near = near, run.scratch((height, width), np.uint8)
@@ -154,4 +154,4 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     lights = np.column_stack([rng.uniform(-40, 40, (K, 2)), rng.uniform(6, 60, K)])
     sparse = rng.random((H, W)) < 0.02
     in_view = np.where(sparse, rng.integers(0, 256, (H, W)), 0)
-    return {"lights": lights.astype(np.float32), "seen": in_view.astype(np.uint8)}
+    return {"lights": lights.astype(np.float32), "image_labels": in_view.astype(np.uint8)}

@@ -18,7 +18,7 @@ from tactograph.nodes.optics.near_light import (
 )
 from tactograph.nodes.optics.normals import cofactors, dot, times
 
-MIN_LEDS_LEFT = 3
+MIN_OTHER_LEDS = 3
 """LEDs that must remain: two would allow two normals."""
 RIDGE_TRACE_SHARE = 1e-6
 """Share of the trace that keeps the equations of nearly parallel lights solvable."""
@@ -91,7 +91,7 @@ def label_highlights(
             *parts, unlikely=unlikely, likely=likely, excess=excess, near=near
         )
 
-    if len(light) > MIN_LEDS_LEFT:
+    if len(light) > MIN_OTHER_LEDS:
         in_blocks(mark, y.size, light[:, 0].size)
     bits = highlight >> np.arange(len(light), dtype=np.uint8)[:, None, None] & 1
     return Highlights(highlight, np.where(bits, UNUSED_SIGMA, sigma))

@@ -29,7 +29,7 @@ MIN_EXPECTED_LIGHT = np.float32(0.02)
 )
 def shadow_confidence(
     shadow: Labels,
-    seen: Labels,
+    image_labels: Labels,
     light: Light,
     sigma: Light,
     slope: Slope,
@@ -58,7 +58,7 @@ def shadow_confidence(
     Parameters
     ----------
     shadow : H x W, the labels in question
-    seen : H x W, those of the image alone; `shadow` again if there are no others
+    image_labels : H x W, those of the image alone; `shadow` again if there are no others
     light, sigma : K x H x W, 1 on the film at rest, and its standard deviation
     slope, height : 2 x H x W and H x W in mm; they determine the expected light
     lights : K x 3 in mm
@@ -67,7 +67,7 @@ def shadow_confidence(
     by_light : log odds per share of the light in the label's favour
     at_edge, near_edge : log odds lost one and two pixels from another label of the same LED
     by_light_contradicted
-        `by_light` where `seen` differs, because `seen` has already used the light.
+        `by_light` where `image_labels` differs, because `image_labels` has already used the light.
     noisy : expected light, in standard deviations, at which the share counts half
 
     Returns
@@ -80,7 +80,7 @@ def shadow_confidence(
     square, doubt = expected * expected, np.float32(noisy) * sigma
     share *= square / (square + doubt * doubt)
     edge, near = _edges(shadow, 1), _edges(shadow, 2)
-    differs = shadow ^ seen
+    differs = shadow ^ image_labels
     sure_of_all = np.ones(shadow.shape, np.float32)
     for k, towards_lit in enumerate(share):
         favour = np.where(shadow >> k & 1, -towards_lit, towards_lit)
@@ -120,7 +120,7 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     slope: F4 = rng.uniform(-1, 1, (2, H, W)).astype(np.float32)
     return {
         "shadow": shadow.astype(np.uint8),
-        "seen": (shadow ^ flips).astype(np.uint8),
+        "image_labels": (shadow ^ flips).astype(np.uint8),
         "sigma": rng.uniform(0.002, 0.05, (K, H, W)).astype(np.float32),
         "slope": slope,
         "lights": lights.astype(np.float32),

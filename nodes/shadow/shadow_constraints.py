@@ -219,7 +219,7 @@ def _launch(run: Launch) -> None:
         pixel, STEP_PX, run.settings["longest_px"],
     )  # fmt: skip
     ends = np.cumsum(run.download(counts), dtype=np.int32)
-    run.found("C", int(ends[-1]))
+    run.set_size("C", int(ends[-1]))
     if not ends[-1]:
         return
     out = [run.outputs[name] for name in ShadowRises._fields]

@@ -72,7 +72,7 @@ def view(
             f"{top:g} mm; raise the camera (0 is infinitely far)"
         )
     rows, columns = height.shape
-    u, v = _seen_at_rest(rows, columns, np.float32(lens_at_corner))
+    u, v = _apparent_places(rows, columns, np.float32(lens_at_corner))
     if camera_mm:
         x, y = _met(height, u, v, (bottom, top), np.float32(camera_mm))
     else:
@@ -100,7 +100,7 @@ def _launch(run: Launch) -> None:
     run.kernel("view", (size[0], size[1]), *arguments)
 
 
-def _seen_at_rest(rows: int, columns: int, lens: np.float32) -> tuple[F4, F4]:
+def _apparent_places(rows: int, columns: int, lens: np.float32) -> tuple[F4, F4]:
     """Return the positions on the film at rest that the pixels see, in px from the middle."""
     half = np.float32(0.5)
     y, x = np.indices((rows, columns)).astype(np.float32)

@@ -95,7 +95,7 @@ class ArrowsInImage(NamedTuple):
 
     begin: F4
     way: F4
-    seen: U1
+    visible: U1
 
 
 @dataclass(frozen=True)

@@ -4,17 +4,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.nodes import F4, Labels, Light, Slope
+from tactograph.nodes import F4, FULL_MISFIT_SLOPE, Labels, Light, Slope
 from tactograph.nodes.trust.checked_cells import MIN_LEDS, quarter_of, thinned
 from tactograph.nodes.trust.light_departure import Brighter, Departure
-from tactograph.nodes.trust.slope_curl import MIN_SLOPE
 
 MAX_SQUARED_BEND = np.float32(0.16)
 """`squared_bend` beyond which a cell may hold an edge, whose light is a mean of two normals."""
 
 
 class LightFigures(NamedTuple):
-    """Figures of the light; touched film is steeper than `MIN_SLOPE`."""
+    """Figures of the light; touched film is steeper than `FULL_MISFIT_SLOPE`."""
 
     at_rest: float
     """Median departure of the light of film that is not touched."""
@@ -44,7 +43,7 @@ def light_evidence(
     """
     bend = thinned(squared_bend(slope))
     departs, (p, q) = thinned(departure), thinned(slope)
-    steep, tested = p * p + q * q > MIN_SLOPE * MIN_SLOPE, departs >= 0
+    steep, tested = p * p + q * q > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE, departs >= 0
     edges, cells = (np.count_nonzero(some) for some in (bend[steep] > MAX_SQUARED_BEND, steep))
     compared = np.bool_(4 * edges <= 3 * cells)
     at_rest, of_touch = departs[tested & ~steep], departs[tested & steep & compared]
@@ -56,7 +55,7 @@ def light_evidence(
         lit = np.bool_(True) if used is None else np.bitwise_count(thinned(used)) >= MIN_LEDS
         dirty = int((lit & (excess < -np.float32(max_dimming))).sum())
         # Images that are alike show no slope, but film that is dark.
-        touched = compared & lit & (steep | (np.abs(excess) > MIN_SLOPE))
+        touched = compared & lit & (steep | (np.abs(excess) > FULL_MISFIT_SLOPE))
         middle = quarter_of(excess[touched], 2)
     rest, upper = np.sqrt([quarter_of(at_rest, 2), quarter_of(of_touch, 3)])
     return LightFigures(rest, upper, dim, middle, dirty)

@@ -9,8 +9,6 @@ from tactograph.nodes import F4, CoarseLight, Height
 from tactograph.nodes.light.film_drift import CALM_DEPARTURES, Drift, border_level, drift_gain
 from tactograph.nodes.trust.checked_cells import DARK_LIGHT, thinned
 
-CALM_DEPARTURE = np.float32(CALM_DEPARTURES[0])
-"""Departure of the light that still counts as film at rest, as `film_drift` begins with."""
 RestLevel = Annotated[F4, Port("K", "1", low=0.9, high=1.1)]
 """Each LED's light on the film at rest, relative to the flat frame."""
 
@@ -44,5 +42,5 @@ def rest_evidence(
         level = border_level(cells)
         even = cells / np.maximum(level, DARK_LIGHT)[:, None, None]
     dark = (even < DARK_LIGHT).all(axis=0).mean()
-    calm = (np.abs(even - 1) < CALM_DEPARTURE).all(axis=0).mean()
+    calm = (np.abs(even - 1) < CALM_DEPARTURES[0]).all(axis=0).mean()
     return level, FilmFigures(shape, calm, dark, height.min(), height.max())

@@ -8,7 +8,7 @@ from tactograph.nodes.trust.checked_cells import DARK_LIGHT
 from tactograph.nodes.trust.fall_off import RING_CELLS
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 
-BANDS_TOLD = (
+BANDS_WARNING = (
     "whole rows are brighter or darker than those beside them, at both borders alike: the light "
     "flickers while the camera reads its rows (expose for whole periods of the mains, keep lamps "
     "away, or drive the LEDs by steady current)"

@@ -19,7 +19,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from tactograph.graph import Port
-from tactograph.nodes import F4, F8
+from tactograph.nodes import F4, F8, FALSE_ALARMS
 from tactograph.nodes.stored import Stored
 from tactograph.nodes.trust.checked_cells import MIN_LIGHT
 from tactograph.nodes.trust.film_motion import FilmMotion, motion_size
@@ -31,8 +31,10 @@ TAIL_SHARE = 0.2
 """Share of right touches, the most extreme ones, that determine a tail."""
 RANK_COUNT = 100
 """Quantiles that are kept: half a per cent, one and a half, ..."""
-QUANTILE_ERROR, SHARE_ERROR = 0.1, 0.01
-"""Error of a quantile of some hundred cells, over their deviation; error of a share of cells."""
+SHARE_ERROR = FALSE_ALARMS
+"""Error of a share of cells: so many cells show it that one of them is this share..."""
+QUANTILE_ERROR = math.sqrt(SHARE_ERROR)
+"""... and a quantile of so many cells has this error over their deviation."""
 MIN_HEIGHT_MM = 0.15
 """Height that a depth below the film at rest is compared with at least."""
 TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)
@@ -128,7 +130,7 @@ CHECK_FIGURES = {
         "that fills the frame is for reconstruct_filled; or another sensor or light)",
         SHARE_ERROR,
     ),
-    "left_as_matt": Figure("cause", ""),
+    "matt_residual": Figure("cause", ""),
 }
 """All figures of a touch, by name; the more causes change one, the later it stands.  The last
 belongs to no check: it tells mistakes that explain a doubted touch from those that do not
@@ -158,12 +160,12 @@ def figures_of(
     evidence: TouchEvidence,
     lines: LineChanges | None = None,
     motion: FilmMotion | None = None,
-    left: float = 0.0,
+    residual: float = 0.0,
 ) -> F8:
     """Return the figures of a touch (T1 to T5, T7), in the order of `CHECK_FIGURES`.
 
     `lines` is what `line_changes` found, on one-shot sensors, `motion` what `film_motion` did, and
-    `left` what `left_as_matt` did, where it was asked.
+    `residual` what `matt_residual` did, where it was asked.
     """
     curl, film, light = evidence.read()
     change = evidence.level.astype(np.float64) - 1
@@ -173,7 +175,7 @@ def figures_of(
     sure = curl, light.dirty, rows, film.dark, level, moved, light.brighter, -light.brighter
     deep = -film.lowest / max(film.highest, MIN_HEIGHT_MM)
     vague = film.shape, light.at_rest, light.dim, light.of_touch, deep, 1 - film.calm
-    return np.array([*sure, *vague, left])
+    return np.array([*sure, *vague, residual])
 
 
 def _worst_line(lines: LineChanges) -> float:
@@ -218,9 +220,9 @@ def p_values(figures: F8, quantiles: F8) -> F8:
     return np.where(figures > start, beyond, np.maximum(above, TAIL_SHARE))
 
 
-def share_left(ranks: F8, left: float) -> float:
+def residual_share(ranks: F8, residual: float) -> float:
     """Return the p-value of what a matt film leaves of a touch."""
-    return float(p_values(np.full(len(CHECK_FIGURES), left), ranks[:-1])[-1])
+    return float(p_values(np.full(len(CHECK_FIGURES), residual), ranks[:-1])[-1])
 
 
 def of_all_checks(least: float, ranks: F8) -> float:

@@ -52,8 +52,8 @@ def excess(light: F4, shown: F4, lit: F4 | float = 1.0) -> F4:
     light, shown : K x H x W, as it is and as the slopes make it
     lit : K x H x W, 1 where an LED was used
     """
-    seen, due = (light * shown * lit).sum(axis=0), (shown * shown * lit).sum(axis=0)
-    return np.asarray(seen / np.maximum(due, MIN_LIGHT) - 1, np.float32)
+    measured, due = (light * shown * lit).sum(axis=0), (shown * shown * lit).sum(axis=0)
+    return np.asarray(measured / np.maximum(due, MIN_LIGHT) - 1, np.float32)
 
 
 @node(

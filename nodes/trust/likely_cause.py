@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
+from tactograph.nodes.light.film_drift import CALM_DEPARTURES
 from tactograph.nodes.trust._explained import explained
-from tactograph.nodes.trust._rest_evidence import CALM_DEPARTURE
-from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
+from tactograph.nodes.trust.banded_rows import BANDS_WARNING, is_banded
 from tactograph.nodes.trust.checked_cells import (
     DARK_LIGHT,
     MIN_CELLS,
@@ -57,14 +57,14 @@ def likely_cause(
     light : K x h x w, relative to the film at rest
     flat : K x h x w, the film at rest
     lights : K x 3, in mm
-    fits : whether right touches leave as much (`left_as_matt`)
+    fits : whether right touches leave as much (`matt_residual`)
     has_moved : whether the camera has (`film_motion`)
     """
     raw = light * flat
     if alike := _alike(raw):
         return alike
     if is_banded(light):
-        return BANDS_TOLD
+        return BANDS_WARNING
     small, rest = few_cells(raw), _divisor(flat)
 
     def first_of(mistakes: Iterable[_Mistake]) -> str:
@@ -85,7 +85,7 @@ def likely_cause(
     return first_of(_mistakes(small)) or _at_border(small, rest) or first_of(in_part)
 
 
-def left_as_matt(light: CoarseLight, flat: CoarseLight, lights: LightPositions) -> float:
+def matt_residual(light: CoarseLight, flat: CoarseLight, lights: LightPositions) -> float:
     """Return what a matt film leaves of a touch's light, as `likely_cause` looks at it.
 
     Infinite where there is no touch, or one that goes below the film at rest.
@@ -200,7 +200,7 @@ def _unexplained(light: F4, lights: LightPositions) -> float:
     light = np.asarray(light / np.maximum(median, MIN_LIGHT), np.float32)
     directions = lights / lights[:, 2:]
     normal = np.tensordot(np.linalg.pinv(directions), light, 1)
-    touched = (np.abs(light - 1) > CALM_DEPARTURE).any(axis=0)
+    touched = (np.abs(light - 1) > CALM_DEPARTURES[0]).any(axis=0)
     lit = touched & (light > DARK_LIGHT).all(axis=0)
     if np.count_nonzero(lit) < MIN_CELLS:
         return math.inf

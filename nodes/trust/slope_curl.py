@@ -6,15 +6,13 @@ import numpy as np
 from annotated_types import Gt, Interval
 
 from tactograph.graph import Flips, Port, node
-from tactograph.nodes import F4, Labels, Misfit, Slope, SlopeVariance
+from tactograph.nodes import F4, FULL_MISFIT_SLOPE, Labels, Misfit, Slope, SlopeVariance
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
 from tactograph.nodes.trust.checked_cells import MIN_LEDS, NOT_TESTED
 
 CoarseCurl = Annotated[F4, Port("h w", "1", low=-1, high=25)]
 """Curl over what is expected of a surface, squared; -1 where it tests nothing."""
-MIN_SLOPE = np.float32(0.1)
-"""Film less steep than this is taken to be at rest, and so is film whose light changes by less."""
 
 
 @node(
@@ -68,7 +66,7 @@ def slope_curl(
         return out
     curl = _down(p) - _right(q)
     bent = _right(p) ** 2 + _down(p) ** 2 + _right(q) ** 2 + _down(q) ** 2
-    tests = _least(p * p + q * q) > MIN_SLOPE * MIN_SLOPE
+    tests = _least(p * p + q * q) > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE
     if used is not None:
         tests &= _least(np.bitwise_count(used[::side, ::side])) >= MIN_LEDS
     floor = np.float32(least * least + float(misfit[0]) ** 2)

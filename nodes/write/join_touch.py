@@ -4,7 +4,7 @@ from typing import Annotated, Any, NamedTuple
 
 from tactograph.graph import NamedPorts, Port, node
 from tactograph.nodes import F4, Height, Light, Metrics, PixelSize
-from tactograph.nodes.height.as_seen import as_seen
+from tactograph.nodes.height.distort_height import distort_height
 from tactograph.nodes.stream.frames import LiveState
 from tactograph.nodes.stream.layer_kinds import layer_kinds
 from tactograph.nodes.stream.touch import Touch, View
@@ -50,5 +50,5 @@ def join_touch(
     """
     arrays = {name: value for name, value in layers.items() if value is not None}
     origin, view = (frames.name, frames.time, frames.state), view or View()
-    low = rest if rest is None or view.lens is None else as_seen(rest, view.lens)
+    low = rest if rest is None or view.lens is None else distort_height(rest, view.lens)
     return Touch(height, frames.image, pixel, *origin, view, metrics, arrays, low)

@@ -13,30 +13,30 @@ from tactograph.nodes.files.result_view import refuse_view
 
 @node
 def read_height(
-    *, file: Path, crop: Crop | None = None, unknown: bool = False, as_seen: bool = False
+    *, file: Path, crop: Crop | None = None, unknown: bool = False, distorted: bool = False
 ) -> Height:
     """Read a height map in mm.
 
-    ``.npy``; ``.tiff`` of 32-bit floats; ``.png`` of 16 bits that states its scale, as
-    `export_height` writes it; ``.tmd``, GelSight's; ``.sur``, Digital Surf's.
+    ``.npy``; ``.tiff`` of 32-bit floats; and the formats that rings bring, such as ``.png`` of 16
+    bits that states its scale.
 
     Parameters
     ----------
     file : H x W, mm above the film at rest
     crop : x0, y0, x1, y1 in pixels; x1 and y1 are exclusive
     unknown : whether a part of the film may be unknown (NaN), as in a result with ``grid=metric``
-    as_seen
+    distorted
         Whether the height may be what a camera's pixels see by a lens or from near, as the
-        ``result.json`` beside it states; the graph then has to apply `read_result_view`.
+        ``result.json`` beside it states; the graph then has to read that view.
 
     Raises
     ------
     InputError
         If the file is missing, damaged, or no two-dimensional array of numbers, if it holds
         infinite heights or nothing but NaN, if it holds NaN without `unknown`, if the crop
-        exceeds it, or if it is as a camera sees it, without `as_seen`.
+        exceeds it, or if it is as a camera sees it, without `distorted`.
     """
-    if not as_seen:
+    if not distorted:
         refuse_view(file)
     return checked_heights(read_height_file(file).height, file, crop, unknown)
 

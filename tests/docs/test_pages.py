@@ -63,15 +63,22 @@ LONG = (
     "batch.md",
     "calibrate.md",
     "captures.md",
+    "compose.md",
     "contact.md",
     "export.md",
+    "filters.md",
     "force.md",
+    "graph_files.md",
+    "new_kernel.md",
+    "python.md",
     "sensors.md",
     "simulate.md",
+    "trust.md",
     "variants.md",
+    "without_ball.md",
 )
-"""Pages that calibrate again and again, or need packages that 'make test' does not install."""
-OF_RINGS = ("compose.md", "graph_files.md")
+"""Pages that calibrate anew or start many processes, or need packages of 'make test-all'."""
+OF_RINGS = ("calibrate.md", "compose.md", "graph_files.md")
 """Pages of `docs` whose examples are graphs of rings."""
 RUNNABLE = [page for page in PAGES if any(b.language in RUN for b in blocks(page))]
 COMMAND_LINES = [

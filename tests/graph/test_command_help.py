@@ -35,7 +35,7 @@ def test_a_near_miss_is_answered_with_what_was_meant(
     assert said in done.err
 
 
-@pytest.mark.parametrize("command", ["run", "batch", "explain", "bench"])
+@pytest.mark.parametrize("command", ["run", "explain", "bench"])
 def test_help_behind_a_graph_lists_what_the_graph_takes(about: Command, command: str) -> None:
     text = STREAM.replace("default: 3}", "default: 3, help: so many touches}")
     text = text.replace("params:", "params:\n  place: {kind: path, help: a folder}")

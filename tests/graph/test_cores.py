@@ -4,14 +4,7 @@ import os
 
 import pytest
 
-from tactograph.graph.cores import cores, environment, share_of
-from tests.fixtures import python
-
-TOLD = "from tactograph.graph.cores import cores; print(cores())"
-
-
-def told() -> int:
-    return int(python("-c", TOLD).stdout)
+from tactograph.graph.cores import cores
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processes cannot be bound here")
@@ -23,34 +16,3 @@ def test_a_process_bound_to_one_core_starts_one_thread() -> None:
     finally:
         os.sched_setaffinity(0, allowed)
     assert cores() == len(allowed)
-
-
-def test_processes_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tactograph.graph.cores._bound_to", lambda: 8)
-    before = dict(os.environ)
-    with environment(share_of(4)):
-        assert os.environ["TACTOGRAPH_CORES"] == "2"
-        assert os.environ["POCL_MAX_PTHREAD_COUNT"] == "2"
-        with environment(share_of(16)):
-            assert cores() == 1
-    assert dict(os.environ) == before
-
-
-def test_an_environment_is_taken_over_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("TACTOGRAPH_CORES", "3")
-    with environment({"PATH": "/nowhere"}):
-        assert dict(os.environ) == {"PATH": "/nowhere"}
-    assert os.environ["TACTOGRAPH_CORES"] == "3"
-
-
-def test_a_process_started_there_starts_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    with environment(share_of(1000)):
-        assert told() == 1
-
-
-@pytest.mark.parametrize("name", ["OMP_NUM_THREADS", "POCL_MAX_PTHREAD_COUNT"])
-def test_what_the_user_has_set_stays(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    monkeypatch.setenv(name, "7")
-    with environment(share_of(2)):
-        assert os.environ[name] == "7"
-    assert os.environ[name] == "7"

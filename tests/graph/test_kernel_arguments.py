@@ -48,7 +48,7 @@ def test_signatures_are_read_with_their_macros_and_attributes() -> None:
 def test_a_number_arrives_as_the_kernel_takes_it(device: OpenCL, fill: Kernel, value: Any) -> None:
     out = device.upload(np.zeros(2, np.float32))
     arguments = fill.converted([out, value, np.int64(1), 3])
-    fill.enqueue(device.queue, (1,), (1,), arguments)
+    fill.bind(device.queue, (1,), (1,), arguments)()
     assert device.download(out).tolist() == [0, 5]
 
 
@@ -74,20 +74,18 @@ def test_what_a_kernel_cannot_take_is_refused(
         fill.converted(arguments)
 
 
-def test_a_twin_keeps_the_arguments_that_it_was_bound_to(device: OpenCL, fill: Kernel) -> None:
+def test_a_copy_keeps_the_arguments_that_it_was_bound_to(device: OpenCL, fill: Kernel) -> None:
     """However often it is launched, and whatever the kernel itself is launched with meanwhile."""
     out = device.upload(np.zeros(3, np.float32))
     first, second = (
-        fill.twin(index).bind(device.queue, (1,), (1,), fill.converted([out, index + 1, index, 0]))
+        fill.copy().bind(device.queue, (1,), (1,), fill.converted([out, index + 1, index, 0]))
         for index in range(2)
     )
     for launch in (first, second, first):
-        fill.enqueue(device.queue, (1,), (1,), fill.converted([out, 7, 2, 0]))
+        fill.bind(device.queue, (1,), (1,), fill.converted([out, 7, 2, 0]))()
         launch()
         assert device.download(out)[2] == 7
     assert device.download(out).tolist() == [1, 2, 7]
-    assert fill.twin(0) is fill.twin(0)
-    assert fill.twin(0) is not fill.twin(1)
 
 
 def test_an_argument_too_few_is_told_with_those_there_are(device: OpenCL, fill: Kernel) -> None:

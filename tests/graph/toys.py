@@ -201,7 +201,7 @@ def _launch_bright(run: Launch) -> None:
     height, width = run.sizes["H"], run.sizes["W"]
     image = run.inputs["image"]
     found = np.flatnonzero(run.download(image)[0] > run.settings["above"])
-    run.found("C", found.size)
+    run.set_size("C", found.size)
     if found.size:
         arguments = image, run.outputs["pixel"], run.outputs["light"], run.settings["above"]
         run.kernel("bright", (1,), *arguments, height * width)

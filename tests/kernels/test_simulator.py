@@ -17,6 +17,7 @@ from tactograph.graph.declare.find_node import find_node, shipped_nodes
 SCRIPT = """
 import gc
 import json
+import math
 import os
 import sys
 from tactograph.graph.backends import compiled_node, opencl, programs
@@ -42,7 +43,7 @@ def check(name, lanes, shape, before, after):
 
     compiled_node.kernel_source = source
     # So few steps go no farther, and reads beyond are noticed.
-    radiosity.SWEEP_MARGIN_CELLS = 3 + lanes
+    radiosity.SWEEP_MARGIN_CELLS = 3 + math.isqrt(lanes)
     device, node = opencl.OpenCL(simulator, lanes=lanes), find_node(name)
     device.group = min(device.group, 16)
     wide = {case.fill: case for case in cases(node, shapes=((3, 5),)) if case.setting == "default"}

@@ -18,7 +18,7 @@ IDLE_AT = {"area": 1.0, "film_gain": 1.0, "film_refraction": 1.0}
 def test_no_lens_perspective_or_light_and_film_that_is_matt_and_everywhere_make_nodes_idle() -> (
     None
 ):
-    seen = ["as_seen", "confidence_as_seen", "error_as_seen", "labels_as_seen"]
+    seen = ["distort_height", "distort_confidence", "distort_error", "distort_labels"]
     bent = ["matt_light", "undistort", "undo_perspective", "view_slope"]
     shaped = ["add_rest", "light_on_plane", "slope_from_rest"]
     others = ["edge_variance", "film_bounce", "within_film"]

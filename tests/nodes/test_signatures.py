@@ -5,7 +5,7 @@ import inspect
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tests.each import each
 
-MAX_INPUTS, MAX_PARAMS = 15, 11
+MAX_INPUTS, MAX_PARAMS = 14, 11
 
 
 def arguments(name: str) -> tuple[int, int]:

@@ -49,14 +49,6 @@ def test_it_comes_at_once_where_nothing_is_imported(listening: None) -> None:
         signal.raise_signal(signal.SIGINT)
 
 
-def test_it_waits_for_the_end_of_a_block(listening: None) -> None:
-    reached = []
-    with pytest.raises(KeyboardInterrupt), ctrl_c.later():  # noqa: PT012
-        signal.raise_signal(signal.SIGINT)
-        reached.append("the end")
-    assert reached
-
-
 def test_while_the_command_line_is_imported_it_ends_in_one_line() -> None:
     code = (
         "import signal, sys\n"

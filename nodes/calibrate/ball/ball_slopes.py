@@ -9,7 +9,7 @@ from tactograph.graph import Close, Port, node
 from tactograph.nodes import F4, Height, Light, Mask, PixelSize, Slope
 
 
-class KnownBall(NamedTuple):
+class BallSlopes(NamedTuple):
     """Slope and height of a ball pressed into the film, and the pixels where they hold."""
 
     slope: Slope
@@ -26,7 +26,7 @@ def ball_slopes(
     *,
     radius_mm: Annotated[float, Gt(0)],
     margin_px: Annotated[float, Ge(0)] = 0.5,
-) -> KnownBall:
+) -> BallSlopes:
     """Return the slope of a ball of known radius inside its contact circle (paper 3.1).
 
     With z = sqrt(R^2 - r^2), p = -(x - c_x) / z and q = -(y - c_y) / z.  The ball rises
@@ -58,7 +58,7 @@ def ball_slopes(
     reach = np.float32(contact) * np.float32(pixel)
     base = np.sqrt(np.maximum(ball - reach * reach, np.float32(0)))
     rise = np.where(inside, z - base, np.float32(0))
-    return KnownBall(
+    return BallSlopes(
         np.asarray(slope + np.float32(0), np.float32),
         inside.astype(np.uint8),
         np.asarray(rise, np.float32),

@@ -158,7 +158,7 @@ class Fitted(NamedTuple):
 def predicted(balls: Balls, fitted: Fitted, rest: F8 | None = None) -> F8:
     """Return the light of the balls' samples, K x N.
 
-    `rest` is the result of `rest_seen` for this film, or for one that is the same at rest.
+    `rest` is the result of `rest_view` for this film, or for one that is the same at rest.
     """
     film, shifts, balls = fitted.film, fitted.shifts, balls.sized(fitted.size)
     n, place, lift = balls.touched_place(shifts, film)
@@ -168,7 +168,7 @@ def predicted(balls: Balls, fitted: Fitted, rest: F8 | None = None) -> F8:
     return np.asarray(light if fitted.power == 1 else np.maximum(light, 0) ** fitted.power)
 
 
-def rest_seen(balls: Balls, film: Film) -> F8 | None:
+def rest_view(balls: Balls, film: Film) -> F8 | None:
     """The light of the film at rest where the pixels see it.
 
     None under a near camera, because the point that a pixel sees then depends on the ball.

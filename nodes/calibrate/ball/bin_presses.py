@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, CoarseDark, CoarseLight, Dark, Light, PixelSize
-from tactograph.nodes.capture.read_balls import KnownCircles, Marks, Radii
+from tactograph.nodes.capture.read_balls import Marks, Radii, StatedCircles
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 MIN_BALL_RADIUS_PX = 16.0
@@ -23,7 +23,7 @@ class BinnedPresses(NamedTuple):
     image: Annotated[F4, Port("K s w", "1")]
     flat: CoarseLight
     dark: CoarseDark
-    known: KnownCircles
+    circles: StatedCircles
     pixel: PixelSize
     factor: int
     marks: Marks | None = None
@@ -36,7 +36,7 @@ def bin_presses(
     dark: Dark,
     pixel: PixelSize,
     radius: Radii | None = None,
-    known: KnownCircles | None = None,
+    circles: StatedCircles | None = None,
     marks: Marks | None = None,
 ) -> BinnedPresses:
     """Bin all inputs of a calibration by n x n pixels.
@@ -54,25 +54,25 @@ def bin_presses(
         The balls: P in mm, and P x 3 in px.  Without them nothing is binned.
     marks : M x 3, marked balls: x, y in px, press
     """
-    if radius is None or known is None:
+    if radius is None or circles is None:
         return BinnedPresses(image, flat, dark, np.zeros((0, 3), np.float32), pixel, 1)
     rows, columns = dark.shape
     by_ball = float(radius.min()) / pixel / MIN_BALL_RADIUS_PX
     factor = int(min(by_ball, np.sqrt(rows * columns / MIN_IMAGE_PIXELS)))
     if factor <= 1:
-        return BinnedPresses(image, flat, dark, known, pixel, 1, marks)
+        return BinnedPresses(image, flat, dark, circles, pixel, 1, marks)
     size = (columns // factor, rows // factor)
     presses = [_binned(press, factor, size) for press in cut(image, rows)]
-    circles = known.copy()
-    circles[:, :2] = (known[:, :2] + 0.5) / factor - 0.5
-    circles[:, 2] = known[:, 2] / factor
+    scaled = circles.copy()
+    scaled[:, :2] = (circles[:, :2] + 0.5) / factor - 0.5
+    scaled[:, 2] = circles[:, 2] / factor
     if marks is not None:
         marks = np.column_stack([(marks[:, :2] + 0.5) / factor - 0.5, marks[:, 2]])
     return BinnedPresses(
         np.concatenate(presses, axis=1),
         _binned(flat, factor, size),
         _binned(dark[None], factor, size)[0],
-        circles,
+        scaled,
         pixel * factor,
         factor,
         None if marks is None else marks.astype(np.float32),

@@ -12,8 +12,8 @@ from scipy import ndimage, optimize
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, F8, Light, PixelSize
-from tactograph.nodes.calibrate.ball._ball_on_shape import BallOnShape
-from tactograph.nodes.calibrate.ball._ball_search import (
+from tactograph.nodes.calibrate.ball.ball_on_shape import BallOnShape
+from tactograph.nodes.calibrate.ball.ball_search import (
     CONTACT_SHARES,
     MAX_CONTACT_DIAGONALS,
     MIN_LIT_LIGHT,
@@ -32,7 +32,7 @@ MIN_GOODNESS = 0.45
 """Smallest goodness of a ball: balls reach 0.48 to 0.99, other objects up to 0.38."""
 MIN_SHALLOW_GOODNESS = 0.6
 """Smallest goodness of a shallow contact: small parts of other objects are round, too."""
-SEEN_WIDTH_PX = 40
+TEST_WIDTH_PX = 40
 """Width in px that the image is reduced to where no ball is found, to see whether anything is."""
 REFINE_WIDTH_PX = 320
 """Width in px that the image is reduced to for the last step."""
@@ -143,7 +143,7 @@ def find_ball(
             f"the best circle, at {circle.x:.0f},{circle.y:.0f} px, has a goodness of "
             f"{goodness:.2f} and {MIN_GOODNESS:g} is needed"
         )
-        if (np.abs(reduced_to(light, SEEN_WIDTH_PX)[0] - 1) < calm).all():
+        if (np.abs(reduced_to(light, TEST_WIDTH_PX)[0] - 1) < calm).all():
             in_view = (
                 f"the press shows what the flat frame shows, within {calm:.0%} (has the one a "
                 "ball, and the other untouched film?)"
@@ -156,7 +156,7 @@ def find_ball(
 
 
 def oblong_of(light: F4, ball: Circle, radius: float) -> tuple[float, float, float]:
-    """Return how oblong pixels are by a ball, and what square and such pixels leave of the light.
+    """Return how oblong pixels are by a ball, and what square and such pixels leave of its light.
 
     Parameters
     ----------
@@ -178,9 +178,9 @@ def oblong_of(light: F4, ball: Circle, radius: float) -> tuple[float, float, flo
         return _residual(square, Circle(0.0, 0.0, min(contact, limit)), limit)
 
     first, steps = np.array([*start, 0.0]), np.array([*[0.03 * start.radius] * 3, 0.05])
-    found = _lowest(residual, first, steps, 0.002)
-    squares = np.maximum([residual(first), found.fun], 1e-12)
-    return float(found.x[3]), *np.sqrt(squares).tolist()
+    free = _lowest(residual, first, steps, 0.002)
+    square = _lowest(lambda place: residual(np.append(place, 0.0)), free.x[:3], steps[:3], 0.002)
+    return float(free.x[3]), *np.sqrt(np.maximum([square.fun, free.fun], 1e-12)).tolist()
 
 
 def _check_size(light: F4, radius: float, radius_mm: float, contact: float | None) -> None:
@@ -274,8 +274,8 @@ def _descend(
         return Circle(full[0], full[1], float(np.clip(full[2], 0.5 * start.radius, limit)))
 
     first, steps = np.array(start)[free], np.full(len(free), -step * start.radius)
-    found = _lowest(lambda values: _residual(samples, circle(values), limit), first, steps, 0.02)
-    return circle(found.x)
+    minimum = _lowest(lambda values: _residual(samples, circle(values), limit), first, steps, 0.02)
+    return circle(minimum.x)
 
 
 def _lowest(residual: Callable[[F8], float], first: F8, steps: F8, tolerance: float) -> Any:

@@ -15,7 +15,7 @@ from tactograph.nodes.calibrate.ball._ball_grid import Grid, find_grid, place_ba
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
 from tactograph.nodes.calibrate.lights.light_samples import rest_of
 from tactograph.nodes.calibrate.rating.judge_flat import RETAKE_FLAT, is_uneven
-from tactograph.nodes.capture.read_balls import KnownCircles, Marks, Radii
+from tactograph.nodes.capture.read_balls import Marks, Radii, StatedCircles
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
@@ -41,7 +41,7 @@ def find_balls(
     light: SheetLight,
     flat: Light,
     radius: Radii,
-    known: KnownCircles,
+    circles: StatedCircles,
     names: list[str],
     pixel: PixelSize,
     marks: Marks | None = None,
@@ -92,7 +92,7 @@ def find_balls(
         none = np.zeros((0, 3), np.float32)
         return _grids(light, flat, radius, names, pixel, pitch_mm, none if marks is None else marks)
     balls: list[Ball | None] = []
-    presses = zip(cut(light, flat.shape[1]), radius, known, names, strict=True)
+    presses = zip(cut(light, flat.shape[1]), radius, circles, names, strict=True)
     for press, size, circle, name in presses:
         x, y, contact = (None if np.isnan(value) else float(value) for value in circle)
         center = None if x is None or y is None else (x, y)

@@ -30,13 +30,13 @@ def matt_presses(
     ----------
     light : K x S x W, the presses relative to the film at rest, on a sheet (`sheet`)
     flat : K x H x W; only its size is used
-    slope, height : 2 x S x W, and S x W in mm: of the presses, as `known_balls` returns them
+    slope, height : 2 x S x W, and S x W in mm: of the presses, as `press_slopes` returns them
     film : the LEDs' places in mm and the film's properties
     pixel : mm per px
     shape, share : the film at rest if it is no plane, and r as `untouched_film` returns it
     """
     rows, matt = flat.shape[1], []
-    rest = None if shape is None else shape.seen
+    rest = None if shape is None else shape.apparent
     for press, p_q, z in zip(cut(light, rows), cut(slope, rows), cut(height, rows), strict=True):
         press = light_on_plane(press, share)
         bounced = bounce(press, z, film, pixel)

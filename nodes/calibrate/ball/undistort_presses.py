@@ -6,7 +6,7 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import F4, Lens, Light
-from tactograph.nodes.capture.read_balls import KnownCircles, Marks
+from tactograph.nodes.capture.read_balls import Marks, StatedCircles
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.optics.lens import half_diagonal, ideal_offset, is_straight
 from tactograph.nodes.optics.sheet import SheetLight, cut
@@ -17,13 +17,13 @@ class IdealPresses(NamedTuple):
 
     image: SheetLight
     first: Light
-    known: KnownCircles
+    circles: StatedCircles
     marks: Marks | None
 
 
 @node
 def undistort_presses(
-    image: SheetLight, first: Light, known: KnownCircles, lens: Lens, marks: Marks | None = None
+    image: SheetLight, first: Light, circles: StatedCircles, lens: Lens, marks: Marks | None = None
 ) -> IdealPresses:
     """Return the presses of `read_balls` as a camera without distortion would see them.
 
@@ -31,26 +31,26 @@ def undistort_presses(
     ----------
     image : K x S x W, a sheet of captures
     first : K x H x W, the first of them
-    known : P x 3 in px of the captured images; the radius does not change
+    circles : P x 3 in px of the captured images; the radius does not change
     lens : length 8 as `read_lens` gives it, all zero for an ideal lens
     marks : M x 3, marked balls: x, y in px, press
     """
     if is_straight(lens):
-        return IdealPresses(image, first, known, marks)
+        return IdealPresses(image, first, circles, marks)
     rows, columns = first.shape[1:]
     presses = [undistort(press, lens) for press in cut(image, rows)]
-    circles = ideal_circles(known, lens, (rows, columns))
+    circles = ideal_circles(circles, lens, (rows, columns))
     if marks is not None:
         marks = ideal_circles(marks, lens, (rows, columns))
     return IdealPresses(np.concatenate(presses, axis=1), presses[0], circles, marks)
 
 
-def ideal_circles(known: F4, lens: Lens, shape: tuple[int, int]) -> F4:
+def ideal_circles(circles: F4, lens: Lens, shape: tuple[int, int]) -> F4:
     """Return circles, P x 3 in px, with their middles where they are in the ideal image."""
     rows, columns = shape
     half = float(half_diagonal(shape))
-    place = known[:, :2] - np.array([(columns - 1) / 2, (rows - 1) / 2], np.float32)
+    place = circles[:, :2] - np.array([(columns - 1) / 2, (rows - 1) / 2], np.float32)
     offset = np.stack(ideal_offset(lens, place[:, 0] / half, place[:, 1] / half), axis=1)
-    circles = known.copy()
+    circles = circles.copy()
     circles[:, :2] += half * offset
     return circles

@@ -36,5 +36,5 @@ def write_calibration(
         If the calibration cannot be of a sensor, the file's name does not end in ``.npz``, or it
         cannot be written.
     """
-    about = {"sensor": sensor or identity_from(provenance).name or None, "made": provenance}
+    about = {"sensor": sensor or identity_from(provenance).name or None, "provenance": provenance}
     write_record(file, CALIBRATION_KIND, Calibration(*values), about)

@@ -79,7 +79,7 @@ class Trial(NamedTuple):
         values = min(self.balls.u.size, MAX_INDEPENDENT_SAMPLES)
         return grows(model.errors, larger.errors, scales, more, values, unusual - usual)
 
-    def folds(self, balls: Balls) -> list[NDArray[np.bool_]]:
+    def splits(self, balls: Balls) -> list[NDArray[np.bool_]]:
         """The samples to hold out in turn: some of the balls, or quarters of a single ball."""
         numbers = np.unique(self.balls.held_by % FOLD_COUNT)
         return [balls.held_by % FOLD_COUNT == number for number in numbers]
@@ -97,7 +97,7 @@ class Model(NamedTuple):
     error: float
     errors: list[float]
     noises: list[float]
-    folds: list[Fitted]
+    splits: list[Fitted]
     """The fit without each fold, in the order of `Trial.folds`."""
 
     def __str__(self) -> str:
@@ -107,7 +107,7 @@ class Model(NamedTuple):
 
 def judge(trial: Trial, parts: frozenset[str], fitted: Fitted) -> Model:
     """Fit without each fold, and measure the error of the normals on that fold."""
-    held_out = trial.folds(trial.balls)
+    held_out = trial.splits(trial.balls)
     return judged(
         trial, parts, fitted, [trial.fit(parts, fitted, trial.balls.only(~h)) for h in held_out]
     )
@@ -122,7 +122,7 @@ def judged(
 ) -> Model:
     """Measure the error of the normals on each fold by the fit without it."""
     errors, weights = [], []
-    for held_out, fold in zip(trial.folds(trial.balls), fold_fits, strict=True):
+    for held_out, fold in zip(trial.splits(trial.balls), fold_fits, strict=True):
         test = trial.balls.only(held_out)
         placed = place_balls(test, fold, trial.shift_mm) if len(fold.shifts) > 1 else fold
         errors.append(normal_error(test, placed))
@@ -135,7 +135,7 @@ def judged(
 def held_out_of(trial: Trial, best: Model, whole: Balls, bad: NDArray[np.bool_]) -> list[Held]:
     """Every pixel of each fold, without bad balls, with the film fitted to the other folds."""
     good = whole.only(~bad[whole.ball])
-    held_out = zip(map(good.only, trial.folds(good)), best.folds, strict=True)
+    held_out = zip(map(good.only, trial.splits(good)), best.splits, strict=True)
     return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held_out if b.u.size]
 
 
@@ -231,7 +231,7 @@ def bend(trial: Trial, best: Model, errors: Metrics) -> Model:
     for degree in HARMONIC_DEGREES:
         if len(trial.balls.centre) <= term_count(degree):
             break
-        held_out = zip(trial.folds(trial.balls), physics.folds, strict=True)
+        held_out = zip(trial.splits(trial.balls), physics.splits, strict=True)
         fold_fits = [_bent(trial, trial.balls.only(~h), fold, degree) for h, fold in held_out]
         candidate = judged(trial, physics.parts, physics.fitted, fold_fits, degree)
         errors[f"film_heldout_deg/{candidate}"] = candidate.error

@@ -21,7 +21,7 @@ class BallNormals(NamedTuple):
     """True and found normals, 3 x N; the light without bounces, K x N; places, and their lift."""
 
     truth: F8
-    found: F8
+    fitted: F8
     direct: F8
     place: tuple[F8, F8, F8]
     lift: F8

@@ -111,7 +111,7 @@ class _Thrown(NamedTuple):
     """
 
     whole: F4
-    left: F4
+    remaining: F4
 
 
 def sample_balls(
@@ -370,15 +370,15 @@ def _thrown_on(
             away = (u * nearer - cx) ** 2 + (v[:, None] * nearer - cy) ** 2 + (z - cz) ** 2
             low = 0 if shape is None else height
             height = np.maximum(height, np.where(away < MAX_SQUARED_RADIUS * r**2, z, low))
-        as_seen = (height / (1 - film.camera * height)).astype(np.float32)
+        apparent = (height / (1 - film.camera * height)).astype(np.float32)
         on_plane = press if resting is None else press * resting.share(film.albedo)
-        light = bounce(on_plane, as_seen, film._replace(albedo=BOUNCED_ALBEDO), pixel, cells=cells)
+        light = bounce(on_plane, apparent, film._replace(albedo=BOUNCED_ALBEDO), pixel, cells=cells)
         # Balls are not film at rest, although little light is reflected onto their tops.
         if shape is None or resting is None:
-            light_here = np.where(as_seen > 0, press, 1 + light)
+            light_here = np.where(apparent > 0, press, 1 + light)
         else:
             around = (resting.own + light) / resting.share(BOUNCED_ALBEDO)
-            light_here = np.where(as_seen > shape.seen, press, around)
+            light_here = np.where(apparent > shape.apparent, press, around)
         drift = film_drift(coarsen(light_here), sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
         level = (drift_gain(drift, size) - 1) * on_plane
         whole, removed = light / np.float32(BOUNCED_ALBEDO), level / np.float32(BOUNCED_ALBEDO)
@@ -387,33 +387,33 @@ def _thrown_on(
     # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
     matt, wider = film._replace(refraction=1.0), film._replace(rim=film.rim + RIM_STEP_MM)
     bounced = on_matt = thrown(matt, FINE_CELLS)
-    by_lift = (thrown(matt, FINE_CELLS, LIFT_SHARE).left - on_matt.left) / LIFT_SHARE
+    by_lift = (thrown(matt, FINE_CELLS, LIFT_SHARE).remaining - on_matt.remaining) / LIFT_SHARE
     if film.refraction == 1:
         by_rim = np.zeros_like(press)
         if shape is None:
-            by_rim = thrown(wider, FINE_CELLS).left - bounced.left
+            by_rim = thrown(wider, FINE_CELLS).remaining - bounced.remaining
     else:
         bounced = thrown(film, DEFAULT_MAX_CELLS)
         # Where matt film throws nothing on itself, a ball that is higher adds nothing.
-        if on_matt.left.any():
-            by_lift *= bounced.left.mean() / on_matt.left.mean()
+        if on_matt.remaining.any():
+            by_lift *= bounced.remaining.mean() / on_matt.remaining.mean()
         by_rim = np.zeros_like(press)
         if shape is None:
-            by_rim = thrown(wider, DEFAULT_MAX_CELLS).left - bounced.left
+            by_rim = thrown(wider, DEFAULT_MAX_CELLS).remaining - bounced.remaining
         bounced = thrown(film, FINE_CELLS) if fine else bounced
     if film.albedo > 0:
         resting = at_rest(film.refraction > 1, _cells(film, fine))
         press = _levelled(press, sigma, bounced, film.albedo, resting)
-    return _Press(press, bounced.left, by_lift, by_rim / np.float32(RIM_STEP_MM))
+    return _Press(press, bounced.remaining, by_lift, by_rim / np.float32(RIM_STEP_MM))
 
 
 def _levelled(press: F4, sigma: F4, thrown: _Thrown, albedo: float, resting: _AtRest | None) -> F4:
     """Level a press again, with the known light from film to film not taken for drift.
 
     For a film of this albedo, the press minus the light from film to film then is the LEDs'
-    light.  For another albedo, `left` accounts for what would have been taken for drift.
+    light.  For another albedo, `remaining` accounts for what would have been taken for drift.
     """
-    removed = np.float32(albedo) * (thrown.whole - thrown.left)
+    removed = np.float32(albedo) * (thrown.whole - thrown.remaining)
     light = np.float32(albedo) * thrown.whole
     if resting is not None:
         share = resting.share(albedo)

@@ -16,7 +16,7 @@ MAX_INDEPENDENT_REST = 20
 because its departures are smooth."""
 
 
-def rest_left(rest: Rest, now: Fitted) -> F8:
+def rest_residual(rest: Rest, now: Fitted) -> F8:
     """Logarithm of the flat frame minus the model's, without the LEDs' common part: K x M."""
     model = _rest_model(rest, now)
     return np.asarray(rest.logarithm - (model - model.mean(axis=0)))
@@ -41,7 +41,7 @@ def _rest_model(rest: Rest, now: Fitted) -> F8:
 
 
 def by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
-    """Derivatives of `rest_left` by the shared unknowns: G x K x M."""
+    """Derivatives of `rest_residual` by the shared unknowns: G x K x M."""
     model = _rest_model(rest, now)
     without = () if rest.beneath else UNKNOWNS_OF_TOUCH_ALONE
     by = differences(now, names, without, model, lambda _, other: _rest_model(rest, other))

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8
-from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted, rest_seen
-from tactograph.nodes.calibrate.film.film_at_rest import by_rest, rest_left, rest_spread
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted, rest_view
+from tactograph.nodes.calibrate.film.film_at_rest import by_rest, rest_residual, rest_spread
 from tactograph.nodes.calibrate.film.film_unknowns import (
     EMISSION_UNKNOWN,
     UNKNOWNS_OF_FLAT_ALONE,
@@ -51,7 +51,7 @@ to film and the balls' positions, a bend and the film, or a normal and the light
 
 
 class _Residuals(NamedTuple):
-    """Residuals of the balls' light, K x N, and of the flat frame (`rest_left`)."""
+    """Residuals of the balls' light, K x N, and of the flat frame (`rest_residual`)."""
 
     light: F8
     flat: F8
@@ -93,7 +93,7 @@ class _Problem(NamedTuple):
 
     def residuals(self, now: Fitted) -> _Residuals:
         """Return the residuals of a fit."""
-        flat = np.empty((len(now.leds), 0)) if self.rest is None else rest_left(self.rest, now)
+        flat = np.empty((len(now.leds), 0)) if self.rest is None else rest_residual(self.rest, now)
         return _Residuals(predicted(self.balls, now) - self.balls.light, flat)
 
     def judged(self, residuals: _Residuals) -> Self:
@@ -134,7 +134,7 @@ class _Trial(NamedTuple):
 
 
 class Further(NamedTuple):
-    """Derivatives by U unknowns that the film has not: of the light, U x K x N, and `rest_left`."""
+    """Derivatives by U unknowns that the film has not: of light, U x K x N, and flat frame."""
 
     light: F8
     flat: F8
@@ -261,7 +261,7 @@ def further_step(
 def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
     """Return `fitted` with the balls placed under its known film."""
     now, scale = fitted, fitted.scale
-    spread, rest = place_deviations(balls, shift_mm), rest_seen(balls, fitted.film)
+    spread, rest = place_deviations(balls, shift_mm), rest_view(balls, fitted.film)
     for _ in range(10):
         residual = predicted(balls, now, rest) - balls.light
         by = _by_shift(balls, now, residual + balls.light, rest)
@@ -363,7 +363,7 @@ def _equations(
     problem: _Problem, now: Fitted, residuals: _Residuals, further: Further | None = None
 ) -> _Equations:
     balls, rest, names, shift_mm, width_mm, *_, certain = problem
-    at_rest = rest_seen(balls, now.film)
+    at_rest = rest_view(balls, now.film)
     light, normed = residuals.light + balls.light, problem.normed(residuals.light)
     by_own = problem.normed(_by_shift(balls, now, light, at_rest))
     by = _by_shared(balls, now, names, light, at_rest)
@@ -399,7 +399,7 @@ def _equations(
 def _by_shift(balls: Balls, now: Fitted, before: F8, rest: F8 | None) -> F8:
     """Derivatives of the light `before`, K x N, by the balls' shifts, 3 x K x N.
 
-    `rest` is the result of `rest_seen`.
+    `rest` is the result of `rest_view`.
     """
     step = DERIVATIVE_STEP * float(balls.radius.min())
     moved = [now._replace(shifts=now.shifts + step * axis) for axis in np.eye(3)]

@@ -62,7 +62,7 @@ def misfit(held_out: list[Held], film: Film, pixel: float, uneven: float) -> F4:
     total = np.zeros((3, lags.size))
     tilts, spread, count = [], 0.0, 0
     for part in held_out:
-        errors, residual, truth = left_over(part, uneven)
+        errors, residual, truth = residuals_of(part, uneven)
         spread += float(np.square(errors).sum())
         count += errors.shape[1]
         for ball in np.unique(part.balls.ball):
@@ -148,7 +148,7 @@ def _outward(normal: F8) -> F8:
     return np.asarray(rising * np.stack([nx * nz / sine, ny * nz / sine, -sine]))
 
 
-def left_over(held_out: Held, uneven: float) -> tuple[F8, F8, F8]:
+def residuals_of(held_out: Held, uneven: float) -> tuple[F8, F8, F8]:
     """Return errors of the normals (3 x N), residual light in matt units, and true normals."""
     film = held_out.fitted.film
     truth, solved, direct, place, lift = ball_normals(held_out.balls, held_out.fitted, uneven)

@@ -21,7 +21,7 @@ class Unknown(NamedTuple):
     spread: float
 
 
-TOLD_UNKNOWNS = "size", "power"
+STATED_UNKNOWNS = "size", "power"
 """Unknowns of what was told, not of the film: the balls' radius and the camera's gamma."""
 MATT_FILM = matt_film(np.zeros((1, 3)))
 """The values that switch parts off."""
@@ -39,7 +39,7 @@ SHARED_UNKNOWNS = {
     "diffuse": Unknown(0.2, 0.3),
 }
 """By name; `diffuse` is one for each LED.  Their limits are those of a `Film`."""
-SHARED_UNKNOWNS |= dict.fromkeys(TOLD_UNKNOWNS, Unknown(1.0, 1.0))
+SHARED_UNKNOWNS |= dict.fromkeys(STATED_UNKNOWNS, Unknown(1.0, 1.0))
 EMISSION_UNKNOWN = Unknown(MATT_FILM.emission, 0.7)
 """m: an LED that faces the middle of the film emits as cos^m of the angle from its axis.  It is
 fitted to the flat frame only: ignoring it would give a wrong distance there, while touched film,
@@ -61,7 +61,7 @@ PART_UNKNOWNS = {
 }
 """The unknowns of each part of the model."""
 MODEL_UNKNOWNS = PART_UNKNOWNS | {"plain": ("diffuse", "gain"), "touched": ("gain",)}
-MODEL_UNKNOWNS |= {nuisance: (nuisance,) for nuisance in TOLD_UNKNOWNS}
+MODEL_UNKNOWNS |= {nuisance: (nuisance,) for nuisance in STATED_UNKNOWNS}
 """The unknowns of each part; of a plain film, on which light ends sharply, for finding balls; and
 those that direct light determines besides the LEDs."""
 
@@ -81,7 +81,7 @@ def opened(start: Fitted, names: list[str]) -> Fitted:
     changed: dict[str, Any] = {
         name: SHARED_UNKNOWNS[name].start
         for name in names
-        if name not in TOLD_UNKNOWNS
+        if name not in STATED_UNKNOWNS
         and np.all(getattr(start.film, name) == getattr(MATT_FILM, name))
     }
     if "diffuse" in changed:
@@ -119,13 +119,13 @@ def numbered(now: Fitted, names: list[str]) -> dict[str, NDArray[np.intp]]:
 
 def value_of(now: Fitted, name: str) -> Any:
     """Return the value of a shared parameter."""
-    return getattr(now if name in TOLD_UNKNOWNS else now.film, name)
+    return getattr(now if name in STATED_UNKNOWNS else now.film, name)
 
 
 def with_values(now: Fitted, values: dict[str, Any]) -> Fitted:
     """Return a fit with other values of shared parameters; a coat's base has the albedo."""
-    nuisances = {name: values[name] for name in values if name in TOLD_UNKNOWNS}
-    of_film = {name: values[name] for name in values if name not in TOLD_UNKNOWNS}
+    nuisances = {name: values[name] for name in values if name in STATED_UNKNOWNS}
+    of_film = {name: values[name] for name in values if name not in STATED_UNKNOWNS}
     film = now.film._replace(**of_film)
     if "albedo" in values and film.refraction > 1:
         film = film._replace(base=film.albedo)
@@ -185,7 +185,7 @@ def moved_by(now: Fitted, names: list[str], by: F8, shifts: F8) -> Fitted:
 
 def within(name: str, value: F8) -> F8:
     """Return a parameter's value within the limits of a `Film`; what was told is above 0."""
-    if name in TOLD_UNKNOWNS:
+    if name in STATED_UNKNOWNS:
         return np.maximum(value, DERIVATIVE_STEP)
     stored = stored_values(Film)[name].stored
     return np.clip(value, stored.low, stored.high)

@@ -44,7 +44,7 @@ from tactograph.nodes.calibrate.film._film_search import (
     without_bad,
 )
 from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, grain, sample_balls
-from tactograph.nodes.calibrate.film.film_at_rest import rest_left
+from tactograph.nodes.calibrate.film.film_at_rest import rest_residual
 from tactograph.nodes.calibrate.film.film_fit import certainty, start_at
 from tactograph.nodes.calibrate.film.film_misfit import misfit, unevenness
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS
@@ -70,7 +70,7 @@ class FilmEvidence(NamedTuple):
     circle: BallCircles
     radius: BallRadii
     of: BallPress
-    kept: Annotated[NDArray[np.uint8], Port("P", "flag", high=1)]
+    selection: Annotated[NDArray[np.uint8], Port("P", "flag", high=1)]
     first_lights: LightPositions
     strength: Annotated[F4, Port("K", "1")]
     noise: Noise
@@ -95,7 +95,7 @@ def fit_film(
     circle: BallCircles,
     radius: BallRadii,
     of: BallPress,
-    kept: Annotated[NDArray[np.uint8], Port("P", "flag", high=1)],
+    selection: Annotated[NDArray[np.uint8], Port("P", "flag", high=1)],
     lights: LightPositions,
     strength: Annotated[F4, Port("K", "1")],
     others: LightPlaces,
@@ -124,7 +124,7 @@ def fit_film(
     light : K x S x W, the presses relative to the film at rest, on a sheet (`sheet`)
     flat : K x H x W, the film at rest; uniform where there was none
     circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
-    kept : 1 for each of the P presses that is used
+    selection : 1 for each of the P presses that is used
     lights, strength, others
         K x 3 in mm, K and 8 x K x 3 in mm, as `calibrate_lights` returns them.
     noise : (shot, read), a captured light I has the variance shot * I + read
@@ -144,9 +144,9 @@ def fit_film(
         the figures: ``film_heldout_deg/...`` for each model tried and ``film_heldout_deg`` of
         the one chosen, in degrees between normals; and the inputs, for `judge_radius`.
     """
-    inputs = light, flat, circle, radius, of, kept, lights, strength, noise, pixel, shape
+    inputs = light, flat, circle, radius, of, selection, lights, strength, noise, pixel, shape
     evidence = FilmEvidence(*inputs)
-    used = np.flatnonzero((kept[of] > 0) & (circle[:, 2] > 0))
+    used = np.flatnonzero((selection[of] > 0) & (circle[:, 2] > 0))
     circle, radius, of = circle[used], radius[used], of[used]
 
     def samples(film: Film, **options: Any) -> Balls:
@@ -234,6 +234,6 @@ def _properties(best: Model, film: Film, rest: Rest | None) -> Metrics:
         figures["camera_mm"] = 1 / film.camera
     figures["film_residual_percent"] = 100 * best.fitted.scale
     if rest is not None:
-        residual = rest_left(rest, best.fitted)
+        residual = rest_residual(rest, best.fitted)
         figures["flat_residual_percent"] = 100 * float(np.sqrt(np.square(residual).mean()))
     return figures

@@ -28,9 +28,9 @@ from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.ball_samples import sample_balls, thinned
-from tactograph.nodes.calibrate.film.film_at_rest import MAX_INDEPENDENT_REST, rest_left
+from tactograph.nodes.calibrate.film.film_at_rest import MAX_INDEPENDENT_REST, rest_residual
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
-from tactograph.nodes.calibrate.film.film_unknowns import TOLD_UNKNOWNS, USUAL_NEARNESS
+from tactograph.nodes.calibrate.film.film_unknowns import STATED_UNKNOWNS, USUAL_NEARNESS
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
 from tactograph.nodes.calibrate.lights.light_samples import rest_of
 from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS
@@ -51,11 +51,11 @@ FORCE_ADVICE = "; `force`=true writes the calibration nevertheless, marked as do
 CAMERA_ADVICE = ", or the camera near the film, whose height you have not given (`film.camera`=MM)"
 RADIUS_INPUTS = " (`evidence.radius`, `evidence.pixel`)"
 
-OTHER_SIZE, OTHER_POWER = TOLD_UNKNOWNS
-AS_TOLD, OTHER_CAMERA, CLEAR_GEL, WITH_COAT = "told", "camera", "clear", "coated"
+OTHER_SIZE, OTHER_POWER = STATED_UNKNOWNS
+AS_STATED, OTHER_CAMERA, CLEAR_GEL, WITH_COAT = "stated", "camera", "clear", "coated"
 FREE_PARTS = {
-    name: frozenset({"plain", name} - {AS_TOLD})
-    for name in (AS_TOLD, OTHER_SIZE, OTHER_POWER, OTHER_CAMERA)
+    name: frozenset({"plain", name} - {AS_STATED})
+    for name in (AS_STATED, OTHER_SIZE, OTHER_POWER, OTHER_CAMERA)
 }
 FREE_PARTS[CLEAR_GEL] = frozenset({"touched", OTHER_SIZE})
 FREE_PARTS[WITH_COAT] = frozenset({"plain", "lobe"})
@@ -94,7 +94,7 @@ class Alternatives(NamedTuple):
 
         The likelihood of n residuals of unknown spread goes as the spread to the power of -n.
         """
-        over = self.by_name[AS_TOLD].departure if over is None else over
+        over = self.by_name[AS_STATED].departure if over is None else over
         digits = self.values * math.log10(over / self.by_name[name].departure)
         return float(10.0 ** min(digits, 300.0))
 
@@ -134,7 +134,7 @@ def judge_radius(
         Doubts of images, flat frame and the film's shape; named in place of the radius, which they
         spoil.
     rest_error
-        Relative error of the heights by a film at rest that is not well known (`find_rest`).
+        Relative error of the heights by a film at rest that is not well known; a plane is.
     led_distance_mm
         Mean distance of the LEDs from the middle of the film, where a drawing of the sensor
         gives it.
@@ -179,7 +179,7 @@ def judge_radius(
         # The small balls of a grid throw no shadow, however deep they are pressed.
         doubts += [is_open] * bool(is_open and np.bincount(of[used]).max() == 1)
     scale = math.hypot(scale, rest_error or 0.0)
-    departure = alternatives.by_name[AS_TOLD].departure
+    departure = alternatives.by_name[AS_STATED].departure
     quality = fitted | {"light_departure_percent": 100 * departure}
     quality["scale_error_percent"] = 100 * scale
     if alternatives.odds(OTHER_SIZE, percent) > 1 / SURE_ODDS:
@@ -222,7 +222,7 @@ def explain(
 
     def explained(now: Fitted) -> tuple[Explained, bool]:
         """What a fit leaves, and whether it has given the flat frame up."""
-        flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_left(rest, now)).mean()))
+        flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_residual(rest, now)).mean()))
         departure = float(np.hypot(now.scale, flat))
         distance = float(np.linalg.norm(now.film.lights, axis=1).mean())
         values = now.size, now.power, now.film.camera, departure, distance
@@ -240,20 +240,20 @@ def explain(
         # What a fit leaves of the flat frame counts as the flat frame's own error.  One that
         # leaves more there than on the balls may depart less from a matt film on.
         for first in starts(parts):
-            best, has_given_up = explained(fitted(parts, first))
+            best, has_failed = explained(fitted(parts, first))
             yield best
-            if has_given_up:
+            if has_failed:
                 yield explained(fitted(parts, fitted(frozenset(), first)))[0]
 
-    left_out = {OTHER_CAMERA: camera != 0, WITH_COAT: not coated}
-    free = {name: parts for name, parts in FREE_PARTS.items() if not left_out.get(name)}
+    excluded = {OTHER_CAMERA: camera != 0, WITH_COAT: not coated}
+    free = {name: parts for name, parts in FREE_PARTS.items() if not excluded.get(name)}
     by_name = {
         name: min(candidates(parts), key=lambda each: each.departure)
         for name, parts in free.items()
     }
     # A camera that is found far away is as told, and its fit may end in a lower minimum.
     if (far := by_name.get(OTHER_CAMERA)) is not None and far.camera == 0:
-        by_name[AS_TOLD] = min(by_name[AS_TOLD], far, key=lambda each: each.departure)
+        by_name[AS_STATED] = min(by_name[AS_STATED], far, key=lambda each: each.departure)
     values = min(samples.light.size, MAX_INDEPENDENT_REST * len(lights))
     cap = {
         name: _cap(balls, by_name[name].size) / _cap(balls, 1.0) for name in (OTHER_SIZE, CLEAR_GEL)
@@ -262,58 +262,62 @@ def explain(
 
 
 def doubts_of(
-    found: Alternatives, radius: float, left: float = math.inf, which: str = ""
+    fits: Alternatives, radius: float, misfit: float = math.inf, which: str = ""
 ) -> tuple[list[str], bool]:
     """Return at most one doubt of what was told, and whether the light contradicts it.
 
     Parameters
     ----------
-    found : as `explain` returns it
+    fits : as `explain` returns it
     radius : the radius given, in mm
-    left : what the film chosen for the values told leaves of the light
+    misfit : what the film chosen for the values told leaves of the light
     which : in brackets, where radius and pixel size are given
     """
-    others = [name for name in (OTHER_SIZE, OTHER_CAMERA, OTHER_POWER) if _is_other(found, name)]
+    others = [name for name in (OTHER_SIZE, OTHER_CAMERA, OTHER_POWER) if _is_other(fits, name)]
     likely = [
         name
         for name in others
-        if found.odds(name) > SURE_ODDS and found.odds(name, left) > 1 / SURE_ODDS
+        if fits.odds(name) > SURE_ODDS and fits.odds(name, misfit) > 1 / SURE_ODDS
     ]
-    likely = sorted(likely, key=lambda name: found.by_name[name].departure)
+    likely = sorted(likely, key=lambda name: fits.by_name[name].departure)
     if likely:
         best, *rest = likely
-        least = found.by_name[best].departure
-        alike = [name for name in rest if found.odds(name, least) > 1 / REFUSED_ODDS]
-        as_told = found.by_name[AS_TOLD].departure
+        least = fits.by_name[best].departure
+        alike = [name for name in rest if fits.odds(name, least) > 1 / REFUSED_ODDS]
+        stated_departure = fits.by_name[AS_STATED].departure
         doubt = (
-            f"{_value(found, best, radius)} explains the light better than "
-            f"{_in_words(best, radius)}, {_times(found.odds(best))} likelier "
-            f"({least:.1%} unexplained instead of {as_told:.1%})"
-            + "".join(f"; so does {_value(found, name, radius)}" for name in alike)
-            + _cure(found, best, which)
+            f"{_value(fits, best, radius)} explains the light better than "
+            f"{_in_words(best, radius)}, {_times(fits.odds(best))} likelier "
+            f"({least:.1%} unexplained instead of {stated_departure:.1%})"
+            + "".join(f"; so does {_value(fits, name, radius)}" for name in alike)
+            + _cure(fits, best, which)
         )
-        return [doubt], min(found.odds(best), found.odds(best, left)) > REFUSED_ODDS
-    told = found.by_name[AS_TOLD].departure
-    if left < math.inf and found.odds(AS_TOLD, left) > REFUSED_ODDS:
+        return [doubt], min(fits.odds(best), fits.odds(best, misfit)) > REFUSED_ODDS
+    stated = fits.by_name[AS_STATED].departure
+    if misfit < math.inf and fits.odds(AS_STATED, misfit) > REFUSED_ODDS:
         doubt = (
             f"no model of the film explains balls and untouched film together: the best leaves "
-            f"{left:.1%} of the light unexplained, where a plain film leaves {told:.1%}. Check the "
-            f"order of the images, the focus, the ball's radius and the pixel size{which}"
+            f"{misfit:.1%} of the light unexplained, where a plain film leaves {stated:.1%}. Check "
+            f"the order of the images, the focus, the ball's radius and the pixel size{which}"
         )
         return [doubt], False
     return [], False
 
 
 def unconfirmed(
-    found: Alternatives, radius: float, left: float = math.inf, which: str = "", advice: str = ""
+    fits: Alternatives,
+    radius: float,
+    misfit: float = math.inf,
+    which: str = "",
+    advice: str = "",
 ) -> str:
     """Return what is open if a gel that diffuses no light is not excluded, with another radius."""
-    open_ones = _open_ones(found, left)
+    open_ones = _open_ones(fits, misfit)
     others = []
     if CLEAR_GEL in open_ones:
-        others.append(f"{radius * found.by_name[CLEAR_GEL].size:.3g} mm if it diffuses none")
+        others.append(f"{radius * fits.by_name[CLEAR_GEL].size:.3g} mm if it diffuses none")
     if OTHER_SIZE in open_ones:
-        size, times = found.by_name[OTHER_SIZE], _times(found.odds(OTHER_SIZE))
+        size, times = fits.by_name[OTHER_SIZE], _times(fits.odds(OTHER_SIZE))
         likelier = (
             f"{radius * size.size:.3g} mm, {times} likelier, if it diffuses {size.diffuse:.0%}"
         )
@@ -322,26 +326,26 @@ def unconfirmed(
         return ""
     return (
         f"the light does not confirm the ball's radius: {radius:.3g} mm fits if the gel diffuses "
-        f"{found.by_name[AS_TOLD].diffuse:.0%} of the light, {', '.join(others)}. Heights may be "
-        f"{scale_error(found, left):.0%} off. Measure the ball and the pixel size{which}, or press "
-        f"deeper, until the ball throws a shadow on itself{advice}"
+        f"{fits.by_name[AS_STATED].diffuse:.0%} of the light, {', '.join(others)}. Heights may be "
+        f"{scale_error(fits, misfit):.0%} off. Measure the ball and the pixel size{which}, or "
+        f"press deeper, until the ball throws a shadow on itself{advice}"
     )
 
 
-def scale_error(found: Alternatives, left: float = math.inf) -> float:
+def scale_error(fits: Alternatives, misfit: float = math.inf) -> float:
     """Return by what share the balls may be higher or lower than told; 0 if that is confirmed.
 
     Either the radius is another, or the pixel size is, by the inverse: then all heights change by
     that once more.  Neither is likelier, so the squares of both are averaged.
     """
     either = [
-        (found.cap[name], found.cap[name] / found.by_name[name].size)
-        for name in _open_ones(found, left)
+        (fits.cap[name], fits.cap[name] / fits.by_name[name].size)
+        for name in _open_ones(fits, misfit)
     ]
     return max((math.hypot(a - 1, b - 1) / math.sqrt(2) for a, b in either), default=0.0)
 
 
-def _open_ones(found: Alternatives, left: float) -> list[str]:
+def _open_ones(fits: Alternatives, misfit: float) -> list[str]:
     """The alternatives with other radii that the light leaves open.
 
     A gel that diffuses none is the simplest, and open until it is excluded.  One that diffuses some
@@ -351,17 +355,17 @@ def _open_ones(found: Alternatives, left: float) -> list[str]:
     return [
         name
         for name, least in from_odds.items()
-        if _is_other(found, name)
-        and found.odds(name) > least
-        and found.odds(name, left) > 1 / SURE_ODDS
+        if _is_other(fits, name)
+        and fits.odds(name) > least
+        and fits.odds(name, misfit) > 1 / SURE_ODDS
     ]
 
 
-def _is_other(found: Alternatives, name: str = OTHER_SIZE) -> bool:
+def _is_other(fits: Alternatives, name: str = OTHER_SIZE) -> bool:
     """Whether an alternative is another value than that told."""
-    if name not in found.by_name:
+    if name not in fits.by_name:
         return False
-    each = found.by_name[name]
+    each = fits.by_name[name]
     value = {
         OTHER_SIZE: each.size,
         CLEAR_GEL: each.size,
@@ -371,8 +375,8 @@ def _is_other(found: Alternatives, name: str = OTHER_SIZE) -> bool:
     return bool(abs(value - 1) > (0 if name == OTHER_CAMERA else SAME_SIZE))
 
 
-def _value(found: Alternatives, name: str, radius: float) -> str:
-    each = found.by_name[name]
+def _value(fits: Alternatives, name: str, radius: float) -> str:
+    each = fits.by_name[name]
     if name == OTHER_SIZE:
         return f"a ball of {radius * each.size:.3g} mm radius"
     if name == OTHER_POWER:
@@ -386,20 +390,20 @@ def _in_words(name: str, radius: float) -> str:
     return "linear light" if name == OTHER_POWER else "one far away"
 
 
-def _cure(found: Alternatives, name: str, which: str) -> str:
+def _cure(fits: Alternatives, name: str, which: str) -> str:
     """What to do about the likeliest alternative."""
     if name == OTHER_CAMERA:
         return ": give its height (`film.camera`=MM), or a lens"
     if name == OTHER_POWER:
         return ": the camera's values are not linear: switch its gamma and contrast off"
-    size = found.by_name[OTHER_SIZE].size
+    size = fits.by_name[OTHER_SIZE].size
     wrong = "too large" if size < 1 else "too small"
     if size < FIRST_SIZES[0] ** 0.5:
         wrong = "its diameter"
     return (
         f": is the radius given {wrong}, or the pixel size too "
         f"{'small' if size < 1 else 'large'}, as by another zoom"
-        + CAMERA_ADVICE * (OTHER_CAMERA in found.by_name)
+        + CAMERA_ADVICE * (OTHER_CAMERA in fits.by_name)
         + f"? Measure radius and pixel size{which}"
     )
 
@@ -420,22 +424,24 @@ def _cap(balls: Balls, size: float) -> float:
 
 def _unexplained_percent(fitted: Metrics) -> float:
     """The share of the balls' light and of the flat frame that `fit_film` leaves."""
-    left = fitted["film_residual_percent"], fitted.get("flat_residual_percent", 0.0)
-    return float(np.hypot(*left)) / 100
+    misfit = fitted["film_residual_percent"], fitted.get("flat_residual_percent", 0.0)
+    return float(np.hypot(*misfit)) / 100
 
 
-def _of_distance(found_mm: float, given_mm: float, radius: float, found: Alternatives) -> list[str]:
+def _of_distance(
+    fitted_mm: float, stated_mm: float, radius: float, fits: Alternatives
+) -> list[str]:
     """A doubt if the LEDs are not where the sensor's drawing has them, with what would agree."""
-    if abs(found_mm / given_mm - 1) < DISTANCE_TOLERANCE:
+    if abs(fitted_mm / stated_mm - 1) < DISTANCE_TOLERANCE:
         return []
     contradiction = (
-        f"the LEDs are found {found_mm:.4g} mm from the film's middle, not {given_mm:.4g} mm: "
+        f"the LEDs are found {fitted_mm:.4g} mm from the film's middle, not {stated_mm:.4g} mm: "
     )
     for name in (OTHER_SIZE, CLEAR_GEL):
-        other = found.by_name[name]
-        if _is_other(found, name) and abs(other.distance / given_mm - 1) < DISTANCE_TOLERANCE:
+        other = fits.by_name[name]
+        if _is_other(fits, name) and abs(other.distance / stated_mm - 1) < DISTANCE_TOLERANCE:
             return [contradiction + f"`evidence.radius`={radius * other.size:.3g} would agree"]
-    share = given_mm / found_mm
+    share = stated_mm / fitted_mm
     return [
         contradiction
         + f"the ball's radius and the pixel size would agree if both were {share:.3g} times as "

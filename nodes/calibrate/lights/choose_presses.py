@@ -52,7 +52,7 @@ class ChosenPresses(NamedTuple):
     mask: SheetMask
     bare: SheetMask | None
     """0 where a marker covers the film or a highlight saturates a used press; None: nowhere."""
-    kept: Annotated[U1, Port("P", "flag", high=1)]
+    selection: Annotated[U1, Port("P", "flag", high=1)]
     residual: Annotated[F4, Port("P", "1")]
 
 

@@ -75,7 +75,7 @@ def find_ambient(
         K x H x W and H x W, as `read_flat` returns them.  If the flat frame is uniform, because
         none was taken, nothing is estimated.
     slope, mask, height
-        2 x S x W, S x W, S x W in mm: of the presses, as `known_balls` returns them.
+        2 x S x W, S x W, S x W in mm: of the presses, as `press_slopes` returns them.
     pixel : mm per px
     shape : the film at rest if it is no plane
     taken : the image with all LEDs off, if one was taken; then nothing is estimated

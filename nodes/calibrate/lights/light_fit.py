@@ -284,9 +284,9 @@ def jacobian_of(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) 
     for i, (press, shift) in enumerate(zip(objects, shifts, strict=True)):
         first = leds.size + 3 * i
 
-        def left(by: F8, press: Object = press) -> F8:
+        def residual(by: F8, press: Object = press) -> F8:
             return residual_of(press, leds, by, flat).ravel() / LIGHT_DEVIATION
 
-        own = by_differences(left, shift, 1)
+        own = by_differences(residual, shift, 1)
         jacobian[starts[i] : starts[i + 1], first : first + 3] = own
     return jacobian

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from tactograph.nodes import F4, FULL_MISFIT_SLOPE, LEVEL_MISFIT_SHARE, Height, Light, Slope
 from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.slope.height_slopes import height_slopes
-from tactograph.nodes.trust.slope_curl import MIN_SLOPE
 
-FLANK_SLOPES = MIN_SLOPE.item(), 3.0
+FLANK_SLOPES = FULL_MISFIT_SLOPE.item(), 3.0
 """Slopes of an object's flanks, evenly drawn by their logarithms: from film that is as good as at
 rest to the walls that a soft film still covers."""
 REACH_SHARES, FOLD_SHARES = (0.15, 0.4), (0.3, 1.0)

@@ -25,12 +25,12 @@ from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, Ranked, figures_of
 from tactograph.nodes.trust.checked_cells import MAX_CELLS, MIN_LEDS, few_cells
 from tactograph.nodes.trust.judge_touch import MAX_RIM_SHARE
 from tactograph.nodes.trust.light_departure import MIN_ERROR
-from tactograph.nodes.trust.likely_cause import left_as_matt
+from tactograph.nodes.trust.likely_cause import matt_residual
 from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 LINE_PORTS = ("across_row", "along_row", "across_column")
-EVIDENCE_PORTS = {"level": "told.level", "figures": "told.figures", "motion": "moved"}
+EVIDENCE_PORTS = {"level": "evidence.level", "figures": "evidence.figures", "motion": "moved"}
 RIM_PORTS = {"rims": "on_rims.share"}
 CAUSE_PORTS = {"light": "drifted_c", "cells": "flat_c", "leds": "cal.lights"}
 ONE_SHOT_PORTS = {port: f"lines.{port}" for port in LINE_PORTS}
@@ -110,8 +110,8 @@ def _resized(
     for plane in {"dark", "rest"} & arrays.keys():
         resized[plane] = cv2.resize(arrays[plane], (columns, rows), interpolation=cv2.INTER_AREA)
     resized["area"] = np.ones(size, np.uint8)
-    kept = {name: array for name, array in arrays.items() if name not in ("lens", "ranks")}
-    return with_plain(record, kept | resized)
+    others = {name: array for name, array in arrays.items() if name not in ("lens", "ranks")}
+    return with_plain(record, others | resized)
 
 
 def _presses_of(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Light]:
@@ -167,6 +167,6 @@ def _figures(outputs: Mapping[str, Any]) -> F8:
     residual = 0.0
     if "leds" in outputs:
         # Infinite where nothing touches: that explains no touch.
-        residual = left_as_matt(outputs["light"], outputs["cells"], outputs["leds"])
+        residual = matt_residual(outputs["light"], outputs["cells"], outputs["leds"])
         residual = residual if math.isfinite(residual) else 0.0
     return figures_of(evidence, lines, outputs["motion"], residual)

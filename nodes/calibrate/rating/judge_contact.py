@@ -24,7 +24,7 @@ def judge_contact(
     circle: F8,
     radius: float,
     pixel: float,
-    known: NDArray[np.bool_] | None = None,
+    judged: NDArray[np.bool_] | None = None,
 ) -> tuple[float, float, float]:
     """Compare slope and height in a contact (x, y, contact radius in px) with the ball's.
 
@@ -33,7 +33,7 @@ def judge_contact(
     slope, height : 2 x H x W, and H x W in mm
     circle : x, y, contact radius in px
     radius, pixel : the ball's radius in px, mm per px
-    known : H x W, the pixels that are judged; None: all of the contact
+    judged : H x W, the pixels that are judged; None: all of the contact
 
     Returns
     -------
@@ -42,8 +42,8 @@ def judge_contact(
     """
     y, x = np.mgrid[: height.shape[0], : height.shape[1]].astype(np.float64)
     inside = np.hypot(x - circle[0], y - circle[1]) < JUDGED_RADIUS_SHARE * circle[2]
-    if known is not None:
-        inside &= known
+    if judged is not None:
+        inside &= judged
     if not inside.any():
         return np.nan, np.nan, np.nan
     true, rise = ball_shape(x[inside], y[inside], circle, radius, pixel)

@@ -24,8 +24,8 @@ MAX_COST_DEG = 0.003
 """Loss up to which labels stand: presses without shadows give no evidence on labels."""
 MIN_DIFFUSED_SHARE = 0.1
 """Mean share of diffused light from which shadows are bright; a clear gel has 0.25 to 0.4."""
-MAX_BALLS = 12
-"""Balls that are measured, spread over all."""
+MAX_JUDGED_BALLS = 12
+"""Most balls that a judge measures, spread over all."""
 REACH_RADII = 2.6
 """Half the side of the film around a ball that is integrated, in radii of the ball."""
 
@@ -64,7 +64,7 @@ def judge_labels(
         K x S x W, the presses as captured, relative to the film at rest, and as `matt_presses`
         returns them, on a sheet (`sheet`).
     flat : K x H x W, the film at rest
-    height : S x W in mm, of the presses, as `known_balls` returns it
+    height : S x W in mm, of the presses, as `press_slopes` returns it
     film : what was fitted to the presses
     balls : the node that found them: circles B x 3 in px, radii in mm, and the press of each
     noise : (shot, read), as `estimate_noise` returns it
@@ -80,7 +80,7 @@ def judge_labels(
         return LabelGain(0.0, {})
     sheets = [cut(sheet, flat.shape[1]) for sheet in (image, light, matt, height)]
     gains = []
-    for ball in used[:: -(-used.size // MAX_BALLS)]:
+    for ball in used[:: -(-used.size // MAX_JUDGED_BALLS)]:
         press = [sheet[balls.of[ball]] for sheet in sheets]
         errors = list(_errors(press, flat, film, balls, ball, noise, pixel))
         gains.append(errors[1] - errors[0])

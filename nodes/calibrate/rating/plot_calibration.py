@@ -101,7 +101,7 @@ def plot_calibration(
     _draw_coverage(figure, axes[0, 1], slope[:, in_tables(mask, lit, len(light))])
     _draw_null(axes[1, 1], light, mask, lit, *null)
     if len(lights) == 1:
-        _draw_found(axes[0, 0], light, mask, wide)
+        _draw_circle(axes[0, 0], light, mask, wide)
     elif balls is not None and balls.names:
         used = np.array([part.any() for part in masks])
         _draw_presses(axes[0, 0], masks, balls, used, wide)
@@ -125,7 +125,7 @@ def _title(quality: Metrics) -> str:
     return in_lines(figures)
 
 
-def _draw_found(axes: Axes, light: F4, mask: U1, wide: int) -> None:
+def _draw_circle(axes: Axes, light: F4, mask: U1, wide: int) -> None:
     extent = _extent(mask.shape, wide)
     axes.imshow(light.mean(axis=0), cmap="gray", extent=extent)
     axes.contour(mask, extent=extent, origin="upper", levels=[0.5], colors=[ORANGE], linewidths=1)

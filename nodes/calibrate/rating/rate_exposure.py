@@ -13,7 +13,7 @@ from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.sheet import SheetLight, cut
 from tactograph.nodes.trust.added_light import added_share
-from tactograph.nodes.trust.banded_rows import BANDS_TOLD, is_banded
+from tactograph.nodes.trust.banded_rows import BANDS_WARNING, is_banded
 from tactograph.nodes.trust.fall_off import fall_off
 from tactograph.nodes.trust.film_motion import film_motion, motion_in_words, motion_size
 from tactograph.nodes.trust.other_frame import other_frame
@@ -99,7 +99,7 @@ def rate_exposure(
         motion = film_motion(cells[0], fall_off(cells[1]))
         moved = motion_in_words(motion) if motion_size(motion) > MAX_MOTION else ""
         if not moved and is_banded(cells[0]):
-            doubts.append(where + BANDS_TOLD)
+            doubts.append(where + BANDS_WARNING)
             continue
         free = _free(press, circle[of == number])
         far = coarsen(free[None].astype(np.float32), factor=CELL_PX)[0] == 1

@@ -34,10 +34,10 @@ class FilmArea(NamedTuple):
 @node
 def find_film(
     flat: Light,
-    seen: Annotated[U1, Port("R C", "flag", high=1)] | None = None,
+    visible: Annotated[U1, Port("R C", "flag", high=1)] | None = None,
     *,
     dark: Annotated[float, Interval(ge=0, lt=1)] = 0.1,
-    told: bool = False,
+    warning: bool = False,
 ) -> FilmArea:
     """Return where a frame shows film, and its light continued over the rest of the frame.
 
@@ -49,21 +49,21 @@ def find_film(
     Parameters
     ----------
     flat : K x H x W, dark level subtracted
-    seen
-        R x C, as fine as the flat frame or finer: 0 where the film's own shape hides it
-        (`read_rest`); None: nowhere
+    visible
+        R x C, as fine as the flat frame or finer: 0 where the film's own shape hides it; None:
+        nowhere
     dark : largest light of a dark pixel, as a share of the film's
-    told : warn of parts without film
+    warning : warn of parts without film
     """
     area = _area(flat, dark)
-    if seen is not None:
+    if visible is not None:
         rows, columns = area.shape
-        side = seen.shape[0] // rows
-        whole = seen[: rows * side, : columns * side].reshape(rows, side, columns, side)
+        side = visible.shape[0] // rows
+        whole = visible[: rows * side, : columns * side].reshape(rows, side, columns, side)
         area &= whole.min(axis=(1, 3))
     if area.all():
         return FilmArea(flat, area)
-    if told:
+    if warning:
         warn(
             f"the film fills {area.mean():.0%} of the frame: pixels without light are left out "
             "(a crop to the film would keep the images small)"

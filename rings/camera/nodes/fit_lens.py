@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from tactograph.rings.camera.nodes.find_grid import GridMarks
+from tactograph.rings.camera.nodes.read_grey import GreyImage
 from tactograph.sdk import F4, InputError, Metrics, PixelSize, Port, node, warn
 from tactograph.sdk.unstable import (
     LENS_TERMS,
-    GreyImage,
     Lens,
+    camera_offset,
     half_diagonal,
     pixel_sides,
-    seen_offset,
 )
 
 POSE_TERMS = 4
@@ -91,9 +91,9 @@ def fit_lens(
     pitch = half * float(np.exp(pose[0]))
     bend = 100 * float(lens[0] + lens[1])
     reach = float(np.linalg.norm(places[inliers], axis=1).max())
-    seen_bend = 100 * abs(float(lens[0] * reach**2 + lens[1] * reach**4))
+    bend_percent = 100 * abs(float(lens[0] * reach**2 + lens[1] * reach**4))
     crop = _crop_advice(
-        middle, half * reach * min(1, (MAX_BEND_PERCENT / max(seen_bend, 1)) ** 0.5)
+        middle, half * reach * min(1, (MAX_BEND_PERCENT / max(bend_percent, 1)) ** 0.5)
     )
     problem = f"the {marks.pattern} of the image depart by {residual:.2f} px from any even grid"
     by_lens = (
@@ -104,7 +104,7 @@ def fit_lens(
         if abs(bend) > MAX_BEND_PERCENT:
             raise InputError(by_lens)
         raise InputError(f"{problem}; lay it flat on the film, or name another `marks.pattern`")
-    if _folds(lens):
+    if _is_folded(lens):
         raise InputError(
             f"the fitted distortion ({bend:.1f} % at the corner) folds the image beyond the marks, "
             f"which reach {reach:.0%} of the way to the corners; show a grid that fills the image, "
@@ -121,7 +121,7 @@ def fit_lens(
     width, length = pixel_sides(lens, pixel)
     quality: Metrics = {
         "marks": int(inliers.sum()),
-        "left_out": int((~inliers).sum()) + marks.astray,
+        "unused_marks": int((~inliers).sum()) + marks.astray,
         "residual_px": residual,
         "pixel_size_mm": pixel,
         "distortion_corner_percent": bend,
@@ -190,7 +190,7 @@ def _predicted(pose: Places, lens: Places, cell: Places) -> Places:
     size, turn, x, y = pose
     place = np.exp(size + 1j * turn) * (cell @ [1, 1j]) + complex(x, y)
     u, v = place.real, place.imag
-    du, dv = seen_offset(lens, u, v)
+    du, dv = camera_offset(lens, u, v)
     return np.stack([u + du, v + dv], axis=1)
 
 
@@ -202,7 +202,7 @@ def _crop_advice(middle: Places, reach_px: float) -> str:
     return f"give crop={x0},{y0},{x1},{y1} for this and all other images, or take a longer lens"
 
 
-def _folds(lens: Places) -> bool:
+def _is_folded(lens: Places) -> bool:
     """Whether a lens maps two ideal positions to one."""
     square = np.linspace(0, 1.2, 50) ** 2
     return bool((1 + 3 * lens[0] * square + 5 * lens[1] * square**2 <= 0).any())

@@ -11,17 +11,20 @@ from hypothesis import given, settings, strategies as st
 
 from rings.camera.tests.grids import SUB, board, dots, on_film, pixels
 from tactograph.graph import InputError, Provenance
+from tactograph.graph.command import run_command
+from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.undistort_presses import undistort_presses
 from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
 from tactograph.nodes.calibrate.file.read_lens import read_lens
-from tactograph.nodes.calibrate.file.write_camera import write_camera
-from tactograph.nodes.capture.read_grey import read_grey
+from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.optics.lens import half_diagonal, ideal_places, pixel_sides
 from tactograph.rings.camera.nodes.find_grid import GridMarks, find_grid
 from tactograph.rings.camera.nodes.fit_lens import LensFit, fit_lens
+from tactograph.rings.camera.nodes.read_grey import read_grey
+from tactograph.rings.camera.nodes.write_camera import write_camera
 from tests.fixtures import python
 
 SHAPE, ROUND_SHAPE = (240, 320), (480, 640)
@@ -102,7 +105,7 @@ def test_part_of_a_grid_with_holes_and_dirt_is_enough() -> None:
         found = camera_of(image)
     assert found.pixel == pytest.approx(PITCH_MM / 20, rel=1e-3)
     assert any("of the way to the corners" in note for note in notes)
-    assert found.quality["left_out"] == 1, "the lost one; dirt is no dot"
+    assert found.quality["unused_marks"] == 1, "the lost one; dirt is no dot"
 
 
 def test_a_large_image_is_measured_in_full() -> None:
@@ -122,7 +125,7 @@ def test_a_mark_that_is_off_is_left_out() -> None:
     place[7] += 1.5
     found = fit_lens(image, marks._replace(place=place), pitch_mm=PITCH_MM)
     assert np.isnan(found.departure[7]).all()
-    assert found.quality["left_out"] == 1
+    assert found.quality["unused_marks"] == 1
 
 
 @pytest.mark.parametrize("pattern", ["auto", "dots", "checkerboard"])
@@ -199,7 +202,7 @@ def test_a_lens_that_two_numbers_do_not_describe_is_doubted() -> None:
 def test_a_tilted_lens_off_the_middle_keeps_all_its_marks() -> None:
     lens = np.float32([-0.1, 0, 0.1, 0.05, 0, 0.03, 0.1, 0.05])
     found = camera_of(pixels(dots(*on_film(SHAPE, lens, 15, 0.1, (0, 0)))))
-    assert found.quality["left_out"] == 0
+    assert found.quality["unused_marks"] == 0
     assert found.residual < 0.05
     assert largest_departure(found.lens, lens) < 0.3
 
@@ -219,7 +222,7 @@ def test_a_whole_dot_on_no_place_of_the_grid_is_counted_and_named() -> None:
     with collect_warnings([]) as notes:
         found = camera_of(pixels(samples))
     clean = camera_of(pixels(dots(i, j)))
-    assert (found.quality["left_out"], clean.quality["left_out"]) == (2, 0)
+    assert (found.quality["unused_marks"], clean.quality["unused_marks"]) == (2, 0)
     assert found.quality["marks"] == clean.quality["marks"]
     assert len(notes) == 1
     assert notes[0].startswith("2 whole dots are on no place of the grid and left out, at ")
@@ -310,11 +313,12 @@ def test_presses_are_undistorted_one_by_one() -> None:
     assert np.array_equal(found.image, want)
     assert np.array_equal(found.first, want[:, :20])
     u, v = ideal_places(lens, (20, 30))
-    assert np.allclose(found.known[0], [u[4, 3], v[4, 3], 5], atol=1e-4)
-    assert np.isnan(found.known[1]).all()
-    assert np.allclose(found.known[2], known[2])
+    assert np.allclose(found.circles[0], [u[4, 3], v[4, 3], 5], atol=1e-4)
+    assert np.isnan(found.circles[1]).all()
+    assert np.allclose(found.circles[2], known[2])
 
 
+@pytest.mark.slow
 def test_the_graph_writes_a_file_and_a_picture(tmp_path: Path) -> None:
     image = pixels(dots(*on_film(SHAPE, NONE, 20, 0.1, (0, 0))))
     cv2.imwrite(str(tmp_path / "grid.png"), np.uint8(255 * image))
@@ -335,3 +339,34 @@ def test_a_pixel_of_one_length_or_of_two_and_no_file_are_no_lens_or_an_oblong_on
     for wrong in ((0.08, 0.16), (0.16, 0.08)):
         with pytest.raises(InputError, match="no camera's are so oblong"):
             pixel_size(mm=wrong)
+
+
+def test_arrays_of_others_stay(tmp_path: Path) -> None:
+    file, settings = tmp_path / "mine.npz", {"file": str(tmp_path / "mine.npz")}
+    stored(file, np.zeros(8, np.float32))
+    check_settings(write_camera, settings, str)
+    np.savez(file, mine=np.ones(3))
+    with pytest.raises(InputError, match=r"the name of a new file, or of an earlier .*, is needed"):
+        check_settings(write_camera, settings, str)
+
+
+def test_a_grid_may_be_a_colour_image(tmp_path: Path) -> None:
+    colours = np.random.default_rng(1).integers(0, 255, (6, 8, 3)).astype(np.uint8)
+    write_image(tmp_path / "grid.png", colours)
+    found = read_grey(file=tmp_path / "grid.png")
+    assert np.allclose(found, colours.mean(axis=-1) / 255, atol=1e-6)
+    green = read_grey(file=tmp_path / "grid.png", channel="green")
+    assert np.array_equal(green, colours[..., 1] / np.float32(255))
+
+
+def test_a_lens_shows_its_numbers_and_grid(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bent = np.array([0.03, 0, 0, 0, 0, 0, 0, 0], np.float32)
+    file = stored(tmp_path / "camera.npz", bent)
+    run_command(["show", str(file), "--out", str(tmp_path / "drawn")])
+    told = capsys.readouterr().out
+    assert told.startswith(f"{file}: camera, format 1\n")
+    assert "lens        0.03 0 0 0 0 0 0 0" in told
+    assert "marks  20" in told
+    assert (tmp_path / "drawn" / "camera.png").is_file()

@@ -11,7 +11,7 @@ Shifts = Annotated[F4, Port("M 2", "px")]
 """The shift of each marker, x and y."""
 
 
-Seen = Annotated[U1, Port("M", "flag", high=1)]
+Visible = Annotated[U1, Port("M", "flag", high=1)]
 """0: a marker is not seen; its shift is predicted from its neighbours."""
 
 
@@ -20,18 +20,26 @@ class MarkerTracks(NamedTuple):
 
     markers: Markers
     shift: Shifts
-    seen: Seen
+    visible: Visible
 
 
 def _points(touch: Touch, tracks: MarkerTracks) -> Mapping[str, Any]:
     """Return one point per marker: its position on the untouched film, and its shift."""
     side = touch.pixel * METRES_PER_MM
     (x, y, radius), (dx, dy) = side * tracks.markers.T, side * tracks.shift.T
-    return {"x": x, "y": y, "z": 0 * x, "dx": dx, "dy": dy, "radius": radius, "seen": tracks.seen}
+    return {
+        "x": x,
+        "y": y,
+        "z": 0 * x,
+        "dx": dx,
+        "dy": dy,
+        "radius": radius,
+        "visible": tracks.visible,
+    }
 
 
 def _arrows(tracks: MarkerTracks) -> ArrowsInImage:
-    return ArrowsInImage(tracks.markers[:, :2], tracks.shift, tracks.seen)
+    return ArrowsInImage(tracks.markers[:, :2], tracks.shift, tracks.visible)
 
 
 KIND = LayerKind(MarkerTracks, Arrows(_arrows), topics={"markers": _points})

@@ -71,7 +71,7 @@ def followed(graph: str, given: dict[str, Any]) -> np.ndarray:
             truth = next(made for value, made in result.item.items() if value.port == "truth")
             error = np.sqrt(np.mean((result["height"] - truth) ** 2))
             shift = np.abs(result["marker_shift"][:, 0]).max()
-            touches.append([error, truth.max(), shift, result["marker_seen"].mean()])
+            touches.append([error, truth.max(), shift, result["marker_visible"].mean()])
     assert len(touches) > 10
     return np.array(touches).T
 
@@ -177,7 +177,7 @@ def test_a_one_shot_sensor_is_calibrated_and_read_in_spite_of_its_markers(one_sh
             found = run(graph, capture=touch, calibration=one_shot / name / "cal.npz")
             errors[name].append(float(np.sqrt(np.mean((found["height"] - truths[i]) ** 2))))
             if name == "printed":
-                assert found["markers"]["markers_seen_percent"] > 90
+                assert found["markers"]["visible_markers_percent"] > 90
                 assert found["markers"]["marker_shift_mm"] == pytest.approx(0.5, abs=0.15)
     assert np.mean(errors["printed"]) < 1.5 * np.mean(errors["plain"])
 

@@ -52,7 +52,7 @@ def test_markers_cost_little_height_once_they_are_told_and_move_with_the_film(
     assert told <= 1.3 * plain
     assert untold > 3 * told
     table = np.genfromtxt(out / "markers.csv", delimiter=",", names=True)
-    assert table["seen"].mean() >= 0.95
+    assert table["visible"].mean() >= 0.95
     assert table["dx_mm"].max() == pytest.approx(DRAG_MM, abs=0.05)
     assert np.abs(table["dy_mm"]).max() < 0.05
     assert cv2.imread(str(out / "markers.png")).shape[:2] == (480, 640)

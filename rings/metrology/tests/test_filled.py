@@ -42,7 +42,7 @@ def measured(
     image, pixel = seen(sensor, brighter)
     found = load(graph, calibration=sensor, accept_contradictions=True, **given)(frames=image)
     known = (1e3 * DEPTH_MM, 0.2)
-    return measure_step(found["height"], pixel, found.get("error"), known_um=known), found
+    return measure_step(found["height"], pixel, found.get("error"), certified_um=known), found
 
 
 @pytest.mark.parametrize("graph", ["reconstruct_filled", "precise_filled"])

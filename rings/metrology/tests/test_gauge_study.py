@@ -34,6 +34,7 @@ def test_repeatability_is_the_spread_of_trials(tmp_path: Path) -> None:
     assert "gauge_reproducibility" not in found
 
 
+@pytest.mark.slow
 def test_operators_that_differ_are_reproducibility(tmp_path: Path) -> None:
     found = study(tmp_path, 4, of_trial=0.2, of_operator=1.0)
     assert found["gauge_repeatability"] == pytest.approx(0.2, rel=0.3)

@@ -84,11 +84,11 @@ def test_a_plane_holds_no_groove() -> None:
 
 
 def test_a_known_depth_gives_the_scale_of_heights() -> None:
-    figures = measure_step(groove(0.1, 0.6, 45), PIXEL, known_um=(102.0, 0.5))
+    figures = measure_step(groove(0.1, 0.6, 45), PIXEL, certified_um=(102.0, 0.5))
     assert figures["step_scale"] == pytest.approx(1.02, abs=2e-3)
     assert figures["step_scale_error"] == pytest.approx(0.005, rel=0.1)
     with pytest.raises(InputError, match="a depth above 0 is needed"):
-        measure_step(groove(0.1, 0.6, 45), PIXEL, known_um=(0.0, 0.5))
+        measure_step(groove(0.1, 0.6, 45), PIXEL, certified_um=(0.0, 0.5))
 
 
 def test_the_command_takes_the_error_beside_the_height(tmp_path: Path) -> None:

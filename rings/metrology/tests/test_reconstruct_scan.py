@@ -13,6 +13,7 @@ from tactograph.nodes import BAND_DEVIATIONS
 from tests.fixtures import real_data
 
 
+@pytest.mark.slow
 def test_a_cap_has_its_height(tmp_path: Path) -> None:
     model = write_model(tmp_path / "model.yaml")
     z = cap(radius=0.9, depth=0.06)
@@ -72,14 +73,17 @@ def test_a_step_of_known_depth_settles_the_scale(tmp_path: Path) -> None:
         noise = np.random.default_rng(int(1e3 * depth)).normal(1, 0.01, (6, *z.shape))
         write_scan(folder, (seen(z, model) * noise).astype(np.float32))
     given = {"capture": part, "model": file, "cell_px": 2, "out": tmp_path / "result"}
-    known = {"known": tmp_path / "known", "known_um": (120, 0.2)}
+    known = {"step": tmp_path / "known", "certified_um": (120, 0.2)}
     for wrong, message in (
-        ({"known_um": None}, "a known step needs both: known=SCAN known_um=DEPTH"),
-        ({"known": None}, "a known step needs both: known=SCAN known_um=DEPTH"),
-        ({"scale": (1.1, 0.01)}, "known: a known step tells the scale: give known or scale"),
-        ({"known_um": (60, 0.2)}, "/known: its step is 13. um deep, not 60: check known_um"),
-        ({"known_crop": (0, 0, 40, 20)}, "/known: .* show a groove or ridge|/known: its step is"),
-        ({"known_crop": (0, 0, 99, 20)}, "/known has only 96 x 64 pixels"),
+        ({"certified_um": None}, "a known step needs both: step=SCAN certified_um=DEPTH"),
+        ({"step": None}, "a known step needs both: step=SCAN certified_um=DEPTH"),
+        ({"scale": (1.1, 0.01)}, "known: a known step tells the scale: give step or scale"),
+        (
+            {"certified_um": (60, 0.2)},
+            "/known: its step is 13. um deep, not 60: check certified_um",
+        ),
+        ({"step_crop": (0, 0, 40, 20)}, "/known: .* show a groove or ridge|/known: its step is"),
+        ({"step_crop": (0, 0, 99, 20)}, "/known has only 96 x 64 pixels"),
     ):
         with pytest.raises(InputError, match=message):
             run("reconstruct_scan", **given, **(known | wrong))

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import Film
+from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.optics.film import predict
 from tactograph.rings.oneshot.nodes.presses.judge_press_radius import judge_press_radius
 from tactograph.rings.oneshot.nodes.presses.level_presses import level_presses
 from tactograph.rings.oneshot.nodes.presses.read_presses import read_presses
 from tests.fixtures import real_data
 from tests.nodes.films import MATT, ball_seen, normals
+
+COATED = MATT._replace(base=0.6, roughness=0.4, refraction=1.5)
 
 
 @cache
@@ -40,19 +43,24 @@ def test_a_real_one_shot_sensor_leaves_the_radius_open(radius: float, likelier: 
     assert verdict.quality["scale_error_percent"] > 20
 
 
-def doubts(film: Film, gamma: float) -> list[str]:
-    """What is said of a ball of 5 mm, seen by a camera that raises light to a power."""
+def judged(film: Film, gamma: float, noise: float = 0.004) -> Judged:
+    """What is found of a ball of 5 mm, seen by a camera that raises light to a power."""
     size, pixel, rim = (96, 128), 20 / 128, 4.4
     seen, slope, _ = ball_seen(5.0, rim, (1.0, -0.5), 0.0, size)
     y, x = ((np.indices(size) - np.array([47.5, 63.5])[:, None, None]) * pixel).reshape(2, -1)
     light = predict(film, normals(slope).reshape(3, -1), x, y, seen.ravel().astype(np.float64))
-    light = light + np.random.default_rng(1).normal(0, 0.004, light.shape)
+    light = light + np.random.default_rng(1).normal(0, noise, light.shape)
     image = (np.maximum(light, 0) ** gamma).reshape(1, -1, *size).astype(np.float32)
     circle = np.array([[63.5 + 1 / pixel, 47.5 - 0.5 / pixel, rim / pixel]], np.float32)
     flat, kept = np.ones_like(image[0]), np.ones(1, np.uint8)
-    return judge_press_radius(image, flat, circle, kept, pixel, radius_mm=5.0).doubts
+    return judge_press_radius(image, flat, circle, kept, pixel, radius_mm=5.0)
 
 
 def test_a_coat_is_no_gamma() -> None:
-    assert not doubts(MATT._replace(base=0.6, roughness=0.4, refraction=1.5), 1.0)
-    assert "the camera raises to the power" in doubts(MATT, 1.4)[0]
+    assert not judged(COATED, 1.0).doubts
+    assert "the camera raises to the power" in judged(MATT, 1.4).doubts[0]
+
+
+def test_a_film_is_matt_where_noise_explains_what_is_open() -> None:
+    assert judged(MATT, 1.0, noise=0.02).quality.get("matt") == 1
+    assert "matt" not in judged(COATED, 1.0, noise=0.02).quality

@@ -99,7 +99,7 @@ def fitted():
 
 
 def test_a_reflectance_that_varies_is_recovered_and_a_wrong_centre_put_right(fitted) -> None:
-    assert fitted.kept.all()
+    assert fitted.selection.all()
     assert fitted.residual.max() < 0.01
     assert fitted.rim == pytest.approx(RIM, abs=0.06)
     np.testing.assert_allclose(fitted.circle[:, :2], CENTERS, atol=0.4)
@@ -138,7 +138,7 @@ def test_a_press_that_shows_something_else_is_left_out_and_named() -> None:
     names = [f"press{i}" for i in range(len(CENTERS))]
     with collect_warnings([]) as notes:
         found = fit_reflectance_map(images, FLAT, names, circle, PIXEL, radius_mm=RADIUS_MM)
-    assert list(np.flatnonzero(found.kept == 0)) == [7]
+    assert list(np.flatnonzero(found.selection == 0)) == [7]
     assert notes == ["press press7 is left out: its light does not fit that of the others"]
 
 

@@ -9,7 +9,7 @@ import pytest
 from rings.camera.tests.grids import dots, on_film, pixels
 from tactograph.graph import InputError
 from tactograph.nodes import F4
-from tactograph.nodes.height.as_seen import as_seen
+from tactograph.nodes.height.distort_height import distort_height
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tests.pipelines.matt_film import CANVAS, FLAT, PIXEL_MM, TOUCH, leds, run, said, taken
@@ -40,7 +40,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     films |= {"balls/1": grid_of_balls(0.3, 0.4, 4), "balls/2": grid_of_balls(-0.8, -0.9, -6)}
     for seed, (name, film) in enumerate(films.items()):
         (made / name).mkdir(parents=True)
-        planes = [as_seen(plane.astype(np.float32), LENS) for plane in taken(film, seed, LEDS)]
+        planes = [
+            distort_height(plane.astype(np.float32), LENS) for plane in taken(film, seed, LEDS)
+        ]
         image = np.rint(planes).clip(0, 255).astype(np.uint8).transpose(1, 2, 0)
         cv2.imwrite(str(made / name / "colours.png"), image)
     image = pixels(dots(*on_film(FLAT.shape, LENS, 1.2 / PIXEL_MM, 0.02, (0.1, 0.2))))
@@ -64,7 +66,7 @@ def test_two_presses_of_a_grid_calibrate(folder: Path) -> None:
     given = {"capture": str(folder / "touch"), "calibration": str(folder / "cal.npz")}
     found = run("gelsight_mini", **given, sinks=False)
     assert not said(found)
-    off = found["height"] - as_seen(TOUCH, LENS)
+    off = found["height"] - distort_height(TOUCH, LENS)
     assert np.sqrt(np.mean(off**2)) < 0.012
 
 

@@ -12,23 +12,17 @@ from scipy.special import ndtri
 
 from tactograph.rings.recheck.nodes.film_change import FilmChange
 from tactograph.sdk import F4, Metrics, PixelSize, node
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, FALSE_ALARMS
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, FALSE_ALARMS, LED_DRIFT, SHIFT_DEVIATION_PX
 
-MAX_LED_CHANGE = 0.1
-"""Tolerated relative change of one LED's light against the others, or of all together."""
 MAX_AMBIENT = 0.004
 """Tolerated light that comes from no LED, as a fraction of full scale: one 8-bit step."""
 MAX_BLACK_LEVEL = 0.1
 """Highest black level of a camera, as a fraction of full scale."""
-MAX_SHIFT_PX = 0.5
-"""Tolerated shift of the image in px."""
-MIN_DENT_MM, MIN_DENT_SLOPE = 0.003, 0.01
-"""Smallest height in mm and smallest slope of a dent."""
-TOUCHED_MM = 0.15
-"""Height in mm above which it is more likely that something touches the film."""
+MIN_DENT_SLOPE = 0.01
+"""Smallest slope of a dent: LEDs that drift turn film by less."""
 MIN_MARK_CHANGE = 0.015
 """Smallest change of albedo of a mark."""
-SHARP_GRADIENT = 1 / 8
+SHARP_GRADIENT = 0.125
 """Gradient per px of a mark, relative to its depth, above which it lies in the film.  Marks on the
 lens are out of focus."""
 ANOTHER_SENSOR = "not that of the calibration: is this another sensor, or another lens?"
@@ -117,8 +111,12 @@ def _marks(albedo: F4) -> tuple[_Mark, _Mark]:
 
 def _noise(plane: F4) -> float:
     """What noise reaches in a map, normally distributed about 0 at each of its pixels."""
-    spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(plane)))
-    return float(-ndtri(FALSE_ALARMS / (2 * plane.size))) * spread
+    return _reach(plane.size, DEVIATIONS_PER_MAD * float(np.median(np.abs(plane))))
+
+
+def _reach(count: int, spread: float) -> float:
+    """What the farthest of so many normally distributed values reaches by chance."""
+    return float(-ndtri(FALSE_ALARMS / (2 * count))) * spread
 
 
 def _strongest(marks: list[tuple[float, int, int]]) -> _Mark:
@@ -128,25 +126,29 @@ def _strongest(marks: list[tuple[float, int, int]]) -> _Mark:
 
 
 def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
-    """Height in mm of the strongest dent, and its position in px; 0 if there is none."""
+    """Height in mm of the strongest dent, and its position in px; 0 if there is none.
+
+    Noise of slopes adds up to heights that are wide and low, so that slopes tell a dent from it.
+    """
     by_y, by_x = np.gradient(dent, pixel)
-    y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)
-    highest, steepest = float(dent[y, x]), float(np.hypot(by_x, by_y).max())
-    if abs(highest) < max(_noise(dent), MIN_DENT_MM) or steepest < MIN_DENT_SLOPE:
+    slopes = np.stack([by_y, by_x])
+    if np.abs(slopes).max() < max(_noise(slopes), MIN_DENT_SLOPE):
         return 0.0, (0, 0)
-    return highest, (int(x), int(y))
+    y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)
+    return float(dent[y, x]), (int(x), int(y))
 
 
 def _of_leds(strength: F4) -> str:
     usual = float(np.median(strength))
     k = int(np.abs(strength / usual - 1).argmax())
     percent = 100 * float(strength[k]) / usual
-    if abs(percent - 100) > 100 * MAX_LED_CHANGE:
+    drift = _reach(strength.size, LED_DRIFT)
+    if abs(percent - 100) > 100 * drift:
         return (
             f"LED {k + 1} has {percent:.0f} % of the light that the others have: check it and its "
             "wire, then recalibrate"
         )
-    if abs(usual - 1) > MAX_LED_CHANGE:
+    if abs(usual - 1) > drift:
         return (
             f"all LEDs have {100 * usual:.0f} % of their light: check exposure, gain and supply; "
             "heights stay right as long as nothing is dark or saturated"
@@ -166,14 +168,12 @@ def _is_impossible(strength: F4, ambient: float, deepest: float, width_mm: float
 
 
 def _of_film(deepest: float, where: tuple[int, int], scratch: _Mark) -> str:
-    if abs(deepest) > TOUCHED_MM:
-        return (
-            f"something touches the film at {where[0]},{where[1]} px, or left a dent of "
-            f"{1e3 * deepest:.0f} um: take the capture of the untouched film again"
-        )
     sentences = []
     if deepest:
-        sentences.append(f"a dent of {1e3 * deepest:.0f} um at {where[0]},{where[1]} px")
+        sentences.append(
+            f"a dent of {1e3 * deepest:.0f} um at {where[0]},{where[1]} px, or something touches "
+            "the film there"
+        )
     if scratch.number:
         sentences.append(
             f"{scratch.number} marks or scratches, the strongest of {100 * scratch.depth:+.0f} % "
@@ -182,7 +182,8 @@ def _of_film(deepest: float, where: tuple[int, int], scratch: _Mark) -> str:
     if sentences:
         return (
             " and ".join(sentences)
-            + ": wipe the film; if it stays, recalibrate with a new flat frame"
+            + ": wipe the film and take its capture again; if it stays, recalibrate with a new "
+            "flat frame"
         )
     return "right: no dents, no scratches"
 
@@ -213,7 +214,7 @@ def _of_ambient(ambient: float) -> str:
 
 
 def _of_camera(shift: F4, moved: float) -> str:
-    if moved > MAX_SHIFT_PX:
+    if moved > SHIFT_DEVIATION_PX:
         x, y = shift
         return f"the image has moved by {x:+.1f},{y:+.1f} px: fix the camera and calibrate again"
     return f"right: moved by {moved:.1f} px"

@@ -73,7 +73,7 @@ class FilmRefit(NamedTuple):
     quality: Metrics
 
 
-class _Known(NamedTuple):
+class _Prior(NamedTuple):
     """The fit's starting point: the old film, and how the flat frame changed.
 
     `light` is the ratio of its brightness, `ratio` the change of its fall-off's logarithm.
@@ -170,7 +170,7 @@ def refit_film(
             f"the check press has slopes of up to {slope:.2f}, the calibration's presses of up to "
             f"{film.pressed_slope:.2f}: press as deep as slopes will be, and recalibrate"
         )
-    before_refit = _known(precise, flat, before, pixel)
+    before_refit = _prior_of(precise, flat, before, pixel)
     before_error = float(np.mean(_judged(before_refit, balls, ())[1]))
     best, errors, fold_fits = _choose(before_refit, balls)
     if best.film.albedo > 0 and not lights_itself(film):
@@ -223,14 +223,14 @@ def _changes(old: Film, new: Film, thicker: float) -> Metrics:
     }
 
 
-def _known(film: Film, flat: F4, before: F4, pixel: float) -> _Known:
+def _prior_of(film: Film, flat: F4, before: F4, pixel: float) -> _Prior:
     """The change of the flat frame; none if either frame is uniform, because none was taken."""
     now, then, shift_mm = rest_of(flat, pixel), rest_of(before, pixel), SHIFT_DEVIATION_PX * pixel
     if now is None or then is None:
         empty = np.zeros((len(flat), 0))
-        return _Known(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty, shift_mm)
+        return _Prior(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty, shift_mm)
     light = float(np.median(flat) / np.median(before))
-    return _Known(film, light, now, _level(now.logarithm - then.logarithm), shift_mm)
+    return _Prior(film, light, now, _level(now.logarithm - then.logarithm), shift_mm)
 
 
 def _level(logarithm: F8) -> F8:
@@ -239,12 +239,12 @@ def _level(logarithm: F8) -> F8:
     return np.asarray(shared - np.median(shared, axis=1, keepdims=True))
 
 
-def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, list[float], list[_Refitted]]:
+def _choose(prior: _Prior, balls: Balls) -> tuple[_Refitted, list[float], list[_Refitted]]:
     """The simplest change that the held-out quarters support, its error and its folds."""
-    best, errors, fold_fits = _judged(known, balls, FILM_CHANGES[0])
+    best, errors, fold_fits = _judged(prior, balls, FILM_CHANGES[0])
     values = min(balls.u.size, MAX_INDEPENDENT * len(balls.centre))
     for names in FILM_CHANGES[1:]:
-        candidate = _judged(known, balls, names)
+        candidate = _judged(prior, balls, names)
         scales = best.scale(balls), candidate[0].scale(balls)
         if grows(errors, candidate[1], scales, len(names) - len(best.changed), values):
             best, errors, fold_fits = candidate
@@ -252,16 +252,16 @@ def _choose(known: _Known, balls: Balls) -> tuple[_Refitted, list[float], list[_
 
 
 def _judged(
-    known: _Known, balls: Balls, names: tuple[str, ...]
+    prior: _Prior, balls: Balls, names: tuple[str, ...]
 ) -> tuple[_Refitted, list[float], list[_Refitted]]:
     """The fit to all samples, the held-out error, and the fit without each fold."""
-    whole = _fit(known, balls, names, {})
+    whole = _fit(prior, balls, names, {})
     fold_fits, errors = [], []
     for number in range(FOLD_COUNT):
         held_out = balls.held_by % FOLD_COUNT == number
         if not held_out.any():
             continue
-        fold = _fit(known, balls.only(~held_out), names, whole.changed)
+        fold = _fit(prior, balls.only(~held_out), names, whole.changed)
         fold_fits.append(fold)
         errors.append(normal_error(balls.only(held_out), fold.fitted).degrees)
     return whole, errors, fold_fits
@@ -280,48 +280,50 @@ def _changed(film: Film, names: dict[str, float]) -> Film:
     )
 
 
-def _usual(known: _Known, name: str) -> Unknown:
+def _usual(prior: _Prior, name: str) -> Unknown:
     """What is expected of a change, or of the new value of a parameter."""
     if name == "thicker":
         return Unknown(0.0, THICKNESS_DEVIATION_MM)
-    first, old = SHARED_UNKNOWNS[name], known.film
+    first, old = SHARED_UNKNOWNS[name], prior.film
     if name == "diffuse":
         return Unknown(0.0, first.spread)
     if name in COAT_UNKNOWNS and old.refraction == 1:
         return first
     # The LEDs stay, so a film at rest that is darker reflects less.
-    return Unknown(getattr(old, name) * (known.light if name == "albedo" else 1), first.spread)
+    return Unknown(getattr(old, name) * (prior.light if name == "albedo" else 1), first.spread)
 
 
-def _fit(known: _Known, balls: Balls, names: tuple[str, ...], start: dict[str, float]) -> _Refitted:
+def _fit(prior: _Prior, balls: Balls, names: tuple[str, ...], start: dict[str, float]) -> _Refitted:
     """Fit the named changes and the balls' positions, with priors."""
-    film, count = known.film, len(balls.centre)
-    about = [_usual(known, name) for name in names]
+    film, count = prior.film, len(balls.centre)
+    about = [_usual(prior, name) for name in names]
     usual = np.concatenate([np.zeros(3 * count), [each.start for each in about]])
-    places = place_deviations(balls, known.shift_mm).ravel()
+    places = place_deviations(balls, prior.shift_mm).ravel()
     spread = np.concatenate([places, [each.spread for each in about]])
     samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
     # Without a change, the flat frames tell how alike they are.
-    blocks = rest_spread(known.ratio, known.fall) if known.fall.x.size else LIGHT_DEVIATION
+    blocks = rest_spread(prior.ratio, prior.fall) if prior.fall.x.size else LIGHT_DEVIATION
     whole = balls.reference_light * samples
-    level = np.log(rest_light(film, known.fall.x, known.fall.y))
+    level = np.log(rest_light(film, prior.fall.x, prior.fall.y))
 
     def at(values: F8) -> _Refitted:
         named = dict(zip(names, values[3 * count :].tolist(), strict=True))
         return _Refitted(named, _changed(film, named), values[: 3 * count].reshape(-1, 3))
 
-    def left(values: F8) -> F8:
+    def residuals(values: F8) -> F8:
         candidate = at(values)
         # On a film that is farther from the camera, positions are scaled.
         scale = 1 + film.camera * candidate.changed.get("thicker", 0.0)
         farther = {name: getattr(balls, name) * scale for name in ("u", "v", "centre", "rim")}
         light = predicted(replace(balls, **farther), candidate.fitted)
         parts = [((balls.light - light) / whole).ravel(), (values - usual) / spread]
-        if names and known.fall.x.size:
-            fallen = np.log(rest_light(candidate.film, known.fall.x * scale, known.fall.y * scale))
-            parts.append(((known.ratio - _level(fallen - level)) / blocks).ravel())
+        if names and prior.fall.x.size:
+            fallen = np.log(rest_light(candidate.film, prior.fall.x * scale, prior.fall.y * scale))
+            parts.append(((prior.ratio - _level(fallen - level)) / blocks).ravel())
         return np.concatenate(parts)
 
     begin = usual.copy()
     begin[3 * count :] = [start.get(n, each.start) for n, each in zip(names, about, strict=True)]
-    return at(least_squares(left, lambda values: by_differences(left, values, spread), begin))
+    return at(
+        least_squares(residuals, lambda values: by_differences(residuals, values, spread), begin)
+    )

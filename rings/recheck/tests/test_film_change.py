@@ -55,8 +55,15 @@ def dented(height: float) -> F4:
     return gel.seen()
 
 
-def test_the_same_film_is_right() -> None:
-    assert wrong(GEL.seen()) == set()
+def noisy(light: F4, seed: int) -> F4:
+    return light + np.random.default_rng(seed).normal(0, 0.002, light.shape).astype(np.float32)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_same_film_is_right_whatever_its_noise_and_drift(seed: int) -> None:
+    assert wrong(noisy(GEL.seen(), seed)) == set()
+    drift = np.random.default_rng(seed).normal(1, 0.02, (4, 1, 1)).astype(np.float32)
+    assert wrong(noisy(drift * GEL.seen(), seed)) == set()
 
 
 @pytest.mark.parametrize(
@@ -82,6 +89,12 @@ def test_a_weak_led_is_named() -> None:
     assert "LED 2" in judged(light).leds
 
 
+def test_dim_light_of_all_leds_is_named() -> None:
+    light = GEL.seen() * np.float32(0.85)
+    assert wrong(light) == {"leds"}
+    assert "all LEDs have 85 %" in judged(light).leds
+
+
 def test_light_from_no_led_is_measured() -> None:
     light = GEL.seen() + np.float32(0.02)
     assert wrong(light) == {"ambient"}
@@ -105,6 +118,11 @@ def test_a_black_level_that_changed_is_no_dent_and_no_scratch() -> None:
     said = judge_film(change, PIXEL_MM)
     assert said.ambient.startswith("the black level has changed: every image is 2.")
     assert said.film.startswith("right")
+
+
+def test_a_dent_above_the_noise_is_named() -> None:
+    assert wrong(noisy(dented(0.03), 1)) == {"film"}
+    assert wrong(noisy(dented(0.001), 1)) == set()
 
 
 def test_a_dent_has_its_height_and_a_touch_is_no_dent() -> None:

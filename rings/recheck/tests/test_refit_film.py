@@ -43,6 +43,7 @@ def test_a_calibration_keeps_the_steepest_slope_that_was_pressed(old: FilmFit) -
     assert old.film.pressed_slope == pytest.approx(expected, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_check_press_much_shallower_than_the_calibrations_is_told(old: FilmFit) -> None:
     (note,) = told_of(old, 1.5)
     assert "slopes of up to 0.31, the calibration's presses of up to" in note

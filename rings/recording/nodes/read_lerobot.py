@@ -9,6 +9,7 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
+from tactograph.rings.export.height_levels import level_height
 from tactograph.rings.recording.files.lerobot_rows import (
     MAX_BYTE,
     NS_PER_S,
@@ -16,13 +17,12 @@ from tactograph.rings.recording.files.lerobot_rows import (
     open_lerobot,
     time_column,
 )
+from tactograph.rings.recording.files.level_pictures import picture_levels
 from tactograph.sdk import U1, Height, InputError, Labels, Light, Port, Slope, node
 from tactograph.sdk.unstable import (
     check_handed_in,
     check_sensor,
     identity_in,
-    level_height,
-    picture_levels,
 )
 
 
@@ -32,7 +32,7 @@ class DatasetTouch(NamedTuple):
     image: Light
     name: str
     time: Annotated[float, Port(unit="s")]
-    kept: Height
+    recorded: Height
     truth: Height | None = None
     truth_slope: Slope | None = None
     truth_shadow: Labels | None = None
@@ -88,14 +88,14 @@ def read_lerobot(
         if episode not in (None, of):
             continue
         levels = picture_levels(_bytes(row[height_column(sensor)]))
-        kept = level_height(levels, step, zero)
-        kept[levels == unknown] = np.nan
+        recorded = level_height(levels, step, zero)
+        recorded[levels == unknown] = np.nan
         planes = [_bytes(row[name])[..., : len(numbers)] for name, numbers in lights.items()]
         whole = np.concatenate(planes, axis=-1).transpose(2, 0, 1)
         image = whole.astype(np.float32) / np.float32(MAX_BYTE)
         seconds, parts = (int(number) for number in row[time_column(sensor)])
         moment = 1e-9 * (seconds * NS_PER_S + parts - offset)
-        yield DatasetTouch(image, f"{of:04}_{at:06}", moment, kept)
+        yield DatasetTouch(image, f"{of:04}_{at:06}", moment, recorded)
 
 
 read_lerobot.handed_in(check_handed_in)

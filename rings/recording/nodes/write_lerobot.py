@@ -87,7 +87,7 @@ class _Episode:
         self.clock = TouchStamps()
         self._dataset: Any = None
         self._before: dict[str, Any] = {}
-        self._rows = self._left_out = self._began = 0
+        self._rows = self._skipped = self._began = 0
 
     def put(self, columns: dict[str, Column], stamp: int | None) -> None:
         """Put a touch into its row; `stamp` is its time in ns, None: the next row."""
@@ -96,7 +96,7 @@ class _Episode:
             self._began = stamp or 0
         place = self._rows if stamp is None else (stamp - self._began) * self._rate / NS_PER_S
         if place < self._rows - MAX_ROWS_OFF:
-            self._left_out += 1
+            self._skipped += 1
             return
         while place > self._rows + MAX_ROWS_OFF:
             self._add(self._before)
@@ -143,8 +143,8 @@ class _Episode:
         self._dataset.save_episode()
         self._dataset.stop_image_writer()
         self._dataset.finalize()
-        if self._left_out:
+        if self._skipped:
             warn(
-                f"{self._folder}: {self._left_out} touches came faster than {self._rate} rows per "
+                f"{self._folder}: {self._skipped} touches came faster than {self._rate} rows per "
                 "second and are left out; raise rate"
             )

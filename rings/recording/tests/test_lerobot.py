@@ -10,17 +10,16 @@ import pytest
 from tactograph.graph import InputError, Provenance, Session
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.contact.measure_contact import measure_contact
-from tactograph.nodes.files.height_picture import (
+from tactograph.nodes.stream.touch import Touch
+from tactograph.rings.export.height_levels import (
     OFFSET_MM,
     STEP_MM,
     height_levels,
     level_height,
-    levels_picture,
-    picture_levels,
 )
-from tactograph.nodes.stream.touch import Touch
 from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.recording.files.lerobot_rows import Column, touch_columns
+from tactograph.rings.recording.files.level_pictures import levels_picture, picture_levels
 from tactograph.rings.recording.nodes.read_lerobot import read_lerobot
 from tactograph.rings.recording.nodes.write_lerobot import write_lerobot
 from tests.nodes.touches import touch_of
@@ -134,7 +133,7 @@ def test_a_thousand_frames_of_two_sensors_come_back_to_the_bit(tmp_path: Path) -
         came = list(read_lerobot(dataset=tmp_path / sensor, sensor=sensor))
         assert len(came) == 500
         for touch, height, frame, time in zip(came, heights, frames, sent, strict=True):
-            np.testing.assert_array_equal(height_levels(touch.kept), height_levels(height))
+            np.testing.assert_array_equal(height_levels(touch.recorded), height_levels(height))
             np.testing.assert_array_equal(touch.image, frame / np.float32(255))
             assert touch.time == pytest.approx(time, abs=1e-3)
 

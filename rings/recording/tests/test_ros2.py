@@ -89,7 +89,7 @@ def test_height_contact_markers_and_diagnostics_are_heard_on_topics(tmp_path: Pa
         "shadow": np.zeros((6, 8), np.uint8),
         "markers": np.array([[2, 3, 1]], np.float32),
         "shift": np.array([[0.5, -1]], np.float32),
-        "seen": np.ones(1, np.uint8),
+        "visible": np.ones(1, np.uint8),
         "pose": np.array([0.5, 0, 0, 0, 0, 0], np.float32),
         "covariance": np.eye(6, dtype=np.float32),
         "metrics": np.array(json.dumps(figures)),

@@ -172,7 +172,7 @@ def test_a_marker_is_a_point_with_its_shift_in_metres(messages: dict[str, Any]) 
     names = ("x", "y", "radius", "dx", "dy")
     table = np.column_stack([found[name] for name in names])
     np.testing.assert_allclose(table, 5e-5 * np.hstack([MARKERS, SHIFT]), rtol=1e-6)
-    assert found["seen"].tolist() == [1, 0]
+    assert found["visible"].tolist() == [1, 0]
 
 
 def test_a_pose_is_that_of_a_frame_in_the_images_middle(messages: dict[str, Any]) -> None:

@@ -37,8 +37,8 @@ from tactograph.sdk.unstable import (
     places_within,
     positions,
     predict,
-    rest_left,
     rest_of,
+    rest_residual,
     stored,
 )
 
@@ -270,8 +270,8 @@ def _bounced(scene: _Scene, press: F8, z: F8, film: Film) -> F8:
     """The light from film to film, for an albedo of 1."""
     if film.albedo == 0:
         return np.zeros_like(press)
-    as_seen = (z / (1 - scene.camera * z)).astype(np.float32)
-    light = scene.bounce(press.astype(np.float32), as_seen, stored(film), np.float32(scene.pixel))
+    apparent = (z / (1 - scene.camera * z)).astype(np.float32)
+    light = scene.bounce(press.astype(np.float32), apparent, stored(film), np.float32(scene.pixel))
     return np.asarray(light, np.float64) / film.albedo
 
 
@@ -285,7 +285,7 @@ def _residuals(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     leds = np.c_[
         unknowns[: 3 * count].reshape(count, 3), np.zeros(count), np.full(count, shared[0])
     ]
-    at_rest = rest_left(scene.rest, Fitted(leds, film, np.zeros((0, 3)), 1.0))
+    at_rest = rest_residual(scene.rest, Fitted(leds, film, np.zeros((0, 3)), 1.0))
     parts = [
         (unknowns[2 : 3 * count : 3] - usual) / usual,
         (shared - about) / _units(scene, unknowns)[3 * count :],

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.sdk import Light, node
-from tactograph.sdk.unstable import KnownCircles, Layout, SheetLight, read_presses, refuse_flat
+from tactograph.sdk.unstable import Layout, SheetLight, StatedCircles, read_presses, refuse_flat
 
 
 class ObjectPresses(NamedTuple):
@@ -14,7 +14,7 @@ class ObjectPresses(NamedTuple):
 
     image: SheetLight
     first: Light
-    known: KnownCircles
+    circles: StatedCircles
 
 
 @node

@@ -68,6 +68,7 @@ def mirror(lamps: np.ndarray, center: tuple[float, float], radius: float) -> np.
     return np.uint8(np.clip(inside * (230 * glints + 120 * window), 0, 255))
 
 
+@pytest.mark.slow
 def test_a_mirror_ball_tells_where_lamps_are(tmp_path: Path) -> None:
     center, radius = (71.0, 64.5), 45.0
     images = {"capture": write(tmp_path / "mirror", mirror(FAR, center, radius))}
@@ -80,6 +81,7 @@ def test_a_mirror_ball_tells_where_lamps_are(tmp_path: Path) -> None:
     assert error(tmp_path, FAR) < 0.015
 
 
+@pytest.mark.slow
 def test_lamps_suffice_where_no_film_at_rest_was_taken(tmp_path: Path) -> None:
     touch = write(tmp_path / "first", taken(TOUCH, 2, FAR))
     given = {"lights": dome(tmp_path / "lamps.lp", FAR), "pixel_size_mm": PIXEL_MM}

@@ -112,5 +112,5 @@ def test_what_the_device_made_stands_for_nothing_else(
 
 def test_the_kernels_of_the_nodes_that_it_calls_count(monkeypatch: pytest.MonkeyPatch) -> None:
     before = code_of(lower_half)
-    monkeypatch.setattr(result_origin, "kernel_text", lambda node: "another")
+    monkeypatch.setattr(result_origin, "kernel_source", lambda node: "another")
     assert code_of(lower_half) != before

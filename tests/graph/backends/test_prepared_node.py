@@ -75,7 +75,7 @@ def test_buffers_without_end_are_not_kept(device: OpenCL, counted: Counted) -> N
     for _ in range(12):
         prepared.launch({"height": device.constant(HEIGHT)})
     assert counted.times == 12
-    assert len(prepared._known) <= 5
+    assert len(prepared._records) <= 5
 
 
 @pytest.mark.parametrize(

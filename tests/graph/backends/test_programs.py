@@ -11,11 +11,10 @@ import numpy as np
 import pyopencl as cl
 import pytest
 
-from tactograph.graph.backends import build_ahead, pocl_builtins
+from tactograph.graph.backends import build_ahead, pocl_source
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.pocl_builtins import with_builtins
-from tactograph.graph.backends.programs import POCL_PLATFORM, _kept, ahead, build, context_of
+from tactograph.graph.backends.programs import POCL_PLATFORM, _cache_file, ahead, build, context_of
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk import disk_cache
 from tests.graph.conftest import SLOPES, Command, Write, one_line
@@ -170,7 +169,7 @@ def test_a_process_builds_something_else_while_another_builds_what_it_needs(
 ) -> None:
     (handle,) = device.context.devices
     recipes = [(SEVEN, (f"-DNUMBER={number}",)) for number in (7, 8, 9)]
-    files = [str(_kept(handle, *recipe)) for recipe in recipes]
+    files = [str(_cache_file(handle, *recipe)) for recipe in recipes]
     command = [sys.executable, "-c", HOLDS, *files]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None
@@ -184,7 +183,7 @@ def test_a_program_is_built_from_its_source_if_what_is_kept_is_of_no_use(
     folder: Path, device: OpenCL
 ) -> None:
     assert seven(device) == 7
-    (file,) = folder.rglob("*.kept")
+    (file,) = folder.rglob("*.cached")
     for body in (b"damaged", b"tactograph kept 1\n00000000\n"):
         file.write_bytes(body)
         assert seven(device) == 7
@@ -204,8 +203,8 @@ def test_nothing_is_kept_where_that_is_not_wanted(
 
 
 def test_a_program_brings_all_overloads_of_what_it_names_and_nothing_else(device: OpenCL) -> None:
-    made = with_builtins("float root(float x) { return sqrt(x); }")
-    if made is None:
+    made = pocl_source.pocl_source("float root(float x) { return sqrt(x); }")
+    if not made[1]:
         pytest.skip("PoCL's declarations are not beside its library")
     assert {"sqrt(float);", "sqrt(float16);", "sqrt(double);"} <= set(re.split(r"[ \n]", made[0]))
     assert "acosh" not in made[0]
@@ -214,7 +213,20 @@ def test_a_program_brings_all_overloads_of_what_it_names_and_nothing_else(device
 def test_a_program_is_built_as_ever_where_what_it_brings_does_not_compile(
     folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(pocl_builtins, "_declarations", lambda: [(None, "#error")])
+    monkeypatch.setattr(pocl_source, "_declarations", lambda: [(None, "#error")])
     assert seven(device) == 7
-    monkeypatch.setattr(pocl_builtins, "_declarations", list)
+    monkeypatch.setattr(pocl_source, "_declarations", list)
     assert seven(device, 8) == 8
+
+
+def test_filled_lanes_of_a_known_place_become_a_function(device: OpenCL) -> None:
+    head = "LANED __kernel void f(__global float *a, const int N)\n"
+    alone, places = (f"{head}{{\n    {grid};\n}}" for grid in ("GRID_LANES(i, n, N)", "GRID_2(y)"))
+    assert "code_of_f(a, N, get_global_id(0))" in pocl_source.pocl_source(alone)[0]
+    assert "code_of_f" not in pocl_source.pocl_source(places)[0]
+    shared = alone.replace("__global float *a,", "SHARED,")
+    assert "code_of_f" not in pocl_source.pocl_source(shared)[0]
+    source, options = device.compiled(find_node("coarsen")).recipe({})
+    text, more = pocl_source.pocl_source(source)
+    assert "code_of_coarsen" in text
+    cl.Program(device.context, text).build([*options, *more])

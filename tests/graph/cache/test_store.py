@@ -167,7 +167,7 @@ def test_files_go_that_were_read_longest_ago(folder: Path, monkeypatch: pytest.M
 def test_what_a_killed_writer_left_is_swept_up_later(folder: Path) -> None:
     left = folder / ".writing-old"
     left.mkdir(parents=True)
-    (left / "a.kept").write_text("half")
+    (left / "a.cached").write_text("half")
     made(made_now=True)
     assert not left.exists()
 
@@ -182,7 +182,7 @@ store.MIN_STORED_MS = -1.0
 image = np.arange(20_000, dtype=np.float32).reshape(-1, 2)
 print("begun", flush=True)
 for _ in range(int(sys.argv[1])):
-    for file in disk_cache.cache_folder().glob("*.kept"):
+    for file in disk_cache.cache_folder().glob("*.cached"):
         file.unlink(missing_ok=True)
     store.recall_or_make(tabled, {}, [image], lambda: tabled(image))
 """

@@ -10,7 +10,7 @@ from tactograph.graph import GraphError, InputError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.disk.strict_yaml import Place
-from tactograph.graph.files.flat_graph import NOT_GIVEN, Entry
+from tactograph.graph.files.flat_graph import PARAM_PLACEHOLDER, Entry
 from tests.each import each
 from tests.graph.toys import choosy
 
@@ -84,9 +84,9 @@ def test_a_parameter_that_is_needed_is_asked_for() -> None:
 
 
 def test_a_value_that_is_not_given_yet_is_taken_to_be_right_but_not_the_one_beside_it() -> None:
-    assert check(way=NOT_GIVEN)["way"] is NOT_GIVEN
-    assert check(way=NOT_GIVEN, level=NOT_GIVEN)["corner"] == (0, 0)
-    assert "with.share" in refusal(way=NOT_GIVEN, share=7)
+    assert check(way=PARAM_PLACEHOLDER)["way"] is PARAM_PLACEHOLDER
+    assert check(way=PARAM_PLACEHOLDER, level=PARAM_PLACEHOLDER)["corner"] == (0, 0)
+    assert "with.share" in refusal(way=PARAM_PLACEHOLDER, share=7)
 
 
 VALUES = st.recursive(
@@ -113,7 +113,7 @@ def test_any_value_is_checked_or_refused(name: str, value: Any) -> None:
 @each("name", shipped_nodes())
 def test_the_defaults_of_a_node_pass_its_own_check(name: str) -> None:
     node = find_node(name)
-    needed = {n: NOT_GIVEN for n, p in node.parameters.items() if p.required}
+    needed = {n: PARAM_PLACEHOLDER for n, p in node.parameters.items() if p.required}
     check_settings(node, needed, where)
     defaults = {n: p.default for n, p in node.parameters.items() if not p.required}
     check_settings(node, {**needed, **defaults}, where)

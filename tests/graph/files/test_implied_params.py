@@ -19,7 +19,7 @@ def test_it_takes_kind_default_and_help_from_the_node() -> None:
     graph = graph_of(
         light_ring={"slant_deg": "$slant_deg"},
         read_capture={"folder": "$folder", "crop": "$crop", "single": "$single"},
-        measure_step={"known_um": "$known_um", "along": "$along"},
+        measure_step={"certified_um": "$certified_um", "along": "$along"},
     )
     slant = graph.params["slant_deg"]
     assert (slant.kind, slant.required, slant.default) == ("number", False, 28.0)

@@ -101,7 +101,7 @@ def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
         # It would keep the host from it, and the device is idle once the sizes are there.
         ("precise", ("first.pass.mean", "first.rest", "first.pass.rises", "first.pass.raw")),
         # The device checks the touch while the host looks for contacts.
-        ("reconstruct", ("download height.as_seen", "judge.told", "measure.contact")),
+        ("reconstruct", ("download height.distort_height", "judge.evidence", "measure.contact")),
     ],
     ids=["sizes are waited for after the host's own work", "the touch is checked meanwhile"],
 )

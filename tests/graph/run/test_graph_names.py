@@ -106,7 +106,7 @@ def test_what_a_cache_keeps_goes_by_the_names_of_each_graph() -> None:
         with load(graph, nodes=NODES, cache=cache) as pipeline:
             results = list(pipeline.items())
         assert [f"below {name}," in result.warnings[1] for result in results] == [True, True]
-    assert all("first" in result.kept for result in results)
+    assert all("first" in result.reused for result in results)
 
 
 def test_a_function_called_by_itself_names_its_own_arguments() -> None:

@@ -38,8 +38,8 @@ def test_a_second_call_with_equal_arrays_computes_nothing(toys: list[str], backe
     first = pipeline(frames=STACK)
     second = pipeline(frames=STACK.copy())
     assert toys == ["at_rest", "doubled"]
-    assert {"light", "twice", "seen"} <= second.kept
-    assert not {"light", "twice", "seen"} & first.kept
+    assert {"light", "twice", "seen"} <= second.reused
+    assert not {"light", "twice", "seen"} & first.reused
     for name in first:
         np.testing.assert_array_equal(first[name], second[name])
     assert second.warnings == first.warnings == ["a warning"]
@@ -51,8 +51,8 @@ def test_a_change_computes_what_depends_on_it_alone(toys: list[str], backend: st
     pipeline.set("high", above=0.25)
     result = pipeline.again()
     names = {name for name in pipeline.plan.tasks if name != "save"}
-    assert names - result.kept == {"high"}
-    assert names - pipeline.again().kept == set()
+    assert names - result.reused == {"high"}
+    assert names - pipeline.again().reused == set()
     assert toys.count("doubled") == 1
     fresh = load(graph_of(CHAIN), backend=backend, changes={"high.above": 0.25})(frames=STACK)
     for name in fresh:
@@ -129,8 +129,8 @@ def test_a_size_that_only_the_data_tell_does_not_run_what_is_made_once_again(bac
     pipeline = load(graph_of(text), backend=backend, cache=Cache())
     pipeline(frames=STACK)
     pipeline.set("high", above=0.25)
-    assert "rest" in pipeline.again().kept
-    assert "rest" in pipeline(frames=2 * STACK).kept
+    assert "rest" in pipeline.again().reused
+    assert "rest" in pipeline(frames=2 * STACK).reused
 
 
 def test_two_pipelines_share_what_is_the_same_in_both(toys: list[str], write: Write) -> None:
@@ -145,7 +145,7 @@ def test_device_and_host_do_not_stand_in_for_each_other() -> None:
     cache = Cache()
     for backend in ("numpy", "opencl"):
         result = load(graph_of(CHAIN), backend=backend, cache=cache)(frames=STACK)
-        assert "light" not in result.kept
+        assert "light" not in result.reused
 
 
 def test_a_run_that_failed_leaves_nothing_behind() -> None:

@@ -52,7 +52,7 @@ def stated_error(
     system = system or equations(slope, 1e-4, at_rest(z))
     light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
     noisy = np.float32(noise) * light
-    given = {"misfit": np.zeros(5, np.float32), "seen": slope} | given
+    given = {"misfit": np.zeros(5, np.float32), "apparent": slope} | given
     return np.asarray(height_error(z, slope, system, light, noisy, used, film, **given))
 
 
@@ -93,14 +93,6 @@ def test_blur_flattens_by_half_its_variance_times_the_laplacian() -> None:
     lost = z - cv2.GaussianBlur(z, (0, 0), 0.8, borderType=cv2.BORDER_REPLICATE)
     inside = at_rest(z) == 0
     assert np.abs(np.sqrt(blurred**2 - sharp**2) - np.abs(lost))[inside].max() < 0.1 * lost.max()
-
-
-def test_a_scale_that_is_open_is_an_error_of_every_height() -> None:
-    z, slope = dome()
-    sure, unsure = (stated_error(z, slope, 1e-3, scale_error=s, **LIGHT_ALONE) for s in (0, 0.2))
-    inside = at_rest(z) == 0
-    assert np.allclose(unsure[inside], np.hypot(sure, 0.2 * z)[inside], rtol=1e-5)
-    assert unsure.max() > 2 * sure.max()
 
 
 def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest() -> None:
@@ -160,23 +152,23 @@ def test_bounced_light_that_has_not_settled_is_an_error() -> None:
 def test_film_held_at_zero_may_be_as_high_as_slopes_alone_say() -> None:
     rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.002))
     flat = np.zeros(SHAPE, np.float32)
-    found = doubt_rest(error, rest, flat + np.float32(0.1), variance_of(1e-4), PIXEL, flat)
+    found = doubt_rest(error, rest, flat + np.float32(0.1), variance_of(1e-4), PIXEL, flat, flat)
     assert found[rest == 1] == pytest.approx(0.1, rel=0.01)
     assert (found[rest == 0] == error[rest == 0]).all()
-    hidden = doubt_rest(error, rest, flat, variance_of(1e-4), PIXEL, flat)[rest == 1]
+    hidden = doubt_rest(error, rest, flat, variance_of(1e-4), PIXEL, flat, flat)[rest == 1]
     assert hidden == pytest.approx(4.5 / np.sqrt(3) * 0.01 * PIXEL, rel=1e-4)
 
 
 def test_film_held_at_zero_may_be_as_high_as_pieces_of_it_lie_apart() -> None:
     rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.002))
     flat = np.zeros(SHAPE, np.float32)
-    found = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, flat - np.float32(0.1))
+    found = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, flat - np.float32(0.1), flat)
     assert found == pytest.approx(0.1, rel=1e-3)
 
 
 def test_no_slope_is_known_worse_than_its_steepest() -> None:
     flat, rest = np.zeros(SHAPE, np.float32), np.ones(SHAPE, np.uint8)
-    found = doubt_rest(flat, rest, flat, variance_of(1e12), PIXEL, flat, level=1.0)
+    found = doubt_rest(flat, rest, flat, variance_of(1e12), PIXEL, flat, flat, level=1.0)
     assert found == pytest.approx(PIXEL / np.sqrt(3), rel=1e-4)
 
 
@@ -198,7 +190,9 @@ def test_an_edge_may_lie_anywhere_in_its_pixel() -> None:
 def test_all_that_a_rim_carries_shares_its_error() -> None:
     """No slope on the top of a table errs, but all of it stands on the steps of its rim."""
     z, slope = (0.08 * part for part in table())
-    bent, known = (stated_error(z, slope, 1e-6, seen=k * slope, **LIGHT_ALONE) for k in (0.8, 1))
+    bent, known = (
+        stated_error(z, slope, 1e-6, apparent=k * slope, **LIGHT_ALONE) for k in (0.8, 1)
+    )
     assert bent[TOP].min() > 2 * known[TOP].max()
     assert np.ptp(bent[TOP]) < 0.3 * bent[TOP].mean()
 
@@ -230,9 +224,19 @@ def test_noise_does_to_the_height_what_the_error_says() -> None:
     assert ratio == pytest.approx(1, abs=0.3)
 
 
+def test_a_scale_that_is_open_is_an_error_of_every_height() -> None:
+    z, _ = dome()
+    rest, flat, error = at_rest(z), np.zeros(SHAPE, np.float32), np.full(SHAPE, np.float32(0.001))
+    given = error, rest, flat, variance_of(1e-12), PIXEL, flat, z
+    sure, unsure = (doubt_rest(*given, scale_error=share) for share in (0, 0.2))
+    assert np.allclose(unsure[rest == 0], np.hypot(sure, 0.2 * z)[rest == 0], rtol=1e-5)
+    assert np.array_equal(unsure[rest == 1], sure[rest == 1])
+    assert unsure.max() > 2 * sure.max()
+
+
 def test_an_unknown_zero_is_an_error_everywhere() -> None:
     rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.03))
     flat = np.zeros(SHAPE, np.float32)
-    found = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, flat, zero=0.04)
+    found = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, flat, flat, zero=0.04)
     assert found[rest == 0] == pytest.approx(0.05)
     assert found[rest == 1] == pytest.approx(0.04, rel=1e-3)

@@ -42,9 +42,21 @@ def test_the_band_leaves_them_out_and_counts_them() -> None:
     truth[:, 0] = 0
     marked = unresolved_edges(height, PIXEL_MM)
     assert evaluate_error(height, error, truth)["in_90_percent_band"] == pytest.approx(95)
-    found = evaluate_error(height, error, truth, marked)
+    found = evaluate_error(height, error, truth, unresolved=marked)
     assert found["in_90_percent_band"] == 100
     assert found["unresolved_percent"] == pytest.approx(20)
+
+
+def test_film_at_rest_does_not_decide_the_band() -> None:
+    """Whatever is stated of it: half the frame is held at zero where it is, half is off."""
+    error, touched = np.full((2, 4, 6), 0.01, np.float32)
+    touched[:, :3] = 0
+    truth, height = 2 * touched, 0 * touched
+    assert evaluate_error(height, error, truth)["in_90_percent_band"] == 50
+    found = evaluate_error(height, error, truth, touched)
+    assert found["in_90_percent_band"] == 0
+    assert found["stated_over_actual"] == pytest.approx(0.5)
+    assert evaluate_error(height, error, truth, 0 * touched) == {}
 
 
 def test_stated_over_actual_compares_root_mean_squares() -> None:
@@ -56,5 +68,5 @@ def test_stated_over_actual_compares_root_mean_squares() -> None:
 
 def test_where_all_is_unresolved_only_that_is_told() -> None:
     plane = np.ones((4, 5), np.float32)
-    found = evaluate_error(plane, plane, plane, np.ones((4, 5), np.uint8))
+    found = evaluate_error(plane, plane, plane, unresolved=np.ones((4, 5), np.uint8))
     assert found == {"unresolved_percent": 100}

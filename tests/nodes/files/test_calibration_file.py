@@ -20,7 +20,7 @@ from tactograph.nodes.calibrate.file.write_calibration import write_calibration
 from tactograph.nodes.stored import Value, stored_values
 
 RNG = np.random.default_rng(0)
-MADE = Provenance({}, None, [], {}, {}, [], [])
+PROVENANCE = Provenance({}, None, [], {}, {}, [], [])
 
 
 def random(*shape: int) -> np.ndarray:
@@ -60,7 +60,7 @@ def write(
     quality = {"entries": 50.0}
     write_calibration(
         *ARRAYS, film, NOISE, 1.5, LENS, MISFIT, quality, doubts or [], AREA,
-        file=target, provenance=replace(MADE, given={"lights": lights}),
+        file=target, provenance=replace(PROVENANCE, arguments={"lights": lights}),
     )  # fmt: skip
 
 
@@ -126,7 +126,7 @@ def test_units_version_date_and_settings_are_inside(tmp_path: Path) -> None:
     assert about["units"]["pixel_size"] == "mm/px"
     assert about["quality"] == {"entries": 50.0}
     assert datetime.fromisoformat(about["date"]).tzinfo is not None
-    assert about["made"]["given"] == {"lights": "bgr"}
+    assert about["provenance"]["arguments"] == {"lights": "bgr"}
 
 
 def test_a_doubtful_calibration_says_so_in_one_line_wherever_it_is_used(tmp_path: Path) -> None:

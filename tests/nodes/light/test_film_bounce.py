@@ -146,7 +146,7 @@ def test_what_is_kept_holds_while_nothing_moves() -> None:
     height = bump()
     kept = np.full_like(ones(height), 0.1)
     moved, first, stays = (
-        film_bounce(ones(height), height, film(0.5), PIXEL, kept=before, still=still)
+        film_bounce(ones(height), height, film(0.5), PIXEL, recall=before, still=still)
         for before, still in ((kept, 0.0), (None, 1.0), (kept, 1.0))
     )
     assert np.array_equal(moved, first)

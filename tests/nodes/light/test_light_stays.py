@@ -27,18 +27,18 @@ def seen(seed: int, moved_px: float = 0.0, noise: float = 0.002) -> F4:
 def test_noise_is_no_motion(noise: float) -> None:
     first = light_stays(seen(0, noise=noise), SIGMA)
     assert first.still == 0
-    then = light_stays(seen(1, noise=noise), SIGMA, first.seen)
+    then = light_stays(seen(1, noise=noise), SIGMA, first.reference)
     assert then.still == 1
-    assert then.seen is first.seen
+    assert then.reference is first.reference
 
 
 def test_slow_motion_adds_up() -> None:
     """Each step is below the noise; the frame that is remembered is the last that moved."""
-    memory = light_stays(seen(0, noise=0.02), SIGMA).seen
+    memory = light_stays(seen(0, noise=0.02), SIGMA).reference
     still = []
     for number in range(1, 21):
         found = light_stays(seen(number, 0.05 * number, 0.02), SIGMA, memory)
-        memory = found.seen
+        memory = found.reference
         still.append(found.still)
     assert still[0] == 1
     assert 0 in still[:10]
@@ -49,4 +49,4 @@ def test_a_jump_is_motion_whose_light_is_remembered() -> None:
     light = seen(1, moved_px=3.0)
     found = light_stays(light, SIGMA, seen(0))
     assert found.still == 0
-    assert np.array_equal(found.seen, light)
+    assert np.array_equal(found.reference, light)

@@ -9,13 +9,13 @@ from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.files.flat_graph import split_reference
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.nodes import F4
-from tactograph.nodes.error.error_as_seen import error_as_seen
-from tactograph.nodes.height.as_seen import as_seen
+from tactograph.nodes.error.distort_error import distort_error
+from tactograph.nodes.height.distort_height import distort_height
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.light.undistort_dark import undistort_dark
-from tactograph.nodes.optics.lens import half_diagonal, ideal_offset, ideal_places, seen_offset
-from tactograph.nodes.shadow.confidence_as_seen import confidence_as_seen
-from tactograph.nodes.shadow.labels_as_seen import labels_as_seen
+from tactograph.nodes.optics.lens import camera_offset, half_diagonal, ideal_offset, ideal_places
+from tactograph.nodes.shadow.distort_confidence import distort_confidence
+from tactograph.nodes.shadow.distort_labels import distort_labels
 from tests.each import each
 
 ROWS, COLUMNS = 120, 160
@@ -44,10 +44,10 @@ def test_no_lens_returns_everything_to_the_bit(values: F4, device: OpenCL) -> No
     labels = np.uint8(255 * values[0])
     assert np.array_equal(undistort(values, NONE), values)
     assert np.array_equal(undistort_dark(values[0], NONE), values[0])
-    assert np.array_equal(as_seen(values[1], NONE), values[1])
-    assert np.array_equal(labels_as_seen(labels, NONE), labels)
-    assert np.array_equal(confidence_as_seen(values[2], NONE), values[2])
-    assert np.array_equal(error_as_seen(values[3], NONE), values[3])
+    assert np.array_equal(distort_height(values[1], NONE), values[1])
+    assert np.array_equal(distort_labels(labels, NONE), labels)
+    assert np.array_equal(distort_confidence(values[2], NONE), values[2])
+    assert np.array_equal(distort_error(values[3], NONE), values[3])
     on_device = device.prepare(undistort, {}, {"K": 4, "H": 9, "W": 21})
     given = {"image": device.upload(values), "lens": device.upload(NONE)}
     found, _ = on_device.launch(given)
@@ -67,13 +67,13 @@ def test_an_image_is_as_a_camera_without_lens_saw_it(lens: F4) -> None:
 def test_a_height_is_what_each_pixel_sees(lens: F4) -> None:
     u, v = ideal_places(lens, (ROWS, COLUMNS))
     want = surface(u - (COLUMNS - 1) / 2, v - (ROWS - 1) / 2)
-    assert np.abs(inner(as_seen(surface(*places()), lens) - want)).max() < 1e-4
+    assert np.abs(inner(distort_height(surface(*places()), lens) - want)).max() < 1e-4
 
 
 @LENSES
 def test_there_and_back_is_where_it_began(lens: F4) -> None:
     height = surface(*places())
-    back = as_seen(undistort(height[None], lens)[0], lens)
+    back = distort_height(undistort(height[None], lens)[0], lens)
     assert np.abs(inner(back - height)).max() < 2e-4
 
 
@@ -97,8 +97,8 @@ def test_labels_come_from_the_nearest_pixel(lens: F4) -> None:
     column = np.tile(np.arange(COLUMNS, dtype=np.uint8), (ROWS, 1))
     u, _ = ideal_places(lens, (ROWS, COLUMNS))
     want = np.clip(u, 0, COLUMNS - 1)
-    assert np.abs(labels_as_seen(column, lens) - want).max() <= 0.5
-    assert np.abs(confidence_as_seen(np.float32(column), lens) - want).max() <= 0.5
+    assert np.abs(distort_labels(column, lens) - want).max() <= 0.5
+    assert np.abs(distort_confidence(np.float32(column), lens) - want).max() <= 0.5
 
 
 @LENSES
@@ -106,7 +106,7 @@ def test_a_standard_deviation_comes_back_from_a_plane_as_it_is(lens: F4) -> None
     x, y = places()
     u, v = ideal_places(lens, (ROWS, COLUMNS))
     want = 3 + 0.01 * (u - (COLUMNS - 1) / 2) + 0.02 * (v - (ROWS - 1) / 2)
-    found = error_as_seen(np.float32(3 + 0.01 * x + 0.02 * y), lens)
+    found = distort_error(np.float32(3 + 0.01 * x + 0.02 * y), lens)
     assert np.abs(inner(found - want)).max() < 1e-5
 
 
@@ -115,9 +115,9 @@ def test_no_standard_deviation_is_negative_and_no_confidence_leaves_0_to_1(lens:
     """Beside a step cubic convolution overshoots, on both sides."""
     x, y = places()
     step = np.float32((x > 7) & (y < 11))
-    for found in (error_as_seen(step, lens), confidence_as_seen(step, lens)):
+    for found in (distort_error(step, lens), distort_confidence(step, lens)):
         assert (found.min(), found.max()) == (0, 1)
-    assert as_seen(step, lens).min() < 0
+    assert distort_height(step, lens).min() < 0
 
 
 @each("name", shipped_names())
@@ -125,7 +125,7 @@ def test_no_graph_interpolates_an_error_or_a_confidence_as_a_height(name: str) -
     """Heights alone may be below zero."""
     nodes = read_graph(name).nodes
     for entry in nodes.values():
-        if entry.op == "as_seen":
+        if entry.op == "distort_height":
             maker, port = split_reference(entry.inputs["height"], nodes)
             made = find_node(nodes[maker].op)
             assert made.outputs[port or made.name].port.low < 0, entry.inputs
@@ -141,12 +141,12 @@ def test_the_two_ways_of_a_lens_undo_each_other(bend, centre, tilt) -> None:
     """Where it bends by at most 12 % at a corner; at 20 % a lens is about to fold the image."""
     lens = (*bend, *centre, *tilt)
     v, u = np.mgrid[-0.6:0.6:7j, -0.8:0.8:9j]
-    du, dv = seen_offset(lens, u, v)
+    du, dv = camera_offset(lens, u, v)
     back = ideal_offset(lens, u + du, v + dv)
     assert np.abs(np.array(back) + np.array([du, dv])).max() < 1e-4
 
 
 def test_a_corner_is_one_half_diagonal_away() -> None:
     assert half_diagonal((240, 320)) == 200
-    du, dv = seen_offset((0.02, 0.01, 0, 0, 0, 0, 0, 0), np.array(0.8), np.array(0.6))
+    du, dv = camera_offset((0.02, 0.01, 0, 0, 0, 0, 0, 0), np.array(0.8), np.array(0.6))
     assert np.hypot(du, dv) == pytest.approx(0.03)

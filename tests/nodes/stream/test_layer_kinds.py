@@ -8,7 +8,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import zarr
 
 from tactograph.graph import GraphError, InputError, NodeError, load
 from tactograph.graph.command import run_command
@@ -97,22 +96,15 @@ def made(folder: Path) -> tuple[F4, list[str]]:
     return height, [str(folder / "graph.yaml"), f"file={folder / 'height.npy'}"]
 
 
-def test_a_layer_of_another_package_is_written_wherever_a_touch_is(
-    ring: Lay, tmp_path: Path
-) -> None:
-    """In the folder of a result and a store of a batch."""
+def test_a_layer_of_another_package_is_written_with_the_touch(ring: Lay, tmp_path: Path) -> None:
     ring("warmth", WARMTH)
     (tmp_path / "graph.yaml").write_text(GRAPH)
     height, words = made(tmp_path)
     capture = tmp_path / "capture"
-    out, store = tmp_path / "out", tmp_path / "batch.zarr"
+    out = tmp_path / "out"
     run_command(["run", *words, f"capture={capture}", f"out={out}"])
     np.testing.assert_array_equal(np.load(out / "warmth.npy"), height)
     assert cv2.imread(str(out / "warmth.png")) is not None
-    run_command(["batch", *words, "--over", str(capture), "--out", str(store), "--workers", "1"])
-    kept = zarr.open_group(store, mode="r")["warmth"]
-    np.testing.assert_array_equal(kept[0], height)
-    assert kept.attrs["unit"] == "mm"
 
 
 @pytest.mark.parametrize(("name", "text"), [("gone", "import no_module"), ("odd", "KIND = 1")])

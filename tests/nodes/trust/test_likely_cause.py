@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.trust.likely_cause import left_as_matt, likely_cause
+from tactograph.nodes.trust.likely_cause import likely_cause, matt_residual
 
 ROWS, COLUMNS = 60, 80
 LIGHTS = np.array([[-40, -30, 40], [42, -31, 40], [38, 33, 40], [-39, 30, 40]], np.float32)
@@ -86,7 +86,7 @@ MISTAKES: dict[str, Change] = {
 
 def cause(light: F4) -> str:
     """What explains a touch of a sensor whose right touches leave half as much again as this."""
-    usual = 1.5 * left_as_matt(touch() / flat(), flat(), LIGHTS)
+    usual = 1.5 * matt_residual(touch() / flat(), flat(), LIGHTS)
     return likely_cause(light, flat(), LIGHTS, lambda left: left < usual)
 
 
@@ -97,7 +97,7 @@ def test_a_mistake_is_named(words: str) -> None:
 
 def test_images_of_a_square_sensor_are_named_as_transposed() -> None:
     raw, rest = touch()[:, :, 10:70], flat()[:, :, 10:70]
-    usual = 1.5 * left_as_matt(raw / rest, rest, LIGHTS)
+    usual = 1.5 * matt_residual(raw / rest, rest, LIGHTS)
     turned = raw.transpose(0, 2, 1) / rest
     assert "are transposed" in likely_cause(turned, rest, LIGHTS, lambda left: left < usual)
 

@@ -35,9 +35,9 @@ from tactograph.sdk.unstable import (
     Ball,
     CaptureFile,
     Flat,
-    KnownCircles,
     Radii,
     SheetLight,
+    StatedCircles,
 )
 
 USUAL_LEDS = 4
@@ -56,7 +56,7 @@ class GuidedPresses(NamedTuple):
     image: SheetLight
     first: Light
     radius: Radii
-    known: KnownCircles
+    circles: StatedCircles
     names: list[str]
     flat: Light
     dark: Dark
@@ -118,8 +118,8 @@ def guide_presses(
             frames = {frame.led: frame.data for frame in press.new}
             _save_press(pressed / f"{count:02}", frames, _about(radius_mm, ball, driver.bits))
             tell(f"Press {count} is taken: let go.")
-            image, first, radius, known, names, *_ = read_balls(folder=pressed)
-            presses = GuidedPresses(image, first, radius, known, names, *film)
+            image, first, radius, circles, names, *_ = read_balls(folder=pressed)
+            presses = GuidedPresses(image, first, radius, circles, names, *film)
             yield presses._replace(serial=driver.serial or None)
         if not count:
             raise InputError(

@@ -85,7 +85,7 @@ class Matcher:
     _disagreed: int = 0
     _discarded: int = 0
     _first: list[F4] = field(default_factory=list)
-    _ambient_known: bool = False
+    _has_ambient: bool = False
 
     def __post_init__(self) -> None:
         self._delay = _Delay(self.cycle, self.rate)
@@ -94,7 +94,7 @@ class Matcher:
         """Forget the cycle's phase, because the camera or the controller was reconnected."""
         self._delay = _Delay(self.cycle, self.rate)
         self._last = self._before = None
-        self._first, self._ambient_known = [], False
+        self._first, self._has_ambient = [], False
         self.mean_reach = 0.0
         self._disagreed = 0
 
@@ -109,12 +109,12 @@ class Matcher:
         """
         if light is None:
             light = light_of(data, self.full)
-        if 0 in self.cycle and not self._ambient_known and data.shape == self.film.size:
+        if 0 in self.cycle and not self._has_ambient and data.shape == self.film.size:
             return self._learn_ambient(light)
         verdict = self._verdict(data, light, see(data, self.film, self.full, light), time)
         self._discarded = self._discarded + 1 if verdict.led is None else 0
         if self._discarded > STRANGE_CYCLES * len(self.cycle):
-            self._discarded, self._ambient_known = 0, False
+            self._discarded, self._has_ambient = 0, False
         return verdict
 
     def _verdict(self, data: Plane, light: F4, sight: Sight, time: float) -> Verdict:
@@ -148,7 +148,7 @@ class Matcher:
         if len(self._first) > len(self.cycle):
             darkest = min(self._first, key=lambda light: float(np.median(light)))
             self.film = replace(self.film, dark=darkest)
-            self._first, self._ambient_known = [], True
+            self._first, self._has_ambient = [], True
         return Verdict(None)
 
     def _agreed(self, led: int, due: int | None, time: float, *, certain: bool) -> Verdict:

@@ -53,7 +53,7 @@ def test_markers_are_on_the_film_and_are_dragged_with_the_ball() -> None:
     columns, rows = ((n / 7 - 2) // 2 for n in (SCENE.width_px, SCENE.height_px))
     assert len(markers) >= columns * rows
     tracks = track_markers(deepest, markers, SCENE.pixel_size_mm)
-    assert tracks.tracks.seen.mean() > 0.9
+    assert tracks.tracks.visible.mean() > 0.9
     assert tracks.quality["marker_shift_mm"] == pytest.approx(0.8, abs=0.08)
     far = np.hypot(*(markers[:, :2] - [79.5, 59.5]).T) > 10 * 7
     assert np.abs(tracks.tracks.shift[far]).max() / 7 < 0.1

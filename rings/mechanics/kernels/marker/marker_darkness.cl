@@ -11,12 +11,12 @@ __kernel void extreme_along(
     GRID_3(k, y, x, K, H, W)
     const int at = in_row ? x : y, last = (in_row ? W : H) - 1, stride = in_row ? 1 : W;
     const int i = (k * H + y) * W + x;
-    float found = light[i];
+    float result = light[i];
     for (int j = max(at - radius, 0); j <= min(at + radius, last); ++j) {
         const float value = light[i + (j - at) * stride];
-        found = highest ? fmax(found, value) : fmin(found, value);
+        result = highest ? fmax(result, value) : fmin(result, value);
     }
-    out[i] = found;
+    out[i] = result;
 }
 
 // 1 - I / closing(I), the least over the LEDs.
@@ -28,10 +28,10 @@ __kernel void darkness(
     const float darkest)
 {
     GRID_2(y, x, H, W)
-    float found = INFINITY;
+    float result = INFINITY;
     for (int k = 0; k < K; ++k) {
         const int i = (k * H + y) * W + x;
-        found = fmin(found, 1.0f - light[i] / fmax(closed[i], darkest));
+        result = fmin(result, 1.0f - light[i] / fmax(closed[i], darkest));
     }
-    out[y * W + x] = fmax(found, 0.0f);
+    out[y * W + x] = fmax(result, 0.0f);
 }

@@ -96,8 +96,8 @@ def calibrate_force(
     def spread_at(log: float) -> float:
         return float(np.std(np.log(moduli(float(np.exp(log))))))
 
-    found_mm = thickness_mm
-    if found_mm is None:
+    gel_mm = thickness_mm
+    if gel_mm is None:
         low, high = (float(np.log(end)) for end in THICKNESS_RANGE_MM)
         if max(spread_at(low), spread_at(high)) < LEAST_SPREAD:
             raise InputError(
@@ -107,8 +107,8 @@ def calibrate_force(
         minimum = minimize_scalar(
             spread_at, bounds=(low, high), method="bounded", options={"xatol": 0.01}
         )
-        found_mm = float(np.exp(minimum.x))
-    each = moduli(found_mm)
+        gel_mm = float(np.exp(minimum.x))
+    each = moduli(gel_mm)
     spread = float(np.std(each) / np.mean(each))
     if spread > MAX_SPREAD:
         warn(
@@ -121,14 +121,14 @@ def calibrate_force(
             f"{results}: the modulus would be {modulus:.3g} kPa, which no gel has: are forces in "
             "newtons, and the thickness in mm?"
         )
-    at = [_force(press, found_mm, poisson) for press in presses]
-    thicker = moduli(found_mm * THICKNESS_STEP)
+    at = [_force(press, gel_mm, poisson) for press in presses]
+    thicker = moduli(gel_mm * THICKNESS_STEP)
     by_thickness = float(np.mean(np.log(thicker / each)) / np.log(THICKNESS_STEP))
-    unsure = abs(by_thickness) * thickness_error_mm / found_mm if thickness_mm is not None else 0.0
+    unsure = abs(by_thickness) * thickness_error_mm / gel_mm if thickness_mm is not None else 0.0
     edges = np.array([force.edge / force.newtons for force in at])
     figures = {
         "modulus_kpa": modulus,
-        "thickness_mm": found_mm,
+        "thickness_mm": gel_mm,
         "edge_percent": 100 * float(np.sqrt(np.mean(edges**2))),
         "thickness_percent": 100 * unsure,
     }

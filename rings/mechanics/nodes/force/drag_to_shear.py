@@ -108,7 +108,7 @@ def drag_to_shear(
     ``contact_shear_sd_x_n/c1`` and so on.
     """
     markers = marker_places(height, tracks, pixel, view)
-    is_tracked = (tracks.seen > 0) & markers.inside
+    is_tracked = (tracks.visible > 0) & markers.inside
     largest = largest_contacts(contact, most)
     count = np.bincount(contact[markers.pixel][is_tracked], minlength=256)
     count[0] = 0

@@ -108,8 +108,8 @@ def press_to_pressure(
     by_cell = layer.pressure(place.cells(height, cell_px), place.cells(contact > 0, cell_px))
     size = by_cell.shape[1] * cell_px, by_cell.shape[0] * cell_px
     enlarged = np.asarray(cv2.resize(by_cell, size, interpolation=cv2.INTER_LINEAR), np.float32)
-    as_seen = place.as_seen(enlarged[: height.shape[0], : height.shape[1]])
-    pressure = np.where(contact > 0, as_seen, np.float32(0))
+    apparent = place.apparent(enlarged[: height.shape[0], : height.shape[1]])
+    pressure = np.where(contact > 0, apparent, np.float32(0))
     figures = _figures(pressure, contact, numbers, pixel**2 * place.areas)
     if error is not None:
         cells = place.cells(height, cell_px), by_cell, place.cells(error, cell_px)
@@ -137,7 +137,7 @@ class _Place:
             )
         return in_cells(np.nan_to_num(plane), side)
 
-    def as_seen(self, plane: F4) -> F4:
+    def apparent(self, plane: F4) -> F4:
         """A map on an even grid, as seen."""
         if self._places is None:
             return plane

@@ -13,7 +13,7 @@ from tactograph.sdk import F4, Close, Light, Mask, node
 if TYPE_CHECKING:
     from tactograph.sdk import Launch
 
-MIN_KNOWN_SHARE = np.float32(1e-3)
+MIN_WEIGHT_SHARE = np.float32(1e-3)
 """Share of the weights that must be known."""
 TILT_REGULARISATION = 0.02
 """Regularisation towards a level plane where little is known: a share of the weights' variance."""
@@ -39,8 +39,8 @@ def fill_masked(
     away, taps = _taps(radius_px)
     unmasked = (mask > 0).astype(np.float32)
     total = _spread(unmasked, taps, taps)
-    empty = (mask == 0) & (total > MIN_KNOWN_SHARE)
-    near = np.maximum(total, MIN_KNOWN_SHARE)
+    empty = (mask == 0) & (total > MIN_WEIGHT_SHARE)
+    near = np.maximum(total, MIN_WEIGHT_SHARE)
 
     def mean(plane: F4, in_x: F4, in_y: F4) -> F4:
         weighted = _spread(plane * unmasked, taps * in_x, taps * in_y)
@@ -85,4 +85,4 @@ def _launch(run: Launch) -> None:
     sizes = tuple(run.sizes[symbol] for symbol in "KHW")
     planes = run.inputs["light"], run.inputs["mask"], taps, run.outputs["fill_masked"]
     ridge = TILT_REGULARISATION * (radius / 2) ** 2
-    run.kernel("fill_masked", sizes, *planes, *sizes, radius, float(MIN_KNOWN_SHARE), ridge)
+    run.kernel("fill_masked", sizes, *planes, *sizes, radius, float(MIN_WEIGHT_SHARE), ridge)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.sdk import F8, Height, View
-from tactograph.sdk.unstable import half_diagonal, seen_offset
+from tactograph.sdk.unstable import camera_offset, half_diagonal
 
 
 class MarkerPlaces(NamedTuple):
@@ -34,7 +34,7 @@ def marker_places(
     away = rest + tracks.shift
     u, v = away.T / half
     # Markers are found without the lens's distortion, heights with it.
-    bent = np.zeros((2, 1)) if lens is None else seen_offset(lens, u, v)
+    bent = np.zeros((2, 1)) if lens is None else camera_offset(lens, u, v)
     column, row = np.rint(away.T + half * np.asarray(bent) + middle[:, None]).astype(int)
     inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     at = row * inside, column * inside

@@ -57,7 +57,7 @@ def track_markers(
     Returns
     -------
     The markers; their shifts M x 2 in px; which of them are seen; as figures ``markers``, how many
-    there are, ``markers_seen_percent``, ``marker_shift_mm``, the longest, and
+    there are, ``visible_markers_percent``, ``marker_shift_mm``, the longest, and
     ``marker_shift_mean_mm``.
     """
     spots = find_markers(darkness, dark=dark)[:, :2].astype(np.float64)
@@ -79,7 +79,7 @@ def _figures(shift: F8 | F4, matched: NDArray[np.generic], pixel: float) -> Metr
     length = np.hypot(shift[:, 0], shift[:, 1])[np.asarray(matched) > 0] * pixel
     return {
         "markers": float(len(shift)),
-        "markers_seen_percent": 100 * float(np.mean(np.asarray(matched) > 0))
+        "visible_markers_percent": 100 * float(np.mean(np.asarray(matched) > 0))
         if len(shift)
         else 0.0,
         "marker_shift_mm": float(length.max()) if length.size else 0.0,

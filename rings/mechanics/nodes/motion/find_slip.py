@@ -28,7 +28,7 @@ MIN_MARKERS = 3
 """Least number of markers that tell of a contact."""
 MAX_POSE_MM = 0.2
 """Standard deviation of the object's place above which its motion is open."""
-KNOWN_SHARE = 1 / 3
+CERTAIN_SHARE = 1 / 3
 """Largest deviation of the object's way, as a share of the least slip."""
 Slides = Annotated[F4, Port("M 7", "mm, frames")]
 """A row per marker, see `COLUMN_X`."""
@@ -98,7 +98,7 @@ def find_slip(
     begins = not moved.covariance.any()
     slides[(number == 0) | begins] = 0
     on_object, variance = _on_object(markers.place, moved)
-    judged = (number > 0) & (tracks.seen > 0) & (variance < MAX_POSE_MM**2)
+    judged = (number > 0) & (tracks.visible > 0) & (variance < MAX_POSE_MM**2)
     _slide(slides, judged, on_object, variance, slip_mm, hold_frames)
     figures: Metrics = {}
     for contact_number in largest_contacts(contact, most):
@@ -130,7 +130,7 @@ def _slide(
     held_at = slides[:, [COLUMN_X, COLUMN_Y]]
     way, state = np.hypot(*(on_object - held_at).T), slides[:, COLUMN_STATE]
     # What the pose has lost since, as from one key frame to the next, is no slip.
-    lost = np.abs(variance - slides[:, COLUMN_VARIANCE]) > (KNOWN_SHARE * slip_mm) ** 2
+    lost = np.abs(variance - slides[:, COLUMN_VARIANCE]) > (CERTAIN_SHARE * slip_mm) ** 2
     least = np.where(state == STATE_SLIPPING, slip_mm / 2, slip_mm)
     slips = judged & (state != STATE_FREE) & ~lost & (way > least)
     slides[slips, COLUMN_WAY] += way[slips]

@@ -14,8 +14,8 @@ from tactograph.sdk.unstable import (
     MAX_MEASURED,
     Lens,
     Most,
+    ideal_place,
     largest_contacts,
-    seen_from_above,
 )
 
 COLUMN_AGE, COLUMN_UNSEEN, COLUMN_X, COLUMN_Y, COLUMN_VX, COLUMN_VY = range(6)
@@ -102,7 +102,7 @@ def follow_contacts(
     figures: Metrics = {}
     for lasts in largest_contacts(followed, most):
         age, _, x, y, *speed = rows[lasts - 1].tolist()
-        _, stretch = seen_from_above(lens, contact.shape, x, y)
+        _, stretch = ideal_place(lens, contact.shape, x, y)
         speed_x, speed_y = pixel * stretch @ speed
         figures[f"contact_age/c{lasts}"] = age
         figures[f"contact_speed_x_mm/c{lasts}"] = float(speed_x)

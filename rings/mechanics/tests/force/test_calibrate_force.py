@@ -95,6 +95,7 @@ def table(file: Path, rows: list[tuple[str, float]]) -> Path:
     return file
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 def test_each_press_is_held_out_of_a_stream(noise: float, tmp_path: Path) -> None:
     rows = stream(tmp_path / "frames", noise)

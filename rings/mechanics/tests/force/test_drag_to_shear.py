@@ -136,7 +136,7 @@ def test_a_press_without_drag_has_no_shear() -> None:
 def test_a_contact_of_fewer_than_two_markers_has_no_figures() -> None:
     press = Press((2.5, 0.48), 1.6, 0.0, 0.5)
     tracks = press.markers(np.random.default_rng(1), 1.0, 0.05)
-    found = press.found(tracks._replace(seen=np.zeros_like(tracks.seen)))
+    found = press.found(tracks._replace(visible=np.zeros_like(tracks.visible)))
     assert found.figures == {}
     assert not found.shear.any()
 

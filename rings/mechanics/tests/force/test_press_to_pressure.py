@@ -97,6 +97,7 @@ def test_the_stated_deviation_holds(gel: Gel) -> None:
     assert inside >= 84
 
 
+@pytest.mark.slow
 def test_the_deviation_holds_of_contacts_as_they_are_found() -> None:
     """Thin gels bulge, so that a contact is found too small; thick ones feel the frame."""
     rng, held, shares = np.random.default_rng(0), [], []

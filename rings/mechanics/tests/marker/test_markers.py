@@ -6,12 +6,12 @@ import pytest
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.simulate.press import press
-from tactograph.nodes.simulate.print_markers import print_markers
 from tactograph.nodes.simulate.render import render
 from tactograph.rings.mechanics.nodes.marker.bare_film import bare_film
 from tactograph.rings.mechanics.nodes.marker.fill_masked import fill_masked
 from tactograph.rings.mechanics.nodes.marker.find_markers import find_markers
 from tactograph.rings.mechanics.nodes.marker.marker_darkness import marker_darkness
+from tactograph.rings.mechanics.nodes.marker.print_markers import print_markers
 from tactograph.rings.mechanics.nodes.marker.track_markers import Tracks, track_markers
 from tests.nodes.gels import FLASHED
 
@@ -79,7 +79,7 @@ def test_markers_are_followed_through_a_press_and_a_shear(
     moved = {"drag_x_mm": drag[0], "drag_y_mm": drag[1], "reach_mm": REACH_MM}
     found = tracked(seen(PRESSED, seed=2, **print_, **moved), markers)
     error = np.abs(found.tracks.shift - true_shifts(markers, drag)).max(axis=1)
-    followed = (found.tracks.seen > 0) & (error < 0.5)
+    followed = (found.tracks.visible > 0) & (error < 0.5)
     assert followed.mean() >= 0.95
     assert np.sqrt(np.square(error[followed]).mean()) < 0.2
     assert found.quality["marker_shift_mm"] == pytest.approx(0.99, abs=0.1)

@@ -105,6 +105,7 @@ def onsets(state: F8, true: F8) -> list[int]:
     ]
 
 
+@pytest.mark.slow
 def test_a_front_that_runs_inwards_is_told_within_two_frames() -> None:
     state, share, way_mm, true = front(Film(coin))
     assert all(-1 <= late <= 2 for late in onsets(state, true))

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
+from rings.batch.tests.stores import new_store
 from rings.mechanics.tests.motion.moved_objects import (
     F8,
     PIXEL,
@@ -22,11 +23,6 @@ from rings.mechanics.tests.motion.moved_objects import (
 )
 from rings.recording.tests.recordings import LEDS, record_touch
 from tactograph.graph import InputError, Provenance, Session
-from tactograph.graph.batch.entry import DONE, Entry
-from tactograph.graph.batch.job import Job
-from tactograph.graph.batch.map_types import MapType
-from tactograph.graph.batch.store import create_store
-from tactograph.graph.cache.result_origin import Origin
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.progress import progress_text
@@ -35,6 +31,8 @@ from tactograph.nodes.optics.film_places import on_even_grid
 from tactograph.nodes.stream.frames import RawFrame
 from tactograph.nodes.stream.touch import Touch, View
 from tactograph.nodes.write.write_result import write_result
+from tactograph.rings.batch.entry import DONE, Entry
+from tactograph.rings.batch.map_types import MapType
 from tactograph.rings.mechanics.layers.pose import POSE_NAMES
 from tactograph.rings.mechanics.nodes.motion.read_touches import read_touches
 from tactograph.rings.mechanics.nodes.motion.stitch import StitchedSurface, stitch
@@ -207,11 +205,9 @@ def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) 
 
 
 def test_touches_of_a_store_are_read(touches: tuple[F4, F4], tmp_path: Path) -> None:
-    job = Job("", "", "", {}, {}, ("height", "error"))
-    store = create_store(str(tmp_path / "out.zarr"), job, Origin({}, {}, ""), 2)
-    store.append(["touches/one", "touches/two"])
     kind = MapType(touches[0].shape[1:], "float32", "mm", ("H", "W"), PIXEL)
-    store.add_maps({"height": kind, "error": kind})
+    store = new_store(tmp_path / "out.zarr", {"height": kind, "error": kind}, 2)
+    store.append(["touches/one", "touches/two"])
     for number in range(2):
         maps = {"height": touches[0][number], "error": touches[1][number]}
         store.write({number: Entry(DONE, maps=maps)})

@@ -138,14 +138,14 @@ LANED __kernel void light_model_slope(
         q += moving ? dq * shrink : none;
         moving = moving && length_ > MIN_STEP_RAD * square;
     }
-    floats left = 0.0f;
+    floats squares = 0.0f;
     for (int k = 0; k < K; ++k) {
         const floats rest = image[k] - g * m[k];
-        left += rest * rest;
+        squares += rest * rest;
     }
     store_floats(p, slope + i, count);
     store_floats(q, slope + size + i, count);
     store_floats(g, brightness + i, count);
-    store_floats(sqrt(left / (float)K), residual + i, count);
+    store_floats(sqrt(squares / (float)K), residual + i, count);
     store_bytes(shaded(image, m, terms, model_dark, g, K), shadow + i, count);
 }

@@ -30,7 +30,7 @@ class Compared(NamedTuple):
     """
 
     true: Points | None = None
-    found: Points | None = None
+    measured: Points | None = None
     stated: Annotated[F8, Port("M", "mm", nan=True)] | None = None
     shape: Numbers | None = None
     touch: Numbers | None = None

@@ -14,7 +14,7 @@ from tactograph.sdk.unstable import UM_PER_MM
 
 COVERED_SHARE = 0.9545
 """Share of a normal distribution within two standard deviations: k = 2 (GUM 6.3.3)."""
-FOLD_COUNT, MIN_KEPT = 10, 2
+FOLD_COUNT, MIN_REMAINING = 10, 2
 """Parts that are held out in turn, and fewest shapes that the others hold: one has no spread."""
 CURVE_POINTS = 100
 """Heights at which an uncertainty is computed; between them it is interpolated."""
@@ -188,7 +188,7 @@ def _held_out(compared: Compared, *others: Any) -> tuple[float, float] | None:
     assert measured is not None
     assert shape is not None
     numbers = np.unique(shape)
-    if len(numbers) <= MIN_KEPT:
+    if len(numbers) <= MIN_REMAINING:
         return None
     inside, fold_count = np.zeros(len(true), bool), min(FOLD_COUNT, len(numbers))
     for fold in range(fold_count):

@@ -89,7 +89,7 @@ def write_statement(
         "uncertainty": budget.metrics,
         "counts": {name: value for name, value in figures.items() if name.startswith("known_")},
         "curves": {name: None if at is None else at.tolist() for name, at in curves.items()},
-        "made": provenance.as_dict(),
+        "provenance": provenance.as_dict(),
     }
     with atomic_files(folder, last=JSON_FILE) as target:
         title, about = "What this sensor measures", _about(figures, provenance)

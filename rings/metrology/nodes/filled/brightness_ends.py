@@ -5,18 +5,18 @@ from typing import NamedTuple
 from tactograph.sdk import node
 from tactograph.sdk.unstable import Uneven
 
-KNOWN_UNEVEN, FREE_UNEVEN = 0.0005, 0.2
+HELD_UNEVEN, FREE_UNEVEN = 0.0005, 0.2
 """Standard deviations of the film's brightness that leave slopes no freedom, and all."""
 
 
 class BrightnessEnds(NamedTuple):
     """Standard deviations of the brightness for `label_lights`."""
 
-    known: Uneven
+    held: Uneven
     free: Uneven
 
 
 @node
 def brightness_ends() -> BrightnessEnds:
     """Return how uneven film is whose brightness is known, and whose is any."""
-    return BrightnessEnds(KNOWN_UNEVEN, FREE_UNEVEN)
+    return BrightnessEnds(HELD_UNEVEN, FREE_UNEVEN)

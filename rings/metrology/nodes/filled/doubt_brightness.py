@@ -16,7 +16,7 @@ MAX_SLOPE_CHANGE = np.float32(0.3)
 def doubt_brightness(
     error: HeightError,
     height: Height,
-    known: Slope,
+    held: Slope,
     free: Slope,
     pixel: PixelSize,
     scale_error: ScaleError | None = None,
@@ -48,7 +48,7 @@ def doubt_brightness(
     if scale is not None:
         factor, uncertain = scale
         return np.asarray(np.hypot(error * factor, height / factor * uncertain), np.float32)
-    change = np.clip(free - known, -MAX_SLOPE_CHANGE, MAX_SLOPE_CHANGE)
+    change = np.clip(free - held, -MAX_SLOPE_CHANGE, MAX_SLOPE_CHANGE)
     share = level_plane(integrate_dct(change, pixel), level=level) / 2
     combined = np.hypot(np.hypot(error, share), height * (scale_error or 0.0))
     of_brightness, of_all = (

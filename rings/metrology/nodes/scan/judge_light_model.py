@@ -1,10 +1,13 @@
 """Judge whether a light model is this sensor's, by the residual light and the film's brightness."""
 
+import math
+
 import numpy as np
 
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope, light_model_slope
 from tactograph.sdk import InputError, Light, Metrics, Slope, node, warn
+from tactograph.sdk.unstable import MAX_INDEPENDENT_REST, MAX_SAMPLE_SLOPE, SURE_ODDS, log_odds
 
 MAX_RESIDUAL = 0.01
 """Share of a cell's light that a model leaves at half of the cells; 0.005 on scans of two sensors
@@ -15,17 +18,11 @@ MAX_BRIGHTNESS_RATIO = 1.33
 """Ratio of the film's brightness to that when the model was made, or its inverse, at most."""
 TRIED_RESIDUAL = 0.006
 """Share above which other orders of the LEDs are tried; a mirror image of them leaves 0.0076."""
-MAX_ORDER_RATIO = 0.75
-"""What another order of the LEDs leaves of the light, times the curl of its slopes, over the given
-one's, below which the latter is wrong: at most 0.58 for all wrong orders on three scans and 48
-crops of them, where they leave enough to be tried, and 1.03 or more for the right one."""
-MAX_TRIED_SLOPE = 3
-"""Slope that steeper ones count as: a few would settle all."""
 
 
 @node
 def judge_light_model(
-    found: ModelSlope,
+    fit: ModelSlope,
     light: Light | None = None,
     model: LightModel | None = None,
     *,
@@ -35,7 +32,7 @@ def judge_light_model(
 
     Parameters
     ----------
-    found : of cells, whose noise is small
+    fit : of cells, whose noise is small
     light, model
         K x H x W of the same cells: then other orders of the LEDs, turned or reversed, are tried:
         slopes by a wrong one are those of no surface.
@@ -53,8 +50,8 @@ def judge_light_model(
         If the residual is above `REFUSED_RESIDUAL`, or above `MAX_RESIDUAL` at a brightness out of
         its range, or if the LEDs in another order explain the light, unless `force`.
     """
-    bright = float(np.median(found.brightness))
-    residual = _unexplained(found)
+    bright = float(np.median(fit.brightness))
+    residual = _unexplained(fit)
     if light is not None and model is not None and residual > TRIED_RESIDUAL:
         _compare_orders(light, model, force)
     usual = 1 / MAX_BRIGHTNESS_RATIO < bright < MAX_BRIGHTNESS_RATIO
@@ -74,21 +71,26 @@ def judge_light_model(
     return {"model_residual": residual, "model_brightness": bright}
 
 
-def _unexplained(found: ModelSlope) -> float:
-    return float(np.median(found.residual)) / max(float(np.median(found.brightness)), 1e-6)
+def _unexplained(fit: ModelSlope) -> float:
+    return float(np.median(fit.residual)) / max(float(np.median(fit.brightness)), 1e-6)
 
 
 def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
-    """Refuse images whose order is turned or reversed: another one explains them better."""
+    """Refuse images whose order is turned or reversed, if another one is likelier (`SURE_ODDS`).
+
+    What an order leaves of the light, times the curl of its slopes, counts as a deviation.
+    """
     stated_order = np.arange(len(light))
     orders = [
         np.roll(each, by) for each in (stated_order, stated_order[::-1]) for by in stated_order
     ]
     slopes_by_order = (light_model_slope(light[each], model) for each in orders)
-    misfits = [(_unexplained(found), _curl(found.slope)) for found in slopes_by_order]
+    misfits = [(_unexplained(fit), _curl(fit.slope)) for fit in slopes_by_order]
     product = np.prod(misfits, axis=1)
     best = int(np.argmin(product))
-    if product[best] < MAX_ORDER_RATIO * product[0] and misfits[best][0] < MAX_RESIDUAL:
+    values = MAX_INDEPENDENT_REST * len(light)
+    odds = log_odds(product[0], product[best], 0, values)
+    if odds > math.log(SURE_ODDS) and misfits[best][0] < MAX_RESIDUAL:
         order = ", ".join(str(led + 1) for led in orders[best])
         doubt = f"the images fit the light model in the order {order} of those listed: sort them"
         if not force:
@@ -97,6 +99,9 @@ def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
 
 
 def _curl(slope: Slope) -> float:
-    """Sum of the magnitudes of the slopes' curl; those of a surface have none."""
-    p, q = np.clip(slope, -MAX_TRIED_SLOPE, MAX_TRIED_SLOPE)
+    """Sum of the magnitudes of the slopes' curl; those of a surface have none.
+
+    Steeper slopes count as `MAX_SAMPLE_SLOPE`: a few would settle all.
+    """
+    p, q = np.clip(slope, -MAX_SAMPLE_SLOPE, MAX_SAMPLE_SLOPE)
     return float(np.abs(np.diff(p, axis=0)[:, 1:] - np.diff(q, axis=1)[1:]).sum())

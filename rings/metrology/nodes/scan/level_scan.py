@@ -13,9 +13,9 @@ from tactograph.rings.metrology.nodes.filled.scale_height import Scale
 from tactograph.rings.metrology.nodes.scan._scan_error import scan_errors
 from tactograph.rings.metrology.nodes.scan._scan_levelling import ScanLevelling
 from tactograph.rings.metrology.nodes.scan.judge_untouched import MAX_LEAN
-from tactograph.rings.metrology.nodes.scan.known_step import KnownStep
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope
+from tactograph.rings.metrology.nodes.scan.scale_step import ScaleStep
 from tactograph.rings.metrology.nodes.surface.measure_step import ErrorParts
 from tactograph.sdk import (
     F4,
@@ -61,14 +61,14 @@ class ScanLevel(NamedTuple):
 
 @node(sizes={"K": SizeLimit(4, 8, "three leave nothing to tell the error by")})
 def level_scan(
-    found: ModelSlope,
+    fit: ModelSlope,
     single: ModelSlope,
     model: LightModel,
     pixel: PixelSize,
     raw: RawHeight,
     turned: PixelSlope,
     mean: PixelSlope,
-    known: KnownStep | None = None,
+    step: ScaleStep | None = None,
     *,
     scale: Scale | None = None,
     level: str = "flat",
@@ -96,7 +96,7 @@ def level_scan(
     raw : the integral of the slopes of all pixels
     turned, mean
         2 x Y x X, the slopes of pixels' mean light, and what `pixel_mean_slope` makes of them.
-    known
+    step
         What a known step settles: heights will be scaled, so each part of the error is less what
         the step's depth has of it, and the factor's uncertainty is one more.  A model that the step
         found wrong is wrong by another factor on walls of another slope: that is one part more.
@@ -120,7 +120,7 @@ def level_scan(
     InputError
         As `level_plane`.
     """
-    levelling, slope = ScanLevelling(found, model, pixel, level, cell), found.slope
+    levelling, slope = ScanLevelling(fit, model, pixel, level, cell), fit.slope
     height = levelling.heights(slope)
     by_cells = integrate_dct(slope, pixel)
     apart = by_cells - _in_cells(raw, cell)
@@ -137,7 +137,7 @@ def level_scan(
             f"bow it by {bow:.0f} um: taken for the light model's, not the surface's "
             "(`level`=plane leaves it)"
         )
-    errors, inside = scan_errors(found, single.residual, levelling, cell, seed)
+    errors, inside = scan_errors(fit, single.residual, levelling, cell, seed)
     squares = (np.sum(each * each, axis=0) for each in (slope, single.slope))
     square = cv2.dilate(np.maximum(*squares), np.ones((3, 3)))
     growth = levelling.heights(slope * np.minimum(square, MAX_SQUARED_SLOPE))
@@ -145,16 +145,16 @@ def level_scan(
     parts = np.concatenate([errors, [NOMINAL_GROWTH * growth]]).astype(np.float32)
     factor, settled = 1.0, None
     figures: Metrics = {"level_bow_um": bow}
-    stated_scale = scale if known is None else known.scale
+    stated_scale = scale if step is None else step.scale
     if stated_scale is not None:
         factor, uncertain = stated_scale
-        if known is not None:
-            errors = parts - np.float32(known.errors[:, None, None] * height)
+        if step is not None:
+            errors = parts - np.float32(step.errors[:, None, None] * height)
             errors[-1] *= abs(factor - 1) * GROWTH_OF_SCALE / NOMINAL_GROWTH
         errors = np.concatenate([factor * errors, [uncertain * height]]).astype(np.float32)
         settled = parts = errors
     error = np.sqrt(np.square(errors).sum(axis=0) + factor**2 * inside).astype(np.float32)
-    figures |= known.metrics if known else {}
+    figures |= step.metrics if step else {}
     return ScanLevel(np.asarray(bend, np.float32), error, figures, parts, settled)
 
 

@@ -26,10 +26,10 @@ def surfalize() -> Any:
     return importlib.import_module("surfalize")
 
 
-def areal_surface(height: Height, pixel: float, left_out: NDArray[np.bool_] | None = None) -> Any:
-    """Return a ``surfalize.Surface`` of a height map in mm, with the points `left_out` masked."""
+def areal_surface(height: Height, pixel: float, omitted: NDArray[np.bool_] | None = None) -> Any:
+    """Return a ``surfalize.Surface`` of a height map in mm, with the points `omitted` masked."""
     return surfalize().Surface(
-        UM_PER_MM * height.astype(np.float64), UM_PER_MM * pixel, UM_PER_MM * pixel, mask=left_out
+        UM_PER_MM * height.astype(np.float64), UM_PER_MM * pixel, UM_PER_MM * pixel, mask=omitted
     )
 
 

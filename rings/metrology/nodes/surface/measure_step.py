@@ -44,7 +44,7 @@ Across = Literal["x", "y"]
 """Axis of the profiles: they cross the groove."""
 EdgeCount = Annotated[int, Interval(ge=1, le=2)]
 """2: groove or ridge; 1: step."""
-KnownDepth = tuple[Annotated[float, Gt(0)], Annotated[float, Ge(0)]]
+CertifiedDepth = tuple[Annotated[float, Gt(0)], Annotated[float, Ge(0)]]
 """Depth that is certified, and its standard uncertainty, in um."""
 
 
@@ -74,7 +74,7 @@ def measure_step(
     *,
     along: Across = "x",
     edges: EdgeCount = 2,
-    known_um: KnownDepth | None = None,
+    certified_um: CertifiedDepth | None = None,
 ) -> Metrics:
     """Measure a groove (two edges) or a step (one) on every profile across it.
 
@@ -93,7 +93,7 @@ def measure_step(
     parts : the parts of the error, on cells: then the uncertainty holds what the depth has of them
     along : axis of the profiles: they cross the groove
     edges : 2: groove or ridge; 1: step
-    known_um : depth that is certified, and its standard uncertainty, both in um
+    certified_um : depth that is certified, and its standard uncertainty, both in um
 
     Returns
     -------
@@ -139,10 +139,12 @@ def measure_step(
             warn("the profiles' widths differ by a fifth: they do not cross one straight groove")
     for wall in range(edges):
         figures[f"wall_{wall + 1}_deg"] = float(np.median([p.walls[wall] for p in profiles]))
-    if known_um is not None:
-        certified, uncertainty = known_um
+    if certified_um is not None:
+        certified, uncertainty = certified_um
         if not certified > 0 or not middle:
-            raise InputError(f"`known_um`={certified:g},{uncertainty:g}: a depth above 0 is needed")
+            raise InputError(
+                f"`certified_um`={certified:g},{uncertainty:g}: a depth above 0 is needed"
+            )
         scale = certified / abs(middle)
         of_scale = np.hypot(of_mean / middle, uncertainty / certified)
         figures |= {"step_scale": scale, "step_scale_error": scale * float(of_scale)}

@@ -68,9 +68,9 @@ def test_a_whole_ball_is_found_and_tells_the_amplification(scale: float) -> None
 
 def test_how_deep_a_ball_sits_does_not_matter() -> None:
     deeper = compare_shapes((balls(1.0) + 0.1)[None], pixel=PIXEL, ball_radius_mm=RADIUS_MM)
-    assert deeper.found is not None
+    assert deeper.measured is not None
     assert deeper.true is not None
-    np.testing.assert_allclose(deeper.found, deeper.true, atol=1e-4)
+    np.testing.assert_allclose(deeper.measured, deeper.true, atol=1e-4)
 
 
 def test_a_shape_that_nothing_tells_is_refused() -> None:
@@ -89,9 +89,9 @@ def test_what_is_left_free_of_a_height_with_a_truth(zero: str, off: float) -> No
     compared = compare_shapes(
         wrong[None].astype(np.float32), truth=truth[None], pixel=PIXEL, zero=zero
     )
-    assert compared.found is not None
+    assert compared.measured is not None
     assert compared.true is not None
-    most = np.abs(compared.found - compared.true).max()
+    most = np.abs(compared.measured - compared.true).max()
     assert most == pytest.approx(off, abs=0.01)
 
 

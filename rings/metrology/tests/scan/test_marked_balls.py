@@ -34,6 +34,6 @@ def test_the_balls_that_are_marked_in_a_scan_are_found_there(tmp_path: Path) -> 
     assert (taken.radius.tolist(), taken.pixel_size) == ([2.0], PIXEL)
     flat = 0.6 * render(FILM, PIXEL, RING).light[:, 10:, 10:]
     found = find_balls(
-        taken.image / flat, flat, taken.radius, taken.known, taken.names, PIXEL, taken.marks
+        taken.image / flat, flat, taken.radius, taken.circles, taken.names, PIXEL, taken.marks
     )
     np.testing.assert_allclose(found.circle[:, :2] + 10, places, atol=0.3)

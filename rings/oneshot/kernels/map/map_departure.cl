@@ -20,16 +20,16 @@ LANED __kernel void map_departure(
     const int size = H * W, at = row * W + column;
     const floats p = load_floats(slope + at, count), q = load_floats(slope + size + at, count);
     const floats z = load_floats(height + at, count), least = MIN_LIGHT;
-    floats chi = 0.0f, seen = 0.0f, due = 0.0f;
+    floats chi = 0.0f, measured = 0.0f, due = 0.0f;
     for (int k = 0; k < K; ++k) {
-        const floats found = load_floats(light + k * size + at, count);
+        const floats result = load_floats(light + k * size + at, count);
         const floats shown = mapped_light_at(reflectance, k, row, column, H, W, p, q, z);
-        const floats left = found - shown;
-        chi += left * left;
-        seen += found * shown;
+        const floats residual = result - shown;
+        chi += residual * residual;
+        measured += result * shown;
         due += shown * shown;
     }
     const float error = max(misfit[2], MIN_MAP_ERROR);
     store_floats(chi / (error * error * (float)(K - 2)), departure + at, count);
-    store_floats(seen / MORE_OF(due, least) - 1.0f, brighter + at, count);
+    store_floats(measured / MORE_OF(due, least) - 1.0f, brighter + at, count);
 }

@@ -84,13 +84,13 @@ LANED __kernel void solve(
             const ints lit = value > dark;
             const floats jp = lit ? rx * xp + ry * yp + rz * zp : none;
             const floats jq = lit ? rx * xq + ry * yq + rz * zq : none;
-            const floats left = rest[k] - MORE_OF(value, dark);
+            const floats residual = rest[k] - MORE_OF(value, dark);
             const floats wp = weight[k] * jp, wq = weight[k] * jq;
             a += wp * jp;
             b += wp * jq;
             c += wq * jq;
-            s += wp * left;
-            t += wq * left;
+            s += wp * residual;
+            t += wq * residual;
         }
         const floats smallest = 1e-12f, whole = 1.0f;
         floats determinant = a * c - b * b;

@@ -58,7 +58,7 @@ PRESS_CALIBRATION = FileKind(
     1,
     "run calibrate_presses",
     PressCalibration,
-    made_from="the images, and the ball's place and radius",
+    sources="the images, and the ball's place and radius",
     users="one-shot sensors: gelsight_mini, recalibrate_oneshot",
 )
 NewPressCalibration = Annotated[Path, AfterValidator(partial(free_for, kind=PRESS_CALIBRATION))]

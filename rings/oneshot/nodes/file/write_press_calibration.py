@@ -52,7 +52,7 @@ def write_press_calibration(
     sensor = sensor or identity_from(provenance).name or None
     arrays = {"flat": flat, "pixel_size": pixel, "reflectance": reflectance}
     header = {"quality": quality, "advice": advice, "doubts": doubts or []}
-    about = {"sensor": sensor, "serial": serial, "made": provenance}
+    about = {"sensor": sensor, "serial": serial, "provenance": provenance}
     write_arrays(file, PRESS_CALIBRATION, arrays | {"area": area, "lens": lens}, header | about)
     if advice.startswith("press"):
         warn(advice)

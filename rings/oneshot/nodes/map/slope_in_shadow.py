@@ -17,7 +17,7 @@ MAX_SHADOW_LIGHT = 0.25
 """Light of film half a pixel inside a shadow, under a blur of 0.7 px; lighter film may be steep."""
 MIN_LIGHTS = 3
 """Of two lights none can be left out: a slope has two unknowns."""
-TOLD_DEVIATIONS = 3.0
+CERTAIN_DEVIATIONS = 3.0
 """Standard deviations of the light by which it contradicts what is not the case."""
 ROOT_ROUNDS = 4
 """Rounds in which pixels choose between two slopes by their neighbours."""
@@ -50,7 +50,7 @@ def slope_in_shadow(
     """
     if deviation == 0 or len(light) < MIN_LIGHTS:
         return slope
-    least = np.float32(TOLD_DEVIATIONS * deviation)
+    least = np.float32(CERTAIN_DEVIATIONS * deviation)
     rows, columns = np.nonzero(light.min(axis=0) < MAX_SHADOW_LIGHT)
     place = terms(columns.astype(np.float64), rows.astype(np.float64), light.shape[1:])
     maps = np.einsum("kbq,qn->kbn", reflectance, place, optimize=True).astype(np.float32)

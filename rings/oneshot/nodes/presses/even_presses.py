@@ -6,7 +6,7 @@ import numpy as np
 
 from tactograph.sdk import Light, node
 from tactograph.sdk.nodes import undistort
-from tactograph.sdk.unstable import KnownCircles, Lens, PressImages, ideal_circles, is_straight
+from tactograph.sdk.unstable import Lens, PressImages, StatedCircles, ideal_circles, is_straight
 
 
 class EvenPresses(NamedTuple):
@@ -14,11 +14,11 @@ class EvenPresses(NamedTuple):
 
     image: PressImages
     flat: Light
-    circle: KnownCircles
+    circle: StatedCircles
 
 
 @node
-def even_presses(image: PressImages, flat: Light, circle: KnownCircles, lens: Lens) -> EvenPresses:
+def even_presses(image: PressImages, flat: Light, circle: StatedCircles, lens: Lens) -> EvenPresses:
     """Return the presses of `read_presses` as a camera without distortion would see them.
 
     Parameters

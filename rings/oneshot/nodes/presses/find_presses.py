@@ -12,8 +12,8 @@ from tactograph.sdk.unstable import (
     MIN_FLAT_LIGHT,
     BallCircles,
     BallPress,
-    KnownCircles,
     PressImages,
+    StatedCircles,
 )
 
 MIN_PRESSES = 4
@@ -34,7 +34,7 @@ def find_presses(
     flat: Light,
     names: list[str],
     pixel: PixelSize,
-    known: KnownCircles | None = None,
+    circles: StatedCircles | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)] | None = None,
     pitch_mm: Annotated[float, Gt(0)] | None = None,
@@ -51,7 +51,7 @@ def find_presses(
     names
         The presses' names, for messages.  No names mean that there is no press, and no ball.
     pixel : mm per px
-    known
+    circles
         P x 3: circles that are known already, as from `guide_colour_presses` or each press's
         ``capture.yaml``; NaN where a number is not known.
     radius_mm : the ball's radius
@@ -76,13 +76,13 @@ def find_presses(
         return FoundPresses(np.zeros((len(image), 3), np.float32), none, every, names)
     if radius_mm is None:
         raise InputError("the ball's radius is not known; give `radius_mm`=MM")
-    if known is None:
-        known = np.full((len(image), 3), np.nan, np.float32)
+    if circles is None:
+        circles = np.full((len(image), 3), np.nan, np.float32)
     if pitch_mm is not None:
         sheet = sheet_presses(image / np.maximum(flat, MIN_FLAT_LIGHT))
         radii = np.full(len(image), radius_mm, np.float32)
         circle, ball_goodness, _, of, _ = find_balls(
-            sheet, flat, radii, known, names, pixel, pitch_mm=pitch_mm
+            sheet, flat, radii, circles, names, pixel, pitch_mm=pitch_mm
         )
         lines = [
             f"{names[press]}, ball at {x:.0f},{y:.0f} px,"
@@ -90,7 +90,7 @@ def find_presses(
         ]
         return FoundPresses(circle, ball_goodness, of, lines)
     balls, missed = list[tuple[float, ...]](), []
-    for press, name, (x, y, contact) in zip(image, names, known, strict=True):
+    for press, name, (x, y, contact) in zip(image, names, circles, strict=True):
         if np.isfinite([x, y, contact]).all():
             balls.append((x, y, contact, contact > 0))
             continue

@@ -74,7 +74,7 @@ class MapFit(NamedTuple):
 
     reflectance: ReflectanceMap
     circle: BallCircles
-    kept: Annotated[U1, Port("B", "flag", high=1)]
+    selection: Annotated[U1, Port("B", "flag", high=1)]
     rim: Annotated[float, Port(unit="mm")]
     residual: Annotated[F4, Port("K", "1")]
 
@@ -126,8 +126,8 @@ def fit_reflectance_map(
 
     Returns
     -------
-    Coefficients K x 9 x 15; circles B x 3; `kept` B, 0 for outliers; height of the contact's rim
-    above the film at rest in mm; root mean square residual of length K, relative to the film at
+    Coefficients K x 9 x 15; circles B x 3; `selection` B, 0 for outliers; height of the contact's
+    rim above the film at rest in mm; root mean square residual of length K, relative to the film at
     rest.
 
     Raises
@@ -135,30 +135,30 @@ def fit_reflectance_map(
     InputError
         If fewer than 4 presses are left.
     """
-    kept = circle[:, 2] > 0
-    bench = make_bench(image, flat, radius_mm, pixel, degree_for(int(kept.sum())), of)
+    selection = circle[:, 2] > 0
+    bench = make_bench(image, flat, radius_mm, pixel, degree_for(int(selection.sum())), of)
     circles = circle.astype(np.float64)
     rim = FIRST_RIM_MM
-    reflectance, circles = fit_presses(bench, circles, kept, rim, rounds)
-    outliers = _outliers(bench, reflectance, circles, kept, rim)
+    reflectance, circles = fit_presses(bench, circles, selection, rim, rounds)
+    outliers = _outliers(bench, reflectance, circles, selection, rim)
     for press in np.flatnonzero(outliers):
         warn(f"press {names[press]} is left out: its light does not fit that of the others")
-    kept &= ~outliers
-    if kept.sum() < MIN_PRESSES:
+    selection &= ~outliers
+    if selection.sum() < MIN_PRESSES:
         raise InputError(
-            f"{int(kept.sum())} presses agree, and {MIN_PRESSES} are needed; press more"
+            f"{int(selection.sum())} presses agree, and {MIN_PRESSES} are needed; press more"
         )
     for _ in range(RIM_ROUNDS):
-        reflectance, circles = fit_presses(bench, circles, kept, rim, 1)
-        rim = measure_rim(bench, reflectance, circles, kept)
-    reflectance, circles = fit_presses(bench, circles, kept, rim, 1)
-    residuals = _residuals(bench, reflectance, circles, kept, rim)
+        reflectance, circles = fit_presses(bench, circles, selection, rim, 1)
+        rim = measure_rim(bench, reflectance, circles, selection)
+    reflectance, circles = fit_presses(bench, circles, selection, rim, 1)
+    residuals = _residuals(bench, reflectance, circles, selection, rim)
     return MapFit(
         reflectance.astype(np.float32),
         circles.astype(np.float32),
-        kept.astype(np.uint8),
+        selection.astype(np.uint8),
         rim,
-        np.sqrt(np.mean(np.square(residuals[kept]), axis=0)).astype(np.float32),
+        np.sqrt(np.mean(np.square(residuals[selection]), axis=0)).astype(np.float32),
     )
 
 

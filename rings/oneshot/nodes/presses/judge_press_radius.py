@@ -1,15 +1,17 @@
 """Judge the ball's radius of a one-shot sensor by the light of its presses."""
 
-import math
 from typing import Annotated
 
 import numpy as np
 from annotated_types import Gt
+from scipy.special import chdtri
 
 from tactograph.sdk import F4, U1, Light, PixelSize, Port, node
 from tactograph.sdk.unstable import (
-    AS_TOLD,
+    AS_STATED,
     DEVIATIONS_PER_MAD,
+    FALSE_ALARMS,
+    MAX_JUDGED_BALLS,
     MIN_FLAT_LIGHT,
     WITH_COAT,
     BallCircles,
@@ -25,12 +27,6 @@ from tactograph.sdk.unstable import (
     unconfirmed,
 )
 
-MAX_PRESSES = 12
-"""Most presses that are used."""
-MIN_LIGHT = 0.1
-"""Light of a sample above which an LED reaches it."""
-MATT_NOISE_RATIO = math.sqrt(2)
-"""A film is matt where a plain one leaves no more of the light than noise does, in squares."""
 RADIUS_INPUTS = " (`radius_mm`, `pixel`)"
 
 
@@ -39,7 +35,7 @@ def judge_press_radius(
     image: PressImages,
     flat: Light,
     circle: BallCircles,
-    kept: Annotated[U1, Port("B", "flag", high=1)],
+    selection: Annotated[U1, Port("B", "flag", high=1)],
     pixel: PixelSize,
     of: BallPress | None = None,
     *,
@@ -61,30 +57,33 @@ def judge_press_radius(
     Returns
     -------
     ``diffuse_percent``, the share of light that the gel seems to diffuse; ``matt``, 1 where a
-    plain film explains the light but for noise; at most one doubt.
+    plain film explains the light but for noise, by a chi-squared test at `FALSE_ALARMS`; at most
+    one doubt.
     """
-    used = np.flatnonzero(kept)
-    used = used[:: used.size // MAX_PRESSES + 1]
+    used = np.flatnonzero(selection)
+    used = used[:: used.size // MAX_JUDGED_BALLS + 1]
     press_image = image[used if of is None else of[used]]
     sheet = np.concatenate(list(press_image / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
     radius = np.full(used.size, radius_mm, np.float32)
     # A matt film throws no light on itself, wherever its lights are.
     matt = matt_film(np.ones((len(flat), 3), np.float32))
-    every, noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
+    every, no_noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
     balls = sample_balls(
-        *(sheet, flat, circle[used], radius, every, matt, noise, pixel), most=None, fine=True
+        *(sheet, flat, circle[used], radius, every, matt, no_noise, pixel), most=None, fine=True
     )
     strength = np.ones(len(flat), np.float32)
     # The film at rest of such sensors is not lit by points.
     flat = np.ones_like(flat)
     explained = explain(balls, flat, pixel, _directions(balls), strength, camera=None, coated=True)
-    plain, scale = explained.by_name[AS_TOLD], scale_error(explained)
+    plain, scale = explained.by_name[AS_STATED], scale_error(explained)
     # What a coat explains better is no evidence of another radius or of a gamma.
     departure = min(plain.departure, explained.by_name[WITH_COAT].departure)
     doubts, _ = doubts_of(explained, radius_mm, departure, which=RADIUS_INPUTS)
     is_open = "" if doubts else unconfirmed(explained, radius_mm, which=RADIUS_INPUTS)
     quality = {"diffuse_percent": 100 * plain.diffuse, "scale_error_percent": 100 * scale}
-    if plain.departure <= MATT_NOISE_RATIO * _noise(sheet):
+    by_chance = chdtri(explained.values, FALSE_ALARMS) / explained.values
+    noise = _noise(sheet) / float(np.median(balls.reference_light))
+    if plain.departure**2 <= by_chance * noise**2:
         quality["matt"] = 1.0
     return Judged(quality, doubts, is_open)
 
@@ -100,7 +99,7 @@ def _directions(balls: Balls) -> F4:
     (nx, ny, nz), *_ = balls.surface(np.zeros((len(balls.centre), 3)), 0.0)
     directions = []
     for light in balls.light:
-        lit = light > MIN_LIGHT
+        lit = light > MIN_FLAT_LIGHT
         slant = np.linalg.lstsq(np.stack([nx, ny])[:, lit].T, light[lit] - nz[lit], rcond=None)[0]
         directions.append([*slant, 1.0])
     return np.asarray(directions, np.float32)

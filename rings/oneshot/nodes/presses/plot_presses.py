@@ -18,7 +18,7 @@ TITLE_LETTERS = 130
 def plot_presses(
     flat: Light,
     circle: BallCircles,
-    kept: Annotated[U1, Port("B", "flag", high=1)],
+    selection: Annotated[U1, Port("B", "flag", high=1)],
     heldout_deg: Annotated[F4, Port("B", "deg")],
     verdict: str,
     advice: str,
@@ -37,7 +37,7 @@ def plot_presses(
     figure = Figure(figsize=(12, 5), dpi=100, layout="constrained")
     film, errors = figure.subplots(1, 2)
     film.imshow(flat.mean(axis=0), cmap="gray")
-    used = kept > 0
+    used = selection > 0
     for number, ((x, y, radius), is_used) in enumerate(zip(circle, used, strict=True), start=1):
         if radius > 0:
             colour = BLUE if is_used else ORANGE

@@ -49,9 +49,9 @@ class PressRating(NamedTuple):
 def rate_presses(
     image: PressImages,
     flat: Light,
-    found: BallCircles,
+    initial: BallCircles,
     circle: BallCircles,
-    kept: Annotated[U1, Port("B", "flag", high=1)],
+    selection: Annotated[U1, Port("B", "flag", high=1)],
     rim: Annotated[float, Port(unit="mm")],
     residual: Annotated[F4, Port("K", "1")],
     pixel: PixelSize,
@@ -88,16 +88,16 @@ def rate_presses(
     ``rim_um``; one sentence of advice; the doubts, each of them also a warning;
     the verdict; and the error of each contact.
     """
-    chosen = np.flatnonzero(kept)
+    chosen = np.flatnonzero(selection)
     degree = degree_for(chosen.size * (PART_COUNT - 1) // PART_COUNT)
-    errors = np.zeros((len(kept), 3))
+    errors = np.zeros((len(selection), 3))
     bench = make_bench(image, flat, radius_mm, pixel, degree, of)
     for part in range(PART_COUNT):
-        held_out, training = chosen[part::PART_COUNT], kept > 0
+        held_out, training = chosen[part::PART_COUNT], selection > 0
         training[held_out] = False
         reflectance, _ = fit_presses(bench, circle.astype(np.float64), training, rim, 1)
         for press in held_out.tolist():
-            at = found[press].astype(np.float64)
+            at = initial[press].astype(np.float64)
             at = refine_center(bench, reflectance, at, press, rim, steps=6)
             surface = reconstruct(bench, reflectance, press)
             errors[press] = judge_contact(*surface, at, bench.radius, bench.pixel)

@@ -10,15 +10,15 @@ from scipy.ndimage import gaussian_filter
 from tactograph.sdk import F4, Crop, InputError, Light, cropped, node, read_image
 from tactograph.sdk.nodes import read_capture
 from tactograph.sdk.unstable import (
-    KnownCircles,
     Layout,
     PressImages,
+    StatedCircles,
     channels,
-    known_circle,
     normalised,
     read_capture_file,
     read_images,
     refuse_flat,
+    stated_circle,
 )
 
 
@@ -28,7 +28,7 @@ class Presses(NamedTuple):
     image: PressImages
     flat: Light
     names: list[str]
-    circle: KnownCircles
+    circle: StatedCircles
 
 
 @node
@@ -78,7 +78,7 @@ def read_presses(
                 f"pixels, but the untouched film {flat} has {film.shape[2]} x {film.shape[1]}"
             )
     names = [capture.name for capture in captures]
-    circles = [known_circle(read_capture_file(folder / name)) for name in names]
+    circles = [stated_circle(read_capture_file(folder / name)) for name in names]
     images = np.stack([capture.image for capture in captures])
     return Presses(images, film, names, np.asarray(circles, np.float32))
 

@@ -13,8 +13,10 @@ from tests.nodes.calibrate.film.test_judge_radius import image_of
 BALL_MM = 7.0
 
 
-def judged(folder: Raytraced, rig: str, rows: float = 1.0, columns: float = 1.0) -> list[str]:
-    """What is told of a rig whose images are resized by so much."""
+def judged(
+    folder: Raytraced, rig: str, rows: float = 1.0, columns: float = 1.0, off_px: float = 0.0
+) -> list[str]:
+    """What is told of a rig whose images are resized by so much, and the ball is misplaced."""
 
     def resized(planes: F4) -> F4:
         return np.stack([cv2.resize(p, None, None, columns, rows, cv2.INTER_AREA) for p in planes])
@@ -22,7 +24,7 @@ def judged(folder: Raytraced, rig: str, rows: float = 1.0, columns: float = 1.0)
     press, flat = (resized(image_of(folder / rig / name)) for name in ("calibration", "flat"))
     light, pixel = press / flat, RIG_PIXEL_MM[rig]
     ball = find_ball(light, pixel, radius_mm=BALL_MM)
-    circle = np.array([[*ball.center, ball.contact], [0, 0, 0]], np.float32)
+    circle = np.array([[*(ball.center + off_px), ball.contact], [0, 0, 0]], np.float32)
     goodness, of = np.array([ball.goodness, 0], np.float32), np.zeros(2, np.int32)
     return judge_oblong(light, flat, circle, goodness, of, pixel, radius_mm=BALL_MM)
 
@@ -30,6 +32,7 @@ def judged(folder: Raytraced, rig: str, rows: float = 1.0, columns: float = 1.0)
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_square_pixels_are_not_told(raytraced: Raytraced, rig: str) -> None:
     assert judged(raytraced, rig) == []
+    assert judged(raytraced, rig, off_px=2) == []
 
 
 @pytest.mark.parametrize("rig", ["far28", "near33"])

@@ -150,8 +150,8 @@ def test_what_is_known_of_a_ball_is_read_with_its_press(sensor: Path) -> None:
     found = read_balls(folder=sensor / "presses", radius_mm=7.0)
     assert found.image.shape == (4, 9 * SIZE[0], SIZE[1])
     assert found.radius.tolist() == [5, 4, 4, 5, 5, 5, 4, 6, 4]
-    assert found.known[1].tolist() == [106, 40, CONTACT]
-    assert np.isnan(found.known[4]).all()
+    assert found.circles[1].tolist() == [106, 40, CONTACT]
+    assert np.isnan(found.circles[4]).all()
 
 
 def test_radii_are_given_in_the_order_of_the_names(tmp_path: Path) -> None:

@@ -114,6 +114,7 @@ def test_the_share_that_the_gel_diffuses_is_found() -> None:
     assert errors["film_heldout_deg/diffuse"] < 0.3 * errors["film_heldout_deg/matt"]
 
 
+@pytest.mark.slow
 def test_how_far_light_reaches_behind_the_terminator_is_found() -> None:
     shares = np.array([0.4, 0.38, 0.42, 0.4], np.float32)
     soft, apart = MATT._replace(diffuse=shares, gain=1.05, wrap=0.2), [(-4.9, 0.0), (4.9, 0.2)]

@@ -12,7 +12,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.judge_radius import (
-    AS_TOLD,
+    AS_STATED,
     CLEAR_GEL,
     OTHER_CAMERA,
     OTHER_POWER,
@@ -102,7 +102,7 @@ def left_by(**departures: float) -> Alternatives:
         CLEAR_GEL: plain._replace(size=0.6),
         OTHER_POWER: plain._replace(power=1 / 2.2),
         OTHER_CAMERA: plain._replace(camera=1 / 60),
-        AS_TOLD: plain,
+        AS_STATED: plain,
     }
     some = {name: others[name]._replace(departure=left) for name, left in departures.items()}
     return Alternatives(others | some, 80, {OTHER_SIZE: 0.4, CLEAR_GEL: 0.5})
@@ -119,20 +119,20 @@ def test_the_likeliest_value_is_named_and_whatever_explains_as_much() -> None:
 
 
 def test_what_the_chosen_film_explains_better_is_no_evidence() -> None:
-    assert doubts_of(left_by(size=0.02), 6.0, left=0.011) == ([], False)
+    assert doubts_of(left_by(size=0.02), 6.0, misfit=0.011) == ([], False)
 
 
 def test_a_film_chosen_that_explains_less_than_a_plain_one_is_doubted() -> None:
-    (doubt,), is_clear = doubts_of(left_by(), 6.0, left=0.26)
+    (doubt,), is_clear = doubts_of(left_by(), 6.0, misfit=0.26)
     assert "the best leaves 26.0% of the light unexplained" in doubt
     assert not is_clear
 
 
 def test_a_radius_is_open_until_the_light_excludes_a_gel_that_diffuses_none() -> None:
-    light = left_by(told=0.03, clear=0.031)
+    light = left_by(stated=0.03, clear=0.031)
     assert "6 mm fits if the gel diffuses 0% of the light, 3.6 mm if it" in unconfirmed(light, 6.0)
     # A ball of 0.6 times the radius is half as high; pixels of 1 / 0.6 times the size add that.
     assert scale_error(light) == pytest.approx(math.hypot(0.5, 1 - 0.5 / 0.6) / math.sqrt(2))
-    excluded = left_by(told=0.03, clear=0.04)
+    excluded = left_by(stated=0.03, clear=0.04)
     assert not unconfirmed(excluded, 6.0)
     assert scale_error(excluded) == 0

@@ -5,7 +5,7 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.ball.ball_slopes import KnownBall, ball_slopes
+from tactograph.nodes.calibrate.ball.ball_slopes import BallSlopes, ball_slopes
 from tactograph.nodes.calibrate.lights.calibrate_lights import LightsFit, calibrate_lights
 from tactograph.nodes.calibrate.rest.estimate_noise import estimate_noise
 from tactograph.nodes.calibrate.rest.rest_light import rest_light
@@ -23,7 +23,7 @@ BLANK = np.zeros((4, *SIZE), np.float32)
 RING = light_ring(slant_deg=33.0, distance_mm=55.0)
 
 
-def known(center: F4 = CENTER) -> KnownBall:
+def known(center: F4 = CENTER) -> BallSlopes:
     return ball_slopes(BLANK, center, CONTACT, PIXEL, radius_mm=RADIUS, margin_px=0.0)
 
 
@@ -37,7 +37,7 @@ def seen(lights: F4, seed: int = 0, noise: float = 0.002) -> tuple[F4, F4]:
     return ball, flat
 
 
-def calibrate(ball: F4, flat: F4, shape: KnownBall) -> LightsFit:
+def calibrate(ball: F4, flat: F4, shape: BallSlopes) -> LightsFit:
     light = ball / np.maximum(flat, np.float32(0.02))
     lit = label_lit(light)
     return calibrate_lights(light, flat, shape.slope, shape.mask, shape.height, lit, PIXEL)
@@ -58,6 +58,7 @@ def test_leds_are_found(slant: float, distance: float, count: int) -> None:
     assert found.residual.max() < 0.02
 
 
+@pytest.mark.slow
 def test_the_leds_are_as_far_off_as_the_fit_says() -> None:
     off_by, stated = [], []
     for seed in range(4):
@@ -90,7 +91,7 @@ def test_any_known_height_serves() -> None:
     slope, mask = height_slopes(height, PIXEL)
     light = render(height, PIXEL, RING).light
     flat = render(FILM, PIXEL, RING).light
-    found = calibrate(light, flat, KnownBall(slope, mask, height))
+    found = calibrate(light, flat, BallSlopes(slope, mask, height))
     assert off(found.lights, RING) < 0.01
 
 

@@ -30,7 +30,7 @@ def test_film_that_fills_the_frame_is_left_as_it_is() -> None:
 
 def test_a_round_view_is_found_without_its_rim_and_its_light_goes_on() -> None:
     with collect_warnings([]) as notes:
-        found = find_film(lit(ROUND), told=True)
+        found = find_film(lit(ROUND), warning=True)
     assert not (found.area[~ROUND]).any()
     assert found.area[np.hypot(COLUMNS - 59.5, ROWS - 44.5) < 30].all()
     whole = lit(np.ones((90, 120), bool))

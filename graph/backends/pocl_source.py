@@ -1,0 +1,75 @@
+"""Sources as PoCL compiles them soonest.
+
+PoCL has its compiler read 14,500 declarations before each program, which takes longer than most
+kernels do.  So a program brings those of the names in it, all overloads of each, from the same
+file, which the compiler then leaves out by the file's own guard.
+
+PoCL compiles a kernel's own code three times, but a function once.  So the code of a kernel whose
+lanes are filled by hand becomes a function, which nothing is gained by writing into a loop.
+"""
+
+import re
+from functools import cache
+from pathlib import Path
+
+HEADER_GUARD = "_OPENCL_H_"
+"""The macro by which the file is read once."""
+_POCL_LIBRARY = re.compile(r"/\S+/libpocl\.so\S*")
+_LANED_KERNEL = re.compile(
+    r"^LANED __kernel void (\w+)\(([^()]*)\)\s*(\{.*?^\})", re.DOTALL | re.MULTILINE
+)
+_PLACE_NAME = re.compile(r"GRID_[23]|get_(local|group)|barrier|__local")
+"""What asks for more than one number of the work-item, or waits for others."""
+
+
+def pocl_source(source: str) -> tuple[str, tuple[str, ...]]:
+    """Return a source that PoCL compiles sooner, and the options for it."""
+    source = _LANED_KERNEL.sub(_as_function, source)
+    names = set(re.findall(r"\w+", source))
+    declared = [line for name, line in _declarations() if name is None or name in names]
+    options = (f"-D{HEADER_GUARD}",) if declared else ()
+    return "\n".join([*declared, "#line 1", source]), options
+
+
+def _as_function(kernel: re.Match[str]) -> str:
+    """A kernel that calls its own code with the number of the work-item."""
+    name, arguments, code = kernel.groups()
+    words = [argument.split() for argument in arguments.split(",")]
+    if _PLACE_NAME.search(code) or min(map(len, words)) < 2:  # a macro may hold several arguments
+        return kernel[0]
+    values = ", ".join(argument[-1].lstrip("*") for argument in words)
+    return (
+        f"#define get_global_id(axis) work_item_\n"
+        f"static ONCE void code_of_{name}({arguments}, const size_t work_item_)\n{code}\n"
+        f"#undef get_global_id\n"
+        f"LANED __kernel void {name}({arguments})\n"
+        f"{{\n    code_of_{name}({values}, get_global_id(0));\n}}"
+    )
+
+
+@cache
+def _declarations() -> list[tuple[str | None, str]]:
+    """The lines of the file, and the function that each declares; [] without it."""
+    try:
+        maps = Path("/proc/self/maps").read_text(encoding="utf-8")
+    except OSError:  # not Linux
+        return []
+    match = _POCL_LIBRARY.search(maps)
+    folders = Path(match[0]).parents if match else ()
+    files = (folder / "share/pocl/include/opencl-c.h" for folder in folders)
+    file = next((file for file in files if file.is_file()), None)
+    if file is None:
+        return []
+    lines = file.read_text(encoding="utf-8").splitlines()
+    # Without its guard, and the types, which PoCL reads before.
+    kernels = (
+        line for line in lines if HEADER_GUARD not in line and not line.startswith("#include")
+    )
+    return [(_declares(line), line) for line in kernels]
+
+
+def _declares(line: str) -> str | None:
+    """The function that a line declares, where it is whole."""
+    if "__ovld" not in line or not line.endswith(";"):
+        return None
+    return line.partition("(")[0].split()[-1]

@@ -1,0 +1,29 @@
+"""Bring labels from the ideal grid back to the pixels of the camera."""
+
+from tactograph.graph import Flips, node
+from tactograph.nodes import Labels, Lens
+from tactograph.nodes.optics.lens import is_straight, nearest_ideal
+
+
+@node(
+    neutral="labels",
+    tolerance=Flips(1e-3, why="places that lie between two pixels, rounded"),
+)
+def distort_labels(labels: Labels, lens: Lens) -> Labels:
+    """Return the labels that each pixel of the camera sees: those of the nearest ideal pixel.
+
+    Pixels that look beyond the ideal grid repeat its border.  Without a lens the labels are
+    returned unchanged.
+
+    Parameters
+    ----------
+    labels : H x W, a bit per LED, on the ideal grid
+    lens : length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
+    """
+    if is_straight(lens):
+        return labels
+    return labels[nearest_ideal(lens, labels.shape)]
+
+
+distort_labels.opencl(grid="H W", lanes="rows")
+distort_labels.idle(is_straight)

@@ -1,0 +1,83 @@
+"""The work on every capture of a batch."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from tactograph.rings.batch.captures import absolute
+from tactograph.sdk import InputError
+from tactograph.sdk.unstable import Graph, Pipeline, RunOptions, refuse_other_names
+
+CAPTURE_PARAM = "capture"
+"""The param of a graph that takes a capture."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """The work on a capture, and the `place` of the store.
+
+    `maps` are the outputs that the store keeps; None: all that are an H x W map.  `folders` is the
+    folder for result folders, which mirror the layout of the folder `below`; None if maps go into
+    the store.
+    """
+
+    graph: Graph
+    arguments: dict[str, Any]
+    options: RunOptions
+    place: str
+    maps: tuple[str, ...] | None = None
+    folders: str | None = None
+    below: str = ""
+
+    def open(self) -> Pipeline:
+        """Open the pipeline.  Raises TactographError if it cannot be opened here."""
+        arguments = {**self.arguments, CAPTURE_PARAM: "."}
+        return self.options.open(self.graph, arguments, sinks=self.folders is not None)
+
+    def identity(self, origin: Mapping[str, Any]) -> dict[str, Any]:
+        """All that decides a capture's results, and must not change between parts of a store."""
+        maps = None if self.maps is None else [*self.maps]
+        return {**origin, "maps": maps, "folders": self.folders}
+
+
+def make_job(
+    graph: Graph,
+    arguments: Mapping[str, Any],
+    options: RunOptions,
+    *,
+    out: str,
+    maps: Sequence[str] | None = None,
+    below: str = "",
+) -> Job:
+    """Make the job for every capture; see `Job`.
+
+    If the name of `out` does not end in ``.zarr``, it is a folder for the files of the graph's own
+    sinks, by capture, and the store in it holds the rest.  Raises InputError if the graph takes no
+    capture, or `out` cannot be.
+    """
+    if CAPTURE_PARAM not in graph.params or graph.params[CAPTURE_PARAM].kind != "path":
+        raise InputError(
+            f"{graph.name} has no parameter '{CAPTURE_PARAM}' for the folder of a capture"
+            f" (it has: {', '.join(graph.params)})"
+        )
+    for name, option in ((CAPTURE_PARAM, "--over"), ("out", "--out")):
+        if name in arguments:
+            raise InputError(
+                f"{name}={arguments[name]}: in a batch {option} says that; leave it out"
+            )
+    paths = {name for name, param in graph.params.items() if param.kind == "path"}
+    arguments = {
+        n: absolute(v) if n in paths and v is not None else v for n, v in arguments.items()
+    }
+    if not out.strip():
+        raise InputError("--out is empty; give NAME.zarr, or a folder")
+    refuse_other_names(out)
+    place = absolute(out)
+    if place.endswith(".zarr"):
+        return Job(graph, arguments, options, place, None if maps is None else tuple(maps))
+    if "out" not in graph.params:
+        raise InputError(
+            f"--out {out}: folders are written by the graph's sinks, through its parameter 'out'; "
+            "else give a store, NAME.zarr"
+        )
+    return Job(graph, arguments, options, f"{place}/batch.zarr", (), place, below)
