@@ -194,6 +194,9 @@ from tactograph.nodes.calibrate.file.camera_lens import (
     CAMERA_KIND as CAMERA_KIND,
     CameraLens as CameraLens,
 )
+from tactograph.nodes.calibrate.film._film_search import (
+    FINAL_SAMPLES as FINAL_SAMPLES,
+)
 from tactograph.nodes.calibrate.film.ball_normals import (
     normal_error as normal_error,
 )
@@ -201,11 +204,14 @@ from tactograph.nodes.calibrate.film.ball_samples import (
     bounced_at_rest as bounced_at_rest,
     grain as grain,
     laid_on as laid_on,
+    lights_itself as lights_itself,
     sample_balls as sample_balls,
+    thinned as thinned,
 )
 from tactograph.nodes.calibrate.film.film_at_rest import (
     MAX_INDEPENDENT_REST as MAX_INDEPENDENT_REST,
     rest_residual as rest_residual,
+    rest_spread as rest_spread,
 )
 from tactograph.nodes.calibrate.film.film_fit import (
     MAX_ROUNDS as MAX_ROUNDS,

@@ -11,10 +11,10 @@ import numpy as np
 from tactograph.sdk import F4, F8, Light, Metrics, PixelSize, SizeLimit, node, warn
 from tactograph.sdk.nodes import film_bounce
 from tactograph.sdk.unstable import (
+    FINAL_SAMPLES,
     FOLD_COUNT,
     LIGHT_DEVIATION,
     MAX_INDEPENDENT,
-    MAX_INDEPENDENT_REST,
     PART_UNKNOWNS,
     SHARED_UNKNOWNS,
     SHIFT_DEVIATION_PX,
@@ -36,6 +36,7 @@ from tactograph.sdk.unstable import (
     grows,
     least_squares,
     light_scale,
+    lights_itself,
     misfit,
     normal_error,
     pays,
@@ -44,8 +45,10 @@ from tactograph.sdk.unstable import (
     pressed_slope,
     rest_light,
     rest_of,
+    rest_spread,
     sample_balls,
     stored,
+    thinned,
     unevenness,
     within,
 )
@@ -55,7 +58,7 @@ SHALLOW_SHARE = 0.5
 THICKNESS_DEVIATION_MM = 0.3
 """Standard deviation of the thickness of a gel."""
 COAT_UNKNOWNS = PART_UNKNOWNS["lobe"]
-ANOTHER_GEL = ("thicker", "gain", "diffuse", "albedo")
+ANOTHER_GEL = ("thicker", "gain", "diffuse", *PART_UNKNOWNS["bounce"])
 FILM_CHANGES = (("thicker",), ANOTHER_GEL, (*ANOTHER_GEL, *COAT_UNKNOWNS))
 """The changes tried, the simplest first: another thickness in mm, another gel, another coat.
 `diffuse` is added to the share of every LED."""
@@ -124,8 +127,10 @@ def refit_film(
     frame's fall-off.  Each prior holds a parameter near its old value, as films of one kind
     differ; the albedo's takes the flat frame's brightness into account.  The thickness is always
     fitted.  Changes of the gel, and then of the coat, are accepted if they are likelier, and lower
-    the error on held-out quarters of the press by more than a standard error (`grows`).  The old
-    film's harmonics are dropped if that lowers the error as much.
+    the error on held-out quarters of the press by more than a standard error (`grows`).  Where
+    only the new film lights itself, it is fitted once more, to more samples, with that light
+    known, and the better of both on what is held out is taken.  The old film's harmonics
+    are dropped if that lowers the error as much.
 
     Parameters
     ----------
@@ -153,22 +158,33 @@ def refit_film(
     if not used.any():
         return _result(precise, film, old_misfit, even_pixel, {})
     circle, radius, of = circle[used], radius[used], of[used]
-    evidence = (light, flat, circle, radius, of, film, noise, pixel)
-    balls = sample_balls(*evidence, bounce=bounce)
+
+    def sampled(film: Film, **options: Any) -> Balls:
+        evidence = light, flat, circle, radius, of, film, noise, pixel
+        return sample_balls(*evidence, most=None, bounce=bounce, **options)
+
+    whole = sampled(film)
+    balls = thinned(whole)
     if (slope := pressed_slope(balls)) < SHALLOW_SHARE * film.pressed_slope:
         warn(
             f"the check press has slopes of up to {slope:.2f}, the calibration's presses of up to "
             f"{film.pressed_slope:.2f}: press as deep as slopes will be, and recalibrate"
         )
     before_refit = _prior_of(precise, flat, before, pixel)
+    before_error = float(np.mean(_judged(before_refit, balls, ())[1]))
     best, errors, fold_fits = _choose(before_refit, balls)
+    if best.film.albedo > 0 and not lights_itself(film):
+        # Now the light that the new film reflects from film to film is known.
+        renewed = sampled(best.film, shifts=best.shifts, rim=balls.rim, edges=True, fine=True)
+        more = thinned(renewed, FINAL_SAMPLES)
+        other = _choose(before_refit, more)
+        if np.mean(other[1]) < np.mean(errors):
+            whole, balls, (best, errors, fold_fits) = renewed, more, other
     if precise.harmonics.any():
         plain = precise._replace(harmonics=np.zeros_like(precise.harmonics))
         other = _choose(before_refit._replace(film=plain), balls)
         if pays(errors, other[1]):
             best, errors, fold_fits = other
-    before_error = float(np.mean(_judged(before_refit, balls, ())[1]))
-    whole = sample_balls(*evidence, most=None, bounce=bounce)
     parts = [whole.only(whole.held_by % FOLD_COUNT == number) for number in range(len(fold_fits))]
     held_out = [Held(b, fold.fitted) for b, fold in zip(parts, fold_fits, strict=True) if b.u.size]
     uneven = unevenness(held_out, pixel)
@@ -285,7 +301,8 @@ def _fit(prior: _Prior, balls: Balls, names: tuple[str, ...], start: dict[str, f
     places = place_deviations(balls, prior.shift_mm).ravel()
     spread = np.concatenate([places, [each.spread for each in about]])
     samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
-    blocks = LIGHT_DEVIATION * np.sqrt(max(prior.fall.x.size / MAX_INDEPENDENT_REST, 1))
+    # Without a change, the flat frames tell how alike they are.
+    blocks = rest_spread(prior.ratio, prior.fall) if prior.fall.x.size else LIGHT_DEVIATION
     whole = balls.reference_light * samples
     level = np.log(rest_light(film, prior.fall.x, prior.fall.y))
 
