@@ -79,7 +79,7 @@ def film_bounce(
     slope
         2 x H x W, the film's slope.  Without it the differences of `height` are used, which
         are less accurate on large pixels.
-    kept, still
+    recall, still
         K x H x W, this node's own result at the item before (``previous.NODE``), and 1 where that
         still holds, as nothing has moved (`light_stays`).
     cells

@@ -49,7 +49,7 @@ def test_a_run_shows_its_stage_and_time(monkeypatch: pytest.MonkeyPatch) -> None
 def test_of_many_captures_the_time_left_follows_from_the_share_that_is_done() -> None:
     line = ProgressLine(wanted=False)
     line.at("1 of 4 captures", 1 / 4)
-    assert line.seconds_left(5.0) == pytest.approx(15)
+    assert line.remaining_s(5.0) == pytest.approx(15)
 
 
 @pytest.mark.parametrize("quiet", [False, True])

@@ -50,7 +50,7 @@ def bin_presses(
     image : K x S x W, the presses as captured, on a sheet (`sheet`)
     flat, dark : K x H x W and H x W
     pixel : mm per px as captured
-    radius, known
+    radius, circles
         The balls: P in mm, and P x 3 in px.  Without them nothing is binned.
     marks : M x 3, marked balls: x, y in px, press
     """

@@ -58,7 +58,7 @@ def find_balls(
     ----------
     light : K x S x W, the presses relative to the film at rest
     flat : K x H x W, the film at rest; blamed for a ball that is not found if it is no such film
-    radius, known, names
+    radius, circles, names
         P in mm, P x 3 in px, P: as `read_balls` returns them.  No names: no press, no ball.
     pixel : mm per px
     marks

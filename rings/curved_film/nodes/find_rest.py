@@ -160,7 +160,7 @@ def find_rest(
     ----------
     light, flat : K x S x W presses relative to the film at rest, and K x H x W
     even : K x R x C, the film at rest at the camera's resolution
-    radius, known, names : of the presses, as for `find_balls`
+    radius, circles, names : of the presses, as for `find_balls`
     pixel, even_pixel : mm per px at height 0, of `flat` and of `even`
     factor : pixels of `even` along a pixel of `flat`
     noise : (shot, read), a captured light I has the variance shot * I + read

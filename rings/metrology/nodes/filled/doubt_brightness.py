@@ -35,7 +35,7 @@ def doubt_brightness(
     Parameters
     ----------
     error, height : H x W in mm; the height above the plane, scaled
-    known, free : 2 x H x W, slopes found with the brightness held, and left free
+    held, free : 2 x H x W, slopes found with the brightness held, and left free
     pixel : mm per px
     scale_error : relative error of all heights, as `judge_radius` gives it
     level : as for `level_plane`

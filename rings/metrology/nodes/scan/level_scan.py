@@ -88,7 +88,7 @@ def level_scan(
 
     Parameters
     ----------
-    found, single
+    fit, single
         What `light_model_slope` finds from the mean light of cells of H x W, and from one pixel of
         each: the mean light over an edge tells nothing of how steep its wall is.
     model : the light model on cells

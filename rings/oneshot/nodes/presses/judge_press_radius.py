@@ -49,7 +49,7 @@ def judge_press_radius(
     Parameters
     ----------
     image, flat : P x K x H x W presses, levelled, and the K x H x W film at rest
-    circle, kept : B x 3 in px, and the balls used, as `fit_reflectance_map` returns them
+    circle, selection : B x 3 in px, and the balls used, as `fit_reflectance_map` returns them
     pixel : mm per px
     of : length B, the press that each ball is in; None: every press has one ball
     radius_mm : the ball's radius

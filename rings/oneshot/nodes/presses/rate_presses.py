@@ -71,8 +71,8 @@ def rate_presses(
     Parameters
     ----------
     image, flat : P x K x H x W presses and the K x H x W film at rest
-    found, circle : B x 3 in px, before and after refining
-    kept, rim, residual : as `fit_reflectance_map` returns them
+    initial, circle : B x 3 in px, before and after refining
+    selection, rim, residual : as `fit_reflectance_map` returns them
     pixel : mm per px
     of_radius, of_pixels : what `judge_press_radius` and the doubts that `judge_oblong` returns
     of_punches : what `judge_punches` returns
