@@ -30,7 +30,8 @@ def plot_presses(
     Parameters
     ----------
     flat : K x H x W, the film at rest
-    circle, selection : B x 3 in px, and 1 for each that is used, as `fit_reflectance_map` returns them
+    circle, selection
+        B x 3 in px, and 1 for each that is used, as `fit_reflectance_map` returns them
     heldout_deg, verdict, advice : as `rate_presses` returns them
     file : the picture goes beside it: ``cal.npz`` gives ``cal.png``
     """
