@@ -70,7 +70,7 @@ def large_images(node: Node) -> list[Case]:
 )
 def test_any_two_choices_meet(node: Node) -> None:
     rows = [
-        {"H": c.sizes["H"], "fill": c.fill, "without": c.left_out, "only": c.wanted, **c.settings}
+        {"H": c.sizes["H"], "fill": c.fill, "without": c.omitted, "only": c.wanted, **c.settings}
         for c in pairwise(node)
     ]
     for one, other in combinations(rows[0], 2):
@@ -175,13 +175,13 @@ def test_every_pixel_node_of_the_paper_has_a_kernel() -> None:
 
 
 def test_inputs_are_left_out_and_a_part_of_the_outputs_wanted() -> None:
-    assert {case.left_out for case in cases(leaned)} == {(), ("table",)}
+    assert {case.omitted for case in cases(leaned)} == {(), ("table",)}
     assert {case.wanted for case in cases(halves)} == {None, ("low",), ("high",)}
 
 
 @pytest.mark.parametrize("node", [leaned, halves], ids=lambda node: node.name)
 def test_what_is_absent_is_the_same_on_both_back_ends(device: OpenCL, node: Node) -> None:
-    chosen = [case for case in cases(node) if case.left_out or case.wanted]
+    chosen = [case for case in cases(node) if case.omitted or case.wanted]
     assert [compare(node, device, case) for case in chosen] == [None] * len(chosen)
 
 
@@ -192,5 +192,5 @@ def test_a_kernel_that_needs_what_may_be_left_out_is_found_out(
         return image + np.float32(1)
 
     monkeypatch.setattr(leaned, "function", always)
-    (without,) = (case for case in cases(leaned) if case.left_out)
+    (without,) = (case for case in cases(leaned) if case.omitted)
     assert compare(leaned, device, without) is not None
