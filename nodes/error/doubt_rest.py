@@ -83,7 +83,7 @@ def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, An
     """Some film at rest, some slopes unknown."""
     variance = rng.uniform(1e-6, 1e-2, (2, H, W))
     variance[:, rng.random((H, W)) < 0.1] = 1e12
-    free, apart, height = np.float32(rng.normal(0, 0.01, (3, H, W)))
+    free, apart, height = rng.normal(0, 0.01, (3, H, W)).astype(np.float32)
     return {"free": free, "apart": apart, "height": height} | {
         "rest": rng.integers(0, 2, (H, W)).astype(np.uint8),
         "variance": variance.astype(np.float32),

@@ -49,7 +49,8 @@ def judge_oblong(
     best = int(np.argmax(np.where(circle[:, 2] > 0, goodness, -1)))
     if shape is not None or not circle[best, 2]:
         return []
-    stated = radius_mm if radius is None else radius[best]
+    stated = radius_mm if radius is None else float(radius[best])
+    assert stated is not None
     press = cut(light, flat.shape[1])[of[best]]
     oblong, square, free = oblong_of(press, Circle(*circle[best]), stated / pixel)
     values = MAX_INDEPENDENT_REST * len(flat)

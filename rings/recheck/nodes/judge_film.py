@@ -130,7 +130,7 @@ def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
 
     Noise of slopes adds up to heights that are wide and low, so that slopes tell a dent from it.
     """
-    slopes = np.stack(np.gradient(dent, pixel))
+    slopes = np.stack([*np.gradient(dent, pixel)])
     if np.abs(slopes).max() < max(_noise(slopes), MIN_DENT_SLOPE):
         return 0.0, (0, 0)
     y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)
