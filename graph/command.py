@@ -31,7 +31,6 @@ COMMANDS = (
     "resolve",
     "explain",
     "draw",
-    "show",
     "graphs",
     "nodes",
     "new-node",

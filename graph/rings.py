@@ -6,6 +6,7 @@ the ring's and whose value the package.  What lies in its folder is found by pla
 ==============================  ============================================================
 ``nodes/**/NAME.py``            node NAME, declared by ``@node``
 ``kernels/**/NAME.cl``          its kernels, in the same room
+``judges/NAME.py``              doubts of a calibration with a ball: ``doubts`` (`ring_doubts`)
 ``calibrations/NAME_kind.py``   files of calibrations of a kind (`nodes.calibrate.kinds`)
 ``layers/NAME.py``              layer NAME of a touch: its ``KIND`` (`nodes.stream.touch`)
 ``pipelines/FOLDER/NAME.yaml``  graph NAME; in ``overlays``, ``studies`` an overlay, a study;

@@ -18,7 +18,14 @@ from tactograph.sdk import sources
 from tests.fixtures import ROOT, needs_rings
 
 SHIPPED = sorted(folder.parent.name for folder in (ROOT / "rings").glob("*/__init__.py"))
-BUILDS_ON = {"live": ("frames", "oneshot"), "mechanics": ("batch",), "recording": ("frames",)}
+BUILDS_ON = {
+    "batch": ("export",),
+    "curved_film": ("shapes",),
+    "live": ("frames", "oneshot"),
+    "mechanics": ("batch", "export"),
+    "metrology": ("export",),
+    "recording": ("frames", "export"),
+}
 """A ring may import another one, as a package imports those on which it depends."""
 CORE = ("graph", "nodes", "kernels", "pipelines", "tactograph")
 

@@ -20,9 +20,10 @@ from tactograph.graph.compare.tables import (
     Line,
     columns,
     fallback_lines,
-    is_best,
+    figure_cells,
     make_lines,
     over_all,
+    row_labels,
     sweep_columns,
     what_is_better,
 )
@@ -111,14 +112,9 @@ def _table(lines: Sequence[Line], details: bool = False) -> dict[str, Any]:
     names, targets = columns(lines, details), sweep_columns(lines)
     blocks: dict[str, list[dict[str, Any]]] = {}
     for line in rows:
-        cells = [
-            {"text": str(line.figures.get(name, "")), "best": is_best(line, name, rows)}
-            for name in names
-        ]
-        labels = [line.variant, *(short(line.sweep.get(t, "")) for t in targets), line.where]
-        blocks.setdefault(line.capture, []).append(
-            {"labels": labels, "cells": cells, "error": line.error, "warnings": line.warnings}
-        )
+        about = {"labels": row_labels(line, targets), "cells": figure_cells(line, names, rows)}
+        about |= {"error": line.error, "warnings": line.warnings}
+        blocks.setdefault(line.capture, []).append(about)
     headings = [
         {"text": words(name), "better": what_is_better(name), "aim": FIGURE_AIMS.get(name)}
         for name in names

@@ -221,29 +221,28 @@ def _mean_line(lines: Sequence[Line], remark: str) -> Line:
     return Line(first.variant, title, first.backend, first.sweep, rows, figures)
 
 
-def _row_headings(lines: Sequence[Line]) -> list[str]:
-    capture = ["capture"] if any(line.capture for line in lines) else []
-    return [*capture, "variant", *sweep_columns(lines), "back end"]
+def row_labels(line: Line, targets: Iterable[str]) -> list[str]:
+    """Variant, swept values and back ends of a line."""
+    return [line.variant, *(short(line.sweep.get(target, "")) for target in targets), line.where]
 
 
-def _row_labels(line: Line, lines: Sequence[Line]) -> list[str]:
-    capture = [line.capture] if any(other.capture for other in lines) else []
-    swept = [short(line.sweep.get(target, "")) for target in sweep_columns(lines)]
-    return [*capture, line.variant, *swept, line.where]
+def figure_cells(line: Line, names: Iterable[str], peers: Sequence[Line]) -> list[tuple[str, bool]]:
+    """The figures of a line as text, and whether each is the best of its capture."""
+    return [(str(line.figures.get(name, "")), is_best(line, name, peers)) for name in names]
 
 
 def _cells(
     lines: Sequence[Line], names: Sequence[str], best: str, other: str = "{}"
 ) -> tuple[list[str], int, list[list[str]]]:
     """Headings, how many of them are labels, and rows; figures in the form of the best or other."""
-    shown = [*lines, *over_all(lines)]
-    labels = _row_headings(lines)
-
-    def cell(line: Line, name: str) -> str:
-        form = best if is_best(line, name, shown) else other
-        return form.format(line.figures[name]) if name in line.figures else ""
-
-    rows = [[*_row_labels(line, lines), *(cell(line, name) for name in names)] for line in shown]
+    shown, targets = [*lines, *over_all(lines)], sweep_columns(lines)
+    by_capture = any(line.capture for line in lines)
+    labels = [*["capture"] * by_capture, "variant", *targets, "back end"]
+    rows = []
+    for line in shown:
+        figures = figure_cells(line, names, shown)
+        cells = [(best if is_it else other).format(text) if text else "" for text, is_it in figures]
+        rows.append([*[line.capture] * by_capture, *row_labels(line, targets), *cells])
     return [*labels, *map(words, names)], len(labels), rows
 
 

@@ -4,18 +4,11 @@
 // The height's standard deviation with what whole maps share, on the film at rest from a height that
 // was not held at zero.
 LANED __kernel void doubt_rest(
-    __global const float *restrict error,
-    __global const uchar *restrict rest,
-    __global const float *restrict free,
-    __global const float *restrict variance,
-    const float pixel,
-    __global const float *restrict apart,
-    __global const float *restrict height,
-    const float scale_error,
-    const float zero,
-    __global float *restrict out,
-    const int H, const int W,
-    const float level,
+    __global const float *restrict error, __global const uchar *restrict rest,
+    __global const float *restrict free, __global const float *restrict variance,
+    const float pixel, __global const float *restrict apart,
+    __global const float *restrict height, const float scale_error, const float zero,
+    __global float *restrict out, const int H, const int W, const float level,
     const float steepest)
 {
     const int size = H * W;

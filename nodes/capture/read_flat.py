@@ -26,7 +26,6 @@ def read_flat(
     image: Light,
     estimate: Light | None = None,
     black: Dark | None = None,
-    is_plane: bool = True,
     *,
     folder: Path | None = None,
     dark: Path | None = None,
@@ -40,9 +39,6 @@ def read_flat(
     image : K x H x W, the capture whose size the flat frame must have
     estimate : K x H x W, used if there is no folder, as `estimate_flat` returns it
     black : H x W, used if `dark` is not given; None: black
-    is_plane
-        Whether the film at rest is a plane.  Else its light changes right up to the border, where
-        a Gaussian would bend it: it is left to `denoise_flat`.
     folder
         Capture of the untouched film, or a folder of several, whose mean is less noisy.
         None: the estimate; without one, uniform light is assumed, with a warning.
@@ -72,8 +68,7 @@ def read_flat(
         )
         return Flat(np.ones_like(image), black)
     stack = _mean(image, folder, layout)
-    width = smooth_px if is_plane else 0.0
-    flat = np.stack([_smoothed(plane - black, width) for plane in stack])
+    flat = np.stack([_smoothed(plane - black, smooth_px) for plane in stack])
     if (led := dark_led(flat)) is not None:
         raise InputError(
             f"{folder}: under LED {led} the film is no brighter than {dark or 'the dark image'}; "

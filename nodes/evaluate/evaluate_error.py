@@ -40,16 +40,14 @@ def evaluate_error(
     touched = cv2.erode(stated.astype(np.uint8), np.ones((3, 3))) != 0
     if truth is None or not touched.any():
         return {}
-    unjudged = touched & (np.bool_(False) if unresolved is None else unresolved != 0)
-    figures = {"unresolved_percent": float(100 * unjudged.sum() / touched.sum())}
-    counted = touched & ~unjudged
+    counted = touched if unresolved is None else touched & (unresolved == 0)
+    figures = {"unresolved_percent": float(100 - 100 * counted.sum() / touched.sum())}
     if not counted.any():
         return figures
     off, deviation = np.abs(height - truth)[counted], error[counted]
-    inside = off <= BAND_DEVIATIONS * deviation
     ratio = np.sqrt(np.square(deviation).mean() / max(np.square(off).mean(), 1e-30))
     return {
-        "in_90_percent_band": float(100 * inside.mean()),
+        "in_90_percent_band": float(100 * (off <= BAND_DEVIATIONS * deviation).mean()),
         "stated_over_actual": float(ratio),
         "max_resolved_error_um": float(UM_PER_MM * off.max()),
         **figures,

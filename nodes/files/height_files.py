@@ -1,53 +1,30 @@
-"""Height maps in other people's formats: images and meshes; rings bring further ones."""
+"""Height maps as NumPy's files, TIFFs and meshes; rings bring further formats."""
 
-import json
 import math
-import struct
-from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from PIL import Image, PngImagePlugin
+from PIL import Image
 from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import missing
-from tactograph.graph.rings import bring, brought
-from tactograph.nodes import F4, I4, Height, HeightError, Lens
-from tactograph.nodes.files.height_picture import (
-    OFFSET_MM,
-    STEP_MM,
-    UNKNOWN_LEVEL,
-    height_levels,
-    level_height,
-)
+from tactograph.graph.rings import bring
+from tactograph.nodes import F4, I4, Height, Lens
 from tactograph.nodes.files.image_files import read_heights
 from tactograph.nodes.files.result_file import refuse_changed
 from tactograph.nodes.optics.film_places import film_places
-
-if TYPE_CHECKING:
-    Format = str
-else:
-    Format = Literal[("npy", "tiff", "png", "tmd", "ply", "stl", "obj", *brought("formats"))]
-"""The formats of a height map: those written here, and those that rings bring."""
 
 MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1.0
 """Pixels that sensors of touch have; a size outside is one in another unit, such as um."""
 MAX_SIZE_DIFFERENCE = 0.005
 """Relative difference of two lengths of a pixel that counts as a contradiction."""
-PNG_TEXT = "Tactograph height"
-"""The PNG's text chunk that holds step and offset."""
 TIFF_TEXT = "height in mm above the untouched film"
 """The description in the TIFFs written here."""
 PER_CM = 3
 """A TIFF's number for a resolution in pixels per centimetre."""
-TMD_MAGIC = b"Binary TrueMap Data File v2.0\r\n\0"
-TMD_COMMENT = b"Height map in mm     \r\n\0"
-"""24 bytes: some readers take the comment to be as long as TrueMap's own."""
-TMD_SIZES = struct.Struct("<2i4f")
-"""Columns, rows, width and length in mm, offset in x and y in mm."""
 MESH_AXES = "mm from the image's middle on the film at rest; x right, y up, z to the camera"
 """Comment in meshes; an STL has room for 80 bytes."""
 PLY_HEADER = """\
@@ -62,8 +39,6 @@ element face {faces}
 property list uchar int vertex_indices
 end_header
 """
-
-STL_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 
 
 class HeightFile(NamedTuple):
@@ -119,81 +94,11 @@ def write_tiff(file: Path, height: Height, pixel: float, length: float | None = 
     Image.fromarray(np.asarray(height, np.float32)).save(file, tiffinfo=tags)
 
 
-def write_png(file: Path, height: Height, pixel: float) -> None:
-    """16-bit grey: height = offset + level * step, both stated in a text chunk.
-
-    Unknown film, NaN, is transparent by the PNG's tRNS chunk.
-
-    Raises
-    ------
-    InputError
-        If the height does not fit into 16 bits at this scale.
-    """
-    try:
-        grey = height_levels(height)
-    except InputError as error:
-        raise InputError(f"{file.name}: {error}; write tiff or npy instead") from None
-    about = {"unit": "mm", "step": STEP_MM, "offset": OFFSET_MM, "pixel_size_mm": pixel}
-    transparent: dict[str, Any] = {}
-    if not np.isfinite(height).all():
-        about["unknown_level"] = transparent["transparency"] = UNKNOWN_LEVEL
-    text = PngImagePlugin.PngInfo()
-    text.add_text(PNG_TEXT, json.dumps(about))
-    Image.fromarray(grey).save(file, pnginfo=text, **transparent)
-
-
-def write_tmd(file: Path, height: Height, pixel: float) -> None:
-    """TrueMap data, version 2.0, as GelSight's tools read it: float32, mm.
-
-    Raises
-    ------
-    InputError
-        If the film is unknown (NaN) anywhere, for which the format has no sign.
-    """
-    unknown = np.count_nonzero(np.isnan(height))
-    if unknown:
-        raise InputError(
-            f"{file.name}: the film is unknown (NaN) at {unknown} pixels, which a .tmd file cannot "
-            "hold; write tiff, png, npy, sur or a mesh"
-        )
-    rows, columns = height.shape
-    sizes = TMD_SIZES.pack(columns, rows, columns * pixel, rows * pixel, 0.0, 0.0)
-    file.write_bytes(TMD_MAGIC + TMD_COMMENT + sizes + height.astype("<f4").tobytes())
-
-
-def write_height(
-    file: Path,
-    height: Height,
-    pixel: float,
-    lens: Lens | None = None,
-    camera: float = 0.0,
-    error: HeightError | None = None,
-) -> None:
-    """Write a height map in the format of the file's suffix.
-
-    Raises
-    ------
-    InputError
-        If the format cannot hold it, or its library is not installed.
-    """
-    extension = file.suffix[1:]
-    if extension in MESH_WRITERS:
-        write_mesh(file, height, pixel, lens, camera)
-    elif extension in HEIGHT_WRITERS:
-        HEIGHT_WRITERS[extension](file, height, pixel)
-    elif (further := bring("formats", extension)) is not None:
-        further.write(file, height, pixel, error)
-
-
-def write_mesh(
+def write_ply(
     file: Path, height: Height, pixel: float, lens: Lens | None = None, camera: float = 0.0
 ) -> None:
-    """PLY (binary), STL (binary) or OBJ by the file's suffix."""
+    """Write the mesh of a height map (`surface_of`), binary."""
     surface = surface_of(height, pixel, lens, camera)
-    MESH_WRITERS[file.suffix[1:]](file, surface)
-
-
-def _write_ply(file: Path, surface: Surface) -> None:
     sizes = {"vertices": len(surface.vertices), "faces": len(surface.faces)}
     header = PLY_HEADER.format(axes=MESH_AXES, **sizes)
     faces = np.empty(len(surface.faces), [("count", "u1"), ("vertices", "<i4", 3)])
@@ -201,39 +106,13 @@ def _write_ply(file: Path, surface: Surface) -> None:
     file.write_bytes(header.encode() + surface.vertices.astype("<f4").tobytes() + faces.tobytes())
 
 
-def _write_stl(file: Path, surface: Surface) -> None:
-    corners = surface.vertices[surface.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    facets = np.zeros(len(corners), STL_FACET)
-    facets["normal"] = normals / np.where(lengths > 0, lengths, 1)
-    facets["corners"] = corners
-    header = MESH_AXES.encode().ljust(80, b"\0") + struct.pack("<I", len(facets))
-    file.write_bytes(header + facets.tobytes())
-
-
-def _write_obj(file: Path, surface: Surface) -> None:
-    vertices = "v %.8f %.8f %.8f\n" * len(surface.vertices) % tuple(surface.vertices.flat)
-    faces = "f %d %d %d\n" * len(surface.faces) % tuple((surface.faces + 1).flat)
-    file.write_text(f"# {MESH_AXES}\n{vertices}{faces}", encoding="ascii")
-
-
-MESH_WRITERS = {"ply": _write_ply, "stl": _write_stl, "obj": _write_obj}
-HEIGHT_WRITERS: Mapping[str, Callable[[Path, Height, float], None]] = {
-    "npy": lambda file, height, _: np.save(file, height),
-    "tiff": write_tiff,
-    "png": write_png,
-    "tmd": write_tmd,
-}
-
-
-def read_npy(file: Path) -> HeightFile:
+def _read_npy(file: Path) -> HeightFile:
     """A two-dimensional array of numbers, mm."""
     refuse_changed(file)
     return HeightFile(read_heights(file))
 
 
-def read_tiff(file: Path) -> HeightFile:
+def _read_tiff(file: Path) -> HeightFile:
     """A single channel of floats, mm."""
     refuse_changed(file)
     image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
@@ -259,54 +138,10 @@ def _tiff_pixel(file: Path) -> float | None:
         return None
 
 
-def read_png(file: Path) -> HeightFile:
-    """16-bit grey that states its own scale."""
-    try:
-        with Image.open(file) as image:
-            about = json.loads(image.info[PNG_TEXT])
-            levels = np.asarray(image)
-        step, offset = float(about["step"]), float(about["offset"])
-        side = float(about.get("pixel_size_mm", math.nan))
-    except (KeyError, TypeError):
-        raise InputError(f"{file}: states no scale, so its grey levels are no heights") from None
-    except (OSError, SyntaxError, ValueError, OverflowError) as error:
-        raise InputError(f"{file}: cannot be decoded: {error}") from None
-    height = level_height(levels, step, offset)
-    if "unknown_level" in about:
-        height[levels == about["unknown_level"]] = np.nan
-    return HeightFile(height, square_pixel(side, side))
-
-
-def read_tmd(file: Path) -> HeightFile:
-    """TrueMap data, version 2.0."""
-    content = file.read_bytes()
-    comment_end = content.find(b"\0", len(TMD_MAGIC))
-    if content[:29] != TMD_MAGIC[:29] or comment_end < 0:
-        raise InputError(f"{file}: no TMD file of version 2.0")
-    start = comment_end + 1 + TMD_SIZES.size
-    if len(content) < start:
-        raise InputError(f"{file}: ends within its header")
-    columns, rows, width, length = TMD_SIZES.unpack_from(content, comment_end + 1)[:4]
-    if columns < 1 or rows < 1 or len(content) < start + 4 * columns * rows:
-        raise InputError(f"{file}: declares {columns} x {rows} heights, but the file is shorter")
-    heights = np.frombuffer(content, "<f4", columns * rows, start)
-    height = np.asarray(heights.reshape(rows, columns), np.float32)
-    return HeightFile(height, square_pixel(width / columns, length / rows))
-
-
 def square_pixel(width: float, length: float) -> float | None:
     """Return the side of a pixel of this width and length in mm; None if it is no square."""
     is_size = min(width, length) >= MIN_PIXEL_MM and max(width, length) <= MAX_PIXEL_MM
     return width if is_size and math.isclose(width, length, rel_tol=MAX_SIZE_DIFFERENCE) else None
-
-
-HEIGHT_READERS: Mapping[str, Callable[[Path], HeightFile]] = {
-    ".tiff": read_tiff,
-    ".tif": read_tiff,
-    ".png": read_png,
-    ".tmd": read_tmd,
-}
-"""The formats other than ``.npy``, by suffix."""
 
 
 def read_height_file(file: Path) -> HeightFile:
@@ -322,7 +157,7 @@ def read_height_file(file: Path) -> HeightFile:
     if not file.is_file():
         raise InputError(missing(file, "file"))
     suffix = file.suffix.lower()
-    if suffix in HEIGHT_READERS:
-        return HEIGHT_READERS[suffix](file)
+    if suffix in (".tif", ".tiff"):
+        return _read_tiff(file)
     further = bring("formats", suffix[1:])
-    return read_npy(file) if further is None else further.read(file)
+    return _read_npy(file) if further is None else further.read(file)

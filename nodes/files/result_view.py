@@ -1,6 +1,5 @@
 """The view that a stored height was seen in: files that hold heights state lens and pupil."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from tactograph.graph import InputError
-from tactograph.graph.disk.array_files import load_arrays
 from tactograph.nodes.files.result_file import RESULT_FILE, read_result
 from tactograph.nodes.optics.lens import LENS_TERMS, is_straight
 from tactograph.nodes.stream.touch import View
@@ -40,34 +38,6 @@ def view_in(header: Mapping[str, Any], file: Path) -> View:
     if lens.shape != (len(LENS_TERMS),) or not np.isfinite([*lens, camera]).all():
         raise InputError(f"{file}: states no view; reconstruct again")
     return View(lens, camera)
-
-
-def view_of_text(text: str, file: Path) -> View:
-    """Return the view in a file's metadata, JSON of `view_stated`: see `view_in`."""
-    try:
-        result = json.loads(text)
-    except ValueError:
-        result = {"lens": None}
-    return view_in(result, file)
-
-
-def calibrated_view(calibration: Path) -> View:
-    """Return the view of a sensor's calibration, for what takes its film for a plane.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, or its film is no plane at rest.
-    """
-    try:
-        arrays = load_arrays(calibration)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{calibration}: cannot be read: {error}") from None
-    if np.any(arrays.get("rest", 0)):
-        raise InputError(
-            f"{calibration}: its film is no plane at rest; touches of planes alone are put together"
-        )
-    return view_in({"camera": 0.0, **arrays}, calibration)
 
 
 def read_view(height: Path) -> View:

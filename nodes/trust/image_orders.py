@@ -30,18 +30,14 @@ def ring_orders(count: int) -> Iterator[Order]:
     yield from (order for order in orders if order not in {ring, *swaps(count)})
 
 
-def _out_of_place(order: Order) -> list[int]:
-    return [place for place, led in enumerate(order) if led != place]
-
-
 def words_of_order(order: Order) -> str:
     """Return what was done, for the order that undoes it: place k takes image order[k]."""
-    match _out_of_place(order):
-        case [one, other]:
-            return (
-                f"the images of LED {one + 1} and LED {other + 1} are swapped: exchanged, they fit "
-                "the calibration (check names and wires)"
-            )
+    moved = [f"LED {place + 1}" for place, led in enumerate(order) if led != place]
+    if len(moved) == 2:
+        return (
+            f"the images of {' and '.join(moved)} are swapped: exchanged, they fit the calibration "
+            "(check names and wires)"
+        )
     right = ", ".join(str(led + 1) for led in order)
     return (
         f"the images are in another order than the calibration's: taken as {right} they fit it "

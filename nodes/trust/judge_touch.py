@@ -154,17 +154,14 @@ def _sentence(
     apart = change - change.mean()
     one = int(np.abs(change).argmax())
     together = np.abs(apart).max() < np.abs(change.mean())
+    by = change.mean() if together else change[one]
     facts = {
         "rims": "; walls and rims need the graph precise" if on_rims else "",
         "bright": "brighter" if light.brighter > 0 else "darker",
         "excess": abs(light.brighter),
         "led": "all LEDs are" if together else f"LED {one + 1} is",
-        "sense": _sense(change.mean() if together else change[one]),
+        "sense": f"{'brighter' if by > 0 else 'darker'} by {abs(by):.0%}",
         "moved": "" if motion is None else motion_in_words(motion),
     }
     first, *others = (cause.format(**facts) for cause in causes)
     return ". ".join([first, *(cause[0].upper() + cause[1:] for cause in others)])
-
-
-def _sense(change: float) -> str:
-    return f"{'brighter' if change > 0 else 'darker'} by {abs(change):.0%}"

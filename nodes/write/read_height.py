@@ -17,8 +17,8 @@ def read_height(
 ) -> Height:
     """Read a height map in mm.
 
-    ``.npy``; ``.tiff`` of 32-bit floats; ``.png`` of 16 bits that states its scale, as
-    `export_height` writes it; ``.tmd``, GelSight's; ``.sur``, Digital Surf's.
+    ``.npy``; ``.tiff`` of 32-bit floats; and the formats that rings bring, such as ``.png`` of 16
+    bits that states its scale.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def read_height(
     unknown : whether a part of the film may be unknown (NaN), as in a result with ``grid=metric``
     distorted
         Whether the height may be what a camera's pixels see by a lens or from near, as the
-        ``result.json`` beside it states; the graph then has to apply `read_result_view`.
+        ``result.json`` beside it states; the graph then has to read that view.
 
     Raises
     ------

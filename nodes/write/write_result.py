@@ -1,4 +1,7 @@
-"""Write a touch: arrays for programs, pictures for people, and the provenance."""
+"""Write a touch: arrays for programs, pictures for people, and the provenance.
+
+Long because it alone draws a result (`result_pictures`).
+"""
 
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +12,7 @@ import numpy as np
 from tactograph.graph import InputError, Provenance, node, warn
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Metrics
-from tactograph.nodes.files.height_files import write_mesh, write_tiff
+from tactograph.nodes.files.height_files import write_ply, write_tiff
 from tactograph.nodes.files.layer_files import layer_files, write_layer
 from tactograph.nodes.files.result_file import (
     RESULT_FILE,
@@ -88,7 +91,7 @@ def write_result(
         for layer in layers_of(touch):
             write_layer(layer, target)
         if ply:
-            write_mesh(target / "height.ply", touch.film, touch.pixel, lens, camera or 0.0)
+            write_ply(target / "height.ply", touch.film, touch.pixel, lens, camera or 0.0)
         if pictures:
             # Loading Matplotlib takes longer than computing a touch.
             from tactograph.nodes.drawing.result_pictures import draw_result

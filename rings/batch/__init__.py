@@ -2,7 +2,8 @@
 
 `captures` finds them, `job` says what to do with each, `store` holds the results (`entry`).
 A `worker` does chunks with a pipeline of its own, in this process or in those of `processes`, which
-`fork_server` starts with the modules that are `imported_ahead`.  `batch` puts these together.  One
-worker writes a chunk.  Its captures count as done only when all else is written, so a batch can be
-stopped anywhere and continued.  `batch_maps` reads what it has done.
+`fork_server` starts with the modules that are `imported_ahead`.  `batch` opens the store and cuts
+the rest into chunks, `run_batch` does and prints all that.  One worker writes a chunk.  Its
+captures count as done only when all else is written, so a batch can be stopped anywhere and
+continued.  `batch_maps` reads what it has done.
 """

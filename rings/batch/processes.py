@@ -72,27 +72,25 @@ class Processes:
 
     def open_ahead(self) -> None:
         """Start to open the graph in all processes."""
-        self._hand_to_all(open_ahead)
+        for _ in range(self._number):
+            hand_over(self._pool, open_ahead)
 
     def map_types(self, place: str) -> dict[str, MapType]:
         """The types of the maps, from a capture.  Raises TactographError if it cannot be done."""
         return self.ask(find_map_types, place)
 
     def ask(self, question: Callable[..., Answer], *about: Any) -> Answer:
-        """Ask all processes, which open the graph for it, and return the first answer.
-
-        Raises InputError if the process dies.
-        """
+        """Ask one of the processes.  Raises InputError if it dies."""
         try:
-            answers = self._hand_to_all(question, *about)
-            return wait(answers, return_when=FIRST_COMPLETED).done.pop().result()
+            return hand_over(self._pool, question, *about).result()
         except PROCESS_DEATHS:
             self._idle = None
             raise InputError(f"{about[-1]}: its process died; {RUN_ALONE_HINT}") from None
 
-    def _hand_to_all(self, do: Callable[..., Answer], *about: Any) -> list[Future[Answer]]:
-        pool = self._idle = self._idle or self._start(self._number)
-        return [hand_over(pool, do, *about) for _ in range(self._number)]
+    @property
+    def _pool(self) -> ProcessPoolExecutor:
+        self._idle = self._idle or self._start(self._number)
+        return self._idle
 
     def _start(self, number: int) -> ProcessPoolExecutor:
         return start_processes(number, partial(set_up, self._job))

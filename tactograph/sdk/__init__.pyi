@@ -82,7 +82,7 @@ from tactograph.nodes.drawing.result_pictures import (
 from tactograph.nodes.files.height_files import (
     HeightFile as HeightFile,
     read_height_file as read_height_file,
-    write_mesh as write_mesh,
+    write_ply as write_ply,
     write_tiff as write_tiff,
 )
 from tactograph.nodes.files.image_files import (
@@ -95,9 +95,6 @@ from tactograph.nodes.files.image_files import (
 from tactograph.nodes.files.result_file import (
     RESULT_FILE as RESULT_FILE,
     write_result_file as write_result_file,
-)
-from tactograph.nodes.show.shown import (
-    Shown as Shown,
 )
 from tactograph.nodes.stream.frames import (
     LiveFrames as LiveFrames,

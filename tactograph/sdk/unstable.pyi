@@ -12,6 +12,7 @@ from tactograph.graph.cache.result_origin import (
     find_origin as find_origin,
 )
 from tactograph.graph.commands import (
+    FOLDER_PATH as FOLDER_PATH,
     RunOptions as RunOptions,
     graph_command as graph_command,
     run_options as run_options,
@@ -40,6 +41,13 @@ from tactograph.graph.declare.node_page import (
     describe as describe,
     range_of as range_of,
 )
+from tactograph.graph.disk.array_files import (
+    load_arrays as load_arrays,
+)
+from tactograph.graph.disk.file_identity import (
+    ABOUT_ARRAY as ABOUT_ARRAY,
+    about_in as about_in,
+)
 from tactograph.graph.disk.folder_lock import (
     lock_folder as lock_folder,
 )
@@ -57,6 +65,8 @@ from tactograph.graph.errors import (
     Terminated as Terminated,
     a_few as a_few,
     collect_warnings as collect_warnings,
+    missing as missing,
+    one_line as one_line,
     printable as printable,
 )
 from tactograph.graph.files.captures_in import (
@@ -152,6 +162,12 @@ from tactograph.nodes.calibrate import (
     PressImages as PressImages,
     TiltResponse as TiltResponse,
 )
+from tactograph.nodes.calibrate.ball.ball_on_shape import (
+    BallOnShape as BallOnShape,
+)
+from tactograph.nodes.calibrate.ball.ball_search import (
+    Circle as Circle,
+)
 from tactograph.nodes.calibrate.ball.balls_on_film import (
     Balls as Balls,
     Fitted as Fitted,
@@ -159,6 +175,7 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
 )
 from tactograph.nodes.calibrate.ball.find_ball import (
     Ball as Ball,
+    refined as refined,
 )
 from tactograph.nodes.calibrate.ball.undistort_presses import (
     ideal_circles as ideal_circles,
@@ -169,14 +186,21 @@ from tactograph.nodes.calibrate.file.calibrated_film import (
     read_either as read_either,
 )
 from tactograph.nodes.calibrate.file.calibration import (
+    CALIBRATION_KIND as CALIBRATION_KIND,
     NO_MISFIT as NO_MISFIT,
     Calibration as Calibration,
+)
+from tactograph.nodes.calibrate.file.camera_lens import (
+    CAMERA_KIND as CAMERA_KIND,
+    CameraLens as CameraLens,
 )
 from tactograph.nodes.calibrate.film.ball_normals import (
     normal_error as normal_error,
 )
 from tactograph.nodes.calibrate.film.ball_samples import (
+    bounced_at_rest as bounced_at_rest,
     grain as grain,
+    laid_on as laid_on,
     sample_balls as sample_balls,
 )
 from tactograph.nodes.calibrate.film.film_at_rest import (
@@ -184,8 +208,13 @@ from tactograph.nodes.calibrate.film.film_at_rest import (
     rest_residual as rest_residual,
 )
 from tactograph.nodes.calibrate.film.film_fit import (
+    MAX_ROUNDS as MAX_ROUNDS,
+    Further as Further,
+    fit as fit,
+    further_step as further_step,
     light_scale as light_scale,
     place_deviations as place_deviations,
+    start_at as start_at,
 )
 from tactograph.nodes.calibrate.film.film_misfit import (
     Held as Held,
@@ -201,6 +230,7 @@ from tactograph.nodes.calibrate.film.film_unknowns import (
     within as within,
 )
 from tactograph.nodes.calibrate.film.fit_film import (
+    FilmEvidence as FilmEvidence,
     pressed_slope as pressed_slope,
     stored as stored,
 )
@@ -213,18 +243,30 @@ from tactograph.nodes.calibrate.film.judge_radius import (
     unconfirmed as unconfirmed,
 )
 from tactograph.nodes.calibrate.lights.descend import (
+    DERIVATIVE_STEP as DERIVATIVE_STEP,
     by_differences as by_differences,
+    descend as descend,
+    huber as huber,
+    huber_weight as huber_weight,
     least_squares as least_squares,
 )
 from tactograph.nodes.calibrate.lights.light_fit import (
     LIGHT_DEVIATION as LIGHT_DEVIATION,
+    Placed as Placed,
+    all_residuals as all_residuals,
     inverse_places as inverse_places,
+    jacobian_of as jacobian_of,
+    place_leds as place_leds,
     places_within as places_within,
     positions as positions,
 )
 from tactograph.nodes.calibrate.lights.light_samples import (
+    Object as Object,
+    Press as Press,
     Rest as Rest,
+    is_uniform as is_uniform,
     rest_of as rest_of,
+    sample as sample,
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
     LED_DRIFT as LED_DRIFT,
@@ -241,7 +283,11 @@ from tactograph.nodes.calibrate.rating.judge_contact import (
 from tactograph.nodes.calibrate.rating.judge_labels import (
     MAX_JUDGED_BALLS as MAX_JUDGED_BALLS,
 )
+from tactograph.nodes.calibrate.rating.rate_calibration import (
+    MAX_LED_WIDTHS as MAX_LED_WIDTHS,
+)
 from tactograph.nodes.calibrate.rating.verdict import (
+    MAX_ERROR_DEG as MAX_ERROR_DEG,
     SURE_ODDS as SURE_ODDS,
     Advice as Advice,
     Judged as Judged,
@@ -266,6 +312,7 @@ from tactograph.nodes.capture.read_balls import (
     stated_circle as stated_circle,
 )
 from tactograph.nodes.capture.read_capture import (
+    Capture as Capture,
     CaptureFile as CaptureFile,
     Layout as Layout,
     read_capture_file as read_capture_file,
@@ -273,9 +320,6 @@ from tactograph.nodes.capture.read_capture import (
 )
 from tactograph.nodes.capture.read_flat import (
     Flat as Flat,
-)
-from tactograph.nodes.capture.read_grey import (
-    GreyImage as GreyImage,
 )
 from tactograph.nodes.contact.find_contact import (
     MAX_CONTACTS as MAX_CONTACTS,
@@ -297,10 +341,11 @@ from tactograph.nodes.files.calibration_file import (
     FileKind as FileKind,
     check_use as check_use,
     free_for as free_for,
-    is_of_kind as is_of_kind,
+    kind_of as kind_of,
     read_about as read_about,
     read_arrays as read_arrays,
     write_arrays as write_arrays,
+    write_record as write_record,
 )
 from tactograph.nodes.files.exposure import (
     normalised as normalised,
@@ -308,19 +353,12 @@ from tactograph.nodes.files.exposure import (
 from tactograph.nodes.files.height_files import (
     MAX_PIXEL_MM as MAX_PIXEL_MM,
     MAX_SIZE_DIFFERENCE as MAX_SIZE_DIFFERENCE,
+    MESH_AXES as MESH_AXES,
     MIN_PIXEL_MM as MIN_PIXEL_MM,
+    Surface as Surface,
     grid_triangles as grid_triangles,
     square_pixel as square_pixel,
-    write_tmd as write_tmd,
-)
-from tactograph.nodes.files.height_picture import (
-    OFFSET_MM as OFFSET_MM,
-    STEP_MM as STEP_MM,
-    UNKNOWN_LEVEL as UNKNOWN_LEVEL,
-    height_levels as height_levels,
-    level_height as level_height,
-    levels_picture as levels_picture,
-    picture_levels as picture_levels,
+    surface_of as surface_of,
 )
 from tactograph.nodes.files.image_arrays import (
     check_handed_in as check_handed_in,
@@ -334,16 +372,20 @@ from tactograph.nodes.files.image_files import (
     lights_of as lights_of,
     read_numbers as read_numbers,
     read_plane as read_plane,
+    size_of as size_of,
 )
-from tactograph.nodes.files.mesh_file import (
-    rasterised as rasterised,
-    read_mesh as read_mesh,
+from tactograph.nodes.files.layer_files import (
+    layer_files as layer_files,
+)
+from tactograph.nodes.files.result_file import (
+    RELIEF_FIGURE as RELIEF_FIGURE,
+    checksum as checksum,
+    read_result as read_result,
 )
 from tactograph.nodes.files.result_view import (
-    calibrated_view as calibrated_view,
     read_view as read_view,
     refuse_view as refuse_view,
-    view_of_text as view_of_text,
+    view_in as view_in,
     view_stated as view_stated,
 )
 from tactograph.nodes.files.sensor_identity import (
@@ -362,9 +404,6 @@ from tactograph.nodes.layers.error import (
 )
 from tactograph.nodes.light.film_drift import (
     terms as terms,
-)
-from tactograph.nodes.optics.bicubic import (
-    between_pixels as between_pixels,
 )
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
@@ -392,6 +431,7 @@ from tactograph.nodes.optics.harmonics import (
 from tactograph.nodes.optics.lens import (
     LENS_TERMS as LENS_TERMS,
     camera_offset as camera_offset,
+    camera_places as camera_places,
     half_diagonal as half_diagonal,
     ideal_offset as ideal_offset,
     ideal_place as ideal_place,
@@ -407,6 +447,10 @@ from tactograph.nodes.optics.normals import (
     cofactors as cofactors,
     dot as dot,
     times as times,
+)
+from tactograph.nodes.optics.rest_shape import (
+    RestShape as RestShape,
+    rest_shape as rest_shape,
 )
 from tactograph.nodes.optics.shape import (
     PAPER_PIXEL_MM as PAPER_PIXEL_MM,
@@ -450,4 +494,7 @@ from tactograph.nodes.trust.check_ranks import (
 from tactograph.nodes.trust.light_departure import (
     LightDeparture as LightDeparture,
     excess as excess,
+)
+from tactograph.nodes.write.read_height import (
+    checked_heights as checked_heights,
 )

@@ -78,7 +78,7 @@ LONG = (
     "without_ball.md",
 )
 """Pages that calibrate anew or start many processes, or need packages of 'make test-all'."""
-OF_RINGS = ("compose.md", "graph_files.md")
+OF_RINGS = ("calibrate.md", "compose.md", "graph_files.md")
 """Pages of `docs` whose examples are graphs of rings."""
 RUNNABLE = [page for page in PAGES if any(b.language in RUN for b in blocks(page))]
 COMMAND_LINES = [

@@ -212,22 +212,6 @@ def test_an_item_that_takes_longer_than_a_frame_names_its_slowest_node(
     assert _times(result) == "30.0 ms on numpy"
 
 
-def test_what_has_no_times_is_done(tactograph: Command, tmp_path: Path, height_file: str) -> None:
-    words = (f"height={height_file}", "pixel_size_mm=0.1", f"out={tmp_path / 'exported'}")
-    done = tactograph("run", "export", *words)
-    assert (done.code, done.err) == (0, "")
-    assert done.out.splitlines()[0] == "1: done"
-
-
-def test_after_success_it_says_what_range_the_height_has_and_where_it_is(
-    tactograph: Command, tmp_path: Path
-) -> None:
-    np.save(tmp_path / "height.npy", np.float32([[-0.25, 0], [0.5, 1.5]]))
-    words = f"height={tmp_path / 'height.npy'}", "pixel_size_mm=0.1", f"out={tmp_path / 'exported'}"
-    lines = tactograph("run", "export", *words).out.splitlines()
-    assert lines[1:] == ["  height  -0.25 to 1.5 mm", f"written to {tmp_path / 'exported'}"]
-
-
 def test_a_warning_is_printed_once_and_counted_at_the_end(about: Command) -> None:
     done = about("run", lit_by("noticed"))
     assert done.err == "warning: a warning\n"
@@ -499,7 +483,7 @@ def test_nodes_lists_every_node_and_shows_the_page_of_one(tactograph: Command) -
 def test_graphs_lists_what_ships_with_its_title_by_folder(tactograph: Command) -> None:
     lines = tactograph("graphs").out.splitlines()
     headings = [line.removesuffix(":") for line in lines if not line.startswith(" ")]
-    folders = ["calibrate", "export", "reconstruct", "simulate"]
+    folders = ["calibrate", "reconstruct", "simulate"]
     assert headings[0] == "to start with"
     assert [line.split()[0] for line in lines[1:5]] == [*FIRST_GRAPHS]
     assert headings[1 : len(folders) + 1] == folders

@@ -9,9 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.graph import InputError
-from tactograph.nodes.files.height_files import write_mesh
-from tactograph.nodes.files.mesh_file import read_mesh
+from tactograph.nodes.files.height_files import write_ply
 from tests.fixtures import ROOT, python
 from tests.graph.conftest import Command, one_line
 
@@ -43,24 +41,19 @@ def test_a_command_names_the_extra_and_does_nothing(
     assert not [*Path().iterdir()]
 
 
-def test_a_node_names_the_extra(hide: Callable[[str], None]) -> None:
+def test_writing_a_mesh_needs_no_extra(hide: Callable[[str], None]) -> None:
     hide("trimesh")
-    with pytest.raises(InputError, match=r"needs trimesh: pip install 'tactograph\[mesh\]'"):
-        read_mesh(Path("a.stl"), "read_rest")
-
-
-@pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])
-def test_writing_a_mesh_needs_no_extra(hide: Callable[[str], None], suffix: str) -> None:
-    hide("trimesh")
-    write_mesh(Path(f"a.{suffix}"), np.zeros((4, 5), np.float32), 0.1)
-    assert Path(f"a.{suffix}").stat().st_size > 100
+    write_ply(Path("a.ply"), np.zeros((4, 5), np.float32), 0.1)
+    assert Path("a.ply").stat().st_size > 100
 
 
 def test_every_extra_that_a_message_names_is_one() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    code = [f.read_text() for room in ("graph", "nodes") for f in (ROOT / room).rglob("*.py")]
+    code = [
+        f.read_text() for room in ("graph", "nodes", "rings") for f in (ROOT / room).rglob("*.py")
+    ]
     named = {name for text in code for name in re.findall(r"\bneed\(\s*\"([a-z]+)\"", text)}
-    assert {"mesh", "report"} <= named <= {*project["optional-dependencies"]}
+    assert {"report"} <= named <= {*project["optional-dependencies"]}
 
 
 def test_every_node_is_read_without_an_extra(tmp_path: Path) -> None:

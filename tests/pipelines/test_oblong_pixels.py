@@ -8,8 +8,6 @@ import cv2
 import numpy as np
 import pytest
 
-from tactograph.graph import InputError
-from tactograph.nodes.write.read_pixel_size import read_pixel_size
 from tests.pipelines.matt_film import (
     PIXEL_MM,
     TOUCH,
@@ -54,9 +52,6 @@ def test_heights_are_as_of_square_pixels_but_have_no_pixel_size(folder: Path, gr
         assert major == pytest.approx(minor, rel=0.02)
     about = json.loads((folder / graph / "result.json").read_text())
     assert about["pixel_sides_mm"] == pytest.approx([PIXEL_MM, LENGTH_MM], rel=1e-5)
-    for name in ("height.npy", "height.tiff"):
-        with pytest.raises(InputError, match=r"0\.1 x 0\.1081 mm.*grid 'metric'"):
-            read_pixel_size(height=folder / graph / name)
 
 
 @pytest.mark.slow

@@ -1,6 +1,5 @@
 """A film of any shape at rest: its images by a calibration, and heights above it from them."""
 
-import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -13,10 +12,11 @@ from tactograph.graph import InputError, Provenance, load
 from tactograph.nodes import BAND_DEVIATIONS, F4
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
+from tactograph.nodes.files.height_files import write_ply
 from tactograph.nodes.light.untouched_film import untouched_film
 from tactograph.nodes.stream.touch import Touch, View
 from tactograph.nodes.write.write_result import write_result
-from tests.fixtures import RIG_PIXEL_MM, ROOT, SHARED, Calibration, MadeOnce, Raytraced
+from tests.fixtures import RIG_PIXEL_MM, Calibration, MadeOnce, Raytraced
 from tests.pipelines.conftest import run
 
 RIG = "near33"
@@ -127,23 +127,16 @@ def test_the_tables_of_the_paper_hold_on_a_dome(curved: Curved, truth: F4) -> No
     assert np.sqrt(np.mean((found - truth) ** 2)) < 1.5 * RIG_PIXEL_MM[RIG]
 
 
-def test_an_exported_mesh_is_the_films_own_shape(curved: Curved, truth: F4, tmp_path: Path) -> None:
+def test_a_mesh_is_the_films_own_shape(truth: F4, tmp_path: Path) -> None:
     """From near, points that rise towards the pupil are seen beside where they lie."""
-    np.save(tmp_path / "height.npy", truth)
-    said = {"pixel_size_mm": RIG_PIXEL_MM[RIG], "metrics": {"rest_relief_mm": 1.0}}
-    said |= {"lens": [0.0] * 8, "camera": 1 / 60, "files": ["height.npy"]}
-    (tmp_path / "result.json").write_text(json.dumps(said))
-    given = {"height": tmp_path / "height.npy", "formats": "ply"}
-    laid_out = run("export", tmp_path / "flat", **given)
-    assert any("meshes lay the height out on a plane" in line for line in laid_out.warnings)
     view, made = View(camera=1 / 60), Provenance({}, None, [], {}, {}, [], [])
     touch = Touch(
         truth, truth[None], RIG_PIXEL_MM[RIG], view=view, rest=shape_of("dome", truth.shape)
     )
     with pytest.raises(InputError, match="its places are not those of a plane"):
         write_result(touch, folder=tmp_path, grid="metric", provenance=made)
-    run("export", tmp_path / "round", **given, calibration=curved("dome"))
-    found = trimesh.load_mesh(tmp_path / "round/height.ply", process=False).vertices
+    write_ply(tmp_path / "height.ply", touch.film, touch.pixel, None, 1 / 60)
+    found = trimesh.load_mesh(tmp_path / "height.ply", process=False).vertices
     film = shape_of("dome", truth.shape).astype(np.float64) + truth
     y, x = np.mgrid[: truth.shape[0], : truth.shape[1]] * RIG_PIXEL_MM[RIG]
     x, y = (x - x.mean()) * (1 - film / 60), (y.mean() - y) * (1 - film / 60)
@@ -161,72 +154,3 @@ def test_a_graph_that_takes_the_film_for_a_plane_refuses_it(
 ) -> None:
     with pytest.raises(InputError, match="no plane at rest"):
         run(graph, calibration=curved("dome"), capture=raytraced / RIG / "cat_film")
-
-
-@pytest.mark.slow
-def test_a_round_sensor_goes_from_its_drawing_to_heights(tmp_path: Path) -> None:
-    rig, file = ROOT / "tests/data/dome", tmp_path / "cal.npz"
-    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest_radius_mm": 35.0}
-    run("calibrate", file, capture=rig / "presses", flat=rig / "flat", **given)
-    off, band = {}, 0.0
-    for graph in ("paper", "reconstruct", "precise"):
-        found = run(graph, capture=rig / "cat_film", calibration=file)["metrics"]
-        assert found["trust"] > 0.01, graph
-        off[graph], band = found["rmse_um"], found.get("in_90_percent_band", 0.0)
-    assert (off["paper"] < 90, off["reconstruct"] < 3, off["precise"] < 1.5) == (True,) * 3, off
-    assert band > 85
-
-
-@pytest.mark.slow
-def test_a_round_film_is_found_from_presses_and_says_how_well(tmp_path: Path) -> None:
-    """What is not known of its curvature is not known of the scale of heights above it."""
-    rig, file = ROOT / "tests/data/dome", tmp_path / "cal.npz"
-    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest": "find"}
-    figures = run("calibrate", file, capture=rig / "presses", flat=rig / "flat", **given)["quality"]
-    found = read_calibration(file=file)
-    assert found.rest is not None
-    off_um = 1e3 * np.std(found.rest - np.load(rig / "rest_height_mm.npy"))
-    assert off_um < 2 * figures["rest_deviation_um"] < 80
-    radius = figures["rest_radius_x_mm"]
-    assert abs(35 / radius - 1) / 35 / (1 / 6 + 1 / radius) < 2 * found.scale_error < 0.01
-
-
-def test_a_film_is_not_found_without_its_own_light(tmp_path: Path) -> None:
-    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest": "find"}
-    with pytest.raises(InputError, match="needs flat"):
-        run("calibrate", tmp_path / "cal.npz", capture=ROOT / "tests/data/dome/presses", **given)
-
-
-@pytest.mark.slow
-def test_a_round_film_that_is_told_to_be_flat_is_named(tmp_path: Path) -> None:
-    """In place of the ball's radius, the pixel size or the images' order."""
-    rig = ROOT / "tests/data/dome"
-    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70}
-    with pytest.raises(
-        InputError, match=r"no plane at rest: a bend with a radius of 3\d.* odds of"
-    ):
-        run("calibrate", tmp_path / "cal.npz", capture=rig / "presses", flat=rig / "flat", **given)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("rig", "quick_um", "careful_um"), [("dome_ideal", 3.0, 1.5), ("dome", 8.0, 4.0)]
-)
-def test_a_ray_traced_dome_is_calibrated_and_measured(
-    rig: str, quick_um: float, careful_um: float, tmp_path: Path
-) -> None:
-    scene = SHARED / "raytraced" / rig
-    if not scene.is_dir():
-        pytest.skip("the ray-traced domes are not here")
-    for press in ("calibration", "calibration_off", "calibration_left"):
-        shutil.copytree(scene / press, tmp_path / "presses" / press)
-    file, rest = tmp_path / "cal.npz", np.load(scene / "rest_height_mm.npy")
-    given = {"capture": tmp_path / "presses", "flat": scene / "flat", "ball_radius_mm": 6.0}
-    given |= {"rest": scene / "rest_height_mm.npy", "pixel_size_mm": 5 / 70}
-    run("calibrate", file, **given, **({"camera_mm": 65.0} if rig == "dome" else {}))
-    for shape in ("sphere_film", "corner_film", "cat_film"):
-        above = np.load(scene / shape / "truth_height_mm.npy") - rest
-        for graph, most in (("reconstruct", quick_um), ("precise", careful_um)):
-            found = run(graph, capture=scene / shape, calibration=file)
-            assert 1e3 * np.sqrt(np.mean((found["height"] - above) ** 2)) < most, (shape, graph)
-            assert found["metrics"]["trust"] > 0.01, (shape, graph)

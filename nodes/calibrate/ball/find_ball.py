@@ -12,8 +12,8 @@ from scipy import ndimage, optimize
 
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import F4, F8, Light, PixelSize
-from tactograph.nodes.calibrate.ball._ball_on_shape import BallOnShape
-from tactograph.nodes.calibrate.ball._ball_search import (
+from tactograph.nodes.calibrate.ball.ball_on_shape import BallOnShape
+from tactograph.nodes.calibrate.ball.ball_search import (
     CONTACT_SHARES,
     MAX_CONTACT_DIAGONALS,
     MIN_LIT_LIGHT,

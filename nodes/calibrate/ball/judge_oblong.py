@@ -9,7 +9,7 @@ from annotated_types import Gt
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
-from tactograph.nodes.calibrate.ball._ball_search import Circle
+from tactograph.nodes.calibrate.ball.ball_search import Circle
 from tactograph.nodes.calibrate.ball.find_ball import oblong_of
 from tactograph.nodes.calibrate.film.film_at_rest import MAX_INDEPENDENT_REST
 from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS, log_odds
@@ -49,10 +49,10 @@ def judge_oblong(
     best = int(np.argmax(np.where(circle[:, 2] > 0, goodness, -1)))
     if shape is not None or not circle[best, 2]:
         return []
-    stated = radius_mm if radius is None else float(radius[best])
-    assert stated is not None
+    if radius is None:
+        radius = np.full(len(circle), radius_mm, np.float32)
     press = cut(light, flat.shape[1])[of[best]]
-    oblong, square, free = oblong_of(press, Circle(*circle[best]), stated / pixel)
+    oblong, square, free = oblong_of(press, Circle(*circle[best]), radius[best] / pixel)
     values = MAX_INDEPENDENT_REST * len(flat)
     if log_odds(square, free, 1, values) < math.log(SURE_ODDS):
         return []

@@ -7,8 +7,8 @@ import numpy as np
 from tactograph.graph import node
 from tactograph.nodes import Light, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
-from tactograph.nodes.calibrate.ball._ball_on_shape import BallOnShape
-from tactograph.nodes.calibrate.ball._ball_search import Circle
+from tactograph.nodes.calibrate.ball.ball_on_shape import BallOnShape
+from tactograph.nodes.calibrate.ball.ball_search import Circle
 from tactograph.nodes.calibrate.ball.ball_slopes import ball_slopes
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, SheetMask, SheetSlope

@@ -36,7 +36,7 @@ def pixel_size(
         pixels that are not square: `read_lens` makes a lens of them, and the side of the ideal
         image's pixels is returned.
     camera
-        A file from `write_camera`.  Its pixel size takes precedence over `mm`, because images
+        The file of a camera.  Its pixel size takes precedence over `mm`, because images
         undistorted by it have that pixel size.
     sensor : a kind of sensor, as for `read_camera`; its pixel size is used if `mm` is not given
 

@@ -1,14 +1,10 @@
 """The calibration of a camera's lens: every value that it has, declared once."""
 
-from functools import partial
-from pathlib import Path
 from typing import Annotated, NamedTuple
-
-from pydantic import AfterValidator
 
 from tactograph.graph import Port
 from tactograph.nodes import I4, Lens, Metrics, PixelSize
-from tactograph.nodes.files.calibration_file import FileKind, free_for
+from tactograph.nodes.files.calibration_file import FileKind
 from tactograph.nodes.stored import Stored
 
 
@@ -47,4 +43,3 @@ CAMERA_KIND = FileKind(
     sources="the image of the grid and its pitch",
     users="a camera's lens",
 )
-NewCamera = Annotated[Path, AfterValidator(partial(free_for, kind=CAMERA_KIND))]

@@ -16,7 +16,7 @@ from tactograph.nodes.optics.lens import LENS_TERMS, oblong_lens
 def read_lens(
     image: Light, *, file: Path | None = None, pixel_mm: PixelSides | None = None
 ) -> Lens:
-    """Read the lens from the ``.npz`` that `write_camera` wrote.
+    """Read the lens from the ``.npz`` of a camera.
 
     Parameters
     ----------

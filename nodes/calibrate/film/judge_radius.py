@@ -134,7 +134,7 @@ def judge_radius(
         Doubts of images, flat frame and the film's shape; named in place of the radius, which they
         spoil.
     rest_error
-        Relative error of the heights by a film at rest that is not well known (`find_rest`).
+        Relative error of the heights by a film at rest that is not well known; a plane is.
     led_distance_mm
         Mean distance of the LEDs from the middle of the film, where a drawing of the sensor
         gives it.

@@ -50,8 +50,8 @@ def find_film(
     ----------
     flat : K x H x W, dark level subtracted
     visible
-        R x C, as fine as the flat frame or finer: 0 where the film's own shape hides it
-        (`read_rest`); None: nowhere
+        R x C, as fine as the flat frame or finer: 0 where the film's own shape hides it; None:
+        nowhere
     dark : largest light of a dark pixel, as a share of the film's
     warning : warn of parts without film
     """

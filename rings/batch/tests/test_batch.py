@@ -31,8 +31,8 @@ from tactograph.rings.batch.batch import Workers, open_batch, open_chunks
 from tactograph.rings.batch.captures import _common_start, find_captures
 from tactograph.rings.batch.entry import DONE, FAILED, PENDING, Entry
 from tactograph.rings.batch.processes import Processes, do_chunk
+from tactograph.rings.batch.run_batch import write_table
 from tactograph.rings.batch.store import Store, alone_in, open_store
-from tactograph.rings.batch.verbs.batch import _write_table
 from tactograph.rings.batch.worker import Chunk, Tally, Worker
 from tests.graph.conftest import Command, Outcome, Write, graph_of, one_line
 from tests.nodes.stream.test_layer_kinds import GRAPH as WARM, WARMTH, Lay, made, ring
@@ -298,7 +298,7 @@ def test_a_capture_that_fails_is_told_and_stops_no_other(batch: Batch, tmp_path:
 
 def test_what_a_terminal_obeys_is_spelled_out_in_the_table(tmp_path: Path) -> None:
     entry = Entry(status=FAILED, reason="a name \x1b[31m of a file")
-    _write_table(tmp_path / "out.csv", ["c\x1b1"], [entry])
+    write_table(tmp_path / "out.csv", ["c\x1b1"], [entry])
     text = (tmp_path / "out.csv").read_text()
     assert "\x1b" not in text
     assert "a name \\x1b[31m of a file" in text

@@ -10,8 +10,9 @@ import numpy as np
 from tactograph.rings.camera.nodes._checkerboard import find_corners
 from tactograph.rings.camera.nodes._dots import find_dots
 from tactograph.rings.camera.nodes._lattice import MIN_POINTS, Lattice
+from tactograph.rings.camera.nodes.read_grey import GreyImage
 from tactograph.sdk import F4, InputError, Port, node, warn
-from tactograph.sdk.unstable import I4, GreyImage
+from tactograph.sdk.unstable import I4
 
 MAX_NAMED_DOTS = 5
 """Most dots that a message names."""

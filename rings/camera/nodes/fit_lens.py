@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from tactograph.rings.camera.nodes.find_grid import GridMarks
+from tactograph.rings.camera.nodes.read_grey import GreyImage
 from tactograph.sdk import F4, InputError, Metrics, PixelSize, Port, node, warn
 from tactograph.sdk.unstable import (
     LENS_TERMS,
-    GreyImage,
     Lens,
     camera_offset,
     half_diagonal,

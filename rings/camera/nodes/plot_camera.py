@@ -6,8 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tactograph.rings.camera.nodes.find_grid import GridMarks
+from tactograph.rings.camera.nodes.read_grey import GreyImage
 from tactograph.sdk import BLUE, F4, ORANGE, Metrics, Port, node, write_picture
-from tactograph.sdk.unstable import BesidePicture, GreyImage
+from tactograph.sdk.unstable import BesidePicture
 
 ARROW_SHARE = 0.5
 """Length of an arrow for the root mean square, relative to the spacing of the marks."""

@@ -11,17 +11,20 @@ from hypothesis import given, settings, strategies as st
 
 from rings.camera.tests.grids import SUB, board, dots, on_film, pixels
 from tactograph.graph import InputError, Provenance
+from tactograph.graph.command import run_command
+from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.undistort_presses import undistort_presses
 from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
 from tactograph.nodes.calibrate.file.read_lens import read_lens
-from tactograph.nodes.calibrate.file.write_camera import write_camera
-from tactograph.nodes.capture.read_grey import read_grey
+from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.optics.lens import half_diagonal, ideal_places, pixel_sides
 from tactograph.rings.camera.nodes.find_grid import GridMarks, find_grid
 from tactograph.rings.camera.nodes.fit_lens import LensFit, fit_lens
+from tactograph.rings.camera.nodes.read_grey import read_grey
+from tactograph.rings.camera.nodes.write_camera import write_camera
 from tests.fixtures import python
 
 SHAPE, ROUND_SHAPE = (240, 320), (480, 640)
@@ -336,3 +339,34 @@ def test_a_pixel_of_one_length_or_of_two_and_no_file_are_no_lens_or_an_oblong_on
     for wrong in ((0.08, 0.16), (0.16, 0.08)):
         with pytest.raises(InputError, match="no camera's are so oblong"):
             pixel_size(mm=wrong)
+
+
+def test_arrays_of_others_stay(tmp_path: Path) -> None:
+    file, settings = tmp_path / "mine.npz", {"file": str(tmp_path / "mine.npz")}
+    stored(file, np.zeros(8, np.float32))
+    check_settings(write_camera, settings, str)
+    np.savez(file, mine=np.ones(3))
+    with pytest.raises(InputError, match=r"the name of a new file, or of an earlier .*, is needed"):
+        check_settings(write_camera, settings, str)
+
+
+def test_a_grid_may_be_a_colour_image(tmp_path: Path) -> None:
+    colours = np.random.default_rng(1).integers(0, 255, (6, 8, 3)).astype(np.uint8)
+    write_image(tmp_path / "grid.png", colours)
+    found = read_grey(file=tmp_path / "grid.png")
+    assert np.allclose(found, colours.mean(axis=-1) / 255, atol=1e-6)
+    green = read_grey(file=tmp_path / "grid.png", channel="green")
+    assert np.array_equal(green, colours[..., 1] / np.float32(255))
+
+
+def test_a_lens_shows_its_numbers_and_grid(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bent = np.array([0.03, 0, 0, 0, 0, 0, 0, 0], np.float32)
+    file = stored(tmp_path / "camera.npz", bent)
+    run_command(["show", str(file), "--out", str(tmp_path / "drawn")])
+    told = capsys.readouterr().out
+    assert told.startswith(f"{file}: camera, format 1\n")
+    assert "lens        0.03 0 0 0 0 0 0 0" in told
+    assert "marks  20" in told
+    assert (tmp_path / "drawn" / "camera.png").is_file()

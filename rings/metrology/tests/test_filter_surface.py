@@ -8,8 +8,8 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4
-from tactograph.nodes.write.export_height import export_height
-from tactograph.nodes.write.read_pixel_size import read_pixel_size
+from tactograph.rings.export.nodes.export_height import export_height
+from tactograph.rings.export.nodes.read_pixel_size import read_pixel_size
 from tactograph.rings.metrology.nodes.filled.level_plane import level_plane
 from tactograph.rings.metrology.nodes.surface.filter_surface import filter_surface, form
 

@@ -11,8 +11,8 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.files.height_files import read_height_file
-from tactograph.nodes.write.export_height import export_height
-from tactograph.nodes.write.read_error import read_error
+from tactograph.rings.export.nodes.export_height import export_height
+from tactograph.rings.export.nodes.read_error import read_error
 
 PIXEL = 0.05
 pytestmark = pytest.mark.slow  # needs the packages of tactograph[metrology]

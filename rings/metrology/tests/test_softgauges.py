@@ -14,7 +14,7 @@ from rings.metrology.tests.scan.scans import groove_shape
 from tactograph.graph import InputError
 from tactograph.nodes import F8
 from tactograph.nodes.files.height_files import read_height_file
-from tactograph.nodes.write.export_height import export_height
+from tactograph.rings.export.nodes.export_height import export_height
 
 pytestmark = pytest.mark.slow  # needs the packages of tactograph[metrology]
 PIXEL_UM, ROWS, COLUMNS = 2.0, 400, 1001

@@ -8,8 +8,8 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.nodes import F4
 from tactograph.nodes.files.height_files import read_height_file
-from tactograph.nodes.write.export_height import export_height
 from tactograph.nodes.write.read_height import read_height
+from tactograph.rings.export.nodes.export_height import export_height
 
 PIXEL = 0.05
 

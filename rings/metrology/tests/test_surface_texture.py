@@ -5,17 +5,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.nodes.write.test_read_pixel_size import stored
 
+from rings.export.tests.test_export_height import partly_known
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
-from tactograph.nodes.write.export_height import export_height
+from tactograph.rings.export.nodes.export_height import export_height
 from tactograph.rings.metrology.nodes.surface.surface_texture import surface_texture
 from tests.nodes.contact.test_largest_contacts import CONTACT, HEIGHT
-from tests.nodes.write.test_export_height import partly_known
-from tests.nodes.write.test_read_pixel_size import stored
 
 PIXEL_MM = 0.05
 ROWS, COLUMNS = 120, 160

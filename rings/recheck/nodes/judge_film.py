@@ -130,7 +130,8 @@ def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
 
     Noise of slopes adds up to heights that are wide and low, so that slopes tell a dent from it.
     """
-    slopes = np.stack([*np.gradient(dent, pixel)])
+    by_y, by_x = np.gradient(dent, pixel)
+    slopes = np.stack([by_y, by_x])
     if np.abs(slopes).max() < max(_noise(slopes), MIN_DENT_SLOPE):
         return 0.0, (0, 0)
     y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)

@@ -1,7 +1,7 @@
 """A touch as a row of a LeRobot dataset: what its columns are called and hold.
 
 LeRobot keeps pictures of three channels of 8 bits.  So a height is the picture of its 16-bit
-levels (`height_picture`), and three lights are the channels of one picture.
+levels (`height_levels`), and three lights are the channels of one picture.
 """
 
 import importlib
@@ -12,13 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.rings.export.height_levels import OFFSET_MM, STEP_MM, UNKNOWN_LEVEL, height_levels
+from tactograph.rings.recording.files.level_pictures import levels_picture
 from tactograph.sdk import F4, U1, InputError, Light, Touch, layers_of, need
 from tactograph.sdk.unstable import (
-    OFFSET_MM,
-    STEP_MM,
-    UNKNOWN_LEVEL,
-    height_levels,
-    levels_picture,
     view_stated,
 )
 

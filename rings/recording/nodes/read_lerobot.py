@@ -9,6 +9,7 @@ import numpy as np
 from annotated_types import Ge
 from numpy.typing import NDArray
 
+from tactograph.rings.export.height_levels import level_height
 from tactograph.rings.recording.files.lerobot_rows import (
     MAX_BYTE,
     NS_PER_S,
@@ -16,13 +17,12 @@ from tactograph.rings.recording.files.lerobot_rows import (
     open_lerobot,
     time_column,
 )
+from tactograph.rings.recording.files.level_pictures import picture_levels
 from tactograph.sdk import U1, Height, InputError, Labels, Light, Port, Slope, node
 from tactograph.sdk.unstable import (
     check_handed_in,
     check_sensor,
     identity_in,
-    level_height,
-    picture_levels,
 )
 
 

@@ -3,8 +3,8 @@
 from collections import Counter
 from pathlib import Path
 
+from tactograph.rings.export.shown import Shown
 from tactograph.rings.recording.files.mcap_read import McapFile
-from tactograph.sdk import Shown
 
 
 def show(file: Path) -> Shown:

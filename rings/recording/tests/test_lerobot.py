@@ -10,17 +10,16 @@ import pytest
 from tactograph.graph import InputError, Provenance, Session
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.contact.measure_contact import measure_contact
-from tactograph.nodes.files.height_picture import (
+from tactograph.nodes.stream.touch import Touch
+from tactograph.rings.export.height_levels import (
     OFFSET_MM,
     STEP_MM,
     height_levels,
     level_height,
-    levels_picture,
-    picture_levels,
 )
-from tactograph.nodes.stream.touch import Touch
 from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.recording.files.lerobot_rows import Column, touch_columns
+from tactograph.rings.recording.files.level_pictures import levels_picture, picture_levels
 from tactograph.rings.recording.nodes.read_lerobot import read_lerobot
 from tactograph.rings.recording.nodes.write_lerobot import write_lerobot
 from tests.nodes.touches import touch_of

@@ -20,7 +20,8 @@ from lerobot.scripts import lerobot_record
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 
 import tests.tactograph
-from tactograph.nodes.files.height_picture import OFFSET_MM, STEP_MM, level_height, picture_levels
+from tactograph.rings.export.height_levels import OFFSET_MM, STEP_MM, level_height
+from tactograph.rings.recording.files.level_pictures import picture_levels
 from tactograph.rings.recording.lerobot import TactographCameraConfig
 from tests.fixtures import simulated_sensor
 

@@ -5,8 +5,9 @@ from typing import Literal
 
 import numpy as np
 
+from tactograph.rings.shapes.mesh_file import rasterised, read_mesh
 from tactograph.sdk import F8, node
-from tactograph.sdk.unstable import Length, Shape, ShapeImage, rasterised, read_mesh, shape, turned
+from tactograph.sdk.unstable import Length, Shape, ShapeImage, shape, turned
 
 Up = Literal["flat", "x", "-x", "y", "-y", "z", "-z"]
 

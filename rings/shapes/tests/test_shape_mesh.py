@@ -1,12 +1,15 @@
 """Meshes of known form."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
 
 from tactograph.graph import InputError
-from tactograph.nodes.files import mesh_file as module
 from tactograph.nodes.simulate.shape_ball import shape_ball
+from tactograph.rings.shapes import mesh_file as module
 from tactograph.rings.shapes.nodes.shape_mesh import shape_mesh
 
 
@@ -88,3 +91,9 @@ def test_what_is_no_mesh_is_refused(saved, tmp_path):
     ):
         with pytest.raises(InputError, match=message):
             shape_mesh(file=file)
+
+
+def test_without_its_package_it_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    with pytest.raises(InputError, match=r"needs trimesh: pip install 'tactograph\[mesh\]'"):
+        shape_mesh(file=Path("a.stl"))

@@ -99,7 +99,7 @@ def test_a_change_speaks_of_one_node_or_of_several(write: Write) -> None:
     one_by_one = changed("{set: label, with: {dark: 0}}, {set: judged, with: {dark: 0}}")
     assert changed("{set: [label, judged], with: {dark: 0}}") == one_by_one
     with pytest.raises(GraphError, match="there is no node 'jugded'; did you mean"):
-        changed("{neutral: [seen, jugded]}")
+        changed("{neutral: [shadow, jugded]}")
     with pytest.raises(GraphError, match=r"exactly one of .* set and remove"):
         changed("{set: [label], remove: [label], with: {dark: 0}}")
 

@@ -207,16 +207,12 @@ def test_a_package_brings_pipelines(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         read_graph("felt/sotf")
 
 
-def test_pipelines_and_results_draw_themselves(
-    raytraced: Any, height_file: str, write: Write
-) -> None:
+def test_pipelines_and_results_draw_themselves() -> None:
     pipeline = load(data(), nodes=[brightened], backend="numpy")
     result = pipeline(frames=STACK)
     assert "more" in pipeline._repr_svg_()
     assert " ms</text>" in pipeline._repr_svg_()
     assert "float32 3 x 4 x 5" in result._repr_html_()
-    exported = load("export", height=height_file, pixel_size_mm=0.1, backend="numpy")
-    assert exported._repr_svg_().startswith("<svg")
 
 
 def test_a_cell_is_named_as_the_notebook_names_it(monkeypatch: pytest.MonkeyPatch) -> None:

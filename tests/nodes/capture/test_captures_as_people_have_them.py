@@ -12,7 +12,6 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.capture.read_balls import read_balls
 from tactograph.nodes.capture.read_capture import Capture, read_capture
 from tactograph.nodes.capture.read_flat import read_flat
-from tactograph.nodes.capture.read_grey import read_grey
 
 RNG = np.random.default_rng(0)
 IMAGES = RNG.integers(1, 250, (4, 12, 16)).astype(np.uint8)
@@ -133,18 +132,11 @@ def test_a_channel_can_be_chosen(tmp_path: Path, at: int) -> None:
     image = folder / "led2.png"
     flat = read_flat(capture.image, dark=image, channel=channel)
     assert np.array_equal(flat.dark, expected[1])
-    assert np.array_equal(read_grey(file=image, channel=channel), expected[1])
 
 
 def test_a_channel_of_grey_images_is_told(tmp_path: Path) -> None:
     _, notes = read_one(write(tmp_path, LEDS, COLOURS[..., 0]), channel="blue")
     assert notes == ["`channel`=blue: grey images have one channel, which is taken"]
-
-
-def test_a_grid_may_be_a_colour_image(tmp_path: Path) -> None:
-    write(tmp_path, LEDS, COLOURS)
-    found = read_grey(file=tmp_path / "led1.png")
-    assert np.allclose(found, COLOURS[0].mean(axis=-1) / 255, atol=1e-6)
 
 
 def test_a_colour_that_is_saturated_shows_although_its_mean_is_not(tmp_path: Path) -> None:

@@ -9,10 +9,10 @@ import trimesh
 
 from tactograph.graph import InputError, Provenance
 from tactograph.nodes import F4
+from tactograph.nodes.files.height_files import write_ply
 from tactograph.nodes.optics.film_places import film_places, on_even_grid
 from tactograph.nodes.optics.lens import ideal_places
 from tactograph.nodes.stream.touch import Touch, View
-from tactograph.nodes.write.export_height import export_height
 from tactograph.nodes.write.write_result import write_result
 
 SHAPE = (120, 160)
@@ -94,7 +94,7 @@ def test_a_film_that_reaches_the_camera_is_refused() -> None:
 
 def test_a_mesh_has_its_points_where_they_lie(tmp_path: Path) -> None:
     height = seen(BENT)
-    export_height(height, PIXEL, None, BENT, CAMERA, folder=tmp_path, formats=("ply",))
+    write_ply(tmp_path / "height.ply", height, PIXEL, BENT, CAMERA)
     vertices = trimesh.load(tmp_path / "height.ply", process=False).vertices
     x, y = vertices[:, 0], -vertices[:, 1]
     assert np.abs(hill(x, y) - vertices[:, 2]).max() < 1e-4

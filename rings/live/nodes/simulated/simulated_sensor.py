@@ -15,7 +15,7 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 from scipy.interpolate import CubicSpline
 
 from tactograph.sdk import F4, InputError
-from tactograph.sdk.nodes import light_ring, press, print_markers, render, shape_ball
+from tactograph.sdk.nodes import light_ring, press, render, shape_ball
 from tactograph.sdk.unstable import (
     PAPER_PIXEL_MM,
     LightPositions,
@@ -227,6 +227,8 @@ class SimulatedSensor:
         scene, bare = self.scene, np.ones_like(self._lens)
         if not scene.marker_pitch_mm:
             return bare
+        from tactograph.sdk.nodes import print_markers  # of a ring that may not be there
+
         (printed,) = print_markers(
             bare[None],
             scene.pixel_size_mm,

@@ -25,19 +25,19 @@ from tactograph.sdk.unstable import (
     MAX_PIXEL_MM,
     MAX_SIZE_DIFFERENCE,
     MIN_PIXEL_MM,
+    RELIEF_FIGURE,
     calibrated_film,
-    calibrated_view,
     check_heights,
+    load_arrays,
     on_even_grid,
     read_view,
+    view_in,
     warning_kind,
 )
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
 """Heights of P touches; NaN where not known."""
 MAX_TOUCHES = 255
-RELIEF_FIGURE = "rest_relief_mm"
-"""The figure of a touch whose film is no plane at rest (`measure_contact`)."""
 
 
 class Touches(NamedTuple):
@@ -146,7 +146,7 @@ def _read_store(folder: Path, most: int, pixel: float | None) -> Touches:
     unknown = np.full(heights[0].shape, np.nan, np.float32)
     errors = [touch.get("error", unknown).astype(np.float32) for touch in touches]
     calibration = maps.arguments.get("calibration")
-    view = View() if calibration is None else calibrated_view(Path(calibration))
+    view = View() if calibration is None else _calibrated_view(Path(calibration))
     names = [Path(maps.captures[n]).name for n in numbers]
     return _even(heights, errors, [view] * len(heights), pixel, names)
 
@@ -158,7 +158,7 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
     if graph == "replay":
         params["refresh"] = "cycle"
     heights, stride, pixel = dict[int, F4](), 1, 0.0
-    lens, camera = calibrated_view(calibration)
+    lens, camera = _calibrated_view(calibration)
     warnings_by_kind = dict[str, str]()
     with load(graph, params, outputs=["height", "pixel"]) as pipeline:
         for number, result in enumerate(pipeline.items()):
@@ -175,3 +175,16 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
     frames = [[*heights][n] for n in _spread(len(heights), most, folder, "record more touches")]
     chosen = np.stack([heights[n] for n in frames])
     return Touches(chosen, np.full_like(chosen, np.nan), pixel, [f"{n:05d}" for n in frames])
+
+
+def _calibrated_view(calibration: Path) -> View:
+    """The view of a sensor's calibration; a film that is no plane is refused."""
+    try:
+        arrays = load_arrays(calibration)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{calibration}: cannot be read: {error}") from None
+    if np.any(arrays.get("rest", 0)):
+        raise InputError(
+            f"{calibration}: its film is no plane at rest; touches of planes alone are put together"
+        )
+    return view_in({"camera": 0.0, **arrays}, calibration)

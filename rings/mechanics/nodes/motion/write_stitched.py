@@ -13,7 +13,7 @@ from tactograph.sdk import (
     atomic_files,
     node,
     write_image,
-    write_mesh,
+    write_ply,
     write_result_file,
     write_tiff,
 )
@@ -60,7 +60,7 @@ def write_stitched(
         np.save(target / "error.npy", error)
         write_tiff(target / "height.tiff", height, pixel)
         if ply:
-            write_mesh(target / "height.ply", height, pixel)
+            write_ply(target / "height.ply", height, pixel)
         write_image(target / "source.png", source)
         draw_height(height, error, pixel, target / "height.png")
         draw_map(error, ERROR_MAP, pixel, target / "error.png")

@@ -3,8 +3,8 @@
 import numpy as np
 
 from tactograph.nodes import F4
-from tactograph.nodes.simulate.print_markers import print_markers
 from tactograph.rings.mechanics.nodes.marker.fill_presses import fill_presses
+from tactograph.rings.mechanics.nodes.marker.print_markers import print_markers
 from tests.nodes.gels import Gel, ball
 
 PIXEL_MM = 0.21

@@ -6,12 +6,12 @@ import pytest
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.simulate.press import press
-from tactograph.nodes.simulate.print_markers import print_markers
 from tactograph.nodes.simulate.render import render
 from tactograph.rings.mechanics.nodes.marker.bare_film import bare_film
 from tactograph.rings.mechanics.nodes.marker.fill_masked import fill_masked
 from tactograph.rings.mechanics.nodes.marker.find_markers import find_markers
 from tactograph.rings.mechanics.nodes.marker.marker_darkness import marker_darkness
+from tactograph.rings.mechanics.nodes.marker.print_markers import print_markers
 from tactograph.rings.mechanics.nodes.marker.track_markers import Tracks, track_markers
 from tests.nodes.gels import FLASHED
 

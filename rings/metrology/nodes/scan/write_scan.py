@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tactograph.rings.export.formats import tmd
 from tactograph.rings.metrology.nodes.scan.scan_file import SCAN_FILE, is_scan, read_scan
 from tactograph.sdk import (
     Crop,
@@ -17,7 +18,7 @@ from tactograph.sdk import (
     node,
     write_image,
 )
-from tactograph.sdk.unstable import read_capture_file, write_tmd
+from tactograph.sdk.unstable import read_capture_file
 
 HEIGHT_FILE = "heightmap.tmd"
 
@@ -72,7 +73,7 @@ def write_scan(
         for each, plane in zip(names, levels, strict=True):
             write_image(target / each, plane)
         if height is not None:
-            write_tmd(target / HEIGHT_FILE, height, pixel)
+            tmd.write(target / HEIGHT_FILE, height, pixel)
             lines.append(f"activeheightmap: {HEIGHT_FILE}")
         (target / SCAN_FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
 

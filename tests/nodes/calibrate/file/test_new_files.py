@@ -12,11 +12,12 @@ from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.names import bind
-from tactograph.nodes.calibrate.file.write_camera import write_camera
+from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND, CameraLens
 from tactograph.nodes.drawing.new_picture import write_picture
+from tactograph.nodes.files.calibration_file import write_record
 
 MADE = Provenance({}, None, [], {}, {}, [], [])
-WRITERS = ("write_calibration", "write_camera")
+WRITERS = ("write_calibration",)
 BESIDE = ("plot_calibration",)
 
 
@@ -25,8 +26,8 @@ def check(node: str, file: Path) -> None:
 
 
 def camera(file: Path) -> None:
-    lens = np.zeros(8, np.float32)
-    write_camera(np.ones((4, 5), np.float32), lens, 0.1, 0.1, {}, file=file, provenance=MADE)
+    lens = CameraLens(np.zeros(8, np.float32), 0.1, 0.1, np.array([5, 4], np.int32), {})
+    write_record(file, CAMERA_KIND, lens, {"provenance": MADE})
 
 
 @pytest.mark.parametrize("node", WRITERS)
@@ -46,7 +47,6 @@ def test_a_calibration_is_replaced_by_one_of_its_kind_alone(
 ) -> None:
     file = tmp_path / "cal.npz"
     camera(file)
-    check("write_camera", file)
     with pytest.raises(
         InputError, match="the name of a new file, or of an earlier calibration, is"
     ):

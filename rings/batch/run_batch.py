@@ -1,0 +1,135 @@
+"""A batch from its captures to its table, as the command runs and prints it."""
+
+import csv
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+
+from tactograph.rings.batch.batch import (
+    Workers,
+    lies_in,
+    open_batch,
+    open_chunks,
+    reopen_damaged,
+    table_of,
+)
+from tactograph.rings.batch.captures import Captures
+from tactograph.rings.batch.entry import DONE, FAILED, STATUS_NAMES, Entry
+from tactograph.rings.batch.fork_server import worker_count
+from tactograph.rings.batch.job import Job
+from tactograph.rings.batch.processes import Processes
+from tactograph.rings.batch.store import Store, alone_in
+from tactograph.rings.batch.worker import Tally, Worker
+from tactograph.sdk import atomic_file
+from tactograph.sdk.unstable import (
+    ProgressLine,
+    a_few,
+    find_origin,
+    printable,
+    refuse_to_write_over,
+    say,
+    warning_lines,
+)
+
+MAX_FAILURES = 10
+"""Failed captures that are printed; the table has all."""
+
+
+def run_batch(
+    job: Job, captures: Captures, chunk: int | None, number: int | None, *, retry_failed: bool
+) -> int:
+    """Do what is still to do of a batch by `number` workers, and return how many captures failed.
+
+    Raises what `open_batch` raises, or if the place is one that is read.
+    """
+    if (out := job.folders) is not None:
+        places = filter(None, (captures.below, *captures.captures))
+        refuse_to_write_over(f"--out {out}", out, {f"--over {place}": place for place in places})
+    with ExitStack() as closing:
+        number = number or worker_count(job.graph, job.options, len(captures.captures))
+        workers: Workers = Worker(job)
+        if number > 1:
+            workers = closing.enter_context(Processes(job, number))
+            # If a store exists, nothing may be left to do.
+            if not Path(job.place).exists():
+                workers.open_ahead()
+        backend, device = job.options.backend, job.options.device
+        origin = find_origin(job.graph, job.arguments, backend=backend, device=device)
+        files = [file for file in captures.passed_over if not lies_in(file, job)]
+        if files:
+            say(f"passed over, as it is no folder: {a_few(files, 3)}", err=True)
+        closing.enter_context(alone_in(job.place))
+        store = open_batch(job, origin, captures.captures, workers, chunk)
+        if damaged := reopen_damaged(store):
+            plural = "s" if damaged > 1 else ""
+            say(f"{damaged} finished capture{plural} damaged: done again", err=True)
+        chunks = open_chunks(store, retry_failed=retry_failed)
+        say(f"{_before(store, retry_failed=retry_failed)}; {workers.name}")
+        _show(workers.run(iter(chunks)), sum(len(each.captures) for each in chunks))
+    return _conclude(store, job)
+
+
+def _before(store: Store, *, retry_failed: bool) -> str:
+    """The numbers of captures, and of those that were finished, or failed, before."""
+    finished, failed = (int((store.statuses == status).sum()) for status in (DONE, FAILED))
+    line = f"{len(store)} captures, {finished} of them finished before"
+    if not failed:
+        return line
+    return f"{line}, {failed} failed ({'' if retry_failed else 'not '}done again)"
+
+
+def _show(tallies: Iterator[Tally], total: int) -> None:
+    """Show what is done, how fast, and the time left; and fallbacks."""
+    start = time.monotonic()
+    done = failed = 0
+    shown_lines: set[str] = set()
+    with ProgressLine() as line:
+        line.at(f"0 of {total} captures", 0.0)
+        for tally in tallies:
+            for text in {*tally.fallbacks} - shown_lines:
+                line.say(f"fallback: {text}", err=True)
+            shown_lines.update(tally.fallbacks)
+            done, failed = done + tally.done + tally.failed, failed + tally.failed
+            rate = done / max(time.monotonic() - start, 1e-9)
+            line.at(
+                f"{done} of {total} captures, {failed} failed, {rate:.1f} captures/s", done / total
+            )
+
+
+def _conclude(store: Store, job: Job) -> int:
+    """Write the table beside the store, print a summary, and return the number of failures."""
+    captures, entries = store.captures, store.read_all()
+    failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]
+    for capture, entry in failures[:MAX_FAILURES]:
+        # Most reasons begin with the place.
+        place = "" if capture in entry.reason else f"{capture}: "
+        say(f"failed: {place}{entry.reason}", err=True)
+    if (more := len(failures) - MAX_FAILURES) > 0:
+        say(f"failed: {more} more, see the table", err=True)
+    warnings = ((c, e.warnings) for c, e in zip(captures, entries, strict=True))
+    for line in warning_lines(warnings):
+        say(line, err=True)
+    table = Path(table_of(job))
+    write_table(table, captures, entries)
+    say(f"table: {table}")
+    finished = sum(entry.status == DONE for entry in entries)
+    warned = sum(bool(entry.warnings) for entry in entries)
+    say(
+        f"{finished} done, {len(failures)} failed" + (f", {warned} with warnings" if warned else "")
+    )
+    return len(failures)
+
+
+def write_table(file: Path, captures: Sequence[str], entries: Sequence[Entry]) -> None:
+    """Write a line for each capture."""
+    figures = sorted({name for entry in entries for name in entry.figures})
+    headings = ["number", "capture", "status", "milliseconds", *figures, "warnings", "reason"]
+    with atomic_file(file) as target, target.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(headings)
+        for number, (capture, entry) in enumerate(zip(captures, entries, strict=True)):
+            start = [number, capture, STATUS_NAMES[entry.status], f"{entry.milliseconds:.1f}"]
+            row = [entry.figures.get(name, "") for name in figures]
+            cells = [*start, *row, "; ".join(entry.warnings), entry.reason]
+            writer.writerow(printable(each) if isinstance(each, str) else each for each in cells)

@@ -1,0 +1,34 @@
+"""Lenses of cameras."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactograph.sdk.unstable import CAMERA_KIND, camera_places
+
+KIND = CAMERA_KIND
+MARKS_ACROSS = 12
+"""Places across the image at which a lens's displacement is drawn."""
+
+
+def draw(arrays: Mapping[str, Any], title: str, target: Path) -> None:
+    """Draw the displacements at which the camera sees places of an even grid."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # takes 0.5 s
+    from matplotlib.figure import Figure
+
+    columns, rows = (int(side) for side in arrays["size"])
+    figure = Figure(figsize=(8, 8 * rows / columns + 1), dpi=100, layout="constrained")
+    axes = figure.subplots()
+    step = max(columns // MARKS_ACROSS, 1)
+    places = [plane[::step, ::step] for plane in camera_places(arrays["lens"], (rows, columns))]
+    y, x = (plane[::step, ::step] for plane in np.mgrid[:rows, :columns])
+    axes.plot(x.ravel(), y.ravel(), ".", color="#9a9a9a", label="even grid")
+    axes.plot(
+        *(plane.ravel() for plane in places), "+", color="#ffb000", label="as the camera sees it"
+    )
+    axes.set(title=title, xlabel="x / px", ylabel="y / px", aspect="equal")
+    axes.invert_yaxis()
+    axes.legend()
+    FigureCanvasAgg(figure).print_png(target)

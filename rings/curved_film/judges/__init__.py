@@ -1,0 +1,1 @@
+"""Doubts of a calibration of a film that is no plane."""

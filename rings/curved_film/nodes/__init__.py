@@ -1,0 +1,1 @@
+"""The shape of a film at rest, for a calibration with a ball."""

@@ -1,0 +1,1 @@
+"""Heights for other programs in further formats, and what is in a file."""

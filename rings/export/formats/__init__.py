@@ -1,0 +1,1 @@
+"""Files of height maps of one format each."""

@@ -1,0 +1,1 @@
+"""Height maps in files of any format: read, and written for others."""

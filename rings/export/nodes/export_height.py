@@ -1,0 +1,133 @@
+"""Write a height map for other people's tools."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from annotated_types import MinLen
+
+from tactograph.rings.export.nodes._meshes import MESH_WRITERS
+from tactograph.sdk import (
+    RESULT_FILE,
+    Height,
+    HeightError,
+    InputError,
+    Metrics,
+    PixelSize,
+    View,
+    atomic_files,
+    bring,
+    brought,
+    node,
+    warn,
+    write_ply,
+    write_result_file,
+    write_tiff,
+)
+from tactograph.sdk.unstable import Lens, Vergence, film_places, surface_of, view_stated
+
+MESH_FORMATS = ("ply", *MESH_WRITERS)
+OWN_FORMATS = ("npy", "tiff", *MESH_FORMATS)
+if TYPE_CHECKING:
+    Format = str
+else:
+    Format = Literal[(*OWN_FORMATS, *brought("formats"))]
+"""The formats of a height map: those of the core, meshes, and those that rings bring."""
+
+
+@node
+def export_height(
+    height: Height,
+    pixel: PixelSize,
+    name: str | None = None,
+    lens: Lens | None = None,
+    camera: Vergence | None = None,
+    error: HeightError | None = None,
+    metrics: Metrics | None = None,
+    rest: Height | None = None,
+    *,
+    folder: Path,
+    formats: Annotated[tuple[Format, ...], MinLen(1)] = ("tmd", "stl"),
+) -> None:
+    """Write ``height.EXT`` per format into `folder`, or its subfolder of the touch's name.
+
+    Parameters
+    ----------
+    height : H x W in mm
+    pixel : mm per px
+    name : the capture's name in a stream; empty for a single capture
+    lens, camera
+        Length 8, as `read_lens` gives it, and 1 / D in 1/mm, with D the height of the camera's
+        pupil above the film (0: orthographic).  If they are given, the points of meshes are
+        where they lie on the film; images stay what each pixel sees.
+    error
+        H x W in mm, the height's standard deviation; a second layer in "x3p", a second channel
+        in "gwy".
+    metrics
+        Figures of how the height was made, which ``result.json`` then states, with its pixel size
+        and view.
+    rest
+        H x W in mm, the height of the film at rest that each pixel sees; None: a plane.  Meshes
+        then are the film's own shape; images stay the height above it.
+    folder : created if needed
+    formats
+        "npy" and "tiff": 32-bit floats in mm.  "png": 16 bit, 0.1 micrometres a level from
+        -1 mm, stated in the file.  "tmd": TrueMap's, as GelSight's tools read it.  "sur":
+        Digital Surf's, as MountainsMap and Gwyddion read it.  "sdf": ISO 25178-71's, "x3p": ISO
+        25178-72's.  "gwy": Gwyddion's.  These four need ``pip install
+        'tactograph[metrology]'``.  "ply", "stl" and "obj": a mesh in mm,
+        right-handed: x right, y up, z to the camera, from the image's middle on the film at
+        rest.  Unknown film (NaN) is NaN in "npy" and
+        "tiff", transparent in "png", not measured in "sur" and left out of meshes; "tmd" cannot
+        hold it.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, a format cannot hold the height, a library is not
+        installed, or the film rises to the camera; then no file of this touch is written.
+    """
+    if (ending := folder.suffix[1:]) in (*OWN_FORMATS, *brought("formats")):
+        raise InputError(
+            f"`folder`={folder}: is to be a folder; `formats`={ending} writes height.{ending} there"
+        )
+    about = {"format": 1, "pixel_size_mm": float(pixel), "metrics": metrics or {}}
+    view = view_stated(View(lens, camera))
+    if rest is not None and rest.shape != height.shape:
+        raise InputError(
+            f"the height is {height.shape[1]} x {height.shape[0]} pixels, but the film at rest "
+            f"{rest.shape[1]} x {rest.shape[0]}: `rest` is of another sensor than the height"
+        )
+    film = height if rest is None else height + rest
+    images = [f"height.{extension}" for extension in formats if extension not in MESH_FORMATS]
+    if view and images:
+        even, apparent = film_places(film, None, 0.0), film_places(film, lens, camera or 0.0)
+        apart_mm = pixel * np.nanmax(np.hypot(*np.subtract(apparent, even)))
+        warn(
+            f"{', '.join(images)}: what the camera's pixels see, by a lens or from near, is up to "
+            f"{apart_mm:.2g} mm from where an even grid has it; meshes are true, and so are "
+            "results made with --set save.grid=metric"
+        )
+    place = folder / name if name else folder
+    with atomic_files(place, last=RESULT_FILE) as target:
+        for extension in formats:
+            file = target / f"height.{extension}"
+            exported = film if extension in MESH_FORMATS else height
+            _write(file, exported, pixel, View(lens, camera), error)
+        if metrics is not None or view:
+            write_result_file(target, {**about, **view})
+
+
+def _write(file: Path, height: Height, pixel: float, view: View, error: HeightError | None) -> None:
+    """Write a height, or a film as a mesh, in the format of the file's suffix."""
+    extension, (lens, camera) = file.suffix[1:], view
+    if extension == "ply":
+        write_ply(file, height, pixel, lens, camera or 0.0)
+    elif extension in MESH_WRITERS:
+        MESH_WRITERS[extension](file, surface_of(height, pixel, lens, camera or 0.0))
+    elif extension == "npy":
+        np.save(file, height)
+    elif extension == "tiff":
+        write_tiff(file, height, pixel)
+    elif (further := bring("formats", extension)) is not None:
+        further.write(file, height, pixel, error)

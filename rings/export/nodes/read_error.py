@@ -1,0 +1,38 @@
+"""Read the standard deviation that a result states of its height."""
+
+from pathlib import Path
+
+from tactograph.sdk import Crop, HeightError, InputError, node, read_height_file
+from tactograph.sdk.unstable import checked_heights
+
+ERROR_FILE = "error.npy"
+
+
+@node
+def read_error(*, height: Path, crop: Crop | None = None) -> HeightError | None:
+    """Read what a height's file states as its error, else ``error.npy`` beside it.
+
+    Parameters
+    ----------
+    height : the file of the height
+    crop : x0, y0, x1, y1 in pixels, as the height is cropped
+
+    Returns
+    -------
+    H x W in mm; None where it is unknown.
+
+    Raises
+    ------
+    InputError
+        If it is damaged, or negative.
+    """
+    file, stated = height, read_height_file(height).error
+    if stated is None:
+        file = height.parent / ERROR_FILE
+        if not file.is_file():
+            return None
+        stated = read_height_file(file).height
+    error = checked_heights(stated, file, crop, unknown=True)
+    if (error < 0).any():
+        raise InputError(f"{file}: a standard deviation cannot be negative")
+    return error

@@ -1,0 +1,47 @@
+"""Read the film at rest above which a stored height is."""
+
+from pathlib import Path
+
+from tactograph.sdk import Height, node, warn
+from tactograph.sdk.nodes import distort_height
+from tactograph.sdk.unstable import (
+    CALIBRATION_KIND,
+    RELIEF_FIGURE,
+    check_use,
+    read_about,
+    read_arrays,
+    read_result,
+)
+
+
+@node
+def read_rest_height(*, height: Path, calibration: Path | None = None) -> Height | None:
+    """Return the height of the film at rest that each pixel of the camera sees, as calibrated.
+
+    A warning repeats what made the calibration doubtful.
+
+    Parameters
+    ----------
+    height : the file of a height above that film
+    calibration : the sensor's
+
+    Returns
+    -------
+    H x W in mm; None for a plane, or, with a warning, for a result whose film is none.
+
+    Raises
+    ------
+    InputError
+        If the calibration cannot be read.
+    """
+    if calibration is None:
+        if read_result(height.parent).get("metrics", {}).get(RELIEF_FIGURE):
+            warn(
+                f"{height}: its film is no plane at rest; meshes lay the height out on a plane "
+                "without the sensor's `calibration`"
+            )
+        return None
+    arrays = read_arrays(calibration, CALIBRATION_KIND)
+    check_use(calibration, read_about(calibration), None)
+    rest = arrays.get("rest")
+    return None if rest is None or not rest.any() else distort_height(rest, arrays["lens"])

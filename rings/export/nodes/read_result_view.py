@@ -1,0 +1,22 @@
+"""Read the view that a stored height map was seen in."""
+
+from pathlib import Path
+
+from tactograph.sdk import View, node
+from tactograph.sdk.unstable import read_view
+
+
+@node
+def read_result_view(*, height: Path) -> View:
+    """Read the lens and the camera's pupil that the ``result.json`` beside a height map states.
+
+    Parameters
+    ----------
+    height : the file of the height map
+
+    Raises
+    ------
+    InputError
+        If what it states is no view.
+    """
+    return read_view(height)

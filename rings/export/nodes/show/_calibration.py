@@ -1,0 +1,74 @@
+"""The content of a calibration of any kind, or of that of a camera's lens."""
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tactograph.rings.export.shown import Shown, figures, first, origin, section, sentences
+from tactograph.sdk import InputError
+from tactograph.sdk.unstable import (
+    ABOUT_ARRAY,
+    FileKind,
+    about_in,
+    kind_of,
+    load_arrays,
+    read_about,
+    read_arrays,
+)
+
+MAX_NUMBERS = 8
+"""Most numbers of an array that are printed one by one."""
+
+
+def show_calibration(file: Path) -> Shown:
+    """Return verdict, settings, figures, arrays and picture of a calibration.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or no calibration.
+    """
+    file_kind = kind_of(file)
+    if file_kind is None:
+        raise InputError(f"{file}: is neither a calibration nor a lens")
+    kind: FileKind = file_kind.KIND
+    arrays = read_arrays(file, kind)
+    about, head = read_about(file), about_in(load_arrays(file, only=ABOUT_ARRAY))
+    verdict = "doubtful" if about.doubts else "nothing speaks against it"
+    provenance = head.get("provenance")
+    warnings = sentences(provenance.get("warnings") if isinstance(provenance, dict) else None)
+    others = [line for line in warnings if line.strip() not in about.doubts]
+    lines = [
+        f"{file}: {kind.name}, format {kind.format}",
+        *_words(head, "sensor", "serial", "date"),
+        *origin(provenance),
+        *([f"verdict: {verdict}"] if "flat" in kind.values else []),
+        *first(sentences(about.doubts)),
+        *section("warnings", first(others)),
+        *_words(head, "advice"),
+        *section("figures", figures(about.quality)),
+        *section("values", _values(arrays, kind)),
+    ]
+    return Shown(lines, {f"{file.stem}.png": partial(file_kind.draw, arrays, str(file))})
+
+
+def _words(head: dict[str, Any], *names: str) -> list[str]:
+    return [f"{name}: {head[name]}" for name in names if isinstance(head.get(name), str)]
+
+
+def _values(arrays: dict[str, Any], kind: FileKind) -> list[str]:
+    """Every array: its numbers if they are few, else its size and range; and its unit."""
+    width = max(map(len, arrays))
+    return [
+        f"  {name:<{width}}  {_range(np.asarray(array))}  [{kind.values[name].port.meaning}]"
+        for name, array in arrays.items()
+    ]
+
+
+def _range(array: Any) -> str:
+    if array.size <= MAX_NUMBERS:
+        return " ".join(f"{value:.4g}" for value in array.ravel())
+    shape = " x ".join(map(str, array.shape))
+    return f"{shape}, {array.min():.4g} to {array.max():.4g}"

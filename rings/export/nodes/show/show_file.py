@@ -1,0 +1,71 @@
+"""Print and draw all that is in a file.
+
+Long because calibrations and results are each told by a module of their own.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from tactograph.rings.export.nodes.show._calibration import show_calibration
+from tactograph.rings.export.nodes.show._capture import show_capture
+from tactograph.rings.export.nodes.show._result import show_result
+from tactograph.rings.export.shown import Shown
+from tactograph.sdk import RESULT_FILE, InputError, atomic_file, bring, brought, node
+from tactograph.sdk.unstable import missing, one_line
+
+
+@node
+def show_file(*, file: Path, folder: Path | None = None) -> None:
+    """Print a file's contents; draw those that have a picture.
+
+    Parameters
+    ----------
+    file
+        A calibration or a lens (``.npz``), a result (its folder or its ``result.json``), what a
+        ring can show, such as a recording (``.mcap``) or a batch's store (``.zarr``), or a folder
+        of those, or captures: a folder of images, a scan, or a folder of such.
+    folder : where the pictures go; None: none are drawn
+
+    Raises
+    ------
+    InputError
+        If the file is none of these, or damaged.
+    WriteError
+        If a picture cannot be written.
+    """
+    content = _look(file)
+    click.echo("\n".join(map(one_line, content.lines)))
+    if folder is None:
+        return
+    for name, draw in content.pictures.items():
+        with atomic_file(folder / name) as target:
+            draw(target)
+        click.echo(one_line(f"drawn: {folder / name}"))
+
+
+def _look(file: Path) -> Shown:
+    try:
+        file.stat()
+    except (OSError, ValueError):
+        raise InputError(missing(file, "file")) from None
+    if file.suffix == ".npz" and file.is_file():
+        return show_calibration(file)
+    if file.name == RESULT_FILE or (file / RESULT_FILE).is_file():
+        return show_result(file if file.is_file() else file / RESULT_FILE)
+    if (further := bring("show", file.suffix[1:])) is not None:
+        content: Shown = further.show(file)
+        return content
+    if file.is_dir():
+        for suffix in brought("show"):
+            if parts := sorted(file.glob(f"*.{suffix}")):
+                reader: Any = bring("show", suffix)
+                shows = [reader.show(part) for part in parts]
+                return Shown([line for each in shows for line in each.lines], {})
+        return show_capture(file)
+    others = "".join(f", a .{name}" for name in brought("show"))
+    raise InputError(
+        f"{file}: nothing that can be shown; give a calibration or a lens (.npz){others}, the "
+        "folder of a result, of a recording, or of captures ('tactograph draw' draws a graph)"
+    )

@@ -1,0 +1,18 @@
+"""``tactograph show``: print and draw the content of a file, by the graph of that name."""
+
+from pathlib import Path
+
+import click
+
+from tactograph.sdk.unstable import FOLDER_PATH, run_shipped
+
+
+@click.command("show", short_help="Print and draw what is in a file.")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--out", type=FOLDER_PATH, help="Folder for the pictures; without it none are drawn.")
+def command(file: Path, out: Path | None) -> None:
+    """Print all that FILE holds: a calibration or a lens, a recording, a batch's store, a result.
+
+    A calibration says whether it is doubtful and why, from what settings it was made and when.
+    """
+    run_shipped("show", {"file": str(file), "out": None if out is None else str(out)})
