@@ -35,18 +35,16 @@ def pairwise(node: Node, shapes: tuple[tuple[int, int], ...] = CASE_SHAPES) -> l
     ]
 
     def chosen(row: Sequence[int]) -> Case | None:
-        shape, fill, left_out, wanted, *values = (
-            axis[n] for axis, n in zip(axes, row, strict=True)
-        )
+        shape, fill, omitted, wanted, *values = (axis[n] for axis, n in zip(axes, row, strict=True))
         named = dict(zip(levels, values, strict=True))
         setting = {name: value for name, (_, value) in named.items()}
         if not _fits(node, shape, setting):
             return None
         words = [f"{name}={label}" for name, (label, _) in named.items() if label != "default"]
-        words += [f"without {' and '.join(left_out)}"] if left_out else []
+        words += [f"without {' and '.join(omitted)}"] if omitted else []
         words += [f"only {' and '.join(wanted)}"] if wanted else []
         sizes = _sizes(node, shape, setting)
-        return Case(sizes, fill, " ".join(words) or "default", setting, left_out, wanted)
+        return Case(sizes, fill, " ".join(words) or "default", setting, omitted, wanted)
 
     return list(_covering([len(axis) for axis in axes], chosen))
 
