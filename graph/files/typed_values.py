@@ -4,11 +4,12 @@ from collections.abc import Iterable
 from typing import Any
 
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.disk.strict_yaml import parse_scalar
+from tactograph.graph.disk.strict_yaml import parse_scalar, read_yaml
 from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import InputError, a_few
 from tactograph.graph.files.flat_graph import Graph, Param
 from tactograph.graph.files.graph_model import WANTED_BY_KIND, is_of_kind
+from tactograph.graph.files.graph_places import shipped_overlays
 
 MAX_NAMED_SETTINGS = 3
 """The most nodes' parameters of one name that a message names."""
@@ -27,6 +28,8 @@ def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
             raise InputError(f"'{word}': {_how_to_write(graph, word)}")
         if name not in graph.params and (settings := settings_called(graph, name)):
             raise InputError(f"{graph.name} has no param '{name}', but nodes have: {settings}")
+        if name not in graph.params and (overlays := overlays_with(name)):
+            raise InputError(f"{graph.name} has no param '{name}', but overlays add it: {overlays}")
         graph.check_param(name)
         if name in values:
             raise InputError(f"{name} is given twice")
@@ -49,6 +52,16 @@ def settings_called(graph: Graph, name: str) -> str:
         if name in find_node(entry.op, graph.own).parameters
     ]
     return a_few([f"--set {node_id}.{name}=VALUE" for node_id in nodes], MAX_NAMED_SETTINGS)
+
+
+def overlays_with(name: str) -> str:
+    """The shipped overlays that have a param of that name, as ``--with`` takes them; or empty."""
+    overlays = [
+        f"--with {overlay}"
+        for overlay, file in shipped_overlays().items()
+        if name in read_yaml(file).data.get("params", {})
+    ]
+    return a_few(overlays, MAX_NAMED_SETTINGS)
 
 
 def read_settings(words: Iterable[str]) -> dict[str, Any]:

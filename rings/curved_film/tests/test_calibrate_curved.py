@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
+from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.files.typed_values import read_words
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tests.fixtures import ROOT, SHARED
 from tests.pipelines.conftest import run
@@ -86,3 +88,8 @@ def test_a_ray_traced_dome_is_calibrated_and_measured(
             found = run(graph, capture=scene / shape, calibration=file)
             assert 1e3 * np.sqrt(np.mean((found["height"] - above) ** 2)) < most, (shape, graph)
             assert found["metrics"]["trust"] > 0.01, (shape, graph)
+
+
+def test_a_shape_that_the_plain_calibration_is_given_names_the_overlay() -> None:
+    with pytest.raises(InputError, match=r"no param 'rest_radius_mm', but .*--with curved_film"):
+        read_words(read_graph("calibrate"), ["rest_radius_mm=9"])
