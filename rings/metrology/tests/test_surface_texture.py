@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.nodes.write.test_read_pixel_size import stored
 
 from rings.export.tests.test_export_height import partly_known
+from rings.export.tests.test_read_pixel_size import stored
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.run.open_pipeline import open_pipeline
