@@ -128,14 +128,14 @@ def _sight(
     in its image does so on the film.  Most steps see nothing rise, and the image shows that with
     less computation.
     """
-    step, cell, far, seen = _risen(on, grid, steps, camera)
+    step, cell, far, apparent = _risen(on, grid, steps, camera)
     (px, py, pz), eye = on.at.reshape(3, -1)[:, cell], on.eye.reshape(3, -1)[:, cell]
     # From where the camera's ray of P meets the film at rest; longer by as much as the other cell
     # seems wider than it is, which no direction or tangent depends on.
-    whole, wider = 1 - camera * pz, 1 + camera * seen
+    whole, wider = 1 - camera * pz, 1 + camera * apparent
     x = px / whole + steps.across * far - px * wider
     y = py / whole + steps.down * far - py * wider
-    z = seen - pz * wider
+    z = apparent - pz * wider
     up = x * eye[0] + y * eye[1] + z * eye[2]
     aside = np.sqrt(x * x + y * y + z * z - up * up)
     t = up / aside
@@ -158,7 +158,7 @@ def _risen(
     on: _Looking, grid: Grid, steps: _Steps, camera: np.float32
 ) -> tuple[Numbers, Numbers, F4, F4]:
     """Film that rises over the horizons in the image: step and cell, by number, distance and
-    the height seen.
+    the height as the camera sees it.
 
     Sorted by cell, and for each cell from near to far.
     """
