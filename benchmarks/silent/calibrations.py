@@ -89,9 +89,7 @@ def key_of(graph: str, *data: Any) -> str:
 def code_of(graph: str) -> str:
     """A hash of a graph and its nodes' source."""
     read = read_graph(graph)
-    return digest(
-        {**find_origin(read, read.placeholders)["code"], "engine": "", "graph": read.hash}
-    )
+    return digest({**find_origin(read, {})["code"], "engine": "", "graph": read.hash})
 
 
 def bytes_of(images: F4) -> NDArray[np.uint8]:

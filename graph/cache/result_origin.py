@@ -14,7 +14,6 @@ from typing import Any
 
 from tactograph.graph.backends.device_backend import open_device
 from tactograph.graph.backends.kernel_source import kernel_source
-from tactograph.graph.declare.check_settings import PARAM_PLACEHOLDER
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.provenance import installed, versions
@@ -45,12 +44,11 @@ def find_origin(
     every file's or folder's content that these, or nodes that read (``node.param``), name, and what
     an ``.npz`` states of its sensor.  ``code`` has, by package and for the engine, a hash of all
     its source.  ``versions`` are of Python, this package, the nodes' packages, and what these need.
-    ``device`` is "" where none is used.  A missing capture or ``out`` does not count.
+    ``device`` is "" where none is used.  A param without a value does not count.
 
-    Raises InputError if a node or the device is not there, or a param is not given.
+    Raises InputError if a node or the device is not there.
     """
-    later = {CAPTURE_PARAM, "out"} & graph.params.keys() - arguments.keys()
-    draft = names.bind(graph, {**arguments, **dict.fromkeys(later, PARAM_PLACEHOLDER)}, sinks=True)
+    draft = names.bind(graph, {**graph.placeholders, **arguments}, sinks=True)
     files = {
         name: value
         for name, value in arguments.items()

@@ -1,6 +1,5 @@
 """Search for the film's model: parts that pay, more samples, harmonics, and bad balls."""
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -24,12 +23,14 @@ from tactograph.nodes.calibrate.film.film_fit import (
 from tactograph.nodes.calibrate.film.film_misfit import Held
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, surprise, unknowns_of
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS, grows, log_odds, pays
+from tactograph.nodes.calibrate.rating.verdict import grows, pays
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
 
 FINAL_SAMPLES = 15000
 """Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
 a ball's height, the coat's index and the albedo uncertain by some per cent."""
+MAX_CHANGE = 0.004
+"""Relative change of albedo and contact radius below which rounds end (`MAX_ROUNDS`)."""
 MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
 """Number of balls from which on, and multiple of the median residual above which, a ball is left
 out."""
@@ -209,18 +210,19 @@ def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial,
 
 
 def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
-    """Fit the chosen parts to more samples until another round is not surely likelier.
+    """Fit the chosen parts to more samples until the light from film to film converges.
 
     Also returns every pixel of the balls.
     """
     for _ in range(MAX_ROUNDS):
-        before = best.fitted.scale
+        film, rim = best.fitted.film, trial.balls.rim
         trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
         whole = trial.balls
         trial = trial._replace(balls=thinned(whole, FINAL_SAMPLES))
         best = best._replace(fitted=trial.fit(best.parts, placed))
-        gained = log_odds(before, best.fitted.scale, 0, MAX_INDEPENDENT_SAMPLES)
-        if best.fitted.film.albedo == 0 or gained < math.log(SURE_ODDS):
+        moved = np.abs(whole.rim / rim - 1).max()
+        changed = abs(best.fitted.film.albedo - film.albedo)
+        if film.albedo == 0 or (changed < MAX_CHANGE * film.albedo and moved < MAX_CHANGE):
             break
     return trial, judge(trial, best.parts, best.fitted), whole
 
