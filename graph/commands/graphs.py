@@ -9,7 +9,7 @@ import click
 from tactograph.graph.commands import say
 from tactograph.graph.errors import InputError
 
-FIRST_GRAPHS = "calibrate", "reconstruct", "precise", "export"
+FIRST_GRAPHS = "calibrate", "reconstruct", "precise"
 """The graphs with which to start, in the order in which they are needed."""
 
 
@@ -25,7 +25,7 @@ def command(word: str | None) -> None:
     folders = shipped_titles()
     if word is None:
         every = {name: title for titles in folders.values() for name, title in titles.items()}
-        first = {name: every[name] for name in FIRST_GRAPHS if name in every}
+        first = {name: every[name] for name in FIRST_GRAPHS}
         folders = {"to start with": first, **folders}
     else:
         folders = {folder: _with_word(titles, word) for folder, titles in folders.items()}

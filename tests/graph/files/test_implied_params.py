@@ -18,8 +18,12 @@ def graph_of(params: dict[str, Any] | None = None, **settings: dict[str, str]) -
 def test_it_takes_kind_default_and_help_from_the_node() -> None:
     graph = graph_of(
         light_ring={"slant_deg": "$slant_deg"},
-        read_capture={"folder": "$folder", "crop": "$crop", "single": "$single"},
-        measure_step={"certified_um": "$certified_um", "along": "$along"},
+        read_capture={
+            "folder": "$folder",
+            "crop": "$crop",
+            "single": "$single",
+            "channel": "$channel",
+        },
     )
     slant = graph.params["slant_deg"]
     assert (slant.kind, slant.required, slant.default) == ("number", False, 28.0)
@@ -27,7 +31,7 @@ def test_it_takes_kind_default_and_help_from_the_node() -> None:
     folder = graph.params["folder"]
     assert (folder.kind, folder.required, folder.default) == ("path", True, None)
     kinds = {name: param.kind for name, param in graph.params.items()}
-    assert (kinds["crop"], kinds["single"], kinds["along"]) == ("numbers", "flag", "text")
+    assert (kinds["crop"], kinds["single"], kinds["channel"]) == ("numbers", "flag", "text")
 
 
 def test_what_the_graph_says_stands() -> None:
