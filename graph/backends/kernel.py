@@ -30,6 +30,7 @@ class Kernel:
     def __init__(self, kernel: cl.Kernel, signature: Sequence[Argument] = ()) -> None:
         self._kernel = kernel
         self.name = kernel.function_name
+        self._copies: list[Kernel] = []
         self._signature = signature
         self._converters = [converter(c_type) for c_type, _ in signature]
         self._typed = False
@@ -64,6 +65,12 @@ class Kernel:
         """Copy the kernel, with arguments of its own."""
         kernel = cl.Kernel(self._kernel.program, self.name)
         return Kernel(kernel, self._signature)
+
+    def numbered_copy(self, number: int) -> Kernel:
+        """The copy of this number, made on first use: that takes as long as a hundred launches."""
+        while len(self._copies) <= number:
+            self._copies.append(self.copy())
+        return self._copies[number]
 
     def bind(
         self,

@@ -1,5 +1,6 @@
 """The argument of a node's launch function: its arrays on the device, and its kernels."""
 
+from collections import Counter
 from collections.abc import Callable, Hashable, Mapping
 from typing import Any, TypeVar
 
@@ -61,6 +62,7 @@ class Launch:
         self._events: list[cl.Event] = []
         self._sent: list[cl.Event] = []
         self._captured: list[Callable[[], cl.Event]] | None = None
+        self._copies: Counter[str] = Counter()
 
     @property
     def timer(self) -> tuple[cl.Event, cl.Event]:
@@ -140,17 +142,19 @@ class Launch:
         """
         local = local or local_size(len(grid), self.lanes)
         kernel = self._compiled.kernels_with(constants or {})[name]
-        repeated: list[Any] | None = self._captured
-        if repeated is None and self._record is not None:
-            repeated = self._record.kernels
         converted = kernel.converted(arguments)
-        if repeated is not None:
+        if self._captured is not None:
+            kernel = kernel.numbered_copy(self._copies[name])
+            self._copies[name] += 1
+        elif self._record is not None:
             kernel = kernel.copy()
         bound = kernel.bind(self._device.queue, global_size(grid, local), local, converted)
-        if repeated is not None:
-            repeated.append(bound)
-        if self._captured is None:
-            self._events.append(bound())
+        if self._captured is not None:
+            self._captured.append(bound)
+            return
+        if self._record is not None:
+            self._record.kernels.append(bound)
+        self._events.append(bound())
 
     def own_kernel(self) -> None:
         """Enqueue the kernel that the node's declaration describes.
@@ -189,11 +193,12 @@ class Launch:
     def capture(self, launches: Callable[[], None]) -> Callable[[], None]:
         """Return a function that enqueues the kernels of `launches`, as often as it is called.
 
-        Their arguments are set once, now, so that enqueuing takes a fifth of the time.
+        Their arguments are set once, now, so that enqueuing takes a fifth of the time.  Only the
+        last captured sequence may be enqueued.
         """
         self.repeats = False
         captured: list[Callable[[], cl.Event]] = []
-        self._captured = captured
+        self._captured, self._copies = captured, Counter()
         try:
             launches()
         finally:

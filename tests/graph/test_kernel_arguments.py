@@ -78,7 +78,9 @@ def test_a_copy_keeps_the_arguments_that_it_was_bound_to(device: OpenCL, fill: K
     """However often it is launched, and whatever the kernel itself is launched with meanwhile."""
     out = device.upload(np.zeros(3, np.float32))
     first, second = (
-        fill.copy().bind(device.queue, (1,), (1,), fill.converted([out, index + 1, index, 0]))
+        fill.numbered_copy(index).bind(
+            device.queue, (1,), (1,), fill.converted([out, index + 1, index, 0])
+        )
         for index in range(2)
     )
     for launch in (first, second, first):
@@ -86,6 +88,8 @@ def test_a_copy_keeps_the_arguments_that_it_was_bound_to(device: OpenCL, fill: K
         launch()
         assert device.download(out)[2] == 7
     assert device.download(out).tolist() == [1, 2, 7]
+    assert fill.numbered_copy(0) is fill.numbered_copy(0)
+    assert fill.numbered_copy(0) is not fill.numbered_copy(1)
 
 
 def test_an_argument_too_few_is_told_with_those_there_are(device: OpenCL, fill: Kernel) -> None:
