@@ -241,7 +241,7 @@ def _cells(
     rows = []
     for line in shown:
         figures = figure_cells(line, names, shown)
-        cells = [(best if is_it else other).format(text) if text else "" for text, is_it in figures]
+        cells = [(best if leads else other).format(text) if text else "" for text, leads in figures]
         rows.append([*[line.capture] * by_capture, *row_labels(line, targets), *cells])
     return [*labels, *map(words, names)], len(labels), rows
 

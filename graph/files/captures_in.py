@@ -3,7 +3,7 @@
 from pathlib import Path
 
 CAPTURE_PARAM = "capture"
-"""The param of a graph that takes a capture's folder: see `compare` and `batch`."""
+"""The param of a graph that takes a capture's folder."""
 
 
 def captures_in(folder: Path) -> list[Path]:

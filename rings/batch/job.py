@@ -6,10 +6,7 @@ from typing import Any
 
 from tactograph.rings.batch.captures import absolute
 from tactograph.sdk import InputError
-from tactograph.sdk.unstable import Graph, Pipeline, RunOptions, refuse_other_names
-
-CAPTURE_PARAM = "capture"
-"""The param of a graph that takes a capture."""
+from tactograph.sdk.unstable import CAPTURE_PARAM, Graph, Pipeline, RunOptions, refuse_other_names
 
 
 @dataclass(frozen=True)

@@ -71,10 +71,8 @@ class Store:
                 )
             self.graph, self.chunk = str(about["name"]), int(about["chunk"])
             self.identity, self.below = dict(about["identity"]), str(about["below"])
-            self.arguments, self.inputs = (
-                dict(self.identity["arguments"]),
-                dict(self.identity["inputs"]),
-            )
+            self.arguments = dict(self.identity["arguments"])
+            self.inputs = dict(self.identity["inputs"])
             self.types = {name: MapType.read(kind) for name, kind in about["types"].items()}
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"{place}: no store of a batch ({error})") from None

@@ -6,9 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tactograph.sdk import InputError, load
-from tactograph.sdk.unstable import Cache, Graph, Pipeline, Result, captures_in
-
-CAPTURE_PARAM = "capture"
+from tactograph.sdk.unstable import CAPTURE_PARAM, Cache, Graph, Pipeline, Result, captures_in
 
 
 def captures_of(graph: Graph, params: Mapping[str, Any]) -> list[Path]:

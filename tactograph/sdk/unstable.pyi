@@ -70,6 +70,7 @@ from tactograph.graph.errors import (
     printable as printable,
 )
 from tactograph.graph.files.captures_in import (
+    CAPTURE_PARAM as CAPTURE_PARAM,
     captures_in as captures_in,
 )
 from tactograph.graph.files.flat_graph import (

@@ -278,7 +278,7 @@ def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
 def place_deviations(balls: Balls, shift_mm: float) -> F8:
     """Return standard deviations of the balls' positions in x, y and z, P x 3.
 
-    Of a ball smaller than 1 mm in radius the height is known as well in radii as else in mm.
+    For a ball smaller than 1 mm in radius, that in z shrinks with the radius.
     """
     lift = HEIGHT_DEVIATION_MM * np.minimum(1, balls.radius)
     return np.column_stack([np.full((len(lift), 2), shift_mm), lift])

@@ -22,7 +22,7 @@ class Unknown(NamedTuple):
 
 
 STATED_UNKNOWNS = "size", "power"
-"""Unknowns of what was told, not of the film: the balls' radius and the camera's gamma."""
+"""Unknowns of what was stated, not of the film: the balls' radius and the camera's gamma."""
 MATT_FILM = matt_film(np.zeros((1, 3)))
 """The values that switch parts off."""
 USUAL_ALBEDO = Unknown(0.5, 0.4)

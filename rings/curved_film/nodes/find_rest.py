@@ -186,12 +186,12 @@ def find_rest(
         return FoundRest(stated.height, stated.binned(factor), {})
     if is_uniform(flat):
         raise InputError(
-            "to find the film's shape needs `flat`: the untouched film's light tells it"
+            "finding the film's shape needs `flat`: the untouched film's light tells it"
         )
     ball = find_balls(light, flat, radius, circles, names, pixel)
     if np.count_nonzero(ball.circle[:, 2]) < MIN_PRESSES:
         raise InputError(
-            f"to find the film's shape needs presses at {MIN_PRESSES} places or more: one in the "
+            f"finding the film's shape needs presses at {MIN_PRESSES} places or more: one in the "
             "middle, others near the border"
         )
     camera = 0.0 if camera_mm is None else 1 / camera_mm

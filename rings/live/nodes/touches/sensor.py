@@ -226,8 +226,8 @@ def open_rig(
     board: SimulatedController | None = None
     lit_between: LitBetween | None = None
     table = _simulated(driver, preset, calibration)
-    if table is None:
-        check_camera(driver.camera, driver.library)  # before LEDs are looked for
+    # Before LEDs are looked for.
+    once = table is None and check_camera(driver.camera, driver.library)
     with ExitStack() as undo:
         # Close everything again if a later step fails or Ctrl-C is pressed.
         if table is not None:
@@ -243,7 +243,8 @@ def open_rig(
             port, lit_between = str(link), board.lit_between
         lamps = open_lamps(port, cycle, driver.rate)
         undo.callback(lamps.close)
-        camera = _open_camera(driver, driver.settings_for(*size), preset, queue, table, lit_between)
+        settings = driver.settings_for(*size)
+        camera = _open_camera(driver, settings, preset, queue, table, lit_between, once=once)
         undo.callback(camera.close)
         return Rig(camera, table, lamps, cycle, driver.rate, board, undo.pop_all())
 
@@ -278,7 +279,8 @@ def open_colour_sensor(
     """
     table = _simulated(driver, preset, calibration, order)
     settings = driver.settings_for(*size, colour=True)
-    return Sensor(_open_camera(driver, settings, preset, queue, table), table)
+    once = table is None and check_camera(driver.camera, driver.library)
+    return Sensor(_open_camera(driver, settings, preset, queue, table, once=once), table)
 
 
 def _simulated(
@@ -306,10 +308,11 @@ def _open_camera(
     queue: int,
     table: SimulatedSensor | None,
     lit_between: LitBetween | None = None,
+    *,
+    once: bool,
 ) -> Camera:
-    """A camera, real or simulated, that delivers frames."""
+    """A camera, real or simulated, that delivers frames; those of a file come `once`."""
     connect: Callable[[], Capture]
-    once = table is None and check_camera(driver.camera, driver.library)
     if table is not None:
         connect = partial(SimulatedCamera, table, lit_between)
     else:
