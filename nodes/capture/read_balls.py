@@ -133,7 +133,7 @@ def read_presses(folder: Path, layout: Layout) -> list[Capture]:
 
 
 def refuse_flat(flat: Path | None, folder: Path) -> None:
-    """Refuse presses that are said to be the untouched film as well."""
+    """Refuse presses that are given as the untouched film as well."""
     if flat is not None and os.path.realpath(flat) == os.path.realpath(folder):
         raise InputError(f"`flat`={flat}: is the folder of the presses; give the untouched film's")
 

@@ -184,7 +184,7 @@ def moved_by(now: Fitted, names: list[str], by: F8, shifts: F8) -> Fitted:
 
 
 def within(name: str, value: F8) -> F8:
-    """Return a parameter's value within the limits of a `Film`; what was told is above 0."""
+    """Return a parameter's value within the limits of a `Film`; a given value is above 0."""
     if name in STATED_UNKNOWNS:
         return np.maximum(value, DERIVATIVE_STEP)
     stored = stored_values(Film)[name].stored

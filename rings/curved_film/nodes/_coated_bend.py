@@ -1,7 +1,7 @@
 """The bend of a film at rest, by a model of its light that has a coat.
 
 A coat's mirror images and what the film throws on itself change the light as a bend does.  Fitted
-at once they are told apart, since the flat frame shows both over the whole film.
+at once they are separated, since the flat frame shows both over the whole film.
 """
 
 import math
