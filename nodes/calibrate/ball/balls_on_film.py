@@ -125,12 +125,7 @@ class Balls:
     def by_ball(self, left: F8, right: F8) -> F8:
         """Sum products over lights and a ball's samples: A x K x N, B x K x N to P x A x B."""
         ends = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
-        return np.stack(
-            [
-                left[..., i:j].reshape(len(left), -1) @ right[..., i:j].reshape(len(right), -1).T
-                for i, j in pairwise(ends)
-            ]
-        )
+        return np.stack([summed(left[..., i:j], right[..., i:j]) for i, j in pairwise(ends)])
 
 
 class Fitted(NamedTuple):
@@ -153,6 +148,11 @@ class Fitted(NamedTuple):
         lights = cast(F4, positions(leds))
         film = self.film._replace(lights=lights, emission=float(leds[:, 4].mean()))
         return self._replace(leds=leds, film=film)
+
+
+def summed(left: F8, right: F8) -> F8:
+    """Sum products over lights and samples: A x K x N, B x K x N to A x B."""
+    return np.tensordot(left, right, ((1, 2), (1, 2)))
 
 
 def predicted(balls: Balls, fitted: Fitted, rest: F8 | None = None) -> F8:

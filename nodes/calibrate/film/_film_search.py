@@ -1,7 +1,6 @@
 """Search for the film's model: parts that pay, more samples, harmonics, and bad balls."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +20,7 @@ from tactograph.nodes.calibrate.film.film_fit import (
     place_balls,
 )
 from tactograph.nodes.calibrate.film.film_misfit import Held
-from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, surprise, unknowns_of
+from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, Unknowns
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.verdict import grows, pays
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
@@ -72,13 +71,11 @@ class Trial(NamedTuple):
         """Return whether a larger model is the better one (`grows`)."""
         both = model, larger
         scales = model.fitted.scale, larger.fitted.scale
-        names = [unknowns_of(each.parts) for each in both]
-        usual, unusual = (
-            surprise(each.fitted, own, self.width_mm) for each, own in zip(both, names, strict=True)
-        )
-        more = len(names[1]) - len(names[0])
+        fewer, more = (Unknowns.of(each.parts, self.width_mm) for each in both)
+        unusual = more.surprise(larger.fitted) - fewer.surprise(model.fitted)
         values = min(self.balls.u.size, MAX_INDEPENDENT_SAMPLES)
-        return grows(model.errors, larger.errors, scales, more, values, unusual - usual)
+        further = len(more.names) - len(fewer.names)
+        return grows(model.errors, larger.errors, scales, further, values, unusual)
 
     def splits(self, balls: Balls) -> list[NDArray[np.bool_]]:
         """The samples to hold out in turn: some of the balls, or quarters of a single ball."""
@@ -133,9 +130,9 @@ def judged(
     return Model(parts, degree, fitted, error, degrees, noises, fold_fits)
 
 
-def held_out_of(trial: Trial, best: Model, whole: Balls, bad: NDArray[np.bool_]) -> list[Held]:
-    """Every pixel of each fold, without bad balls, with the film fitted to the other folds."""
-    good = whole.only(~bad[whole.ball])
+def held_out_of(trial: Trial, best: Model, whole: Balls, good: Balls) -> list[Held]:
+    """Every pixel of each fold, of good balls, with the film fitted to the other folds."""
+    good = whole.only(np.isin(whole.ball, good.ball))
     held_out = zip(map(good.only, trial.splits(good)), best.splits, strict=True)
     return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held_out if b.u.size]
 
@@ -249,37 +246,25 @@ def _bent(trial: Trial, balls: Balls, physics: Fitted, degree: int) -> Fitted:
     return add_harmonics(balls, physics, degree, trial.width_mm / 2, trial.shift_mm)
 
 
-def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls, NDArray[np.bool_]]:
+def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls]:
     """Leave out outliers among many balls: scratched, dirty, or no balls.
 
-    Also returns the samples of the others, and which balls are left out.
+    Also returns the samples of the others.
     """
     balls, count = trial.balls, len(trial.balls.centre)
     squares = np.square(balls.light - predicted(balls, best.fitted)).mean(axis=0)
     by_ball = np.sqrt(np.bincount(balls.ball, squares, count) / np.bincount(balls.ball))
     bad = by_ball > MAX_RESIDUAL_RATIO * np.median(by_ball)
     if count < MIN_BALLS_TO_REJECT or not bad.any():
-        return best, balls, np.zeros(count, bool)
-    x, y = balls.centre[bad].T
-    where = ", ".join(f"({a:.2f}, {b:.2f})" for a, b in zip(x, y, strict=True))
+        return best, balls
+    where = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in balls.centre[bad])
     warn(f"{bad.sum()} of {count} balls depart from the others and are left out: at {where} mm")
-    number = np.cumsum(~bad) - 1
-    good = balls.only(~bad[balls.ball])
-    good = replace(
-        good,
-        ball=number[good.ball],
-        centre=balls.centre[~bad],
-        rim=balls.rim[~bad],
-        radius=balls.radius[~bad],
-    )
-    start = best.fitted._replace(
-        shifts=best.fitted.shifts[~bad],
-        film=best.fitted.film._replace(harmonics=np.zeros_like(best.fitted.film.harmonics)),
-    )
-    fitted = trial.fit(best.parts, start, good)
+    good, film = balls.only(~bad[balls.ball]), best.fitted.film
+    plain = film._replace(harmonics=np.zeros_like(film.harmonics))
+    fitted = trial.fit(best.parts, best.fitted._replace(film=plain), good)
     if best.degree is not None:
         fitted = _bent(trial, good, fitted, best.degree)
-    return best._replace(fitted=fitted), good, bad
+    return best._replace(fitted=fitted), good
 
 
 def may_grow(best: Model) -> bool:

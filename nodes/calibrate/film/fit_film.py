@@ -172,7 +172,7 @@ def fit_film(
     trial, best, whole, errors = search(trial, start, [p for p in PART_UNKNOWNS if p not in closed])
     if "harmonics" not in closed and may_grow(best):
         best = bend(trial, best, errors)
-    best, balls, bad = without_bad(trial, best)
+    best, balls = without_bad(trial, best)
     film = best.fitted.film
     sure = certainty(balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width)
     if not sure.shows("wrap", film.wrap):
@@ -186,10 +186,10 @@ def fit_film(
         # A matt film under points keeps the LED positions that were fitted to all pixels.
         film = film._replace(lights=lights)
     else:
-        others = sure.other_places(best.fitted.leds, width)
+        others = sure.other_places()
     film = film._replace(others=others)
     residual = balls.light - predicted(balls, best.fitted)
-    held_out = held_out_of(trial, best, whole, bad)
+    held_out = held_out_of(trial, best, whole, balls)
     uneven = unevenness(held_out, pixel)
     if len(balls.centre) == 1 and "diffuse" in best.parts:
         # One ball does not tell by how much the gain of touched film varies.
@@ -215,7 +215,7 @@ def stored(film: Film) -> Film:
 
 def pressed_slope(balls: Balls) -> float:
     """Return the steepest slope of balls within their contacts, up to the steepest of a sample."""
-    sine = float((balls.rim / balls.radius).max())
+    sine = float((balls.rim / balls.radius)[balls.ball].max())
     return min(sine / math.sqrt(1 - sine**2), MAX_SAMPLE_SLOPE) if sine < 1 else MAX_SAMPLE_SLOPE
 
 
