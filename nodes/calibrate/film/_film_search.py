@@ -103,30 +103,23 @@ class Model(NamedTuple):
         return "+".join(parts + ([f"harmonics{self.degree}"] if self.degree is not None else []))
 
 
-def judge(trial: Trial, parts: frozenset[str], fitted: Fitted) -> Model:
-    """Fit without each fold, and measure the error of the normals on that fold."""
-    held_out = trial.splits(trial.balls)
-    return judged(
-        trial, parts, fitted, [trial.fit(parts, fitted, trial.balls.only(~h)) for h in held_out]
-    )
-
-
-def judged(
+def judge(
     trial: Trial,
     parts: frozenset[str],
     fitted: Fitted,
-    fold_fits: list[Fitted],
+    fold_fits: list[Fitted] | None = None,
     degree: int | None = None,
 ) -> Model:
     """Measure the error of the normals on each fold by the fit without it."""
-    errors, weights = [], []
-    for held_out, fold in zip(trial.splits(trial.balls), fold_fits, strict=True):
-        test = trial.balls.only(held_out)
+    held_out = trial.splits(trial.balls)
+    if fold_fits is None:
+        fold_fits = [trial.fit(parts, fitted, trial.balls.only(~h)) for h in held_out]
+    errors = []
+    for test, fold in zip(map(trial.balls.only, held_out), fold_fits, strict=True):
         placed = place_balls(test, fold, trial.shift_mm) if len(fold.shifts) > 1 else fold
         errors.append(normal_error(test, placed))
-        weights.append(held_out.sum())
     degrees, noises = ([float(error[i]) for error in errors] for i in range(2))
-    error = float(np.average(degrees, weights=weights))
+    error = float(np.average(degrees, weights=[h.sum() for h in held_out]))
     return Model(parts, degree, fitted, error, degrees, noises, fold_fits)
 
 
@@ -146,11 +139,7 @@ def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model,
     grown, best, errors = grow(trial, start, plain, parts)
     settled, best, whole = settle(grown, best)
     if "bounce" in best.parts and pays(best.errors, plain.errors):
-        others = [part for part in parts if part != "bounce"]
-        without, model, pixels, candidate = search(trial, start, others)
-        errors = candidate | errors
-        if model.error < best.error:
-            settled, best, whole = without, model, pixels
+        return search(trial, start, [part for part in parts if part != "bounce"])
     errors[f"film_heldout_deg/{best}"] = errors["film_heldout_deg"] = best.error
     return settled, best, whole, errors
 
@@ -232,7 +221,7 @@ def bend(trial: Trial, best: Model, errors: Metrics) -> Model:
             break
         held_out = zip(trial.splits(trial.balls), physics.splits, strict=True)
         fold_fits = [_bent(trial, trial.balls.only(~h), fold, degree) for h, fold in held_out]
-        candidate = judged(trial, physics.parts, physics.fitted, fold_fits, degree)
+        candidate = judge(trial, physics.parts, physics.fitted, fold_fits, degree)
         errors[f"film_heldout_deg/{candidate}"] = candidate.error
         if pays(best.errors, candidate.errors):
             best = candidate

@@ -65,7 +65,8 @@ class _Problem(NamedTuple):
     """The data of the fit, the free parameters, and the standard deviations.
 
     `scale` is the standard deviation of a sample, `certain` that of a block of the flat frame,
-    `uneven` that of the brightness of touched film.  `sample_weight` is K x N, 0 to 1.
+    `uneven` that of the brightness of touched film.  `sample_weight` is K x N, 0 to 1, `most` as
+    how many independent samples the balls count.
     """
 
     balls: Balls
@@ -76,11 +77,12 @@ class _Problem(NamedTuple):
     sample_weight: F8 | float = 1.0
     scale: float = LIGHT_DEVIATION
     certain: float = LIGHT_DEVIATION
+    most: float = MAX_INDEPENDENT_SAMPLES
 
     @property
     def each(self) -> float:
         """Weight of a sample."""
-        return min(1, MAX_INDEPENDENT_SAMPLES / max(self.balls.u.size, 1))
+        return min(1, self.most / max(self.balls.u.size, 1))
 
     def normed(self, light: F8) -> F8:
         """Return departures of the light, ... x K x N, in independent standard deviations.
@@ -288,7 +290,8 @@ def further_step(
 
 def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
     """Return `fitted` with the balls placed under its known film."""
-    problem = _Problem(balls, None, Unknowns((), math.nan), shift_mm, scale=fitted.scale)
+    known = Unknowns((), math.nan)
+    problem = _Problem(balls, None, known, shift_mm, scale=fitted.scale, most=math.inf)
     return descend(_Trial.of(problem, fitted), _Trial.cost, _Trial.linear).now
 
 

@@ -33,9 +33,10 @@ fitted to the flat frame only: ignoring it would give a wrong distance there, wh
 relative to the flat frame, hardly depends on it."""
 USUAL_NEARNESS = 0.2
 """Widths of the image over the distance of an LED."""
+FREE = Unknown(0.0, math.inf)
 LED_UNKNOWNS = {
-    "x": Unknown(0.0, math.inf),
-    "y": Unknown(0.0, math.inf),
+    "x": FREE,
+    "y": FREE,
     "nearness": Unknown(USUAL_NEARNESS, USUAL_NEARNESS),
     "strength": Unknown(0.0, 1.0),
     "emission": EMISSION_UNKNOWN,
