@@ -49,6 +49,8 @@ class Trial(NamedTuple):
     samples: Callable[..., Balls]
     """Samples the balls again with another film, shifts, contact radii and further options of
     `sample_balls`."""
+    figures: Metrics
+    """The held-out error of every model tried."""
 
     def fit(self, parts: frozenset[str], start: Fitted, balls: Balls | None = None) -> Fitted:
         """Fit a model to all samples, or to the given ones.
@@ -120,7 +122,9 @@ def judge(
         errors.append(normal_error(test, placed))
     degrees, noises = ([float(error[i]) for error in errors] for i in range(2))
     error = float(np.average(degrees, weights=[h.sum() for h in held_out]))
-    return Model(parts, degree, fitted, error, degrees, noises, fold_fits)
+    model = Model(parts, degree, fitted, error, degrees, noises, fold_fits)
+    trial.figures[f"film_heldout_deg/{model}"] = error
+    return model
 
 
 def held_out_of(trial: Trial, best: Model, whole: Balls, good: Balls) -> list[Held]:
@@ -130,30 +134,25 @@ def held_out_of(trial: Trial, best: Model, whole: Balls, good: Balls) -> list[He
     return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held_out if b.u.size]
 
 
-def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls, Metrics]:
+def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls]:
     """Grow a model and settle it; without light from film to film where that settles worse.
 
-    Also returns every pixel of the balls, and the errors of all models.
+    Also returns every pixel of the balls.
     """
     plain = judge(trial, frozenset(), trial.fit(frozenset(), start))
-    grown, best, errors = grow(trial, start, plain, parts)
-    settled, best, whole = settle(grown, best)
-    if "bounce" in best.parts and pays(best.errors, plain.errors):
+    settled = settle(*grow(trial, start, plain, parts))
+    if "bounce" in settled[1].parts and pays(settled[1].errors, plain.errors):
         return search(trial, start, [part for part in parts if part != "bounce"])
-    errors[f"film_heldout_deg/{best}"] = errors["film_heldout_deg"] = best.error
-    return settled, best, whole, errors
+    return settled
 
 
-def grow(
-    trial: Trial, start: Fitted, best: Model, parts: list[str]
-) -> tuple[Trial, Model, Metrics]:
+def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Trial, Model]:
     """Add parts to a model one by one, or coat and bounce at once, as long as that pays.
 
     A part pays if the film is likelier with it, given how usual its values are, and if it lowers
     the held-out error (`grows`).  Once the film has a coat or an albedo, the samples are renewed:
     then the light that it reflects from film to film is known.
     """
-    errors = {f"film_heldout_deg/{best}": best.error}
     if "bounce" in parts and may_grow(best):
         trial = trial._replace(balls=trial.samples(start.film))
     while may_grow(best) and (untried := [part for part in parts if part not in best.parts]):
@@ -162,7 +161,6 @@ def grow(
         # Only the part that explains the presses best is judged on held-out samples.
         first = int(np.argmin([normal_error(trial.balls, fit).degrees for fit in fitted]))
         better = judge(trial, wider[first], fitted[first])
-        errors[f"film_heldout_deg/{better}"] = better.error
         alone = trial.prefers(better, best)
         if not alone and not set(untried) >= SHINING_PARTS:
             break
@@ -174,7 +172,6 @@ def grow(
             continue
         resampled, placed = _sampled_again(trial, better.fitted)
         better = judge(resampled, better.parts, resampled.fit(better.parts, placed))
-        errors[f"film_heldout_deg/{better}"] = better.error
         # Renewed samples of a coat show light from film to film, which the next part explains.
         explains_all = "bounce" in better.parts or "bounce" not in parts
         if explains_all and pays(better.errors, best.errors):
@@ -182,7 +179,7 @@ def grow(
         if not alone and not trial.prefers(better, best):
             break
         trial, best = resampled, better
-    return trial, best, errors | {"film_heldout_deg": best.error}
+    return trial, best
 
 
 def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial, Fitted]:
@@ -213,7 +210,7 @@ def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
     return trial, judge(trial, best.parts, best.fitted), whole
 
 
-def bend(trial: Trial, best: Model, errors: Metrics) -> Model:
+def bend(trial: Trial, best: Model) -> Model:
     """Add harmonics of the highest degree that pays; balls must outnumber their terms."""
     physics = best
     for degree in HARMONIC_DEGREES:
@@ -222,12 +219,10 @@ def bend(trial: Trial, best: Model, errors: Metrics) -> Model:
         held_out = zip(trial.splits(trial.balls), physics.splits, strict=True)
         fold_fits = [_bent(trial, trial.balls.only(~h), fold, degree) for h, fold in held_out]
         candidate = judge(trial, physics.parts, physics.fitted, fold_fits, degree)
-        errors[f"film_heldout_deg/{candidate}"] = candidate.error
         if pays(best.errors, candidate.errors):
             best = candidate
     if best.degree is not None:
         best = best._replace(fitted=_bent(trial, trial.balls, best.fitted, best.degree))
-    errors["film_heldout_deg"] = best.error
     return best
 
 

@@ -67,7 +67,7 @@ class _AtRest(NamedTuple):
     own: F4 = np.ones((1, 1, 1), np.float32)
     bounced: F4 = np.zeros((1, 1, 1), np.float32)
 
-    def share(self, albedo: float) -> F4:
+    def share(self, albedo: float | np.float32) -> F4:
         """Return r of equation F5."""
         share = self.own + np.float32(albedo) * self.bounced
         return np.maximum(share, np.float32(MIN_REST_LIGHT))
@@ -125,6 +125,31 @@ class _Thrown(NamedTuple):
 
     whole: F4
     remaining: F4
+
+
+class _Scene(NamedTuple):
+    """What the light from film to film depends on beside the balls.
+
+    `sigma` is the noise of cells, `fine` and `bounce` as `sample_balls` takes them, `at_rest` the
+    light of the film at rest by the number of cells.
+    """
+
+    film: Film
+    frame: _Frame
+    sigma: F4
+    fine: bool
+    bounce: NodeCall
+    at_rest: Callable[[int], _AtRest]
+
+    @property
+    def cells(self) -> int:
+        """How fine the light from film to film is found that samples get."""
+        return FINE_CELLS if self.fine or self.film.refraction == 1 else DEFAULT_MAX_CELLS
+
+    @property
+    def resting(self) -> _AtRest:
+        """The light of the film at rest that samples get."""
+        return self.at_rest(self.cells)
 
 
 def sample_balls(
@@ -187,22 +212,22 @@ def sample_balls(
         circle = np.column_stack([circle[:, :2], rim / scale])
 
     @cache
-    def at_rest(coated: bool, cells: int) -> _AtRest:
-        kind = film if coated else film._replace(refraction=1.0)
-        return _AtRest() if shape is None else _rest_of(shape, kind, cells, fine, throw)
+    def at_rest(cells: int) -> _AtRest:
+        return _AtRest() if shape is None else _rest_of(shape, film, cells, fine, throw)
 
-    thrown = {}
-    for i in np.unique(of):
-        balls = circle[of == i], radius[of == i], moved[of == i]
-        thrown[i] = _thrown_on(presses[i], sigma, balls, film, frame, fine, throw, at_rest)
-    resting = at_rest(film.refraction > 1, _cells(film, fine))
+    scene = _Scene(film, frame, sigma, fine, throw, at_rest)
+    thrown = {
+        i: _thrown_on(presses[i], circle[of == i], radius[of == i], moved[of == i], scene)
+        for i in np.unique(of)
+    }
+    resting = scene.resting
     masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
     if edges:
         edge = np.empty(len(of))
         for number, i in enumerate(of):
             on_plane = thrown[i].light * resting.share(film.albedo)
-            placed = circle[number], float(radius[number]), moved[number]
-            edge[number] = _edge(on_plane, masks[i], thrown[i].bounced, *placed, film, frame)
+            evidence = on_plane * masks[i], thrown[i].bounced
+            edge[number] = _edge(*evidence, circle[number], radius[number], moved[number], scene)
         moved = moved_with(moved, radius, circle[:, 2] * scale, edge)
         circle = np.column_stack([circle[:, :2], edge / scale])
     circle = circle.astype(np.float64)
@@ -278,32 +303,20 @@ def moved_with(shifts: F8, radius: NDArray[Any], before: NDArray[Any], rim: NDAr
     return moved
 
 
-def _edge(
-    press: F4,
-    bare: U1,
-    thrown: F4,
-    circle: F4 | F8,
-    radius: float,
-    shift: F8,
-    film: Film,
-    frame: _Frame,
-) -> float:
-    """The radius of a ball's contact in mm, from the light around it."""
+def _edge(press: F4, thrown: F4, circle: F4 | F8, radius: float, shift: F8, scene: _Scene) -> float:
+    """The radius of a ball's contact in mm, from the light around it.
+
+    Film under markers counts as dark, so that `contact_edge` ignores it.
+    """
+    film, frame, *_ = scene
     at = frame.around(circle, MAX_EDGE_RATIO * circle[2])
     u, v = frame.place(*at)
-    # Film under markers counts as dark, so that `contact_edge` ignores it.
-    light = (press[:, *at] * bare[*at]).astype(np.float64)
-    bounced = (film.albedo * thrown[:, *at]).astype(np.float64)
+    light, bounced = press[:, *at].astype(np.float64), film.albedo * thrown[:, *at]
     beneath = None
     if frame.shape is not None:
         beneath = Beneath(*frame.shape.at(u, v), bounced, frame.beneath(circle)[2])
     rim, centre = float(circle[2] * frame.scale(circle)[0]), frame.centre(circle, radius, shift)
     return contact_edge(u, v, light, bounced, centre, radius, rim, film, beneath)
-
-
-def _cells(film: Film, fine: bool) -> int:
-    """How fine the light from film to film is found that samples get."""
-    return FINE_CELLS if fine or film.refraction == 1 else DEFAULT_MAX_CELLS
 
 
 def bounced_at_rest(shape: RestShape | None, film: Film, bounce: NodeCall) -> F4 | None:
@@ -321,32 +334,19 @@ def _rest_of(shape: RestShape, film: Film, cells: int, fine: bool, bounce: NodeC
     return _AtRest(direct, thrown / np.float32(film.albedo or 1))
 
 
-def _thrown_on(
-    press: F4,
-    sigma: F4,
-    balls: tuple[F4, F4, F8],
-    film: Film,
-    frame: _Frame,
-    fine: bool,
-    bounce: NodeCall,
-    at_rest: Callable[[bool, int], _AtRest],
-) -> _Press:
-    """The light from film to film on a press with these balls (circles, radii and shifts)."""
+def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene) -> _Press:
+    """The light from film to film on a press with these balls."""
+    film, (size, pixel, shape), sigma, fine, bounce, at_rest = scene
+    nothing = np.zeros_like(press)
     if fine and film.albedo == 0:
-        nothing = np.zeros_like(press)
         return _Press(press, nothing, nothing, nothing)
-    circle, radius, shifts = balls
-    size, pixel, shape = frame
-    u, v = frame.place(np.arange(size[0])[:, None], np.arange(size[1]))
-    # Lifted by as much as its height is uncertain by, and widened in the same way.
-    lift = HEIGHT_DEVIATION_MM * min(1.0, float(radius.min()))
+    u, v = scene.frame.place(np.arange(size[0])[:, None], np.arange(size[1]))
 
     def thrown(film: Film, cells: int, lift: float = 0) -> _Thrown:
         """The light that a film of albedo 1, with the balls in it, reflects onto itself."""
-        height = np.zeros(size) if shape is None else shape.height.astype(np.float64)
-        resting = at_rest(film.refraction > 1, cells)
+        height, resting = np.zeros(size) if shape is None else shape.height, at_rest(cells)
         for each, r, shift in zip(circle, radius, shifts + np.array([0, 0, lift]), strict=True):
-            cx, cy, cz = frame.centre(each, r, shift)
+            cx, cy, cz = scene.frame.centre(each, r, shift)
             z = ball_height(u, v, (cx, cy, cz), r, film.camera)
             nearer = 1 - film.camera * z
             away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z - cz) ** 2
@@ -363,39 +363,29 @@ def _thrown_on(
         whole, removed = light / np.float32(BOUNCED_ALBEDO), level / np.float32(BOUNCED_ALBEDO)
         return _Thrown(whole, whole - removed)
 
-    # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
-    is_coated, matt = film.refraction > 1, film._replace(refraction=1.0)
+    # Lifted by as much as its height is uncertain by, and widened in the same way.
+    lift = HEIGHT_DEVIATION_MM * min(1.0, float(radius.min()))
     wider = film._replace(rim=film.rim + RIM_STEP_MM)
-    bounced = on_matt = thrown(matt, FINE_CELLS)
-    by_lift = (thrown(matt, FINE_CELLS, lift).remaining - on_matt.remaining) / np.float32(lift)
-    cells = DEFAULT_MAX_CELLS if is_coated else FINE_CELLS
-    if is_coated:
-        bounced = thrown(film, cells)
-        # Where matt film throws nothing on itself, a ball that is higher adds nothing.
-        if on_matt.remaining.any():
-            by_lift *= bounced.remaining.mean() / on_matt.remaining.mean()
-    by_rim = np.zeros_like(press)
-    if shape is None:
-        by_rim = thrown(wider, cells).remaining - bounced.remaining
-    if is_coated and fine:
-        bounced = thrown(film, FINE_CELLS)
-    if film.albedo > 0:
-        resting = at_rest(is_coated, _cells(film, fine))
-        press = _levelled(press, sigma, bounced, film.albedo, resting)
-    return _Press(press, bounced.remaining, by_lift, by_rim / np.float32(RIM_STEP_MM))
+    rough = DEFAULT_MAX_CELLS if film.refraction > 1 else FINE_CELLS
+    bounced = thrown(film, rough)
+    by_lift = (thrown(film, rough, lift).remaining - bounced.remaining) / np.float32(lift)
+    by_rim = thrown(wider, rough).remaining - bounced.remaining if shape is None else nothing
+    bounced = bounced if rough == scene.cells else thrown(film, scene.cells)
+    light = press if film.albedo == 0 else _levelled(press, bounced, scene)
+    return _Press(light, bounced.remaining, by_lift, by_rim / np.float32(RIM_STEP_MM))
 
 
-def _levelled(press: F4, sigma: F4, thrown: _Thrown, albedo: float, resting: _AtRest) -> F4:
+def _levelled(press: F4, thrown: _Thrown, scene: _Scene) -> F4:
     """Level a press again, with the known light from film to film not taken for drift.
 
     For a film of this albedo, the press minus the light from film to film then is the LEDs'
     light.  For another albedo, `remaining` accounts for what would have been taken for drift.
     """
-    by, share = np.float32(albedo), resting.share(albedo)
-    direct = coarsen(by * (thrown.whole - resting.bounced) / share)
+    by, sigma, resting = np.float32(scene.film.albedo), scene.sigma, scene.resting
+    direct = coarsen(by * (thrown.whole - resting.bounced) / resting.share(by))
     cells = coarsen(press)
     drift = film_drift(cells, sigma, bounced=direct, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
-    removed = by * (thrown.whole - thrown.remaining) / share
+    removed = by * (thrown.whole - thrown.remaining) / resting.share(by)
     return np.asarray(press / drift_gain(drift, press.shape[1:]) - removed, np.float32)
 
 

@@ -232,7 +232,7 @@ class Certainty(NamedTuple):
     unknowns: Unknowns
     values: float
 
-    def shows(self, name: str, value: float) -> bool:
+    def shows(self, name: str) -> bool:
         """Return whether an unknown is likelier to be its (mean) value than 0 (`log_odds`).
 
         All others stay as they were found with it, since nothing is fitted again.
@@ -240,8 +240,9 @@ class Certainty(NamedTuple):
         own = self.unknowns.numbers(self.fitted).get(name)
         if own is None:
             return True
-        information = float(np.linalg.inv(self.covariance)[np.ix_(own, own)].sum())
-        return value**2 * information > math.log(self.values)
+        value = self.unknowns.values(self.fitted)[own].mean()
+        information = np.linalg.inv(self.covariance)[np.ix_(own, own)].sum()
+        return bool(value**2 * information > math.log(self.values))
 
     def other_places(self) -> F4:
         """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm."""
