@@ -44,8 +44,6 @@ class Trial(NamedTuple):
 
     balls: Balls
     rest: Rest | None
-    shift_mm: float
-    width_mm: float
     samples: Callable[..., Balls]
     """Samples the balls again with another film, shifts, contact radii and further options of
     `sample_balls`."""
@@ -60,20 +58,19 @@ class Trial(NamedTuple):
         light alone, on which slopes rest, and its brightness is as uneven as a plain film's.
         """
         balls = balls or self.balls
-        settings = self.shift_mm, self.width_mm
-        fitted = fit(balls, self.rest, parts, start, *settings)
+        fitted = fit(balls, self.rest, parts, start)
         if "diffuse" not in parts or len(balls.centre) > 1:
             return fitted
         film = fitted.film
         direct = balls.direct(fitted.shifts, film)
         weight = lit_share(film, direct, np.array(film.contact))
-        return fit(balls, self.rest, TOUCHED_PARTS, fitted, *settings, start.film.uneven, weight)
+        return fit(balls, self.rest, TOUCHED_PARTS, fitted, start.film.uneven, weight)
 
     def prefers(self, larger: "Model", model: "Model") -> bool:
         """Return whether a larger model is the better one (`grows`)."""
         both = model, larger
         scales = model.fitted.scale, larger.fitted.scale
-        fewer, more = (Unknowns.of(each.parts, self.width_mm) for each in both)
+        fewer, more = (Unknowns.of(each.parts, self.balls.width_mm) for each in both)
         unusual = more.surprise(larger.fitted) - fewer.surprise(model.fitted)
         values = min(self.balls.u.size, MAX_INDEPENDENT_SAMPLES)
         further = len(more.names) - len(fewer.names)
@@ -118,7 +115,7 @@ def judge(
         fold_fits = [trial.fit(parts, fitted, trial.balls.only(~h)) for h in held_out]
     errors = []
     for test, fold in zip(map(trial.balls.only, held_out), fold_fits, strict=True):
-        placed = place_balls(test, fold, trial.shift_mm) if len(fold.shifts) > 1 else fold
+        placed = place_balls(test, fold) if len(fold.shifts) > 1 else fold
         errors.append(normal_error(test, placed))
     degrees, noises = ([float(error[i]) for error in errors] for i in range(2))
     error = float(np.average(degrees, weights=[h.sum() for h in held_out]))
@@ -131,7 +128,7 @@ def held_out_of(trial: Trial, best: Model, whole: Balls, good: Balls) -> list[He
     """Every pixel of each fold, of good balls, with the film fitted to the other folds."""
     good = whole.only(np.isin(whole.ball, good.ball))
     held_out = zip(map(good.only, trial.splits(good)), best.splits, strict=True)
-    return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held_out if b.u.size]
+    return [Held(b, place_balls(b, f)) for b, f in held_out if b.u.size]
 
 
 def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls]:
@@ -217,17 +214,13 @@ def bend(trial: Trial, best: Model) -> Model:
         if len(trial.balls.centre) <= term_count(degree):
             break
         held_out = zip(trial.splits(trial.balls), physics.splits, strict=True)
-        fold_fits = [_bent(trial, trial.balls.only(~h), fold, degree) for h, fold in held_out]
+        fold_fits = [add_harmonics(trial.balls.only(~h), fold, degree) for h, fold in held_out]
         candidate = judge(trial, physics.parts, physics.fitted, fold_fits, degree)
         if pays(best.errors, candidate.errors):
             best = candidate
     if best.degree is not None:
-        best = best._replace(fitted=_bent(trial, trial.balls, best.fitted, best.degree))
+        best = best._replace(fitted=add_harmonics(trial.balls, best.fitted, best.degree))
     return best
-
-
-def _bent(trial: Trial, balls: Balls, physics: Fitted, degree: int) -> Fitted:
-    return add_harmonics(balls, physics, degree, trial.width_mm / 2, trial.shift_mm)
 
 
 def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls]:
@@ -247,7 +240,7 @@ def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls]:
     plain = film._replace(harmonics=np.zeros_like(film.harmonics))
     fitted = trial.fit(best.parts, best.fitted._replace(film=plain), good)
     if best.degree is not None:
-        fitted = _bent(trial, good, fitted, best.degree)
+        fitted = add_harmonics(good, fitted, best.degree)
     return best._replace(fitted=fitted), good
 
 

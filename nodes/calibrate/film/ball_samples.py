@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from tactograph.graph import NodeCall
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, U1, Film
-from tactograph.nodes.calibrate import DRIFT_DEGREE, FILM_ROUGHNESS, FOLD_COUNT, MAX_SAMPLE_SLOPE
+from tactograph.nodes.calibrate import (
+    DRIFT_DEGREE,
+    FILM_ROUGHNESS,
+    FOLD_COUNT,
+    MAX_SAMPLE_SLOPE,
+    SHIFT_DEVIATION_PX,
+)
 from tactograph.nodes.calibrate.ball.ball_surface import (
     MAX_SQUARED_RADIUS,
     away_on,
@@ -265,6 +271,8 @@ def sample_balls(
         by_lift=by_lift,
         by_rim=by_rim,
         sector=np.floor(np.arctan2(y, x) / (2 * np.pi) % 1 * FOLD_COUNT).astype(int),
+        shift_mm=SHIFT_DEVIATION_PX * pixel,
+        width_mm=pixel * frame.size[1],
     )
     if shape is not None:
         every = laid_on(every, circle, shape, resting.bounced[:, row, column].astype(np.float64))

@@ -72,7 +72,6 @@ class _Problem(NamedTuple):
     balls: Balls
     rest: Rest | None
     unknowns: Unknowns
-    shift_mm: float
     uneven: float = 0.0
     sample_weight: F8 | float = 1.0
     scale: float = LIGHT_DEVIATION
@@ -128,7 +127,7 @@ class _Trial(NamedTuple):
     def cost(self) -> float:
         """Return the cost in squared standard deviations."""
         problem = self.problem
-        deviations = place_deviations(problem.balls, problem.shift_mm)
+        deviations = place_deviations(problem.balls)
         balls, flat = huber(problem.normed(self.light)), huber(self.flat / problem.certain)
         priors = np.square(self.now.shifts / deviations).sum()
         priors += 2 * problem.unknowns.surprise(self.now)
@@ -148,7 +147,7 @@ class _Trial(NamedTuple):
 
     def equations(self, further: Further | None = None) -> NormalEquations:
         """Return the normal equations of the U unknowns, those `further`, and the P x 3 shifts."""
-        (balls, rest, unknowns, shift_mm, *_), now = self.problem, self.now
+        (balls, rest, unknowns, *_), now = self.problem, self.now
         problem, certain, light = self.problem, self.problem.certain, self.light + balls.light
 
         def other(name: str, other: Fitted) -> F8:
@@ -160,7 +159,7 @@ class _Trial(NamedTuple):
         by = unknowns.differences(now, UNKNOWNS_OF_FLAT_ALONE, light, other)
         by = problem.normed(by if further is None else np.concatenate([by, further.light]))
         by_own, normed = problem.normed(np.stack(by_own)), problem.normed(self.light)
-        weight, spread = problem.each * huber_weight(normed), place_deviations(balls, shift_mm)
+        weight, spread = problem.each * huber_weight(normed), place_deviations(balls)
         sure, away = by * weight, (weight * normed)[None]
         shared, right = summed(sure, by), -summed(by, away)[:, 0]
         mixed = np.hstack([*balls.by_ball(sure, by_own)])
@@ -185,8 +184,6 @@ def fit(
     rest: Rest | None,
     parts: frozenset[str],
     start: Fitted,
-    shift_mm: float,
-    width_mm: float,
     uneven: float = 0.0,
     sample_weight: F8 | float = 1.0,
 ) -> Fitted:
@@ -198,8 +195,6 @@ def fit(
     rest : the flat frame in blocks, if there is one
     parts : which of `MODEL_UNKNOWNS` are fitted; all other parameters stay as in `start`
     start : start values of the descent
-    shift_mm : standard deviation of a ball's position
-    width_mm : width of the film that the camera sees
     uneven : standard deviation of the brightness of touched film, as a share
     sample_weight : K x N, 0 to 1, how much the light of each sample counts
 
@@ -208,8 +203,8 @@ def fit(
     InputError
         If the model has no light for the samples, however it starts.
     """
-    unknowns = Unknowns.of(parts, width_mm)
-    problem = _Problem(balls, rest, unknowns, shift_mm, uneven, sample_weight)
+    unknowns = Unknowns.of(parts, balls.width_mm)
+    problem = _Problem(balls, rest, unknowns, uneven, sample_weight)
     first = _Trial.of(problem, unknowns.opened(start)).judged()
     if not np.isfinite(first.cost()):
         raise InputError(
@@ -251,16 +246,9 @@ class Certainty(NamedTuple):
         return places_within(self.fitted.leds[:, :3], self.covariance[np.ix_(own, own)], width)
 
 
-def certainty(
-    balls: Balls,
-    rest: Rest | None,
-    parts: frozenset[str],
-    fitted: Fitted,
-    shift_mm: float,
-    width_mm: float,
-) -> Certainty:
+def certainty(balls: Balls, rest: Rest | None, parts: frozenset[str], fitted: Fitted) -> Certainty:
     """Return how well a fit knows LEDs and film."""
-    problem = _Problem(balls, rest, Unknowns.of(parts, width_mm), shift_mm)
+    problem = _Problem(balls, rest, Unknowns.of(parts, balls.width_mm))
     trial = _Trial.of(problem, fitted).judged()
     robust = _robust_spread(trial.light / balls.reference_light)
     trial = trial._replace(problem=trial.problem._replace(scale=robust))
@@ -270,50 +258,42 @@ def certainty(
 
 
 def further_step(
-    balls: Balls,
-    rest: Rest,
-    parts: frozenset[str],
-    fitted: Fitted,
-    further: Further,
-    shift_mm: float,
-    width_mm: float,
+    balls: Balls, rest: Rest, parts: frozenset[str], fitted: Fitted, further: Further
 ) -> tuple[F8, F8]:
     """Return the best step of unknowns that the film has not, and their covariance.
 
     Film, LEDs and balls' places move with them.
     """
-    problem = _Problem(balls, rest, Unknowns.of(parts, width_mm), shift_mm)
+    problem = _Problem(balls, rest, Unknowns.of(parts, balls.width_mm))
     equations = _Trial.of(problem, fitted).judged().equations(further)
     first = problem.unknowns.values(fitted).size
     own = slice(first, first + len(further.light))
     return equations.step(0.0)[own], equations.covariance()[own, own]
 
 
-def place_balls(balls: Balls, fitted: Fitted, shift_mm: float) -> Fitted:
+def place_balls(balls: Balls, fitted: Fitted) -> Fitted:
     """Return `fitted` with the balls placed under its known film."""
-    known = Unknowns((), math.nan)
-    problem = _Problem(balls, None, known, shift_mm, scale=fitted.scale, most=math.inf)
+    known = Unknowns((), balls.width_mm)
+    problem = _Problem(balls, None, known, scale=fitted.scale, most=math.inf)
     return descend(_Trial.of(problem, fitted), _Trial.cost, _Trial.linear).now
 
 
-def place_deviations(balls: Balls, shift_mm: float) -> F8:
+def place_deviations(balls: Balls) -> F8:
     """Return standard deviations of the balls' positions in x, y and z, P x 3.
 
     For a ball smaller than 1 mm in radius, that in z shrinks with the radius.
     """
     lift = HEIGHT_DEVIATION_MM * np.minimum(1, balls.radius)
-    return np.column_stack([np.full((len(lift), 2), shift_mm), lift])
+    return np.column_stack([np.full((len(lift), 2), balls.shift_mm), lift])
 
 
-def add_harmonics(
-    balls: Balls, fitted: Fitted, degree: int, reach: float, shift_mm: float
-) -> Fitted:
+def add_harmonics(balls: Balls, fitted: Fitted, degree: int) -> Fitted:
     """Add harmonics, with coefficients of a degree in position, to a physical film.
 
     Ridge regression finds harmonics and gain, in turn with the balls' positions.  Samples with
     large residuals have less weight (Cauchy).
     """
-    used, count, now = term_count(degree), len(fitted.leds), fitted
+    used, count, now, reach = term_count(degree), len(fitted.leds), fitted, balls.width_mm / 2
     n, *_ = balls.surface(now.shifts, now.film.camera)
     film = fitted.film._replace(flattest=float(np.quantile(n[2], 0.005)), reach=reach)
     physics = fitted._replace(film=film)
@@ -340,7 +320,7 @@ def add_harmonics(
         gain = film.gain * (1 + float(change[-1]))
         now = now._replace(film=film._replace(harmonics=cast(F4, harmonics), gain=gain))
         residual = predicted(balls, now) - balls.light
-        now = place_balls(balls, now._replace(scale=light_scale(balls, residual)), shift_mm)
+        now = place_balls(balls, now._replace(scale=light_scale(balls, residual)))
         away = (balls.light - predicted(balls, now)) / balls.reference_light
         # Cauchy's weights.
         weight = 1 / (1 + (away / (3 * now.scale)) ** 2) / balls.reference_light**2

@@ -27,7 +27,6 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.calibrate import (
     MAX_SAMPLE_SLOPE,
-    SHIFT_DEVIATION_PX,
     BallCircles,
     BallPress,
     BallRadii,
@@ -155,16 +154,15 @@ def fit_film(
 
     # A matt film throws no light onto itself, and is sampled again where it may be another.
     balls = samples(matt_film(lights), fine=True)
-    width = pixel * flat.shape[2]
     closed: set[str] = set(without) | ({"camera", "harmonics"} if shape is not None else set())
     glow = None if "bounce" in closed else bounced_at_rest(shape, matt_film(lights), bounce)
     rest = rest_of(flat, pixel, shape, glow)
-    trial = Trial(balls, rest, SHIFT_DEVIATION_PX * pixel, width, samples, {})
+    trial = Trial(balls, rest, samples, {})
     start = start_at(lights, strength, len(balls.centre))
     if camera_mm is not None:
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
     tall = balls.radius - sunk(balls.radius, balls.rim)
-    if camera_mm is not None or len(tall) < 2 or tall.max() < MIN_CAP_SHARE * width:
+    if camera_mm is not None or len(tall) < 2 or tall.max() < MIN_CAP_SHARE * balls.width_mm:
         closed.add("camera")
     cell = cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
     if np.median(balls.rim) < MIN_CONTACT_CELLS * cell:
@@ -173,7 +171,7 @@ def fit_film(
     if "harmonics" not in closed and may_grow(best):
         best = bend(trial, best)
     best, balls = without_bad(trial, best)
-    sure = certainty(balls, rest, best.parts, best.fitted, trial.shift_mm, width)
+    sure = certainty(balls, rest, best.parts, best.fitted)
     hidden = {name: 0.0 for name in ("wrap", "emission") if not sure.shows(name)}
     # Film that is no plane ends with the frame.
     film = best.fitted.film._replace(**hidden, **({} if shape is None else {"rim": 0.0}))

@@ -33,7 +33,7 @@ def held(noise: float = 0.0, **changed: Any) -> Held:
     none = np.zeros((len(LIGHTS), u.size))
     balls = Balls(
         u, v, none, np.zeros(u.size, int), np.zeros((1, 2)), np.array([RIM]), np.array([RADIUS]),
-        none, none, none, np.zeros(u.size, int),
+        none, none, none, np.zeros(u.size, int), PIXEL / 2, 2 * RADIUS,
     )  # fmt: skip
     fitted = start_at(cast(F4, LEDS), np.ones(len(LIGHTS), np.float32), 1)
     true = fitted._replace(film=fitted.film._replace(**changed))
