@@ -22,7 +22,7 @@ BUILDS_ON = {
     "batch": ("export",),
     "curved_film": ("shapes",),
     "live": ("frames", "oneshot"),
-    "mechanics": ("batch", "export"),
+    "mechanics": ("batch", "export", "frames"),
     "metrology": ("export",),
     "recording": ("frames", "export"),
 }

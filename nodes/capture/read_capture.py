@@ -44,7 +44,7 @@ from tactograph.nodes.files.image_files import (
     size_of,
     white_of,
 )
-from tactograph.nodes.files.sensor_identity import check_sensor, identity_in
+from tactograph.nodes.files.sensor_identity import SensorIdentity
 
 VIDEO_SUFFIXES = (".mp4", ".m4v", ".avi", ".mov", ".mkv", ".webm", ".mjpg", ".mjpeg")
 TRUE_HEIGHT_FILE = "truth_height_mm.npy"
@@ -229,8 +229,8 @@ def _check_sensor(folder: Path, calibration: Path | None, another_sensor: bool) 
     if calibration is None:
         return
     for place in (folder, folder.absolute().parent):
-        if any(order := identity_in(read_capture_file(place).model_dump())):
-            check_sensor(place, order, calibration, another_sensor)
+        if any(order := SensorIdentity.stated_in(read_capture_file(place).model_dump())):
+            order.check(place, calibration, another_sensor)
             return
 
 

@@ -18,7 +18,7 @@ from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.disk.file_identity import ABOUT_ARRAY, about_in
 from tactograph.graph.errors import missing, one_line
 from tactograph.graph.rings import bring
-from tactograph.nodes.files.sensor_identity import identity_in
+from tactograph.nodes.files.sensor_identity import SensorIdentity
 from tactograph.nodes.optics.lens import camera_offset
 from tactograph.nodes.stored import Value, stored_values, with_plain
 
@@ -228,7 +228,7 @@ def read_about(file: Path) -> About:
         lights = lights.get(name) if isinstance(lights, dict) else None
     figures = {name: float(value) for name, value in quality.items()}
     sentences = [one_line(doubt) for doubt in doubts]
-    serial = identity_in(head).serial or None
+    serial = SensorIdentity.stated_in(head).serial or None
     return About(figures, sentences, lights if isinstance(lights, str) else None, serial)
 
 

@@ -96,10 +96,6 @@ from tactograph.nodes.files.result_file import (
     RESULT_FILE as RESULT_FILE,
     write_result_file as write_result_file,
 )
-from tactograph.nodes.stream.frames import (
-    LiveFrames as LiveFrames,
-    LiveState as LiveState,
-)
 from tactograph.nodes.stream.layer_kinds import (
     layer_kinds as layer_kinds,
     layers_of as layers_of,
@@ -112,6 +108,7 @@ from tactograph.nodes.stream.touch import (
     Layer as Layer,
     LayerKind as LayerKind,
     LedLabels as LedLabels,
+    LiveState as LiveState,
     Placed as Placed,
     Regions as Regions,
     StateVector as StateVector,

@@ -181,11 +181,6 @@ from tactograph.nodes.calibrate.ball.find_ball import (
 from tactograph.nodes.calibrate.ball.undistort_presses import (
     ideal_circles as ideal_circles,
 )
-from tactograph.nodes.calibrate.file.calibrated_film import (
-    CalibratedFilm as CalibratedFilm,
-    calibrated_film as calibrated_film,
-    read_either as read_either,
-)
 from tactograph.nodes.calibrate.file.calibration import (
     CALIBRATION_KIND as CALIBRATION_KIND,
     NO_MISFIT as NO_MISFIT,
@@ -194,6 +189,9 @@ from tactograph.nodes.calibrate.file.calibration import (
 from tactograph.nodes.calibrate.file.camera_lens import (
     CAMERA_KIND as CAMERA_KIND,
     CameraLens as CameraLens,
+)
+from tactograph.nodes.calibrate.file.read_calibration import (
+    read_either as read_either,
 )
 from tactograph.nodes.calibrate.film._film_search import (
     FINAL_SAMPLES as FINAL_SAMPLES,
@@ -397,10 +395,6 @@ from tactograph.nodes.files.result_view import (
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
-    UsedCalibration as UsedCalibration,
-    check_sensor as check_sensor,
-    identity_from as identity_from,
-    identity_in as identity_in,
 )
 from tactograph.nodes.files.sensor_preset import (
     SensorPreset as SensorPreset,
@@ -483,14 +477,6 @@ from tactograph.nodes.simulate.expose import (
 )
 from tactograph.nodes.stored import (
     Stored as Stored,
-)
-from tactograph.nodes.stream.colour_planes import (
-    Order as Order,
-    planes_of as planes_of,
-)
-from tactograph.nodes.stream.frames import (
-    ALL_LIT as ALL_LIT,
-    RawFrame as RawFrame,
 )
 from tactograph.nodes.stream.layer_kinds import (
     deviation_of as deviation_of,

@@ -10,6 +10,7 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
+from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Plane
@@ -18,17 +19,7 @@ from tactograph.rings.live.nodes.guide._guide_params import GuideParams
 from tactograph.rings.live.nodes.guide._watch_film import Watch, film_at_rest, new_folder, tell
 from tactograph.rings.live.nodes.touches.sensor import open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
-from tactograph.sdk import (
-    F4,
-    Dark,
-    InputError,
-    Light,
-    LiveFrames,
-    atomic_file,
-    atomic_files,
-    node,
-    write_image,
-)
+from tactograph.sdk import F4, Dark, InputError, Light, atomic_file, atomic_files, node, write_image
 from tactograph.sdk.nodes import find_ball, flat_field, pixel_size, read_balls, read_flat
 from tactograph.sdk.unstable import (
     MAX_LEDS,

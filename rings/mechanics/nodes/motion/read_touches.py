@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
+from tactograph.rings.frames.calibrated_film import calibrated_film
 from tactograph.sdk import (
     F4,
     RESULT_FILE,
@@ -26,7 +27,6 @@ from tactograph.sdk.unstable import (
     MAX_SIZE_DIFFERENCE,
     MIN_PIXEL_MM,
     RELIEF_FIGURE,
-    calibrated_film,
     check_heights,
     load_arrays,
     on_even_grid,

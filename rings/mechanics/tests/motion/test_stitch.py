@@ -28,11 +28,11 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.progress import progress_text
 from tactograph.nodes import F4
 from tactograph.nodes.optics.film_places import on_even_grid
-from tactograph.nodes.stream.frames import RawFrame
 from tactograph.nodes.stream.touch import Touch, View
 from tactograph.nodes.write.write_result import write_result
 from tactograph.rings.batch.entry import DONE, Entry
 from tactograph.rings.batch.map_types import MapType
+from tactograph.rings.frames.live_frames import RawFrame
 from tactograph.rings.mechanics.layers.pose import POSE_NAMES
 from tactograph.rings.mechanics.nodes.motion.read_touches import read_touches
 from tactograph.rings.mechanics.nodes.motion.stitch import StitchedSurface, stitch
