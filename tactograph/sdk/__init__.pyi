@@ -96,6 +96,11 @@ from tactograph.nodes.files.result_file import (
     RESULT_FILE as RESULT_FILE,
     write_result_file as write_result_file,
 )
+from tactograph.nodes.optics.shape import (
+    Length as Length,
+    Shape as Shape,
+    ShapeImage as ShapeImage,
+)
 from tactograph.nodes.stream.layer_kinds import (
     layer_kinds as layer_kinds,
     layers_of as layers_of,

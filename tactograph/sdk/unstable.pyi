@@ -44,10 +44,6 @@ from tactograph.graph.declare.node_page import (
 from tactograph.graph.disk.array_files import (
     load_arrays as load_arrays,
 )
-from tactograph.graph.disk.file_identity import (
-    ABOUT_ARRAY as ABOUT_ARRAY,
-    about_in as about_in,
-)
 from tactograph.graph.disk.folder_lock import (
     lock_folder as lock_folder,
 )
@@ -182,7 +178,6 @@ from tactograph.nodes.calibrate.ball.undistort_presses import (
     ideal_circles as ideal_circles,
 )
 from tactograph.nodes.calibrate.file.calibration import (
-    CALIBRATION_KIND as CALIBRATION_KIND,
     NO_MISFIT as NO_MISFIT,
     Calibration as Calibration,
 )
@@ -344,13 +339,7 @@ from tactograph.nodes.drawing.sensor_picture import (
 from tactograph.nodes.files.calibration_file import (
     MIN_OPTICAL_MM as MIN_OPTICAL_MM,
     FileKind as FileKind,
-    check_use as check_use,
-    free_for as free_for,
     kind_of as kind_of,
-    read_about as read_about,
-    read_arrays as read_arrays,
-    write_arrays as write_arrays,
-    write_record as write_record,
 )
 from tactograph.nodes.files.exposure import (
     normalised as normalised,
@@ -452,18 +441,6 @@ from tactograph.nodes.optics.normals import (
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
     rest_shape as rest_shape,
-)
-from tactograph.nodes.optics.shape import (
-    PAPER_PIXEL_MM as PAPER_PIXEL_MM,
-    Length as Length,
-    PixelSide as PixelSide,
-    Shape as Shape,
-    ShapeImage as ShapeImage,
-    WallAngle as WallAngle,
-    risen as risen,
-    shape as shape,
-    stretched as stretched,
-    turned as turned,
 )
 from tactograph.nodes.optics.sheet import (
     SheetLabels as SheetLabels,

@@ -8,7 +8,6 @@ from annotated_types import Interval, Len
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
-from tactograph.nodes.files.calibration_file import read_arrays
 from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
 from tactograph.nodes.files.sensor_preset import read_preset
 from tactograph.nodes.optics.lens import oblong_lens
@@ -54,7 +53,7 @@ def pixel_size(
         if mm is None:
             raise InputError("the pixel size is not known; give `mm`=MM, or `camera`=camera.npz")
         return mm
-    of_camera = float(read_arrays(camera, CAMERA_KIND)["pixel_size"])
+    of_camera = float(CAMERA_KIND.read(camera)[0]["pixel_size"])
     if mm is None:
         return of_camera
     if abs(mm / of_camera - 1) > MAX_SIZE_DIFFERENCE:

@@ -7,10 +7,7 @@ from typing import Any
 from tactograph.graph import EVERYTHING, InputError, Wanted, node
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND, Calibration
 from tactograph.nodes.files.calibration_file import (
-    check_use,
     kind_of,
-    read_about,
-    read_arrays,
     record_of,
 )
 from tactograph.nodes.files.image_files import Lights
@@ -46,9 +43,7 @@ def read_calibration(
         not above the film, or no slope follows from the LEDs' light; if the calibration was made
         from lights of another order; if its film is no plane at rest and a graph takes it for one.
     """
-    arrays = read_arrays(file, CALIBRATION_KIND)
-    about = read_about(file)
-    check_use(file, about, lights)
+    arrays, about = CALIBRATION_KIND.read_to_use(file, lights)
     header = {"quality": about.quality, "doubts": about.doubts, "serial": about.serial}
     record = record_of(Calibration, {**arrays, **header})
     if record.rest is None or not record.rest.any():

@@ -8,7 +8,6 @@ from tactograph.nodes.calibrate.file.calibration import (
     Calibration,
     NewCalibration,
 )
-from tactograph.nodes.files.calibration_file import write_record
 from tactograph.nodes.files.sensor_identity import SensorIdentity
 
 
@@ -38,4 +37,4 @@ def write_calibration(
     """
     sensor = sensor or SensorIdentity.behind(provenance).name or None
     about = {"sensor": sensor, "provenance": provenance}
-    write_record(file, CALIBRATION_KIND, Calibration(*values), about)
+    CALIBRATION_KIND.write_record(file, Calibration(*values), about)
