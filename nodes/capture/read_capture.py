@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from tactograph.graph import FRACTIONS, InputError, Whole, node, warn
-from tactograph.graph.disk.strict_yaml import read_yaml
+from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.errors import missing
 from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.capture.led_files import (
@@ -87,6 +87,13 @@ class CaptureFile(BaseModel):
     ball_radius_mm: Length | None = None
     ball_center_px: Annotated[list[Place], Len(2, 2)] | None = None
     ball_contact_px: Length | None = None
+
+    def circle(
+        self, center_px: tuple[float, float] | None = None, contact_px: float | None = None
+    ) -> tuple[float, float, float]:
+        """Return x, y and contact radius in px as the file gives them, or the caller; else NaN."""
+        x, y = self.ball_center_px or center_px or (np.nan, np.nan)
+        return x, y, self.ball_contact_px or contact_px or np.nan
 
 
 class Layout(NamedTuple):
@@ -307,7 +314,7 @@ def read_capture_file(folder: Path) -> CaptureFile:
     file = folder / "capture.yaml"
     if file.exists() and not file.is_file():
         raise InputError(f"{file}: is no plain file; put one there, or remove it")
-    return read_yaml(file).checked(CaptureFile) if file.is_file() else CaptureFile()
+    return Document.read(file).checked(CaptureFile) if file.is_file() else CaptureFile()
 
 
 def _only_image(folder: Path) -> Path:

@@ -7,7 +7,7 @@ from annotated_types import Interval, Len
 from pydantic import BaseModel, ConfigDict
 
 from tactograph.graph import InputError
-from tactograph.graph.disk.strict_yaml import read_yaml
+from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.rings import rings
 from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MIN_PIXEL_MM
 from tactograph.nodes.files.image_files import MAX_LEDS
@@ -74,7 +74,7 @@ def read_preset(sensor: str) -> SensorPreset:
         raise InputError(
             f"`sensor`={sensor}: is neither a file (.yaml) nor one of {', '.join(presets)}"
         )
-    document = read_yaml(file)
+    document = Document.read(file)
     preset = document.checked(SensorPreset)
     left, top, right, bottom = preset.crop
     if left >= right or top >= bottom:

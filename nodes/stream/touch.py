@@ -14,18 +14,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, F8, U1, Height, Lens, Light, Metrics, PixelSize, Vergence
-from tactograph.nodes.optics.film_places import film_places
+from tactograph.nodes import F4, F8, U1, Height, Light, Metrics, PixelSize
+from tactograph.nodes.optics.view import View
 
 RECORDED_AGE_S = 10.0
 """Age from which a touch comes from a recording, whose clock is another."""
-
-
-class View(NamedTuple):
-    """The camera's lens and the place of its pupil."""
-
-    lens: Lens | None = None
-    camera: Vergence | None = None
 
 
 @dataclass
@@ -69,8 +62,7 @@ class Touch:
 
         In mm, right and down from where the first pixel would look on an even grid.
         """
-        lens, camera = self.view
-        x, y = film_places(self.film, lens, camera or 0.0, step)
+        x, y = self.view.places(self.film, step)
         rows, columns = self.height.shape
         return self.pixel * (x + (columns - 1) / 2), self.pixel * (y + (rows - 1) / 2)
 

@@ -101,6 +101,9 @@ from tactograph.nodes.optics.shape import (
     Shape as Shape,
     ShapeImage as ShapeImage,
 )
+from tactograph.nodes.optics.view import (
+    View as View,
+)
 from tactograph.nodes.stream.layer_kinds import (
     layer_kinds as layer_kinds,
     layers_of as layers_of,
@@ -118,6 +121,5 @@ from tactograph.nodes.stream.touch import (
     Regions as Regions,
     StateVector as StateVector,
     Touch as Touch,
-    View as View,
     as_it_is as as_it_is,
 )

@@ -32,14 +32,11 @@ from tactograph.graph.cores import (
 from tactograph.graph.declare.find_node import (
     node_names as node_names,
 )
-from tactograph.graph.declare.limits import (
-    bare_type as bare_type,
-    choices_of as choices_of,
-    limits_of as limits_of,
+from tactograph.graph.declare.node import (
+    Parameter as Parameter,
 )
 from tactograph.graph.declare.node_page import (
     describe as describe,
-    range_of as range_of,
 )
 from tactograph.graph.disk.array_files import (
     load_arrays as load_arrays,
@@ -49,10 +46,7 @@ from tactograph.graph.disk.folder_lock import (
 )
 from tactograph.graph.disk.strict_yaml import (
     Document as Document,
-    Entries as Entries,
     parse_scalar as parse_scalar,
-    parse_yaml as parse_yaml,
-    read_yaml as read_yaml,
 )
 from tactograph.graph.disk.text_names import (
     refuse_other_names as refuse_other_names,
@@ -78,13 +72,6 @@ from tactograph.graph.files.graph_places import (
     find_file as find_file,
     shipped_groups as shipped_groups,
     shipped_overlays as shipped_overlays,
-)
-from tactograph.graph.files.groups import (
-    alike as alike,
-    group_of as group_of,
-)
-from tactograph.graph.files.plain_data import (
-    as_document as as_document,
 )
 from tactograph.graph.files.read_graph import (
     graph_file as graph_file,
@@ -137,7 +124,6 @@ from tactograph.nodes import (
     LutSlope as LutSlope,
     Misfit as Misfit,
     Noise as Noise,
-    ResizedLight as ResizedLight,
     ScaleError as ScaleError,
     ShadowRises as ShadowRises,
     SlopeVariance as SlopeVariance,
@@ -271,7 +257,6 @@ from tactograph.nodes.calibrate.lights.light_samples import (
 from tactograph.nodes.calibrate.ranks.drawn import (
     LED_DRIFT as LED_DRIFT,
     Doubts as Doubts,
-    drawn as drawn,
 )
 from tactograph.nodes.calibrate.rating.advise_press import (
     FILM_REGIONS as FILM_REGIONS,
@@ -291,12 +276,9 @@ from tactograph.nodes.calibrate.rating.verdict import (
     SURE_ODDS as SURE_ODDS,
     Advice as Advice,
     Judged as Judged,
-    advice_after as advice_after,
     grows as grows,
     log_odds as log_odds,
-    of_heldout_error as of_heldout_error,
     pays as pays,
-    verdict_of as verdict_of,
 )
 from tactograph.nodes.capture.led_files import (
     USUAL_PATTERN as USUAL_PATTERN,
@@ -309,7 +291,6 @@ from tactograph.nodes.capture.read_balls import (
     StatedCircles as StatedCircles,
     read_presses as read_presses,
     refuse_flat as refuse_flat,
-    stated_circle as stated_circle,
 )
 from tactograph.nodes.capture.read_capture import (
     Capture as Capture,
@@ -341,18 +322,11 @@ from tactograph.nodes.files.calibration_file import (
     FileKind as FileKind,
     kind_of as kind_of,
 )
-from tactograph.nodes.files.exposure import (
-    normalised as normalised,
-)
 from tactograph.nodes.files.height_files import (
     MAX_PIXEL_MM as MAX_PIXEL_MM,
     MAX_SIZE_DIFFERENCE as MAX_SIZE_DIFFERENCE,
-    MESH_AXES as MESH_AXES,
     MIN_PIXEL_MM as MIN_PIXEL_MM,
     Surface as Surface,
-    grid_triangles as grid_triangles,
-    square_pixel as square_pixel,
-    surface_of as surface_of,
 )
 from tactograph.nodes.files.image_arrays import (
     check_handed_in as check_handed_in,
@@ -361,7 +335,6 @@ from tactograph.nodes.files.image_files import (
     MAX_LEDS as MAX_LEDS,
     MAX_PIXELS as MAX_PIXELS,
     Channel as Channel,
-    channels as channels,
     check_heights as check_heights,
     lights_of as lights_of,
     read_numbers as read_numbers,
@@ -378,9 +351,6 @@ from tactograph.nodes.files.result_file import (
 )
 from tactograph.nodes.files.result_view import (
     read_view as read_view,
-    refuse_view as refuse_view,
-    view_in as view_in,
-    view_stated as view_stated,
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
@@ -406,11 +376,6 @@ from tactograph.nodes.optics.film import (
     predict as predict,
     rest_light as rest_light,
 )
-from tactograph.nodes.optics.film_places import (
-    film_areas as film_areas,
-    film_places as film_places,
-    on_even_grid as on_even_grid,
-)
 from tactograph.nodes.optics.gauss_newton import (
     limited_step as limited_step,
     normal_by_slope as normal_by_slope,
@@ -422,11 +387,6 @@ from tactograph.nodes.optics.lens import (
     LENS_TERMS as LENS_TERMS,
     camera_offset as camera_offset,
     camera_places as camera_places,
-    half_diagonal as half_diagonal,
-    ideal_offset as ideal_offset,
-    ideal_place as ideal_place,
-    is_straight as is_straight,
-    pixel_sides as pixel_sides,
 )
 from tactograph.nodes.optics.near_light import (
     expected_light as expected_light,
@@ -440,7 +400,6 @@ from tactograph.nodes.optics.normals import (
 )
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
-    rest_shape as rest_shape,
 )
 from tactograph.nodes.optics.sheet import (
     SheetLabels as SheetLabels,
@@ -463,7 +422,6 @@ from tactograph.nodes.trust.check_ranks import (
 )
 from tactograph.nodes.trust.light_departure import (
     LightDeparture as LightDeparture,
-    excess as excess,
 )
 from tactograph.nodes.write.read_height import (
     checked_heights as checked_heights,

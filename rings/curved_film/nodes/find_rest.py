@@ -44,7 +44,6 @@ from tactograph.sdk.unstable import (
     places,
     refined,
     rest_of,
-    rest_shape,
     sample,
 )
 
@@ -238,7 +237,7 @@ def bent(size: tuple[int, int], pixel: float, camera: float, unknowns: F8) -> Re
         level = np.sqrt(1 - np.minimum(kx * kx + ky * ky, MAX_SLANT**2))
         return np.asarray((x * kx + y * ky) / (1 + level) + gx * x + gy * y)
 
-    return rest_shape(by_rays(size, pixel, camera, height).astype(np.float32), pixel, camera)
+    return RestShape.of(by_rays(size, pixel, camera, height).astype(np.float32), pixel, camera)
 
 
 def tried_bends(presses: BallPresses) -> tuple[Bend, Bend]:

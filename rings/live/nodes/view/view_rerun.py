@@ -37,7 +37,7 @@ from tactograph.sdk import (
     node,
     warn,
 )
-from tactograph.sdk.unstable import BAND_DEVIATIONS, deviation_of, grid_triangles
+from tactograph.sdk.unstable import BAND_DEVIATIONS, Surface, deviation_of
 
 VIEWER_PORT = 9876
 OPEN_TIMEOUT_S = 5.0
@@ -315,9 +315,8 @@ class _Stream:
         highest = float(height.max())
         self._top = max(self._top, round_up(highest) if highest > 0 else 0.1)
         some = touch.film[::step, ::step]
-        rows, columns = some.shape
         if self._shape != some.shape:
-            mesh = rr.Mesh3D.from_fields(triangle_indices=grid_triangles(rows, columns))
+            mesh = rr.Mesh3D.from_fields(triangle_indices=Surface.of(0 * some, 1.0).faces)
             self.log("film/surface", mesh, static=True)
             self._shape = some.shape
             self.log("film", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
