@@ -172,15 +172,6 @@ def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> G
     return with_changes(with_overlays(graph, overlays), read_settings(settings))
 
 
-def run_shipped(graph: str, arguments: Mapping[str, Any]) -> None:
-    """Run a graph that ships, whose sink prints."""
-    from tactograph.graph.run.open_pipeline import open_pipeline
-
-    with open_pipeline(graph, arguments) as pipeline:
-        for _ in pipeline.items():
-            pass
-
-
 @dataclass(frozen=True)
 class RunOptions:
     """The options of a command that plans a graph."""

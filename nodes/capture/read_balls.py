@@ -15,7 +15,6 @@ from tactograph.nodes.capture.read_capture import (
     CaptureFile,
     Layout,
     read_capture,
-    read_capture_file,
 )
 from tactograph.nodes.files.image_files import lights_of
 from tactograph.nodes.optics.sheet import SheetLight
@@ -90,7 +89,7 @@ def read_balls(
             f"{folder}: holds {len(names)} presses, and `center_px` and `contact_px` are for "
             "one; write them into each press's capture.yaml"
         )
-    files = [read_capture_file(folder / name) for name in names]
+    files = [CaptureFile.read(folder / name) for name in names]
     scans = [listed_capture(folder / name) for name in names]
     radii = [
         _radius(folder / name, about, usual or (scan.ball_radius if scan else 0.0) or None)

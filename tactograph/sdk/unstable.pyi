@@ -12,11 +12,9 @@ from tactograph.graph.cache.result_origin import (
     find_origin as find_origin,
 )
 from tactograph.graph.commands import (
-    FOLDER_PATH as FOLDER_PATH,
     RunOptions as RunOptions,
     graph_command as graph_command,
     run_options as run_options,
-    run_shipped as run_shipped,
     say as say,
 )
 from tactograph.graph.commands.check import (
@@ -107,7 +105,6 @@ from tactograph.graph.show.warning_lines import (
     warning_lines as warning_lines,
 )
 from tactograph.nodes import (
-    BAND_DEVIATIONS as BAND_DEVIATIONS,
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
     I4 as I4,
@@ -127,7 +124,6 @@ from tactograph.nodes import (
     ScaleError as ScaleError,
     ShadowRises as ShadowRises,
     SlopeVariance as SlopeVariance,
-    Uneven as Uneven,
     Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
@@ -157,7 +153,6 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
     predicted as predicted,
 )
 from tactograph.nodes.calibrate.ball.find_ball import (
-    Ball as Ball,
     refined as refined,
 )
 from tactograph.nodes.calibrate.ball.undistort_presses import (
@@ -169,7 +164,6 @@ from tactograph.nodes.calibrate.file.calibration import (
 )
 from tactograph.nodes.calibrate.file.camera_lens import (
     CAMERA_KIND as CAMERA_KIND,
-    CameraLens as CameraLens,
 )
 from tactograph.nodes.calibrate.file.read_calibration import (
     read_either as read_either,
@@ -280,27 +274,17 @@ from tactograph.nodes.calibrate.rating.verdict import (
     log_odds as log_odds,
     pays as pays,
 )
-from tactograph.nodes.capture.led_files import (
-    USUAL_PATTERN as USUAL_PATTERN,
-    find_led_files as find_led_files,
-)
 from tactograph.nodes.capture.read_balls import (
     BallPresses as BallPresses,
-    Millimetres as Millimetres,
     Radii as Radii,
     StatedCircles as StatedCircles,
     read_presses as read_presses,
     refuse_flat as refuse_flat,
 )
 from tactograph.nodes.capture.read_capture import (
-    Capture as Capture,
     CaptureFile as CaptureFile,
     Layout as Layout,
-    read_capture_file as read_capture_file,
     read_images as read_images,
-)
-from tactograph.nodes.capture.read_flat import (
-    Flat as Flat,
 )
 from tactograph.nodes.contact.find_contact import (
     MAX_CONTACTS as MAX_CONTACTS,
@@ -332,14 +316,11 @@ from tactograph.nodes.files.image_arrays import (
     check_handed_in as check_handed_in,
 )
 from tactograph.nodes.files.image_files import (
-    MAX_LEDS as MAX_LEDS,
     MAX_PIXELS as MAX_PIXELS,
     Channel as Channel,
     check_heights as check_heights,
-    lights_of as lights_of,
     read_numbers as read_numbers,
     read_plane as read_plane,
-    size_of as size_of,
 )
 from tactograph.nodes.files.layer_files import (
     layer_files as layer_files,
@@ -357,19 +338,12 @@ from tactograph.nodes.files.sensor_identity import (
 )
 from tactograph.nodes.files.sensor_preset import (
     SensorPreset as SensorPreset,
-    read_preset as read_preset,
-)
-from tactograph.nodes.layers.error import (
-    ERROR_MAP as ERROR_MAP,
 )
 from tactograph.nodes.light.film_drift import (
     terms as terms,
 )
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
-)
-from tactograph.nodes.optics.cell_side import (
-    CellSide as CellSide,
 )
 from tactograph.nodes.optics.film import (
     matt_film as matt_film,
@@ -386,7 +360,6 @@ from tactograph.nodes.optics.harmonics import (
 from tactograph.nodes.optics.lens import (
     LENS_TERMS as LENS_TERMS,
     camera_offset as camera_offset,
-    camera_places as camera_places,
 )
 from tactograph.nodes.optics.near_light import (
     expected_light as expected_light,
@@ -414,15 +387,9 @@ from tactograph.nodes.simulate.expose import (
 from tactograph.nodes.stored import (
     Stored as Stored,
 )
-from tactograph.nodes.stream.layer_kinds import (
-    deviation_of as deviation_of,
-)
 from tactograph.nodes.trust.check_ranks import (
     StoredRanks as StoredRanks,
 )
 from tactograph.nodes.trust.light_departure import (
     LightDeparture as LightDeparture,
-)
-from tactograph.nodes.write.read_height import (
-    checked_heights as checked_heights,
 )

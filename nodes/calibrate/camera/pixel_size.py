@@ -9,7 +9,7 @@ from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
 from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
-from tactograph.nodes.files.sensor_preset import read_preset
+from tactograph.nodes.files.sensor_preset import SensorPreset
 from tactograph.nodes.optics.lens import oblong_lens
 
 Side = Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)]
@@ -47,7 +47,7 @@ def pixel_size(
     if mm is not None:
         mm = oblong_lens(*sides_of(mm))[1]
     if mm is None and sensor is not None:
-        mm = read_preset(sensor).pixel_size_mm
+        mm = SensorPreset.read(sensor).pixel_size_mm
     if camera is None:
         mm = mm or stated
         if mm is None:

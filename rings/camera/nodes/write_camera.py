@@ -8,7 +8,7 @@ from pydantic import AfterValidator
 
 from tactograph.rings.camera.nodes.read_grey import GreyImage
 from tactograph.sdk import Metrics, PixelSize, Port, Provenance, node
-from tactograph.sdk.unstable import CAMERA_KIND, CameraLens, Lens
+from tactograph.sdk.unstable import CAMERA_KIND, Lens
 
 
 @node
@@ -38,5 +38,5 @@ def write_camera(
         be written.
     """
     size = np.array(image.shape[::-1], np.int32)
-    record = CameraLens(lens, pixel, residual, size, quality)
+    record = CAMERA_KIND.record(lens, pixel, residual, size, quality)
     CAMERA_KIND.write_record(file, record, {"provenance": provenance})

@@ -4,7 +4,9 @@ from pathlib import Path
 
 import click
 
-from tactograph.sdk.unstable import FOLDER_PATH, run_shipped
+from tactograph.sdk import load
+
+FOLDER_PATH = click.Path(file_okay=False, path_type=Path)
 
 
 @click.command("show", short_help="Print and draw what is in a file.")
@@ -15,4 +17,7 @@ def command(file: Path, out: Path | None) -> None:
 
     A calibration says whether it is doubtful and why, from what settings it was made and when.
     """
-    run_shipped("show", {"file": str(file), "out": None if out is None else str(out)})
+    params = {"file": str(file), "out": None if out is None else str(out)}
+    with load("show", params) as pipeline:
+        for _ in pipeline.items():
+            pass

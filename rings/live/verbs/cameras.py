@@ -2,10 +2,12 @@
 
 import click
 
-from tactograph.sdk.unstable import run_shipped
+from tactograph.sdk import load
 
 
 @click.command("cameras", short_help="List the cameras that are plugged in.")
 def command() -> None:
     """List cameras: device, name, serial number, formats, sizes and rates."""
-    run_shipped("cameras", {})
+    with load("cameras") as pipeline:
+        for _ in pipeline.items():
+            pass

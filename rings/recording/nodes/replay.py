@@ -28,7 +28,7 @@ from tactograph.rings.recording.files.ros_messages import read_image
 from tactograph.rings.recording.nodes.record import RECORDING_FORMAT
 from tactograph.sdk import InputError, Light, LiveState, node, warn
 from tactograph.sdk.nodes import read_calibration
-from tactograph.sdk.unstable import MAX_LEDS, MAX_PIXELS, SensorIdentity, check_handed_in
+from tactograph.sdk.unstable import MAX_PIXELS, SensorIdentity, check_handed_in
 
 IMAGE_TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")
 RATE_FRAMES = 40
@@ -208,7 +208,7 @@ class _Recording:
 
     def _learn(self, file: McapFile) -> None:
         leds = file.about.get("leds", "")
-        if leds not in map(str, range(1, MAX_LEDS + 1)):
+        if leds not in map(str, range(1, 9)):
             raise InputError(f"{file.path}: was not written by tactograph's 'record'")
         if file.about.get("format") != RECORDING_FORMAT:
             raise InputError(

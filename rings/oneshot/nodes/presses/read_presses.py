@@ -10,10 +10,10 @@ from scipy.ndimage import gaussian_filter
 from tactograph.sdk import F4, Crop, InputError, Light, node
 from tactograph.sdk.nodes import read_capture
 from tactograph.sdk.unstable import (
+    CaptureFile,
     Layout,
     PressImages,
     StatedCircles,
-    read_capture_file,
     read_images,
     refuse_flat,
 )
@@ -75,7 +75,7 @@ def read_presses(
                 f"pixels, but the untouched film {flat} has {film.shape[2]} x {film.shape[1]}"
             )
     names = [capture.name for capture in captures]
-    circles = [read_capture_file(folder / name).circle() for name in names]
+    circles = [CaptureFile.read(folder / name).circle() for name in names]
     images = np.stack([capture.image for capture in captures])
     return Presses(images, film, names, np.asarray(circles, np.float32))
 
