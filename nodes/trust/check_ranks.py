@@ -167,14 +167,14 @@ def figures_of(
     `lines` is what `line_changes` found, on one-shot sensors, `motion` what `film_motion` did, and
     `residual` what `matt_residual` did, where it was asked.
     """
-    curl, film, light = evidence.read()
+    found = evidence.read()
     change = evidence.level.astype(np.float64) - 1
     level = math.sqrt(float(np.square(change).mean()))
     rows = 0.0 if lines is None else _worst_line(lines)
     moved = 0.0 if motion is None else motion_size(motion)
-    sure = curl, light.dirty, rows, film.dark, level, moved, light.brighter, -light.brighter
-    deep = -film.lowest / max(film.highest, MIN_HEIGHT_MM)
-    vague = film.shape, light.at_rest, light.dim, light.of_touch, deep, 1 - film.calm
+    sure = found.curl, found.dirty, rows, found.dark, level, moved, found.brighter, -found.brighter
+    deep = -found.lowest / max(found.highest, MIN_HEIGHT_MM)
+    vague = found.shape, found.at_rest, found.dim, found.of_touch, deep, 1 - found.calm
     return np.array([*sure, *vague, residual])
 
 

@@ -85,7 +85,7 @@ def judge_touch(
     InputError
         If all checks fail, unless `force`.
     """
-    at_light = evidence.read()[2].dirty >= 0
+    at_light = evidence.read().dirty >= 0
     on_rims = rim_share is not None and rim_share > MAX_RIM_SHARE
     row = (Ranked.RIGID if rims_measured and on_rims else Ranked.SOFT) if at_light else Ranked.PLAIN
     quantiles = None if ranks is None else ranks[row].astype(np.float64)
@@ -150,15 +150,15 @@ def _sentence(
     on_rims: bool,
 ) -> str:
     """The causes with the facts of this touch."""
-    light, change = evidence.read()[2], evidence.level.astype(np.float64) - 1
+    brighter, change = evidence.read().brighter, evidence.level.astype(np.float64) - 1
     apart = change - change.mean()
     one = int(np.abs(change).argmax())
     together = np.abs(apart).max() < np.abs(change.mean())
     by = change.mean() if together else change[one]
     facts = {
         "rims": "; walls and rims need the graph precise" if on_rims else "",
-        "bright": "brighter" if light.brighter > 0 else "darker",
-        "excess": abs(light.brighter),
+        "bright": "brighter" if brighter > 0 else "darker",
+        "excess": abs(brighter),
         "led": "all LEDs are" if together else f"LED {one + 1} is",
         "sense": f"{'brighter' if by > 0 else 'darker'} by {abs(by):.0%}",
         "moved": "" if motion is None else motion_in_words(motion),

@@ -79,7 +79,7 @@ def judge_press_radius(
     # What a coat explains better is no evidence of another radius or of a gamma.
     departure = min(plain.departure, explained.by_name[WITH_COAT].departure)
     doubts, _ = doubts_of(explained, radius_mm, departure, which=RADIUS_INPUTS)
-    is_open = "" if doubts else unconfirmed(explained, radius_mm, which=RADIUS_INPUTS)
+    is_open = "" if doubts else unconfirmed(explained, radius_mm)
     quality = {"diffuse_percent": 100 * plain.diffuse, "scale_error_percent": 100 * scale}
     by_chance = chdtri(explained.values, FALSE_ALARMS) / explained.values
     noise = _noise(sheet) / float(np.median(balls.reference_light))

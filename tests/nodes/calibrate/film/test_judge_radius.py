@@ -136,3 +136,16 @@ def test_a_radius_is_open_until_the_light_excludes_a_gel_that_diffuses_none() ->
     excluded = left_by(stated=0.03, clear=0.04)
     assert not unconfirmed(excluded, 6.0)
     assert scale_error(excluded) == 0
+
+
+def test_what_settles_an_open_radius_is_what_excludes_the_other() -> None:
+    """A ruler does where it tells both radii apart, by whichever of both it agrees with."""
+    light = left_by(stated=0.03, clear=0.031)
+    assert "a deeper press, with the ball's shadow" in unconfirmed(light, 6.0, ruler="`mm`")
+    assert "`mm`" not in unconfirmed(light, 6.0, ruler="`mm`"), "both have the LEDs in one place"
+    light.by_name[CLEAR_GEL] = light.by_name[CLEAR_GEL]._replace(distance=60.0)
+    assert "film's middle, 50 or 60 mm (`mm`=MM)" in unconfirmed(light, 6.0, ruler="`mm`")
+    right, wrong = light._replace(ruler_mm=51.0), light._replace(ruler_mm=59.0)
+    assert not unconfirmed(right, 6.0)
+    assert scale_error(right) == 0
+    assert scale_error(wrong) == scale_error(light) > 0
