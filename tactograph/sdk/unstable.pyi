@@ -215,12 +215,7 @@ from tactograph.nodes.calibrate.film.fit_film import (
     stored as stored,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
-    AS_STATED as AS_STATED,
-    WITH_COAT as WITH_COAT,
-    doubts_of as doubts_of,
     explain as explain,
-    scale_error as scale_error,
-    unconfirmed as unconfirmed,
 )
 from tactograph.nodes.calibrate.lights.descend import (
     DERIVATIVE_STEP as DERIVATIVE_STEP,
