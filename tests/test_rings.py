@@ -24,6 +24,7 @@ BUILDS_ON = {
     "live": ("frames", "oneshot"),
     "mechanics": ("batch", "export", "frames"),
     "metrology": ("export",),
+    "oneshot": ("recheck",),
     "recording": ("frames", "export"),
 }
 """A ring may import another one, as a package imports those on which it depends."""

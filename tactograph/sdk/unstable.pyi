@@ -129,7 +129,6 @@ from tactograph.nodes import (
 from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
     FOLD_COUNT as FOLD_COUNT,
-    MAX_INDEPENDENT as MAX_INDEPENDENT,
     MAX_SAMPLE_SLOPE as MAX_SAMPLE_SLOPE,
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
@@ -137,9 +136,6 @@ from tactograph.nodes.calibrate import (
     BallCircles as BallCircles,
     BallPress as BallPress,
     BallRadii as BallRadii,
-    Circles as Circles,
-    PressImages as PressImages,
-    TiltResponse as TiltResponse,
 )
 from tactograph.nodes.calibrate.ball.ball_on_shape import (
     BallOnShape as BallOnShape,
@@ -218,7 +214,6 @@ from tactograph.nodes.calibrate.film.judge_radius import (
     explain as explain,
 )
 from tactograph.nodes.calibrate.lights.descend import (
-    DERIVATIVE_STEP as DERIVATIVE_STEP,
     by_differences as by_differences,
     descend as descend,
     huber as huber,
@@ -228,9 +223,7 @@ from tactograph.nodes.calibrate.lights.descend import (
 from tactograph.nodes.calibrate.lights.light_fit import (
     LIGHT_DEVIATION as LIGHT_DEVIATION,
     Placed as Placed,
-    all_residuals as all_residuals,
     inverse_places as inverse_places,
-    jacobian_of as jacobian_of,
     place_leds as place_leds,
     places_within as places_within,
     positions as positions,
@@ -239,9 +232,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     Object as Object,
     Press as Press,
     Rest as Rest,
-    is_uniform as is_uniform,
     rest_of as rest_of,
-    sample as sample,
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
     LED_DRIFT as LED_DRIFT,
@@ -261,7 +252,6 @@ from tactograph.nodes.calibrate.rating.rate_calibration import (
     MAX_LED_WIDTHS as MAX_LED_WIDTHS,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
-    MAX_ERROR_DEG as MAX_ERROR_DEG,
     SURE_ODDS as SURE_ODDS,
     Advice as Advice,
     Judged as Judged,
@@ -363,8 +353,6 @@ from tactograph.nodes.optics.near_light import (
 )
 from tactograph.nodes.optics.normals import (
     cofactors as cofactors,
-    dot as dot,
-    times as times,
 )
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,

@@ -1,10 +1,8 @@
-"""``tactograph show``: print and draw the content of a file, by the graph of that name."""
+"""``tactograph show``: print and draw the content of a file, by node `show_file`."""
 
 from pathlib import Path
 
 import click
-
-from tactograph.sdk import load
 
 FOLDER_PATH = click.Path(file_okay=False, path_type=Path)
 
@@ -17,7 +15,6 @@ def command(file: Path, out: Path | None) -> None:
 
     A calibration says whether it is doubtful and why, from what settings it was made and when.
     """
-    params = {"file": str(file), "out": None if out is None else str(out)}
-    with load("show", params) as pipeline:
-        for _ in pipeline.items():
-            pass
+    from tactograph.sdk.nodes import show_file
+
+    show_file(file=file, folder=out)

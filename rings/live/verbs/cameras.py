@@ -1,13 +1,11 @@
-"""``tactograph cameras``: the cameras that are plugged in, by the graph of that name."""
+"""``tactograph cameras``: the cameras that are plugged in, by node `list_cameras`."""
 
 import click
-
-from tactograph.sdk import load
 
 
 @click.command("cameras", short_help="List the cameras that are plugged in.")
 def command() -> None:
     """List cameras: device, name, serial number, formats, sizes and rates."""
-    with load("cameras") as pipeline:
-        for _ in pipeline.items():
-            pass
+    from tactograph.sdk.nodes import list_cameras
+
+    list_cameras()

@@ -12,13 +12,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import maps_over_film, s
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.sdk import F4, Height, HeightError, PixelSize, Port, Slope, node
 from tactograph.sdk.nodes import edge_variance, integrate_dct, rest_at_border, rest_mask
-from tactograph.sdk.unstable import (
-    DEVIATIONS_PER_MAD,
-    FILM_ROUGHNESS,
-    Misfit,
-    dot,
-    normal_by_slope,
-)
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, FILM_ROUGHNESS, Misfit, normal_by_slope
 
 WINDOW_CELLS = 5
 """Side in cells over which light at rest is averaged."""
@@ -73,7 +67,8 @@ def _uphill_doubt(slope: Slope, reflectance: F4, departure: float) -> Slope:
     information = np.zeros_like(steep)
     for c in maps_over_film(reflectance, steep.shape):
         _, gradient = shading(normal, c)
-        along = dot(gradient, by_p) * direction[0] + dot(gradient, by_q) * direction[1]
+        along_p, along_q = (sum(map(np.multiply, gradient, by)) for by in (by_p, by_q))
+        along = along_p * direction[0] + along_q * direction[1]
         information += along * along
     slope_variance = np.square(np.maximum(steep, MIN_SLOPE))
     variance = 1 / (information / np.float32(departure**2) + 1 / slope_variance)

@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import Light, node
 from tactograph.sdk.nodes import undistort
-from tactograph.sdk.unstable import Lens, PressImages, StatedCircles, ideal_circles
+from tactograph.sdk.unstable import Lens, StatedCircles, ideal_circles
 
 
 class EvenPresses(NamedTuple):

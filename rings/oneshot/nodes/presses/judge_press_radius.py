@@ -6,6 +6,7 @@ import numpy as np
 from annotated_types import Gt
 from scipy.special import chdtri
 
+from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import F4, U1, Light, PixelSize, Port, node
 from tactograph.sdk.unstable import (
     DEVIATIONS_PER_MAD,
@@ -16,7 +17,6 @@ from tactograph.sdk.unstable import (
     BallPress,
     Balls,
     Judged,
-    PressImages,
     explain,
     matt_film,
     sample_balls,

@@ -7,16 +7,10 @@ import numpy as np
 from annotated_types import Interval
 from scipy.ndimage import gaussian_filter
 
+from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import F4, Crop, InputError, Light, node
 from tactograph.sdk.nodes import read_capture
-from tactograph.sdk.unstable import (
-    CaptureFile,
-    Layout,
-    PressImages,
-    StatedCircles,
-    read_images,
-    refuse_flat,
-)
+from tactograph.sdk.unstable import CaptureFile, Layout, StatedCircles, read_images, refuse_flat
 
 
 class Presses(NamedTuple):
