@@ -17,7 +17,7 @@ from tactograph.graph import load, node
 from tactograph.graph.disk.array_files import load_arrays
 from tactograph.nodes import F8, Light
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
-from tactograph.nodes.files.calibration_file import kind_of, replace_arrays
+from tactograph.nodes.files.calibration_file import kind_of
 from tactograph.nodes.optics.cell_side import USUAL_SIDE
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask, cut
 from tactograph.nodes.stored import with_plain
@@ -93,7 +93,7 @@ def rank_checks(
                     _drawn(tables, "drawn_touches", params), _press_figures(tables, soft, even)[0]
                 ),
             ]
-    replace_arrays(file, kind, {"ranks": np.stack(ranks)})
+    kind.replace(file, {"ranks": np.stack(ranks)})
 
 
 def _resized(

@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.rings.recheck.nodes import TiltResponse
 from tactograph.rings.recheck.nodes._led_order import other_order
 from tactograph.sdk import F4, F8, Height, InputError, Light, PixelSize, Port, SizeLimit, node
 from tactograph.sdk.nodes import integrate_dct
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, MIN_FLAT_LIGHT, TiltResponse, terms
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, MIN_FLAT_LIGHT, terms
 
 MIN_LIGHT = 0.002
 """Smallest light that is not dark: half a step of 8 bits."""

@@ -13,10 +13,10 @@ from lerobot.cameras.configs import CameraConfig
 from numpy.typing import NDArray
 
 from tactograph.rings.export.height_levels import height_levels
+from tactograph.rings.frames.calibrated_film import calibrated_film
 from tactograph.rings.recording.files.lerobot_rows import MAX_BYTE, PICTURE_CHANNELS, lights_picture
 from tactograph.rings.recording.files.level_pictures import levels_picture
 from tactograph.sdk import U1, load
-from tactograph.sdk.unstable import calibrated_film
 
 START_S = 60.0
 """Longest wait for the first picture: the graph is compiled before."""
