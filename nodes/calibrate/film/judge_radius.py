@@ -26,7 +26,6 @@ from annotated_types import Gt
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Film, Metrics, ScaleError
-from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.ball_samples import sample_balls, thinned
@@ -128,6 +127,130 @@ class Alternatives(NamedTuple):
         errors = (self.by_name[name].distance / ruler_mm - 1) / RULER_ERROR
         return errors**2 / 2 > math.log(SURE_ODDS)
 
+    @property
+    def departure(self) -> float:
+        """What is left with the values told, by the plain film or, if tried, one with a coat."""
+        named = (self.by_name.get(name) for name in (AS_STATED, WITH_COAT))
+        return min(each.departure for each in named if each is not None)
+
+    def doubts(
+        self, radius: float, misfit: float = math.inf, which: str = ""
+    ) -> tuple[list[str], bool]:
+        """Return at most one doubt of what was told, and whether the light contradicts it.
+
+        Parameters
+        ----------
+        radius : the radius given, in mm
+        misfit : what the film chosen for the values told leaves of the light
+        which : in brackets, where radius and pixel size are given
+        """
+        likely = [
+            name
+            for name in STATED_VALUES
+            if self._is_other(name)
+            and self.odds(name) > SURE_ODDS
+            and self.odds(name, misfit) > 1 / SURE_ODDS
+        ]
+        stated = self.by_name[AS_STATED].departure
+        if likely:
+            best, *rest = sorted(likely, key=lambda name: self.by_name[name].departure)
+            least, size = self.by_name[best].departure, self.by_name[OTHER_SIZE].size
+            near = (
+                ", or the camera near the film, whose height you have not given (`film.camera`=MM)"
+            )
+            wrong = "too large" if size < 1 else "too small"
+            facts = {
+                "other_mm": radius * size,
+                "stated_mm": radius,
+                "power": self.by_name[OTHER_POWER].power,
+                "camera_mm": 1 / self.by_name[OTHER_CAMERA].camera
+                if OTHER_CAMERA in likely
+                else 0.0,
+                "wrong": "its diameter" if size < FIRST_SIZES[0] ** 0.5 else wrong,
+                "pixel": "small" if size < 1 else "large",
+                "or_camera": near * (OTHER_CAMERA in self.by_name),
+                "which": which,
+            }
+            other, as_stated, cure = (part.format(**facts) for part in STATED_VALUES[best])
+            alike = [name for name in rest if self.odds(name, least) > 1 / REFUSED_ODDS]
+            doubt = (
+                f"{other} explains the light better than {as_stated}, {_times(self.odds(best))} "
+                f"likelier ({least:.1%} unexplained instead of {stated:.1%})"
+                + "".join(f"; so does {STATED_VALUES[name][0].format(**facts)}" for name in alike)
+                + f": {cure}"
+            )
+            return [doubt], min(self.odds(best), self.odds(best, misfit)) > REFUSED_ODDS
+        if misfit < math.inf and self.odds(AS_STATED, misfit) > REFUSED_ODDS:
+            doubt = (
+                f"no model of the film explains balls and untouched film together: the best leaves "
+                f"{misfit:.1%} of the light unexplained, where a plain film leaves {stated:.1%}. "
+                "Check the order of the images, the focus, the ball's radius and the pixel "
+                f"size{which}"
+            )
+            return [doubt], False
+        return [], False
+
+    def unconfirmed(self, radius: float, misfit: float = math.inf, ruler: str = "") -> str:
+        """Return what is open if a gel that diffuses no light is not excluded, with another radius.
+
+        And what settles it: a shadow does; the LEDs' distance, the input `ruler`, where that with
+        the radius told excludes all that is open.
+        """
+        open_ones, stated = self._open_ones(misfit), self.by_name[AS_STATED]
+        if not open_ones:
+            return ""
+        others = []
+        for name in open_ones:
+            other, odds = self.by_name[name], self.odds(name)
+            likelier = f", {_times(odds)} likelier," if name == OTHER_SIZE else ""
+            diffused = f"{other.diffuse:.0%}" if name == OTHER_SIZE else "none"
+            others.append(f"{radius * other.size:.3g} mm{likelier} if it diffuses {diffused}")
+        advice = ""
+        if ruler and all(self.is_excluded(name, stated.distance) for name in open_ones):
+            apart = " or ".join(f"{self.by_name[n].distance:.3g}" for n in (AS_STATED, *open_ones))
+            advice = f", or the LEDs' mean distance from the film's middle, {apart} mm ({ruler}=MM)"
+        return (
+            f"the light does not confirm the ball's radius: {radius:.3g} mm fits if the gel "
+            f"diffuses {stated.diffuse:.0%} of the light, {', '.join(others)}. Heights may be "
+            f"{self.scale_error(misfit):.0%} off. What settles it: a deeper press, with the ball's "
+            f"shadow on itself{advice}"
+        )
+
+    def scale_error(self, misfit: float = math.inf) -> float:
+        """Return by what share the balls may be higher or lower than told; 0 if that is confirmed.
+
+        Either the radius is another, or the pixel size is, by the inverse: then all heights change
+        by that once more.  Neither is likelier, so the squares of both are averaged.
+        """
+        either = [
+            (self.cap[name], self.cap[name] / self.by_name[name].size)
+            for name in self._open_ones(misfit)
+        ]
+        return max((math.hypot(a - 1, b - 1) / math.sqrt(2) for a, b in either), default=0.0)
+
+    def _open_ones(self, misfit: float) -> list[str]:
+        """The alternatives with other radii that the light leaves open.
+
+        A gel that diffuses none is the simplest, and open until it is excluded.  One that diffuses
+        some explains anything that it does better by chance, and is open if it is half way to sure.
+        """
+        from_odds = {CLEAR_GEL: 1 / SURE_ODDS, OTHER_SIZE: math.sqrt(SURE_ODDS)}
+        return [
+            name
+            for name, least in from_odds.items()
+            if self._is_other(name)
+            and self.odds(name) > least
+            and self.odds(name, misfit) > 1 / SURE_ODDS
+            and not self.is_excluded(name)
+        ]
+
+    def _is_other(self, name: str) -> bool:
+        """Whether an alternative is there, and has another value than that told."""
+        each, camera = self.by_name.get(name), self.by_name[AS_STATED].camera
+        return each is not None and (
+            max(abs(each.size - 1), abs(each.power - 1)) > SAME_SIZE or each.camera != camera
+        )
+
 
 class JudgedRadius(NamedTuple):
     """A `Judged`, and the relative error of the heights' scale that the light leaves open."""
@@ -202,20 +325,20 @@ def judge_radius(
     mean = float(np.linalg.norm(film.lights, axis=1).mean())
     fits.by_name[AS_STATED] = fits.by_name[AS_STATED]._replace(distance=mean)
     fits = fits._replace(ruler_mm=led_distance_mm)
-    doubts, is_clear = doubts_of(fits, first, percent, RADIUS_INPUTS)
+    doubts, is_clear = fits.doubts(first, percent, RADIUS_INPUTS)
     if is_clear and not (force or of_pixels):
         raise InputError([*(others or []), *doubts][0] + FORCE_ADVICE)
     doubts += _of_distance(fits, first)
-    is_open = "" if doubts else unconfirmed(fits, first, percent, "`led_distance_mm`")
+    is_open = "" if doubts else fits.unconfirmed(first, percent, "`led_distance_mm`")
     # The small balls of a grid throw no shadow, however deep they are pressed.
     doubts += [is_open] * bool(is_open and np.bincount(of[used]).max() == 1)
-    scale = math.hypot(scale_error(fits, percent), rest_error or 0.0)
+    scale = math.hypot(fits.scale_error(percent), rest_error or 0.0)
     quality = fitted | {
         "light_departure_percent": 100 * departure,
         "scale_error_percent": 100 * scale,
     }
     if fits.odds(OTHER_SIZE, percent) > 1 / SURE_ODDS:
-        likelier = _is_other(fits, OTHER_SIZE) and fits.odds(OTHER_SIZE) > SURE_ODDS
+        likelier = fits._is_other(OTHER_SIZE) and fits.odds(OTHER_SIZE) > SURE_ODDS
         quality["light_radius_mm"] = first * (fits.by_name[OTHER_SIZE].size if likelier else 1)
     return JudgedRadius(quality, doubts, is_open, scale)
 
@@ -248,7 +371,7 @@ def explain(
     samples = thinned(balls, MAX_SAMPLES)
 
     def fitted(parts: frozenset[str], start: Fitted) -> Fitted:
-        return fit(samples, rest, parts, start, SHIFT_DEVIATION_PX * pixel, width)
+        return fit(samples, rest, parts, start)
 
     def explained(now: Fitted) -> Explained:
         flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_residual(rest, now)).mean()))
@@ -283,127 +406,6 @@ def explain(
     return Alternatives(by_name, values, cap)
 
 
-def doubts_of(
-    fits: Alternatives, radius: float, misfit: float = math.inf, which: str = ""
-) -> tuple[list[str], bool]:
-    """Return at most one doubt of what was told, and whether the light contradicts it.
-
-    Parameters
-    ----------
-    fits : as `explain` returns it
-    radius : the radius given, in mm
-    misfit : what the film chosen for the values told leaves of the light
-    which : in brackets, where radius and pixel size are given
-    """
-    likely = [
-        name
-        for name in STATED_VALUES
-        if _is_other(fits, name)
-        and fits.odds(name) > SURE_ODDS
-        and fits.odds(name, misfit) > 1 / SURE_ODDS
-    ]
-    stated = fits.by_name[AS_STATED].departure
-    if likely:
-        best, *rest = sorted(likely, key=lambda name: fits.by_name[name].departure)
-        least, size = fits.by_name[best].departure, fits.by_name[OTHER_SIZE].size
-        near = ", or the camera near the film, whose height you have not given (`film.camera`=MM)"
-        wrong = "too large" if size < 1 else "too small"
-        facts = {
-            "other_mm": radius * size,
-            "stated_mm": radius,
-            "power": fits.by_name[OTHER_POWER].power,
-            "camera_mm": 1 / fits.by_name[OTHER_CAMERA].camera if OTHER_CAMERA in likely else 0.0,
-            "wrong": "its diameter" if size < FIRST_SIZES[0] ** 0.5 else wrong,
-            "pixel": "small" if size < 1 else "large",
-            "or_camera": near * (OTHER_CAMERA in fits.by_name),
-            "which": which,
-        }
-        other, as_stated, cure = (part.format(**facts) for part in STATED_VALUES[best])
-        alike = [name for name in rest if fits.odds(name, least) > 1 / REFUSED_ODDS]
-        doubt = (
-            f"{other} explains the light better than {as_stated}, {_times(fits.odds(best))} "
-            f"likelier ({least:.1%} unexplained instead of {stated:.1%})"
-            + "".join(f"; so does {STATED_VALUES[name][0].format(**facts)}" for name in alike)
-            + f": {cure}"
-        )
-        return [doubt], min(fits.odds(best), fits.odds(best, misfit)) > REFUSED_ODDS
-    if misfit < math.inf and fits.odds(AS_STATED, misfit) > REFUSED_ODDS:
-        doubt = (
-            f"no model of the film explains balls and untouched film together: the best leaves "
-            f"{misfit:.1%} of the light unexplained, where a plain film leaves {stated:.1%}. Check "
-            f"the order of the images, the focus, the ball's radius and the pixel size{which}"
-        )
-        return [doubt], False
-    return [], False
-
-
-def unconfirmed(
-    fits: Alternatives, radius: float, misfit: float = math.inf, ruler: str = ""
-) -> str:
-    """Return what is open if a gel that diffuses no light is not excluded, with another radius.
-
-    And what settles it: a shadow does; the LEDs' distance, the input `ruler`, where that with the
-    radius told excludes all that is open.
-    """
-    open_ones, stated = _open_ones(fits, misfit), fits.by_name[AS_STATED]
-    if not open_ones:
-        return ""
-    others = []
-    for name in open_ones:
-        other, odds = fits.by_name[name], fits.odds(name)
-        likelier = f", {_times(odds)} likelier," if name == OTHER_SIZE else ""
-        diffused = f"{other.diffuse:.0%}" if name == OTHER_SIZE else "none"
-        others.append(f"{radius * other.size:.3g} mm{likelier} if it diffuses {diffused}")
-    advice = ""
-    if ruler and all(fits.is_excluded(name, stated.distance) for name in open_ones):
-        apart = " or ".join(f"{fits.by_name[n].distance:.3g}" for n in (AS_STATED, *open_ones))
-        advice = f", or the LEDs' mean distance from the film's middle, {apart} mm ({ruler}=MM)"
-    return (
-        f"the light does not confirm the ball's radius: {radius:.3g} mm fits if the gel diffuses "
-        f"{stated.diffuse:.0%} of the light, {', '.join(others)}. Heights may be "
-        f"{scale_error(fits, misfit):.0%} off. What settles it: a deeper press, with the ball's "
-        f"shadow on itself{advice}"
-    )
-
-
-def scale_error(fits: Alternatives, misfit: float = math.inf) -> float:
-    """Return by what share the balls may be higher or lower than told; 0 if that is confirmed.
-
-    Either the radius is another, or the pixel size is, by the inverse: then all heights change by
-    that once more.  Neither is likelier, so the squares of both are averaged.
-    """
-    either = [
-        (fits.cap[name], fits.cap[name] / fits.by_name[name].size)
-        for name in _open_ones(fits, misfit)
-    ]
-    return max((math.hypot(a - 1, b - 1) / math.sqrt(2) for a, b in either), default=0.0)
-
-
-def _open_ones(fits: Alternatives, misfit: float) -> list[str]:
-    """The alternatives with other radii that the light leaves open.
-
-    A gel that diffuses none is the simplest, and open until it is excluded.  One that diffuses some
-    explains anything that it does better by chance, and is open if it is half way to sure.
-    """
-    from_odds = {CLEAR_GEL: 1 / SURE_ODDS, OTHER_SIZE: math.sqrt(SURE_ODDS)}
-    return [
-        name
-        for name, least in from_odds.items()
-        if _is_other(fits, name)
-        and fits.odds(name) > least
-        and fits.odds(name, misfit) > 1 / SURE_ODDS
-        and not fits.is_excluded(name)
-    ]
-
-
-def _is_other(fits: Alternatives, name: str) -> bool:
-    """Whether an alternative is there, and has another value than that told."""
-    each, camera = fits.by_name.get(name), fits.by_name[AS_STATED].camera
-    return each is not None and (
-        max(abs(each.size - 1), abs(each.power - 1)) > SAME_SIZE or each.camera != camera
-    )
-
-
 def _times(odds: float) -> str:
     """Odds in words, to a digit."""
     if odds > REFUSED_ODDS:
@@ -429,7 +431,7 @@ def _of_distance(fits: Alternatives, radius: float) -> list[str]:
         f"{RADIUS_INPUTS}; or `led_distance_mm` is wrong"
     )
     for name in (CLEAR_GEL, OTHER_SIZE):
-        if _is_other(fits, name) and not fits.is_excluded(name):
+        if fits._is_other(name) and not fits.is_excluded(name):
             agree = f"`evidence.radius`={radius * fits.by_name[name].size:.3g} would agree"
     return [
         f"the LEDs are found {mean:.4g} mm from the film's middle, not {fits.ruler_mm:.4g} mm: "
