@@ -7,5 +7,5 @@ from tactograph.sdk.unstable import run_shipped
 
 @click.command("cameras", short_help="List the cameras that are plugged in.")
 def command() -> None:
-    """List cameras: device, name, serial number, formats, sizes and rates."""
+    """List cameras: device, name and serial number."""
     run_shipped("cameras", {})

@@ -13,18 +13,16 @@ from tactograph.rings.live.nodes.camera._genicam_camera import (
     GenicamCapture,
     genicam_cameras,
 )
-from tactograph.rings.live.nodes.camera._linux_camera import linuxpy
 from tactograph.sdk import InputError, node
 
 
 @node
 def list_cameras() -> None:
-    """Print device, name and serial number of every camera, its formats, sizes and rates.
+    """Print device, name and serial number of every camera.
 
-    ``camera=serial:...`` selects a camera regardless of its port.  Formats, sizes and rates need
-    linuxpy (``pip install 'tactograph[linux]'``).  Industrial cameras, as ``genicam:...``, need
-    harvesters (``pip install 'tactograph[genicam]'``) and their maker's GenTL producer in
-    GENICAM_GENTL64_PATH.
+    ``camera=serial:...`` selects a camera regardless of its port.  Industrial cameras, as
+    ``genicam:...``, need harvesters (``pip install 'tactograph[genicam]'``) and their maker's GenTL
+    producer in GENICAM_GENTL64_PATH; of these, pixel formats and size are printed as well.
 
     Raises
     ------
@@ -37,39 +35,16 @@ def list_cameras() -> None:
         raise InputError("cameras are listed on Linux only; elsewhere try the indices 0, 1, ...")
     cameras = named_cameras()
     table = Table(box=None, pad_edge=False)
-    for title in ("device", "name", "serial", "formats, sizes and frames per second"):
+    for title in ("device", "name", "serial", "formats and size"):
         table.add_column(title, overflow="fold")
-    hint = ""
     for camera in cameras:
-        try:
-            formats = "\n".join(_formats(camera.device))
-        except InputError as error:
-            formats, hint = "", str(error)
-        table.add_row(camera.device, camera.name, camera.serial or "-", formats)
+        table.add_row(camera.device, camera.name, camera.serial or "-", "")
     for camera in industrial:
         table.add_row(camera.device, camera.name, camera.serial, _pixel_formats(camera.device))
     if not cameras and not industrial:
         print("no camera is plugged in, or the kernel knows none")
         return
     Console(width=None if sys.stdout.isatty() else 120).print(table)
-    if hint:
-        print(f"formats are not listed: {hint}")
-
-
-def _formats(device: str) -> list[str]:
-    """One line per pixel format: sizes, and the fastest rate of each."""
-    video = linuxpy()
-    lines: dict[str, list[str]] = {}
-    try:
-        with video.Device(device) as opened:
-            for kind in opened.info.frame_types:
-                size = f"{kind.width}x{kind.height}@{float(kind.max_fps):g}"
-                lines.setdefault(kind.pixel_format.name, [])
-                if size not in lines[kind.pixel_format.name]:
-                    lines[kind.pixel_format.name].append(size)
-    except OSError as error:
-        return [f"cannot be opened: {error.strerror or error}"]
-    return [f"{name}: {' '.join(sizes)}" for name, sizes in lines.items()]
 
 
 def _pixel_formats(camera: str) -> str:

@@ -227,7 +227,7 @@ def open_rig(
     lit_between: LitBetween | None = None
     table = _simulated(driver, preset, calibration)
     # Before LEDs are looked for.
-    once = table is None and check_camera(driver.camera, driver.library)
+    once = table is None and check_camera(driver.camera)
     with ExitStack() as undo:
         # Close everything again if a later step fails or Ctrl-C is pressed.
         if table is not None:
@@ -279,7 +279,7 @@ def open_colour_sensor(
     """
     table = _simulated(driver, preset, calibration, order)
     settings = driver.settings_for(*size, colour=True)
-    once = table is None and check_camera(driver.camera, driver.library)
+    once = table is None and check_camera(driver.camera)
     return Sensor(_open_camera(driver, settings, preset, queue, table, once=once), table)
 
 
@@ -316,7 +316,7 @@ def _open_camera(
     if table is not None:
         connect = partial(SimulatedCamera, table, lit_between)
     else:
-        connect = partial(open_capture, driver.camera, driver.library, colour=settings.colour)
+        connect = partial(open_capture, driver.camera, colour=settings.colour)
         settings = settings if preset is None else with_preset(settings, preset)
     camera = Camera(connect, settings, queue=queue, timeout=driver.timeout_s, once=once)
     try:
