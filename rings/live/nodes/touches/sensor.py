@@ -1,7 +1,6 @@
 """A live sensor, real or simulated: its camera and its LEDs."""
 
 import math
-import shutil
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -10,7 +9,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from tempfile import mkdtemp
 
 from tactograph.rings.live.nodes.camera.camera import Camera
 from tactograph.rings.live.nodes.camera.camera_params import SIMULATED_NAME, CameraParams
@@ -235,12 +233,9 @@ def open_rig(
         if port == SIMULATED_NAME:
             if table is None:
                 raise InputError("`port`=simulated goes with `camera`=simulated")
-            # A replugged controller has another port; a link points to it, as udev's do.
-            link = Path(mkdtemp()) / "controller"
-            undo.callback(shutil.rmtree, link.parent, ignore_errors=True)
-            board = SimulatedController(leds=leds, link=link)
+            board = SimulatedController(leds)
             undo.callback(board.close)
-            port, lit_between = str(link), board.lit_between
+            port, lit_between = board.port, board.lit_between
         lamps = open_lamps(port, cycle, driver.rate)
         undo.callback(lamps.close)
         settings = driver.settings_for(*size)
