@@ -22,6 +22,7 @@ from annotated_types import Gt, Interval
 
 from tactograph.rings.recording.files.mcap_file import McapFile
 from tactograph.rings.recording.files.ros_messages import Message
+from tactograph.rings.recording.files.stamps import TouchStamps
 from tactograph.sdk import InputError, need, warn
 
 WhenFull = Literal["stop", "oldest"]
@@ -94,6 +95,7 @@ class McapLog:
 
     Attributes
     ----------
+    stamps : of its messages
     dropped
         Number of calls whose messages are not in the log, because the disk was too slow, full or
         absent.
@@ -106,6 +108,7 @@ class McapLog:
 
     def __init__(self, folder: Path, about: Mapping[str, str], limits: Limits) -> None:
         need_mcap()
+        self.stamps = TouchStamps()
         self._folder, self._about, self._limits = folder, dict(about), limits
         self._queue: deque[tuple[Sequence[Message], int]] = deque()
         self._waiting = 0
@@ -138,11 +141,15 @@ class McapLog:
     def put(self, messages: Sequence[Message]) -> bool:
         """Hand over messages that belong together; return whether they were accepted.
 
-        Returns once the system has them in the file.  If the disk takes longer than
-        `PATIENCE_S`, they and later ones wait in the queue.  If the queue is full and the limits
-        do not say `wait`, they are dropped.
+        Returns once the system has them in the file, and warns of what has happened since the last
+        call.  If the disk takes longer than `PATIENCE_S`, they and later ones wait in the queue.
+        If the queue is full and the limits do not say `wait`, they are dropped.
         """
-        size = sum(message.size for message in messages)
+        accepted = self._accept(messages, sum(message.size for message in messages))
+        self._tell()
+        return accepted
+
+    def _accept(self, messages: Sequence[Message], size: int) -> bool:
         with self._changed:
             if self._limits.wait:
                 self._changed.wait_for(lambda: not self._queue)
@@ -159,8 +166,7 @@ class McapLog:
                 self._changed.wait_for(lambda: self._done == self._taken, PATIENCE_S)
         return True
 
-    def tell(self) -> None:
-        """Warn the user of the events since the last call."""
+    def _tell(self) -> None:
         while self._lines:
             warn(self._lines.popleft())
 
@@ -171,7 +177,7 @@ class McapLog:
             self._changed.notify_all()
         for thread in self._threads:
             thread.join(CLOSING_S)
-        self.tell()
+        self._tell()
 
     def _run(self) -> None:
         """Write the queue to files; this is fast, because the system buffers it in memory."""
