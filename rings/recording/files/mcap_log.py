@@ -34,6 +34,8 @@ already."""
 RETRY_S = 1.0
 """Pause before a failed disk is tried again."""
 CLOSING_S = 10.0
+MAX_WAITING_BYTES = 64_000_000
+"""Memory for messages that wait for the disk."""
 MIN_FILES = 4
 """Fewest files into which the disk space is divided, so that one can be deleted."""
 
@@ -43,24 +45,21 @@ class Limits(NamedTuple):
 
     Parameters
     ----------
-    file_mb, file_minutes : size and duration after which a new file begins
+    file_mb : size after which a new file begins
     total_gb : largest total size of all files in the folder
     when_full : at that limit, "stop" writing or delete the "oldest" file
     sync_ms
         Shortest time between two syncs of the disk: what a power cut may cost.  0: after each
         touch, or as often as the disk manages.
-    queue_mb : memory for touches that wait for the disk
     wait
         Let the stream wait for a slow disk instead of leaving touches out; for streams that are
         not live.
     """
 
     file_mb: Annotated[float, Gt(0)] = 512.0
-    file_minutes: Annotated[float, Gt(0)] = 10.0
     total_gb: Annotated[float, Gt(0)] = 50.0
     when_full: WhenFull = "stop"
     sync_ms: Annotated[float, Interval(ge=0, le=60_000)] = 0.0
-    queue_mb: Annotated[float, Gt(0)] = 64.0
     wait: bool = False
 
     @property
@@ -71,7 +70,7 @@ class Limits(NamedTuple):
     def ends(self, file: McapFile) -> bool:
         """Return whether the next message belongs into another file."""
         full = min(1e6 * self.file_mb, self.total_bytes / MIN_FILES)
-        return not file.is_empty and (file.size >= full or file.age_s >= 60 * self.file_minutes)
+        return not file.is_empty and file.size >= full
 
 
 def need_mcap() -> None:
@@ -153,7 +152,7 @@ class McapLog:
         with self._changed:
             if self._limits.wait:
                 self._changed.wait_for(lambda: not self._queue)
-            if self._waiting + size > 1e6 * self._limits.queue_mb and self._queue:
+            if self._waiting + size > MAX_WAITING_BYTES and self._queue:
                 self._drop()
                 self._say("the disk is too slow for the recording; some touches are left out")
                 return False

@@ -3,16 +3,11 @@
 import os
 import sys
 
-import cv2
 from rich.console import Console
 from rich.table import Table
 
 from tactograph.rings.live.nodes.camera._camera_names import named_cameras
-from tactograph.rings.live.nodes.camera._genicam_camera import (
-    PRODUCER_VARIABLE,
-    GenicamCapture,
-    genicam_cameras,
-)
+from tactograph.rings.live.nodes.camera._genicam_camera import PRODUCER_VARIABLE, genicam_cameras
 from tactograph.sdk import InputError, node
 
 
@@ -22,7 +17,7 @@ def list_cameras() -> None:
 
     ``camera=serial:...`` selects a camera regardless of its port.  Industrial cameras, as
     ``genicam:...``, need harvesters (``pip install 'tactograph[genicam]'``) and their maker's GenTL
-    producer in GENICAM_GENTL64_PATH; of these, pixel formats and size are printed as well.
+    producer in GENICAM_GENTL64_PATH.
 
     Raises
     ------
@@ -33,29 +28,11 @@ def list_cameras() -> None:
     industrial = genicam_cameras() if os.environ.get(PRODUCER_VARIABLE) else []
     if sys.platform != "linux" and not industrial:
         raise InputError("cameras are listed on Linux only; elsewhere try the indices 0, 1, ...")
-    cameras = named_cameras()
-    table = Table(box=None, pad_edge=False)
-    for title in ("device", "name", "serial", "formats and size"):
-        table.add_column(title, overflow="fold")
+    cameras = [*named_cameras(), *industrial]
+    table = Table("device", "name", "serial", box=None, pad_edge=False)
     for camera in cameras:
-        table.add_row(camera.device, camera.name, camera.serial or "-", "")
-    for camera in industrial:
-        table.add_row(camera.device, camera.name, camera.serial, _pixel_formats(camera.device))
-    if not cameras and not industrial:
+        table.add_row(camera.device, camera.name, camera.serial or "-")
+    if cameras:
+        Console(width=None if sys.stdout.isatty() else 120).print(table)
+    else:
         print("no camera is plugged in, or the kernel knows none")
-        return
-    Console(width=None if sys.stdout.isatty() else 120).print(table)
-
-
-def _pixel_formats(camera: str) -> str:
-    """The pixel formats of a GenICam camera, and the size that it is set to."""
-    capture = GenicamCapture(camera, colour=False)
-    try:
-        if not capture.isOpened():
-            return f"cannot be opened: {capture.reason}"
-        width, height = (
-            capture.get(prop) for prop in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
-        )
-        return f"{' '.join(capture.formats)}: {width:g}x{height:g}"
-    finally:
-        capture.release()
