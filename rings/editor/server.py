@@ -43,8 +43,7 @@ async def check_soon(params: types.DidOpenTextDocumentParams) -> None:
 
 
 @server.feature(
-    types.TEXT_DOCUMENT_COMPLETION,
-    types.CompletionOptions(trigger_characters=[".", "$", "{", " "]),
+    types.TEXT_DOCUMENT_COMPLETION, types.CompletionOptions(trigger_characters=[".", "$", "{", " "])
 )
 def complete(params: types.CompletionParams) -> list[types.CompletionItem]:
     """The words that fit at the cursor."""

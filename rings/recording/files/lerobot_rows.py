@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 from tactograph.rings.export.height_levels import OFFSET_MM, STEP_MM, UNKNOWN_LEVEL, height_levels
 from tactograph.rings.recording.files.level_pictures import levels_picture
 from tactograph.sdk import F4, U1, InputError, Light, Touch, layers_of, need
-from tactograph.sdk.unstable import (
-    view_stated,
-)
+from tactograph.sdk.unstable import view_stated
 
 MAX_BYTE = 255
 NS_PER_S = 10**9

@@ -38,11 +38,7 @@ def show_capture(folder: Path) -> Shown:
 
 
 def _lines(capture: Capture) -> list[str]:
-    truths = {
-        "height": capture.truth,
-        "slope": capture.truth_slope,
-        "shadow": capture.truth_shadow,
-    }
+    truths = {"height": capture.truth, "slope": capture.truth_slope, "shadow": capture.truth_shadow}
     names = [name for name, truth in truths.items() if truth is not None]
     stated = [] if capture.pixel_size is None else [f"pixel: {capture.pixel_size:.4g} mm"]
     return [

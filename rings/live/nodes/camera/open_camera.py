@@ -14,10 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.live.nodes.camera._camera_names import DEVICE_FILE, GENICAM_PREFIX, device_of
-from tactograph.rings.live.nodes.camera._genicam_camera import (
-    GenicamCapture,
-    check_genicam,
-)
+from tactograph.rings.live.nodes.camera._genicam_camera import GenicamCapture, check_genicam
 from tactograph.sdk import InputError
 
 Plane = NDArray[np.uint8] | NDArray[np.uint16]

@@ -83,11 +83,7 @@ class Status:
 
 
 def open_controller(
-    port: str | None = None,
-    *,
-    timeout_s: float = 0.4,
-    leds: int = 4,
-    watchdog_s: float = 2.0,
+    port: str | None = None, *, timeout_s: float = 0.4, leds: int = 4, watchdog_s: float = 2.0
 ) -> LedController:
     """Find the LED controller, check its protocol, and switch its LEDs off.
 
@@ -211,11 +207,7 @@ class LedController:
         self._do(f"set {led}", (led,))
 
     def start_cycle(
-        self,
-        order: Sequence[int],
-        *,
-        step_s: float,
-        on_s: float | None = None,
+        self, order: Sequence[int], *, step_s: float, on_s: float | None = None
     ) -> None:
         """Let the LEDs take turns, timed by the controller's hardware.
 

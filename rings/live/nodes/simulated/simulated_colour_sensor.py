@@ -7,10 +7,7 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from tactograph.rings.live.nodes.simulated.simulated_sensor import (
-    Scene,
-    SimulatedSensor,
-)
+from tactograph.rings.live.nodes.simulated.simulated_sensor import Scene, SimulatedSensor
 from tactograph.sdk.nodes import light_ring
 from tactograph.sdk.unstable import LightPositions
 

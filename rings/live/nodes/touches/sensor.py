@@ -18,12 +18,7 @@ from tactograph.rings.live.nodes.camera.open_camera import (
     check_camera,
     open_capture,
 )
-from tactograph.rings.live.nodes.camera.sensor_kind import (
-    Size,
-    camera_settings,
-    film_of,
-    preset_of,
-)
+from tactograph.rings.live.nodes.camera.sensor_kind import Size, camera_settings, film_of, preset_of
 from tactograph.rings.live.nodes.controller.led_controller import (
     ControllerLostError,
     ControllerRefusedError,
