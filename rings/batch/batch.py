@@ -124,26 +124,15 @@ def _other_sensors(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 
 def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    words = {
-        "hash": "another graph",
-        "inputs": "another content of",
-        "arguments": "other values of",
-        "code": "other code of",
-        "versions": "another version of",
-        "device": f"another device ({then['device'] or 'none'})",
-        "backend": f"another --backend ({then['backend'] or 'none'})",
-        "maps": f"other maps ({', '.join(then['maps'] or ['all'])})",
-        "folders": f"another folder of results ({then['folders'] or 'none'})",
-    }
+    """What differs: of mappings the keys, of all else what it was."""
     differences = []
-    for name in then:
-        if then[name] == now[name]:
+    for name, was in then.items():
+        if was == now[name]:
             continue
-        if isinstance(then[name], dict):
-            keys = sorted(
-                k for k in {*then[name], *now[name]} if then[name].get(k) != now[name].get(k)
-            )
-            differences.append(f"{words[name]} {', '.join(keys)}")
-        else:
-            differences.append(words[name])
+        parts = ["not given" if was is None else str(was or "none")]
+        if isinstance(was, dict):
+            keys = {*was, *now[name]}
+            parts = sorted(key for key in keys if was.get(key) != now[name].get(key))
+        named = "graph" if name == "hash" else name
+        differences.append(f"other {named} ({', '.join(parts)})")
     return " and ".join(differences)
