@@ -5,7 +5,7 @@ from typing import Any
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, View
 from tactograph.sdk import InputError
-from tactograph.sdk.unstable import SensorPreset, read_preset
+from tactograph.sdk.unstable import SensorPreset
 
 Size = tuple[int | None, int | None]
 """Width and height of frames in px; None: the driver's."""
@@ -21,7 +21,7 @@ def preset_of(sensor: str | None, *, flashing: bool) -> SensorPreset | None:
     """
     if sensor is None:
         return None
-    preset = read_preset(sensor)
+    preset = SensorPreset.read(sensor)
     if flashing and preset.leds is None:
         raise InputError(
             f"`sensor`={sensor}: lights its colours at once, but here LEDs flash; say in its file "

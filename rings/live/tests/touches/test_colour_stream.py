@@ -11,7 +11,7 @@ from rings.live.tests.faulty import Faults, faults_of, let_fail
 from rings.live.tests.oneshot import MOVING, calibrated
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.stream.frames import ALL_LIT
+from tactograph.rings.frames.live_frames import ALL_LIT
 from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.simulated.simulated_camera import SimulatedCamera

@@ -19,7 +19,7 @@ import pytest
 from rings.live.tests.faulty import FaultyController, faults_of, let_fail, on_usb
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.stream.frames import LiveFrames
+from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, settle
