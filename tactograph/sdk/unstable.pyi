@@ -91,9 +91,6 @@ from tactograph.graph.run.open_pipeline import (
 from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
 )
-from tactograph.graph.run.raise_warnings import (
-    warning_kind as warning_kind,
-)
 from tactograph.graph.run.result import (
     Result as Result,
 )
@@ -108,17 +105,11 @@ from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
     I4 as I4,
-    METRES_PER_MM as METRES_PER_MM,
-    UM_PER_MM as UM_PER_MM,
     USUAL_RIM_MM as USUAL_RIM_MM,
-    CoarseLight as CoarseLight,
     Film as Film,
     Lens as Lens,
     LightPlaces as LightPlaces,
     LightPositions as LightPositions,
-    LutLight as LutLight,
-    LutLit as LutLit,
-    LutSlope as LutSlope,
     Misfit as Misfit,
     Noise as Noise,
     ScaleError as ScaleError,
@@ -259,6 +250,9 @@ from tactograph.nodes.calibrate.rating.verdict import (
     log_odds as log_odds,
     pays as pays,
 )
+from tactograph.nodes.calibrate.tables.build_lut import (
+    TablePixels as TablePixels,
+)
 from tactograph.nodes.capture.read_balls import (
     BallPresses as BallPresses,
     Radii as Radii,
@@ -358,10 +352,7 @@ from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
 )
 from tactograph.nodes.optics.sheet import (
-    SheetLabels as SheetLabels,
     SheetLight as SheetLight,
-    SheetMask as SheetMask,
-    SheetSlope as SheetSlope,
     cut as cut,
 )
 from tactograph.nodes.simulate.expose import (

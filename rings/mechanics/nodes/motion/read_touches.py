@@ -1,6 +1,7 @@
 """Read the height maps of many touches: results of a stream or batch, or a recording's."""
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -29,7 +30,6 @@ from tactograph.sdk.unstable import (
     RELIEF_FIGURE,
     check_heights,
     load_arrays,
-    warning_kind,
 )
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
@@ -162,7 +162,7 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
     with load(graph, params, outputs=["height", "pixel"]) as pipeline:
         for number, result in enumerate(pipeline.items()):
             for line in result.warnings:
-                warnings_by_kind.setdefault(warning_kind(line), line)
+                warnings_by_kind.setdefault(re.sub(r"\d[\d.]*", "", line), line)
             if number % stride == 0:
                 apparent, pixel = result["height"].copy(), float(result["pixel"])
                 heights[number], _ = view.on_even_grid(apparent, [])
