@@ -81,6 +81,12 @@ class View(NamedTuple):
         du, dv = ideal_offset(self.lens.astype(np.float64), u, v)
         return half * (u + du), half * (v + dv)
 
+    def ideal_circles(self, shape: tuple[int, int], circles: F4) -> F4:
+        """Return circles, P x 3 in px, with their middles where they are in the ideal image."""
+        moved, middle = circles.copy(), (np.array(shape[::-1]) - 1) / 2
+        moved[:, :2] = np.stack(self.ideal(shape, *circles[:, :2].T), axis=1) + middle
+        return moved
+
     def ideal_steps(self, shape: tuple[int, int], x: float, y: float) -> Places:
         """Return how `ideal` changes by a pixel along x and along y, 2 x 2."""
         steps = np.array([[0.5, -0.5, 0, 0], [0, 0, 0.5, -0.5]])

@@ -1,8 +1,6 @@
 from tactograph.graph import (
     FRACTIONS as FRACTIONS,
     Cache as Cache,
-    NodeCall as NodeCall,
-    Pipeline as Pipeline,
     Whole as Whole,
 )
 from tactograph.graph.backends.device_backend import (
@@ -26,9 +24,6 @@ from tactograph.graph.commands.progress_line import (
 from tactograph.graph.cores import (
     CORES_VARIABLE as CORES_VARIABLE,
     cores as cores,
-)
-from tactograph.graph.declare.find_node import (
-    node_names as node_names,
 )
 from tactograph.graph.declare.node import (
     Parameter as Parameter,
@@ -55,7 +50,6 @@ from tactograph.graph.errors import (
     collect_warnings as collect_warnings,
     missing as missing,
     one_line as one_line,
-    printable as printable,
 )
 from tactograph.graph.files.captures_in import (
     CAPTURE_PARAM as CAPTURE_PARAM,
@@ -63,7 +57,6 @@ from tactograph.graph.files.captures_in import (
 )
 from tactograph.graph.files.flat_graph import (
     Entry as Entry,
-    Graph as Graph,
     Group as Group,
 )
 from tactograph.graph.files.graph_places import (
@@ -91,9 +84,6 @@ from tactograph.graph.run.open_pipeline import (
 from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
 )
-from tactograph.graph.run.result import (
-    Result as Result,
-)
 from tactograph.graph.show.colours import (
     BIT_COLOURS as BIT_COLOURS,
     SEVERAL_COLOUR as SEVERAL_COLOUR,
@@ -106,10 +96,6 @@ from tactograph.nodes import (
     FALSE_ALARMS as FALSE_ALARMS,
     I4 as I4,
     USUAL_RIM_MM as USUAL_RIM_MM,
-    Film as Film,
-    Lens as Lens,
-    LightPlaces as LightPlaces,
-    LightPositions as LightPositions,
     Misfit as Misfit,
     Noise as Noise,
     ScaleError as ScaleError,
@@ -141,9 +127,6 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
 )
 from tactograph.nodes.calibrate.ball.find_ball import (
     refined as refined,
-)
-from tactograph.nodes.calibrate.ball.undistort_presses import (
-    ideal_circles as ideal_circles,
 )
 from tactograph.nodes.calibrate.file.calibration import (
     NO_MISFIT as NO_MISFIT,
@@ -258,7 +241,6 @@ from tactograph.nodes.capture.read_balls import (
     Radii as Radii,
     StatedCircles as StatedCircles,
     read_presses as read_presses,
-    refuse_flat as refuse_flat,
 )
 from tactograph.nodes.capture.read_capture import (
     CaptureFile as CaptureFile,
@@ -282,7 +264,6 @@ from tactograph.nodes.drawing.sensor_picture import (
 )
 from tactograph.nodes.files.calibration_file import (
     MIN_OPTICAL_MM as MIN_OPTICAL_MM,
-    FileKind as FileKind,
     kind_of as kind_of,
 )
 from tactograph.nodes.files.height_files import (
@@ -357,9 +338,6 @@ from tactograph.nodes.optics.sheet import (
 )
 from tactograph.nodes.simulate.expose import (
     lens_share as lens_share,
-)
-from tactograph.nodes.stored import (
-    Stored as Stored,
 )
 from tactograph.nodes.trust.check_ranks import (
     StoredRanks as StoredRanks,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import F4, F8, InputError, Light
+from tactograph.sdk import F4, F8, InputError, Light, NodeCall
 from tactograph.sdk.unstable import (
     MAX_ROUNDS,
     PART_UNKNOWNS,
@@ -22,7 +22,6 @@ from tactograph.sdk.unstable import (
     Balls,
     Fitted,
     Further,
-    NodeCall,
     Noise,
     Rest,
     RestShape,

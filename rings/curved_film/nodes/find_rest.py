@@ -17,7 +17,7 @@ from tactograph.rings.curved_film.nodes._coated_bend import (
     coated_bend,
 )
 from tactograph.rings.curved_film.nodes.read_rest import by_rays
-from tactograph.sdk import F4, F8, InputError, Light, Metrics, PixelSize, Port, node
+from tactograph.sdk import F4, F8, InputError, Light, Metrics, NodeCall, PixelSize, Port, node
 from tactograph.sdk.nodes import film_bounce, find_balls, label_lit
 from tactograph.sdk.unstable import (
     BallCircles,
@@ -25,7 +25,6 @@ from tactograph.sdk.unstable import (
     BallPress,
     BallRadii,
     Circle,
-    NodeCall,
     Noise,
     Object,
     Placed,

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
-from tactograph.sdk import RESULT_FILE
-from tactograph.sdk.unstable import Document, Graph
+from tactograph.sdk import RESULT_FILE, Graph
+from tactograph.sdk.unstable import Document
 
 FOLDER_DEPTHS = ("", "*/", "*/*/")
 """How far below a folder results are looked for."""

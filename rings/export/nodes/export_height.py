@@ -12,6 +12,7 @@ from tactograph.sdk import (
     Height,
     HeightError,
     InputError,
+    Lens,
     Metrics,
     PixelSize,
     View,
@@ -24,7 +25,7 @@ from tactograph.sdk import (
     write_result_file,
     write_tiff,
 )
-from tactograph.sdk.unstable import Lens, Surface, Vergence
+from tactograph.sdk.unstable import Surface, Vergence
 
 MESH_FORMATS = ("ply", *MESH_WRITERS)
 OWN_FORMATS = ("npy", "tiff", *MESH_FORMATS)

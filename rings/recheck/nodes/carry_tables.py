@@ -4,8 +4,8 @@ from typing import Annotated
 
 import numpy as np
 
-from tactograph.sdk import F4, U1, Port, node
-from tactograph.sdk.unstable import Film, TablePixels, predict
+from tactograph.sdk import F4, U1, Film, Port, node
+from tactograph.sdk.unstable import TablePixels, predict
 
 MIN_PREDICTED_LIGHT = 0.05
 """Light predicted for the old film above which the ratio of both films is used."""

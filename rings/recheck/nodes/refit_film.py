@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
-from tactograph.sdk import F4, F8, Light, Metrics, PixelSize, SizeLimit, node, warn
+from tactograph.sdk import F4, F8, Film, Light, Metrics, NodeCall, PixelSize, SizeLimit, node, warn
 from tactograph.sdk.nodes import film_bounce
 from tactograph.sdk.unstable import (
     FINAL_SAMPLES,
@@ -22,11 +22,9 @@ from tactograph.sdk.unstable import (
     BallPress,
     BallRadii,
     Balls,
-    Film,
     Fitted,
     Held,
     Misfit,
-    NodeCall,
     Noise,
     Rest,
     SheetLight,

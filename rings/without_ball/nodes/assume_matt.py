@@ -4,15 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import node
-from tactograph.sdk.unstable import (
-    NO_MISFIT,
-    Film,
-    LightPlaces,
-    LightPositions,
-    Misfit,
-    matt_film,
-)
+from tactograph.rings.without_ball.nodes import LightPlaces
+from tactograph.sdk import Film, LightPositions, node
+from tactograph.sdk.unstable import NO_MISFIT, Misfit, matt_film
 
 
 class MattFilm(NamedTuple):

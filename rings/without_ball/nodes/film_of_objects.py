@@ -16,7 +16,17 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from tactograph.sdk import F8, InputError, Light, Metrics, PixelSize, SizeLimit, node
+from tactograph.sdk import (
+    F8,
+    Film,
+    InputError,
+    Light,
+    Metrics,
+    NodeCall,
+    PixelSize,
+    SizeLimit,
+    node,
+)
 from tactograph.sdk.nodes import film_bounce, integrate_dct
 from tactograph.sdk.unstable import (
     EMISSION_UNKNOWN,
@@ -24,10 +34,8 @@ from tactograph.sdk.unstable import (
     SHARED_UNKNOWNS,
     USUAL_NEARNESS,
     USUAL_RIM_MM,
-    Film,
     Fitted,
     Misfit,
-    NodeCall,
     Rest,
     ScaleError,
     SheetLight,

@@ -5,14 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.sdk import F8, InputError, Light, Metrics, PixelSize, node, warn
-from tactograph.sdk.unstable import (
-    LightPlaces,
-    LightPositions,
-    inverse_places,
-    places_within,
-    rest_of,
-)
+from tactograph.rings.without_ball.nodes import LightPlaces
+from tactograph.sdk import F8, InputError, Light, LightPositions, Metrics, PixelSize, node, warn
+from tactograph.sdk.unstable import inverse_places, places_within, rest_of
 
 DIRECTION_DEVIATION = 0.01
 """Standard deviation of a lamp's direction in radians, and of its distance as a share of it."""

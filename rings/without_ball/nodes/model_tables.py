@@ -4,9 +4,9 @@ from typing import Annotated
 
 import numpy as np
 
-from tactograph.sdk import F4, Port, node
+from tactograph.sdk import F4, Film, Port, node
 from tactograph.sdk.nodes import light_noise
-from tactograph.sdk.unstable import Film, Noise, TablePixels, predict
+from tactograph.sdk.unstable import Noise, TablePixels, predict
 
 TABLE_SIDE = 121
 """Rows and columns of the hemisphere of normals."""

@@ -11,8 +11,8 @@ from tactograph.rings.live.nodes.simulated.simulated_sensor import (
     Scene,
     SimulatedSensor,
 )
+from tactograph.sdk import LightPositions
 from tactograph.sdk.nodes import light_ring
-from tactograph.sdk.unstable import LightPositions
 
 COLOUR_COUNT = 3
 """Blue, green, red: the order of a camera's driver."""
