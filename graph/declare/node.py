@@ -397,7 +397,7 @@ class Node:
 
         The graph runs once on it, without its sinks, before the source starts, so kernels are
         compiled before a camera opens.  The function is called with the node's settings, and with
-        whether images may stay integers if the node is told (`Whole`).
+        whether images may stay integers if the node is informed (`Whole`).
         """
         self.make_rehearsal = function
         return function

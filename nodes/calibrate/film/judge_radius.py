@@ -26,7 +26,6 @@ from annotated_types import Gt
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Film, Metrics, ScaleError
-from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.ball_samples import sample_balls, thinned
@@ -372,7 +371,7 @@ def explain(
     samples = thinned(balls, MAX_SAMPLES)
 
     def fitted(parts: frozenset[str], start: Fitted) -> Fitted:
-        return fit(samples, rest, parts, start, SHIFT_DEVIATION_PX * pixel, width)
+        return fit(samples, rest, parts, start)
 
     def explained(now: Fitted) -> Explained:
         flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_residual(rest, now)).mean()))

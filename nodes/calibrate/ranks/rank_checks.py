@@ -62,7 +62,7 @@ def rank_checks(
     count, seed : how many touches are drawn; the same for the same seed
     """
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the calibration has told of its doubts
+        warnings.simplefilter("ignore")  # the calibration has reported its doubts
         arrays, brought = load_arrays(file), kind_of(file)
         kind = CALIBRATION_KIND if brought is None else brought.KIND
         small, even = Path(folder) / "small.npz", Path(folder) / "own.npz"

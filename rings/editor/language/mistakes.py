@@ -35,7 +35,7 @@ class Checked(NamedTuple):
 def check(text: str, file: Path) -> Checked:
     """Read and plan a text's graph and its variants; each error once.
 
-    Of YAML that is no graph nothing is told.
+    YAML that is no graph has no mistakes.
     """
     if not (_FORMAT_KEY.search(text) and _GRAPH_KEY.search(text)):
         return Checked(None, [])

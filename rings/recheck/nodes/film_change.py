@@ -1,6 +1,6 @@
 """Find what has changed between two frames of the untouched film.
 
-Long because LEDs, ambient light, shift, dirt and dents can only be told apart together.
+Long because LEDs, ambient light, shift, dirt and dents can only be separated together.
 """
 
 from typing import Annotated, NamedTuple
@@ -73,7 +73,7 @@ def film_change(
     pixel : mm per px
     new_film
         Whether the film was replaced.  Then smooth changes may differ from LED to LED, and
-        ambient light and shift, which cannot be told from them, are returned as 0.
+        ambient light and shift, which cannot be separated from them, are returned as 0.
 
     Returns
     -------

@@ -17,7 +17,6 @@ from tactograph.sdk.unstable import (
     LIGHT_DEVIATION,
     PART_UNKNOWNS,
     SHARED_UNKNOWNS,
-    SHIFT_DEVIATION_PX,
     BallCircles,
     BallPress,
     BallRadii,
@@ -81,7 +80,6 @@ class _Prior(NamedTuple):
     light: float
     fall: Rest
     ratio: F8
-    shift_mm: float
 
 
 class _Refitted(NamedTuple):
@@ -223,12 +221,12 @@ def _changes(old: Film, new: Film, thicker: float) -> Metrics:
 
 def _prior_of(film: Film, flat: F4, before: F4, pixel: float) -> _Prior:
     """The change of the flat frame; none if either frame is uniform, because none was taken."""
-    now, then, shift_mm = rest_of(flat, pixel), rest_of(before, pixel), SHIFT_DEVIATION_PX * pixel
+    now, then = rest_of(flat, pixel), rest_of(before, pixel)
     if now is None or then is None:
         empty = np.zeros((len(flat), 0))
-        return _Prior(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty, shift_mm)
+        return _Prior(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty)
     light = float(np.median(flat) / np.median(before))
-    return _Prior(film, light, now, _level(now.logarithm - then.logarithm), shift_mm)
+    return _Prior(film, light, now, _level(now.logarithm - then.logarithm))
 
 
 def _level(logarithm: F8) -> F8:
@@ -296,7 +294,7 @@ def _fit(prior: _Prior, balls: Balls, names: tuple[str, ...], start: dict[str, f
     film, count = prior.film, len(balls.centre)
     about = [_usual(prior, name) for name in names]
     usual = np.concatenate([np.zeros(3 * count), [each.start for each in about]])
-    places = place_deviations(balls, prior.shift_mm).ravel()
+    places = place_deviations(balls).ravel()
     spread = np.concatenate([places, [each.spread for each in about]])
     samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
     # Without a change, the flat frames tell how alike they are.

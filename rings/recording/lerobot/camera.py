@@ -184,7 +184,7 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
                         self._picture, self._time = picture, time.monotonic()
                         self._count += 1
                         self._arrival.notify_all()
-        except Exception as error:  # told to whoever reads next
+        except Exception as error:  # raised for whoever reads next
             self._error = error
         finally:
             with self._arrival:

@@ -191,7 +191,7 @@ class Watch:
         Parameters
         ----------
         ball_in
-            Finds the ball, or raises an `InputError`; then the person is told why and asked for
+            Finds the ball, or raises an `InputError`; then the person is shown why and asked for
             another press.
         """
         while (press := self._next_press()) is not None:

@@ -29,7 +29,7 @@ LEAST_SPREAD = 0.05
 THICKNESS_STEP = 1.01
 """Thickness, over that which is found, at which the modulus's dependence on it is taken."""
 MAX_SPREAD = 0.1
-"""Relative spread of the modulus over the presses that is told."""
+"""Relative spread of the modulus over the presses that causes a warning."""
 CELL_PX = 2
 """Side in px of the cells of pressure, as in `press_to_pressure`."""
 FORCE_COLUMN = "force_n"
