@@ -146,11 +146,8 @@ from tactograph.nodes.calibrate.film.ball_normals import (
 )
 from tactograph.nodes.calibrate.film.ball_samples import (
     bounced_at_rest as bounced_at_rest,
-    grain as grain,
     laid_on as laid_on,
-    lights_itself as lights_itself,
     sample_balls as sample_balls,
-    thinned as thinned,
 )
 from tactograph.nodes.calibrate.film.film_at_rest import (
     MAX_INDEPENDENT_REST as MAX_INDEPENDENT_REST,
@@ -162,8 +159,6 @@ from tactograph.nodes.calibrate.film.film_fit import (
     Further as Further,
     fit as fit,
     further_step as further_step,
-    light_scale as light_scale,
-    place_deviations as place_deviations,
     start_at as start_at,
 )
 from tactograph.nodes.calibrate.film.film_misfit import (
@@ -181,14 +176,11 @@ from tactograph.nodes.calibrate.film.film_unknowns import (
 )
 from tactograph.nodes.calibrate.film.fit_film import (
     FilmEvidence as FilmEvidence,
-    pressed_slope as pressed_slope,
-    stored as stored,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
     explain as explain,
 )
 from tactograph.nodes.calibrate.lights.descend import (
-    by_differences as by_differences,
     descend as descend,
     huber as huber,
     huber_weight as huber_weight,
@@ -206,7 +198,6 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     Object as Object,
     Press as Press,
     Rest as Rest,
-    rest_of as rest_of,
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
     LED_DRIFT as LED_DRIFT,
@@ -306,7 +297,6 @@ from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
 )
 from tactograph.nodes.optics.film import (
-    matt_film as matt_film,
     predict as predict,
     rest_light as rest_light,
 )

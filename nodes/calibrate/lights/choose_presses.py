@@ -15,7 +15,6 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     Object,
     Rest,
     presses_of,
-    rest_of,
     unreached,
 )
 from tactograph.nodes.optics.rest_shape import RestShape
@@ -128,7 +127,7 @@ def choose_presses(
                 + "; ".join(f"{names[i]}: {reason}" for i, reason in why.items())
             )
         agreed = _consensus(
-            [objects[i] for i in usable], rest_of(flat, pixel, shape), pixel * light.shape[2]
+            [objects[i] for i in usable], Rest.of(flat, pixel, shape), pixel * light.shape[2]
         )
         residual[usable] = agreed.residual
         why |= {usable[i]: reason for i, reason in _out_of_line(agreed)}

@@ -135,7 +135,7 @@ def place_leds(
     def jacobian(unknown: F8) -> F8:
         return placed(unknown).jacobian(objects, rest)
 
-    solution = least_squares(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
+    solution = least_squares(residual, np.r_[leds.ravel(), shifts.ravel()], jacobian=jacobian)
     return placed(solution)
 
 
@@ -215,7 +215,7 @@ def shift_of(press: Object, placed: Placed) -> F8:
         residuals = residual_of(press, placed.leds, shift, placed.flat)
         return np.r_[shift * weight, residuals.ravel() / LIGHT_DEVIATION]
 
-    return least_squares(residual, lambda shift: by_differences(residual, shift, 1), np.zeros(3))
+    return least_squares(residual, np.zeros(3))
 
 
 def residual_of(press: Object, leds: F8, shift: F8, flat: bool) -> F8:

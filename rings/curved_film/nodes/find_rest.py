@@ -42,7 +42,6 @@ from tactograph.sdk.unstable import (
     place_leds,
     places,
     refined,
-    rest_of,
 )
 
 TRIED_BENDS = (0.0, 0.25, -0.25, 0.55, -0.55)
@@ -180,7 +179,7 @@ def find_rest(
     """
     if stated is not None:
         return FoundRest(stated.height, stated.binned(factor), {})
-    if rest_of(flat, pixel) is None:
+    if Rest.of(flat, pixel) is None:
         raise InputError(
             "finding the film's shape needs `flat`: the untouched film's light tells it"
         )
@@ -364,4 +363,4 @@ def _on(
         ball = on.slopes(circle, near)
         press = Press(light, ball.slope, near, ball.height, label_lit(light))
         objects.append(press.samples(presses.pixel, MAX_SAMPLES, shape))
-    return objects, rest_of(presses.flat, presses.pixel, shape)
+    return objects, Rest.of(presses.flat, presses.pixel, shape)

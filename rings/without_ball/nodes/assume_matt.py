@@ -6,7 +6,7 @@ import numpy as np
 
 from tactograph.rings.without_ball.nodes import LightPlaces
 from tactograph.sdk import Film, LightPositions, node
-from tactograph.sdk.unstable import NO_MISFIT, Misfit, matt_film
+from tactograph.sdk.unstable import NO_MISFIT, Misfit
 
 
 class MattFilm(NamedTuple):
@@ -24,4 +24,4 @@ def assume_matt(lights: LightPositions, others: LightPlaces) -> MattFilm:
     ----------
     lights, others : K x 3 and 8 x K x 3 in mm, as `calibrate_lights` gives them
     """
-    return MattFilm(matt_film(lights)._replace(others=others), np.array(NO_MISFIT, np.float32))
+    return MattFilm(Film.matt(lights)._replace(others=others), np.array(NO_MISFIT, np.float32))

@@ -40,14 +40,11 @@ from tactograph.sdk.unstable import (
     ScaleError,
     SheetLight,
     cut,
-    matt_film,
     places,
     places_within,
     positions,
     predict,
-    rest_of,
     rest_residual,
-    stored,
 )
 
 CELLS_ACROSS = 40
@@ -150,7 +147,7 @@ def film_of_objects(
         If there is no flat frame.
     """
     factor = max(1, round(flat.shape[2] / CELLS_ACROSS))
-    rest = rest_of(flat, pixel)
+    rest = Rest.of(flat, pixel)
     if rest is None:
         raise InputError("`flat` is needed: the untouched film's light tells how far LEDs are")
     presses = [_cells(press, factor) for press in cut(light, flat.shape[1])]
@@ -188,7 +185,7 @@ def _units(scene: _Scene, unknowns: F8) -> F8:
 def _film(scene: _Scene, unknowns: F8) -> Film:
     count = len(scene.presses[0])
     coat = unknowns[3 * count + 1 :].tolist()
-    film = matt_film(positions(unknowns[: 3 * count].reshape(count, 3)).astype(np.float32))
+    film = Film.matt(positions(unknowns[: 3 * count].reshape(count, 3)).astype(np.float32))
     film = film._replace(camera=scene.camera, rim=USUAL_RIM_MM)
     if coat:
         film = film._replace(base=coat[0], **dict(zip(COAT_LIMITS, coat, strict=True)))
@@ -279,7 +276,7 @@ def _bounced(scene: _Scene, press: F8, z: F8, film: Film) -> F8:
     if film.albedo == 0:
         return np.zeros_like(press)
     apparent = (z / (1 - scene.camera * z)).astype(np.float32)
-    light = scene.bounce(press.astype(np.float32), apparent, stored(film), np.float32(scene.pixel))
+    light = scene.bounce(press.astype(np.float32), apparent, film.stored(), np.float32(scene.pixel))
     return np.asarray(light, np.float64) / film.albedo
 
 
@@ -333,5 +330,5 @@ def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
         figures |= {"film_albedo": film.albedo, "coat_roughness": film.roughness}
         figures |= {"coat_index": film.refraction}
     misfit = np.array([level, 4 * scene.pixel, LIGHT_ERROR, MIN_BOUNCE_ERROR, 0], np.float32)
-    film = stored(film)._replace(others=others)
+    film = film.stored()._replace(others=others)
     return FilmOfObjects(film, misfit, scale, figures, doubts)

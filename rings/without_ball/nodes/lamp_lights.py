@@ -7,7 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from tactograph.rings.without_ball.nodes import LightPlaces
 from tactograph.sdk import F8, InputError, Light, LightPositions, Metrics, PixelSize, node, warn
-from tactograph.sdk.unstable import inverse_places, places_within, rest_of
+from tactograph.sdk.unstable import Rest, inverse_places, places_within
 
 DIRECTION_DEVIATION = 0.01
 """Standard deviation of a lamp's direction in radians, and of its distance as a share of it."""
@@ -47,7 +47,7 @@ def lamp_lights(lamps: LightPositions, flat: Light, pixel: PixelSize) -> LampLig
     """
     quality: Metrics = {}
     doubts: list[str] = []
-    rest = rest_of(flat, pixel)
+    rest = Rest.of(flat, pixel)
     if rest is not None:
         places = lamps.astype(np.float64)[:, :, None]
         square = (places[:, 0] - rest.x) ** 2 + (places[:, 1] - rest.y) ** 2 + places[:, 2] ** 2
