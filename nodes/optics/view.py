@@ -71,7 +71,7 @@ class View(NamedTuple):
         a = 0.0 if self.lens is None else float(self.lens[LENS_TERMS.index("a")])
         return pixel / (1 + a), pixel / (1 - a)
 
-    def ideal(self, shape: tuple[int, int], x: Places, y: Places) -> tuple[Places, Places]:
+    def ideal(self, shape: tuple[int, int], x: Any, y: Any) -> tuple[Places, Places]:
         """Return where on the ideal grid pixels at columns x and rows y of an image look."""
         rows, columns = shape
         half = float(half_diagonal(shape))

@@ -97,7 +97,7 @@ class Balls:
         return replace(self, **some, beneath=beneath)
 
     def thinned(self, most: int = MAX_INDEPENDENT_SAMPLES) -> Self:
-        """Return about `most` samples, evenly over the balls, but `MIN_SAMPLES` of each at least."""
+        """Return about `most` samples evenly over the balls, and at least `MIN_SAMPLES` of each."""
         each = max(MIN_SAMPLES, most // len(self.centre))
         first = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
         number = np.arange(self.ball.size) - first[self.ball]

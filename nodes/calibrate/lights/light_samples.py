@@ -109,7 +109,7 @@ class Rest:
     ) -> Self | None:
         """Reduce the flat frame to blocks; None if it is uniform, because none was taken.
 
-        `shape` is that of a film that is no plane, and `bounced` the light that it throws on itself.
+        `shape` is that of a film that is no plane, `bounced` the light that it throws on itself.
         """
         if is_uniform(flat):
             return None

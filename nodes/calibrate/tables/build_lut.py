@@ -34,9 +34,12 @@ class TablePixels(NamedTuple):
     @classmethod
     def of(cls, light: NDArray[Any], slope: NDArray[Any], lit: NDArray[Any]) -> Self:
         """Return pixels by their light K x N, slope 2 x N and the LEDs that reach them, N."""
-        flags = np.ones((1, lit.size), np.uint8)
-        planes = (np.asarray(part, np.float32)[:, None] for part in (light, slope))
-        return cls(*planes, flags, np.asarray(lit, np.uint8)[None])
+        return cls(
+            np.asarray(light, np.float32)[:, None],
+            np.asarray(slope, np.float32)[:, None],
+            np.ones((1, lit.size), np.uint8),
+            np.asarray(lit, np.uint8)[None],
+        )
 
 
 @node

@@ -16,7 +16,7 @@ def other_order(then: F4, now: F4, pixel: float) -> list[int] | None:
     """Return the LED, counted from 1, whose light each image has now; None if its own.
 
     How the light falls off over the film tells the LEDs apart: strength, albedo and vignetting
-    drop out (`rest_of`).  Of all orders the one is taken in which the images correlate best with
+    drop out (`Rest.of`).  Of all orders the one is taken in which the images correlate best with
     those of before.
 
     Parameters
