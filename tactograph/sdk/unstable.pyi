@@ -94,14 +94,9 @@ from tactograph.graph.show.warning_lines import (
 from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
-    I4 as I4,
-    USUAL_RIM_MM as USUAL_RIM_MM,
     Misfit as Misfit,
     Noise as Noise,
-    ScaleError as ScaleError,
     ShadowRises as ShadowRises,
-    SlopeVariance as SlopeVariance,
-    Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
@@ -127,10 +122,6 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
 )
 from tactograph.nodes.calibrate.ball.find_ball import (
     refined as refined,
-)
-from tactograph.nodes.calibrate.file.calibration import (
-    NO_MISFIT as NO_MISFIT,
-    Calibration as Calibration,
 )
 from tactograph.nodes.calibrate.file.camera_lens import (
     CAMERA_KIND as CAMERA_KIND,
@@ -189,7 +180,6 @@ from tactograph.nodes.calibrate.lights.descend import (
 from tactograph.nodes.calibrate.lights.light_fit import (
     LIGHT_DEVIATION as LIGHT_DEVIATION,
     Placed as Placed,
-    inverse_places as inverse_places,
     place_leds as place_leds,
     places_within as places_within,
     positions as positions,
@@ -277,7 +267,6 @@ from tactograph.nodes.files.layer_files import (
     layer_files as layer_files,
 )
 from tactograph.nodes.files.result_file import (
-    RELIEF_FIGURE as RELIEF_FIGURE,
     checksum as checksum,
     read_result as read_result,
 )
@@ -289,9 +278,6 @@ from tactograph.nodes.files.sensor_identity import (
 )
 from tactograph.nodes.files.sensor_preset import (
     SensorPreset as SensorPreset,
-)
-from tactograph.nodes.light.film_drift import (
-    terms as terms,
 )
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,

@@ -32,7 +32,6 @@ from tactograph.sdk.unstable import (
     Radii,
     Rest,
     RestShape,
-    ScaleError,
     SheetLight,
     StatedCircles,
     cut,
@@ -104,7 +103,7 @@ class FoundRest(NamedTuple):
     height: Annotated[F4, Port("R C", "mm", low=-1, high=5)]
     shape: RestShape
     quality: Metrics
-    scale_error: ScaleError = 0.0
+    scale_error: Annotated[float, Port(unit="1")] = 0.0
 
 
 class BallPresses(NamedTuple):

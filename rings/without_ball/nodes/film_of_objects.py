@@ -24,6 +24,7 @@ from tactograph.sdk import (
     Metrics,
     NodeCall,
     PixelSize,
+    Port,
     SizeLimit,
     node,
 )
@@ -33,11 +34,9 @@ from tactograph.sdk.unstable import (
     MIN_BOUNCE_ERROR,
     SHARED_UNKNOWNS,
     USUAL_NEARNESS,
-    USUAL_RIM_MM,
     Fitted,
     Misfit,
     Rest,
-    ScaleError,
     SheetLight,
     cut,
     places,
@@ -79,7 +78,7 @@ class FilmOfObjects(NamedTuple):
 
     film: Film
     misfit: Misfit
-    scale_error: ScaleError
+    scale_error: Annotated[float, Port(unit="1")]
     quality: Metrics
     doubts: list[str]
 
@@ -186,7 +185,7 @@ def _film(scene: _Scene, unknowns: F8) -> Film:
     count = len(scene.presses[0])
     coat = unknowns[3 * count + 1 :].tolist()
     film = Film.matt(positions(unknowns[: 3 * count].reshape(count, 3)).astype(np.float32))
-    film = film._replace(camera=scene.camera, rim=USUAL_RIM_MM)
+    film = film._replace(camera=scene.camera)
     if coat:
         film = film._replace(base=coat[0], **dict(zip(COAT_LIMITS, coat, strict=True)))
     return film

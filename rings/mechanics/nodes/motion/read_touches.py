@@ -27,7 +27,6 @@ from tactograph.sdk.unstable import (
     MAX_PIXEL_MM,
     MAX_SIZE_DIFFERENCE,
     MIN_PIXEL_MM,
-    RELIEF_FIGURE,
     check_heights,
     load_arrays,
 )
@@ -104,7 +103,7 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     heights = [read_height_file(file).height for file in files]
     pixels = [read_pixel_size(height=file, mm=pixel) for file in files]
     for result in results:
-        if RELIEF_FIGURE in json.loads((result / RESULT_FILE).read_text()).get("metrics", {}):
+        if "rest_relief_mm" in json.loads((result / RESULT_FILE).read_text()).get("metrics", {}):
             raise InputError(
                 f"{result}: its film is no plane at rest; touches of planes alone are put together"
             )
