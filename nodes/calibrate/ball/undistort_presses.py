@@ -8,9 +8,9 @@ from tactograph.graph import node
 from tactograph.nodes import Lens, Light
 from tactograph.nodes.capture.read_balls import Marks, StatedCircles
 from tactograph.nodes.light.undistort import undistort
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.optics.lens import is_straight
 from tactograph.nodes.optics.sheet import SheetLight, cut
-from tactograph.nodes.optics.view import View
 
 
 class IdealPresses(NamedTuple):
