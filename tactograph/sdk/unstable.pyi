@@ -25,11 +25,11 @@ from tactograph.graph.cores import (
     CORES_VARIABLE as CORES_VARIABLE,
     cores as cores,
 )
-from tactograph.graph.declare.node import (
-    Parameter as Parameter,
-)
 from tactograph.graph.declare.node_page import (
     describe as describe,
+)
+from tactograph.graph.declare.parameter import (
+    Parameter as Parameter,
 )
 from tactograph.graph.disk.array_files import (
     load_arrays as load_arrays,
@@ -179,7 +179,7 @@ from tactograph.nodes.calibrate.lights.descend import (
 )
 from tactograph.nodes.calibrate.lights.light_fit import (
     LIGHT_DEVIATION as LIGHT_DEVIATION,
-    Placed as Placed,
+    PlacedLeds as PlacedLeds,
     place_leds as place_leds,
     places_within as places_within,
     positions as positions,

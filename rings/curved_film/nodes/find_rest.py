@@ -27,7 +27,7 @@ from tactograph.sdk.unstable import (
     Circle,
     Noise,
     Object,
-    Placed,
+    PlacedLeds,
     Press,
     Radii,
     Rest,
@@ -64,7 +64,7 @@ class _Trial(NamedTuple):
     circles: list[Circle]
     objects: list[Object]
     rest: Rest | None
-    placed: Placed
+    placed: PlacedLeds
 
 
 class Bend(NamedTuple):
