@@ -179,7 +179,7 @@ from tactograph.nodes.calibrate.lights.descend import (
 )
 from tactograph.nodes.calibrate.lights.light_fit import (
     LIGHT_DEVIATION as LIGHT_DEVIATION,
-    PlacedLeds as PlacedLeds,
+    LedFit as LedFit,
     place_leds as place_leds,
     places_within as places_within,
     positions as positions,

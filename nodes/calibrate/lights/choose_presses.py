@@ -8,12 +8,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, F8, U1, Light, PixelSize
-from tactograph.nodes.calibrate.lights.light_fit import (
-    PlacedLeds,
-    place_leds,
-    residual_of,
-    shift_of,
-)
+from tactograph.nodes.calibrate.lights.light_fit import LedFit, place_leds, residual_of, shift_of
 from tactograph.nodes.calibrate.lights.light_samples import (
     DIM_LIGHT,
     MAX_SAMPLES_EACH,
@@ -179,7 +174,7 @@ def _consensus(objects: list[Object], rest: Rest | None, width_mm: float) -> _Ag
     return _explain(objects, place_leds(good, rest, width_mm, alone[best]))
 
 
-def _explain(objects: list[Object], placed: PlacedLeds) -> _Agreement:
+def _explain(objects: list[Object], placed: LedFit) -> _Agreement:
     residuals, moved = [], []
     for press in objects:
         shift = shift_of(press, placed)
@@ -189,7 +184,7 @@ def _explain(objects: list[Object], placed: PlacedLeds) -> _Agreement:
     return _Agreement(np.array(residuals), np.array(moved))
 
 
-def _movement(press: Object, placed: PlacedLeds, shift: F8, error: F8) -> float:
+def _movement(press: Object, placed: LedFit, shift: F8, error: F8) -> float:
     """The largest distance in px between the object's positions under two LEDs.
 
     Zero unless a separate position for each LED explains most of the residual.

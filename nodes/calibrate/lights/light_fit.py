@@ -34,7 +34,7 @@ DERIVATIVE_STEP = float(np.sqrt(np.finfo(np.float64).eps))
 
 
 @dataclass(frozen=True)
-class PlacedLeds:
+class LedFit:
     """A fit: K x 4 unknowns of the LEDs, P x 3 shifts in px and mm; whether it had a flat frame."""
 
     leds: F8
@@ -107,9 +107,9 @@ def place_leds(
     objects: list[Object],
     rest: Rest | None,
     width_mm: float,
-    start: PlacedLeds | None = None,
+    start: LedFit | None = None,
     slants: F4 | None = None,
-) -> PlacedLeds:
+) -> LedFit:
     """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber).
 
     Slants K x 2, if given, are where the search for the LEDs starts.  The film at rest tells the
@@ -125,9 +125,9 @@ def place_leds(
         leds = start.leds
     shifts = np.zeros((len(objects), 3))
 
-    def placed(unknown: F8) -> PlacedLeds:
+    def placed(unknown: F8) -> LedFit:
         own = unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
-        return PlacedLeds(*own, flat)
+        return LedFit(*own, flat)
 
     def residual(unknown: F8) -> F8:
         return placed(unknown).residuals(objects, rest)
@@ -139,14 +139,12 @@ def place_leds(
     return placed(solution)
 
 
-def misfit_of(objects: list[Object], rest: Rest | None, placed: PlacedLeds) -> float:
+def misfit_of(objects: list[Object], rest: Rest | None, placed: LedFit) -> float:
     """The minimum of the cost that `place_leds` reaches."""
     return huber(placed.residuals(objects, rest))
 
 
-def other_places(
-    objects: list[Object], rest: Rest | None, placed: PlacedLeds, width_mm: float
-) -> F4:
+def other_places(objects: list[Object], rest: Rest | None, placed: LedFit, width_mm: float) -> F4:
     """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm.
 
     The covariance of the unknowns is that of least squares, from the residuals of the objects
@@ -209,7 +207,7 @@ def inverse_places(lights: F4 | F8) -> F8:
     return np.concatenate([ends, nearness], axis=-1).astype(np.float64)
 
 
-def shift_of(press: Object, placed: PlacedLeds) -> F8:
+def shift_of(press: Object, placed: LedFit) -> F8:
     """Fit the object's shift (x, y, z) in px and mm from where it was found, under known LEDs."""
     weight = 1 / SHIFT_DEVIATIONS
 

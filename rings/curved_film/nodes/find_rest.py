@@ -25,9 +25,9 @@ from tactograph.sdk.unstable import (
     BallPress,
     BallRadii,
     Circle,
+    LedFit,
     Noise,
     Object,
-    PlacedLeds,
     Press,
     Radii,
     Rest,
@@ -64,7 +64,7 @@ class _Trial(NamedTuple):
     circles: list[Circle]
     objects: list[Object]
     rest: Rest | None
-    placed: PlacedLeds
+    placed: LedFit
 
 
 class Bend(NamedTuple):
