@@ -9,11 +9,15 @@ from numpy.typing import NDArray
 from tactograph.graph import warn
 from tactograph.nodes import Metrics
 from tactograph.nodes.calibrate import FOLD_COUNT
-from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
-from tactograph.nodes.calibrate.film.ball_normals import normal_error
-from tactograph.nodes.calibrate.film.ball_samples import lights_itself, moved_with, thinned
-from tactograph.nodes.calibrate.film.film_fit import (
+from tactograph.nodes.calibrate.ball.balls_on_film import (
     MAX_INDEPENDENT_SAMPLES,
+    Balls,
+    Fitted,
+    predicted,
+)
+from tactograph.nodes.calibrate.film.ball_normals import normal_error
+from tactograph.nodes.calibrate.film.ball_samples import moved_with
+from tactograph.nodes.calibrate.film.film_fit import (
     MAX_ROUNDS,
     add_harmonics,
     fit,
@@ -164,7 +168,7 @@ def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Tr
         if not alone:
             coated = fitted[untried.index("lobe")]
             better = better._replace(parts=best.parts | SHINING_PARTS, fitted=coated)
-        if not lights_itself(better.fitted.film):
+        if not better.fitted.film.lights_itself:
             best = better
             continue
         resampled, placed = _sampled_again(trial, better.fitted)
@@ -183,7 +187,7 @@ def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial,
     """Sample again with a better-known film, up to where it leaves the balls."""
     before, film = trial.balls, fitted.film
     balls = trial.samples(
-        film, shifts=fitted.shifts, rim=before.rim, edges=lights_itself(film), **options
+        film, shifts=fitted.shifts, rim=before.rim, edges=film.lights_itself, **options
     )
     shifts = moved_with(fitted.shifts, balls.radius, before.rim, balls.rim)
     return trial._replace(balls=balls), fitted._replace(shifts=shifts)
@@ -198,7 +202,7 @@ def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
         film, rim = best.fitted.film, trial.balls.rim
         trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
         whole = trial.balls
-        trial = trial._replace(balls=thinned(whole, FINAL_SAMPLES))
+        trial = trial._replace(balls=whole.thinned(FINAL_SAMPLES))
         best = best._replace(fitted=trial.fit(best.parts, placed))
         moved = np.abs(whole.rim / rim - 1).max()
         changed = abs(best.fitted.film.albedo - film.albedo)

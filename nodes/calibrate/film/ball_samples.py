@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import NodeCall
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, U1, Film
+from tactograph.nodes import F4, F8, U1, Film
 from tactograph.nodes.calibrate import (
     DRIFT_DEGREE,
     FILM_ROUGHNESS,
@@ -26,9 +26,8 @@ from tactograph.nodes.calibrate.ball.ball_surface import (
     ball_height,
     sunk,
 )
-from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Beneath
+from tactograph.nodes.calibrate.ball.balls_on_film import MAX_INDEPENDENT_SAMPLES, Balls, Beneath
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
-from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
 from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO
 from tactograph.nodes.calibrate.lights.light_fit import HEIGHT_DEVIATION_MM
 from tactograph.nodes.light.coarsen import coarsen
@@ -41,8 +40,6 @@ from tactograph.nodes.optics.sheet import cut
 
 FITTED_RADIUS_SHARE = 0.95
 """Share of a contact's radius that is fitted, because the film leaves the ball before the rim."""
-MIN_SAMPLES = 30
-"""Fewest samples of each ball."""
 FINE_CELLS = 4 * DEFAULT_MAX_CELLS
 """Cells of `film_bounce` on a matt film, and in the last fit on one with a coat, which takes seven
 times as long.  With coarser cells the light changes in steps with a ball's height or the rim."""
@@ -211,7 +208,7 @@ def sample_balls(
     presses = cut(light, rows)
     sigma = coarsen(light_noise(flat, flat, noise))
     moved = np.zeros((len(circle), 3)) if shifts is None else shifts
-    throw = bounce if lights_itself(film) else film_bounce
+    throw = bounce if film.lights_itself else film_bounce
     frame = _Frame((rows, flat.shape[2]), pixel, shape)
     scale = frame.scale(circle)
     if rim is not None:
@@ -276,7 +273,7 @@ def sample_balls(
     )
     if shape is not None:
         every = laid_on(every, circle, shape, resting.bounced[:, row, column].astype(np.float64))
-    return every if most is None else thinned(every, most)
+    return every if most is None else every.thinned(most)
 
 
 def laid_on(balls: Balls, circle: F4 | F8, shape: RestShape, glow: F8 | None = None) -> Balls:
@@ -288,20 +285,6 @@ def laid_on(balls: Balls, circle: F4 | F8, shape: RestShape, glow: F8 | None = N
     assert glow is not None  # known since the balls were laid first
     beneath = Beneath(*shape.at(balls.u, balls.v), glow, base)
     return replace(balls, centre=np.stack(under, axis=1), beneath=beneath)
-
-
-def lights_itself(film: Film) -> bool:
-    """Return whether the film shows light reflected from other parts of the film."""
-    return film.refraction > 1 or film.albedo > 0
-
-
-def thinned(balls: Balls, most: int = MAX_INDEPENDENT_SAMPLES) -> Balls:
-    """Return about `most` samples, evenly over each ball, but at least `MIN_SAMPLES` of each."""
-    each = max(MIN_SAMPLES, most // len(balls.centre))
-    first = np.searchsorted(balls.ball, np.arange(len(balls.centre) + 1))
-    number = np.arange(balls.ball.size) - first[balls.ball]
-    # A stride that does not divide the rows' length spreads the samples over all columns.
-    return balls.only(number % (np.diff(first)[balls.ball] // each + 1) == 0)
 
 
 def moved_with(shifts: F8, radius: NDArray[Any], before: NDArray[Any], rim: NDArray[Any]) -> F8:
@@ -395,16 +378,3 @@ def _levelled(press: F4, thrown: _Thrown, scene: _Scene) -> F4:
     drift = film_drift(cells, sigma, bounced=direct, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
     removed = by * (thrown.whole - thrown.remaining) / resting.share(by)
     return np.asarray(press / drift_gain(drift, press.shape[1:]) - removed, np.float32)
-
-
-def grain(balls: Balls, residual: F8, flat: F4, noise: F4) -> float:
-    """Relative standard deviation of the light from the model, beyond the camera's noise.
-
-    It counts where it is more than the noise, whose own size is not well known.
-    """
-    level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
-    camera = (noise[0] * level * balls.light + noise[1]) / level**2
-    variance = DEVIATIONS_PER_MAD**2 * np.median(np.square(residual / balls.reference_light))
-    alone = np.median(camera / balls.reference_light**2)
-    beyond = variance - alone
-    return float(np.sqrt(beyond)) if beyond > alone else 0.0

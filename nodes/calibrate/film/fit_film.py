@@ -6,7 +6,6 @@ The model grows part by part, then by harmonics, each judged on held-out balls
 Long because its search decides in steps: on parts, samples, harmonics and bad balls.
 """
 
-import math
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -26,7 +25,6 @@ from tactograph.nodes import (
     PixelSize,
 )
 from tactograph.nodes.calibrate import (
-    MAX_SAMPLE_SLOPE,
     BallCircles,
     BallPress,
     BallRadii,
@@ -42,14 +40,14 @@ from tactograph.nodes.calibrate.film._film_search import (
     search,
     without_bad,
 )
-from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, grain, sample_balls
+from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, sample_balls
 from tactograph.nodes.calibrate.film.film_at_rest import rest_residual
 from tactograph.nodes.calibrate.film.film_fit import certainty, start_at
 from tactograph.nodes.calibrate.film.film_misfit import misfit, unevenness
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS
-from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
+from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
-from tactograph.nodes.optics.film import FilmPart, matt_film
+from tactograph.nodes.optics.film import FilmPart
 from tactograph.nodes.optics.radiosity import cell_grid
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask
@@ -153,10 +151,10 @@ def fit_film(
         return sample_balls(*evidence, bare=bare, bounce=bounce, shape=shape, **options)
 
     # A matt film throws no light onto itself, and is sampled again where it may be another.
-    balls = samples(matt_film(lights), fine=True)
+    balls = samples(Film.matt(lights), fine=True)
     closed: set[str] = set(without) | ({"camera", "harmonics"} if shape is not None else set())
-    glow = None if "bounce" in closed else bounced_at_rest(shape, matt_film(lights), bounce)
-    rest = rest_of(flat, pixel, shape, glow)
+    glow = None if "bounce" in closed else bounced_at_rest(shape, Film.matt(lights), bounce)
+    rest = Rest.of(flat, pixel, shape, glow)
     trial = Trial(balls, rest, samples, {})
     start = start_at(lights, strength, len(balls.centre))
     if camera_mm is not None:
@@ -188,29 +186,14 @@ def fit_film(
     if len(balls.centre) == 1 and "diffuse" in best.parts:
         # One ball does not tell by how much the gain of touched film varies.
         uneven = max(uneven, start.film.uneven)
-    rough, slope = grain(balls, residual, flat, noise), pressed_slope(balls)
+    rough, slope = balls.grain(residual, flat, noise), balls.pressed_slope
     return FilmFit(
-        stored(film)._replace(uneven=uneven, grain=rough, pressed_slope=slope),
+        film.stored()._replace(uneven=uneven, grain=rough, pressed_slope=slope),
         misfit=misfit(held_out, film, pixel, uneven),
         residual=np.sqrt(np.square(residual).mean(axis=1)).astype(np.float32),
         quality=trial.figures | _properties(best, film, rest),
         evidence=evidence,
     )
-
-
-def stored(film: Film) -> Film:
-    """Return a film in the types of a file: 32-bit arrays, and numbers."""
-    typed: dict[str, Any] = {
-        name: np.asarray(value, np.float32) if np.ndim(value) else float(value)
-        for name, value in film._asdict().items()
-    }
-    return Film(**typed)
-
-
-def pressed_slope(balls: Balls) -> float:
-    """Return the steepest slope of balls within their contacts, up to the steepest of a sample."""
-    sine = float((balls.rim / balls.radius)[balls.ball].max())
-    return min(sine / math.sqrt(1 - sine**2), MAX_SAMPLE_SLOPE) if sine < 1 else MAX_SAMPLE_SLOPE
 
 
 def _properties(best: Model, film: Film, rest: Rest | None) -> Metrics:
