@@ -25,10 +25,7 @@ class FilmOnRims(NamedTuple):
 
 @node
 def film_on_rims(
-    height: Height,
-    rims: Mask,
-    like: Annotated[F4, Port("K r c", "1")],
-    lens: Lens | None = None,
+    height: Height, rims: Mask, like: Annotated[F4, Port("K r c", "1")], lens: Lens | None = None
 ) -> FilmOnRims:
     """Return 1 where touched film is rim, or rims close it in; else 0.
 
