@@ -21,6 +21,8 @@ from tactograph.nodes.calibrate.film.film_fit import (
 )
 from tactograph.nodes.calibrate.film.film_misfit import Held
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, Unknowns
+from tactograph.nodes.calibrate.lights.descend import HUBER_DEVIATIONS
+from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.verdict import grows, pays
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
@@ -28,11 +30,6 @@ from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
 FINAL_SAMPLES = 15000
 """Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
 a ball's height, the coat's index and the albedo uncertain by some per cent."""
-MAX_CHANGE = 0.004
-"""Relative change of albedo and contact radius below which rounds end (`MAX_ROUNDS`)."""
-MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
-"""Number of balls from which on, and multiple of the median residual above which, a ball is left
-out."""
 SHINING_PARTS = frozenset(("lobe", "bounce"))
 """Parts that may help only together: a coat changes how a film lights itself."""
 TOUCHED_PARTS = frozenset({"touched"})
@@ -192,6 +189,8 @@ def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial,
 def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
     """Fit the chosen parts to more samples until the light from film to film converges.
 
+    That is no more than the film's own light: a smaller share of it than light departs by by
+    itself is not seen.
     Also returns every pixel of the balls.
     """
     for _ in range(MAX_ROUNDS):
@@ -202,7 +201,7 @@ def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
         best = best._replace(fitted=trial.fit(best.parts, placed))
         moved = np.abs(whole.rim / rim - 1).max()
         changed = abs(best.fitted.film.albedo - film.albedo)
-        if film.albedo == 0 or (changed < MAX_CHANGE * film.albedo and moved < MAX_CHANGE):
+        if film.albedo == 0 or (max(changed / film.albedo, moved) < LIGHT_DEVIATION):
             break
     return trial, judge(trial, best.parts, best.fitted), whole
 
@@ -231,8 +230,9 @@ def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls]:
     balls, count = trial.balls, len(trial.balls.centre)
     squares = np.square(balls.light - predicted(balls, best.fitted)).mean(axis=0)
     by_ball = np.sqrt(np.bincount(balls.ball, squares, count) / np.bincount(balls.ball))
-    bad = by_ball > MAX_RESIDUAL_RATIO * np.median(by_ball)
-    if count < MIN_BALLS_TO_REJECT or not bad.any():
+    bad = by_ball > HUBER_DEVIATIONS * np.median(by_ball)
+    # Each fold has another ball that tells which one departs.
+    if count < 2 * FOLD_COUNT or not bad.any():
         return best, balls
     where = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in balls.centre[bad])
     warn(f"{bad.sum()} of {count} balls depart from the others and are left out: at {where} mm")

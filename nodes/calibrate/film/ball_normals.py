@@ -15,6 +15,8 @@ BALL_SECTORS = 8
 """Parts of a ball in azimuth over which errors of the normal are averaged, to suppress noise."""
 BALL_RINGS = math.ceil(BALL_SECTORS / math.pi)
 """Parts in slant, so that parts are about as long as wide."""
+BALL_PARTS = BALL_RINGS * BALL_SECTORS
+"""Parts of a ball, and so the fewest samples that show all of it."""
 
 
 class BallNormals(NamedTuple):

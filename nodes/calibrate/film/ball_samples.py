@@ -28,6 +28,7 @@ from tactograph.nodes.calibrate.ball.ball_surface import (
 )
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Beneath
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
+from tactograph.nodes.calibrate.film.ball_normals import BALL_PARTS
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
 from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO
 from tactograph.nodes.calibrate.lights.light_fit import HEIGHT_DEVIATION_MM
@@ -41,8 +42,6 @@ from tactograph.nodes.optics.sheet import cut
 
 FITTED_RADIUS_SHARE = 0.95
 """Share of a contact's radius that is fitted, because the film leaves the ball before the rim."""
-MIN_SAMPLES = 30
-"""Fewest samples of each ball."""
 FINE_CELLS = 4 * DEFAULT_MAX_CELLS
 """Cells of `film_bounce` on a matt film, and in the last fit on one with a coat, which takes seven
 times as long.  With coarser cells the light changes in steps with a ball's height or the rim."""
@@ -137,7 +136,7 @@ class _Scene(NamedTuple):
     """What the light from film to film depends on beside the balls.
 
     `sigma` is the noise of cells, `fine` and `bounce` as `sample_balls` takes them, `at_rest` the
-    light of the film at rest by the number of cells.
+    light of the film at rest by its coat's index and the number of cells.
     """
 
     film: Film
@@ -145,7 +144,7 @@ class _Scene(NamedTuple):
     sigma: F4
     fine: bool
     bounce: NodeCall
-    at_rest: Callable[[int], _AtRest]
+    at_rest: Callable[[float, int], _AtRest]
 
     @property
     def cells(self) -> int:
@@ -155,7 +154,7 @@ class _Scene(NamedTuple):
     @property
     def resting(self) -> _AtRest:
         """The light of the film at rest that samples get."""
-        return self.at_rest(self.cells)
+        return self.at_rest(self.film.refraction, self.cells)
 
 
 def sample_balls(
@@ -185,7 +184,8 @@ def sample_balls(
     circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
     film : the film, whose LEDs and coat determine the light from film to film
     noise, pixel : (shot, read), mm per px
-    most : most samples of all balls together, but at least `MIN_SAMPLES` of each; None: all pixels
+    most : most samples of all balls together, but at least one for each of a
+        ball's parts (`BALL_PARTS`); None: all pixels
     bare
         S x W, 0 on pixels that are left out.  None: no pixel is left out.
     shifts
@@ -218,8 +218,9 @@ def sample_balls(
         circle = np.column_stack([circle[:, :2], rim / scale])
 
     @cache
-    def at_rest(cells: int) -> _AtRest:
-        return _AtRest() if shape is None else _rest_of(shape, film, cells, fine, throw)
+    def at_rest(refraction: float, cells: int) -> _AtRest:
+        kind = film._replace(refraction=refraction)
+        return _AtRest() if shape is None else _rest_of(shape, kind, cells, fine, throw)
 
     scene = _Scene(film, frame, sigma, fine, throw, at_rest)
     thrown = {
@@ -296,8 +297,8 @@ def lights_itself(film: Film) -> bool:
 
 
 def thinned(balls: Balls, most: int = MAX_INDEPENDENT_SAMPLES) -> Balls:
-    """Return about `most` samples, evenly over each ball, but at least `MIN_SAMPLES` of each."""
-    each = max(MIN_SAMPLES, most // len(balls.centre))
+    """Return about `most` samples, evenly over each ball, but one or more for each of its parts."""
+    each = max(BALL_PARTS, most // len(balls.centre))
     first = np.searchsorted(balls.ball, np.arange(len(balls.centre) + 1))
     number = np.arange(balls.ball.size) - first[balls.ball]
     # A stride that does not divide the rows' length spreads the samples over all columns.
@@ -352,7 +353,8 @@ def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene
 
     def thrown(film: Film, cells: int, lift: float = 0) -> _Thrown:
         """The light that a film of albedo 1, with the balls in it, reflects onto itself."""
-        height, resting = np.zeros(size) if shape is None else shape.height, at_rest(cells)
+        height = np.zeros(size) if shape is None else shape.height
+        resting = at_rest(film.refraction, cells)
         for each, r, shift in zip(circle, radius, shifts + np.array([0, 0, lift]), strict=True):
             cx, cy, cz = scene.frame.centre(each, r, shift)
             z = ball_height(u, v, (cx, cy, cz), r, film.camera)
@@ -374,9 +376,13 @@ def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene
     # Lifted by as much as its height is uncertain by, and widened in the same way.
     lift = HEIGHT_DEVIATION_MM * min(1.0, float(radius.min()))
     wider = film._replace(rim=film.rim + RIM_STEP_MM)
-    rough = DEFAULT_MAX_CELLS if film.refraction > 1 else FINE_CELLS
-    bounced = thrown(film, rough)
-    by_lift = (thrown(film, rough, lift).remaining - bounced.remaining) / np.float32(lift)
+    # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
+    matt = film._replace(refraction=1.0)
+    rough = FINE_CELLS if film.refraction == 1 else DEFAULT_MAX_CELLS
+    on_matt = thrown(matt, FINE_CELLS)
+    bounced = on_matt if rough == FINE_CELLS else thrown(film, rough)
+    more = bounced.remaining.mean() / (on_matt.remaining.mean() or 1) / lift
+    by_lift = (thrown(matt, FINE_CELLS, lift).remaining - on_matt.remaining) * np.float32(more)
     by_rim = thrown(wider, rough).remaining - bounced.remaining if shape is None else nothing
     bounced = bounced if rough == scene.cells else thrown(film, scene.cells)
     light = press if film.albedo == 0 else _levelled(press, bounced, scene)

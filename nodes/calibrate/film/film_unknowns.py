@@ -17,8 +17,8 @@ from tactograph.nodes.stored import stored_values
 class Unknown(NamedTuple):
     """A parameter of a usual sensor, where the fit starts, and its standard deviation."""
 
-    start: float
-    spread: float
+    start: float = 0.0
+    spread: float = math.inf
 
 
 STATED_UNKNOWNS = "size", "power"
@@ -33,12 +33,11 @@ fitted to the flat frame only: ignoring it would give a wrong distance there, wh
 relative to the flat frame, hardly depends on it."""
 USUAL_NEARNESS = 0.2
 """Widths of the image over the distance of an LED."""
-FREE = Unknown(0.0, math.inf)
 LED_UNKNOWNS = {
-    "x": FREE,
-    "y": FREE,
+    "x": Unknown(),
+    "y": Unknown(),
     "nearness": Unknown(USUAL_NEARNESS, USUAL_NEARNESS),
-    "strength": Unknown(0.0, 1.0),
+    "strength": Unknown(spread=1.0),
     "emission": EMISSION_UNKNOWN,
 }
 """An LED's own, in the order of `Fitted.leds`.  The film at rest leaves the strengths' common
@@ -125,9 +124,7 @@ class Unknowns(NamedTuple):
         """Move newly freed parameters away from the values that switch them off."""
         values = self.values(start)
         for name, at in self.numbers(start).items():
-            if name in LED_UNKNOWNS or name in STATED_UNKNOWNS:
-                continue
-            if np.all(values[at] == PLAIN[name]):
+            if name not in LED_UNKNOWNS and np.all(values[at] == PLAIN.get(name)):
                 values[at] = SHARED_UNKNOWNS[name].start
         return self.with_values(start, values)
 

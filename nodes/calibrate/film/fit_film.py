@@ -209,8 +209,8 @@ def stored(film: Film) -> Film:
 
 def pressed_slope(balls: Balls) -> float:
     """Return the steepest slope of balls within their contacts, up to the steepest of a sample."""
-    sine = float((balls.rim / balls.radius)[balls.ball].max())
-    return min(sine / math.sqrt(1 - sine**2), MAX_SAMPLE_SLOPE) if sine < 1 else MAX_SAMPLE_SLOPE
+    slant = math.asin(min((balls.rim / balls.radius)[balls.ball].max(), 1))
+    return min(math.tan(slant), MAX_SAMPLE_SLOPE)
 
 
 def _properties(best: Model, film: Film, rest: Rest | None) -> Metrics:
