@@ -43,9 +43,8 @@ def contact_edge(
     beneath : the film at rest if it is no plane; the light is relative to a plane
     """
     cx, cy, cz = centre
-    away = np.hypot(u - cx, v - cy)
-    if beneath is not None:
-        away = away_on(u, v, beneath.z, float(beneath.base[0]), centre, radius, film.camera)
+    low, base = (0.0, 0.0) if beneath is None else (beneath.z, float(beneath.base[0]))
+    away = away_on(u, v, low, base, centre, radius, film.camera)
     least = rim / MAX_EDGE_RATIO
     ring = (away > least) & (away < min(MAX_EDGE_RATIO * rim, radius))
     u, v, away, light, thrown = u[ring], v[ring], away[ring], light[:, ring], thrown[:, ring]

@@ -58,8 +58,7 @@ class Trial(NamedTuple):
         fitted = fit(balls, self.rest, parts, start)
         if "diffuse" not in parts or len(balls.centre) > 1:
             return fitted
-        film = fitted.film
-        direct = balls.direct(fitted.shifts, film)
+        film, direct = fitted.film, balls.direct(fitted.shifts, fitted.film)
         weight = lit_share(film, direct, np.array(film.contact))
         return fit(balls, self.rest, TOUCHED_PARTS, fitted, start.film.uneven, weight)
 
@@ -178,10 +177,8 @@ def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Tr
 
 def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial, Fitted]:
     """Sample again with a better-known film, up to where it leaves the balls."""
-    before, film = trial.balls, fitted.film
-    balls = trial.samples(
-        film, shifts=fitted.shifts, rim=before.rim, edges=lights_itself(film), **options
-    )
+    before = trial.balls
+    balls = trial.samples(fitted.film, shifts=fitted.shifts, rim=before.rim, **options)
     shifts = moved_with(fitted.shifts, balls.radius, before.rim, balls.rim)
     return trial._replace(balls=balls), fitted._replace(shifts=shifts)
 

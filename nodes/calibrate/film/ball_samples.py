@@ -107,7 +107,10 @@ class _Frame(NamedTuple):
     def beneath(self, circle: F4 | F8) -> tuple[F8, F8, F8]:
         """Where the camera sees the film at rest in the middles of balls: x, y and z in mm."""
         column, row = np.atleast_2d(circle)[:, :2].T
-        u, v = self.place(row, column)
+        return self.film_at(*self.place(row, column))
+
+    def film_at(self, u: F8, v: F8) -> tuple[F8, F8, F8]:
+        """Where the film at rest is that the camera sees at places u, v: x, y and z in mm."""
         return (u, v, np.zeros_like(u)) if self.shape is None else self.shape.at(u, v)[1:]
 
     def scale(self, circle: F4 | F8) -> F8:
@@ -170,7 +173,6 @@ def sample_balls(
     bare: U1 | None = None,
     shifts: F8 | None = None,
     rim: F8 | None = None,
-    edges: bool = False,
     fine: bool = False,
     bounce: NodeCall = film_bounce,
     shape: RestShape | None = None,
@@ -192,10 +194,9 @@ def sample_balls(
         B x 3 in mm, by which a fit has moved the balls; they reflect light from there.  The
         light from film to film grows with the height of their flanks; `by_lift` tells the fit
         how much.
-    rim : B contact radii in mm; None: those of `circle`
-    edges
-        Whether the light around a ball then determines where the film leaves it
-        (`contact_edge`).
+    rim
+        B contact radii in mm; None: those of `circle`.  On a film that lights itself, the light
+        around a ball then determines where the film leaves it (`contact_edge`).
     fine
         Whether the film is the final one.  Then the light that its coat reflects is computed on
         fine cells, and a film without albedo reflects none onto itself.
@@ -229,7 +230,7 @@ def sample_balls(
     }
     resting = scene.resting
     masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
-    if edges:
+    if rim is not None and lights_itself(film):
         edge = np.empty(len(of))
         for number, i in enumerate(of):
             on_plane = thrown[i].light * resting.share(film.albedo)
@@ -243,14 +244,11 @@ def sample_balls(
     for number, reach in enumerate(np.minimum(FITTED_RADIUS_SHARE * circle[:, 2], steep)):
         at = frame.around(circle[number], reach)
         u, v = frame.place(*at)
-        away = np.hypot(*(at[::-1].T - circle[number, :2]).T)
-        if shape is not None:
-            base = float(frame.beneath(circle[number])[2][0])
-            centre = frame.centre(circle[number], float(radius[number]), moved[number])
-            beneath = shape.at(u, v)[3]
-            away = away_on(u, v, beneath, base, centre, float(radius[number]), film.camera)
-            away /= scale[number]
-        pixels.append(at[:, (away < reach) & (masks[of[number]][tuple(at)] > 0)])
+        base, size = float(frame.beneath(circle[number])[2][0]), float(radius[number])
+        centre = frame.centre(circle[number], size, moved[number])
+        away = away_on(u, v, frame.film_at(u, v)[2], base, centre, size, film.camera)
+        inside = away < reach * scale[number]
+        pixels.append(at[:, inside & (masks[of[number]][tuple(at)] > 0)])
     fields = (
         np.concatenate([field[:, *at] for field, at in zip(each, pixels, strict=True)], axis=1)
         for each in zip(*(thrown[i] for i in of), strict=True)

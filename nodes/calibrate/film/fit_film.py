@@ -25,12 +25,7 @@ from tactograph.nodes import (
     Noise,
     PixelSize,
 )
-from tactograph.nodes.calibrate import (
-    MAX_SAMPLE_SLOPE,
-    BallCircles,
-    BallPress,
-    BallRadii,
-)
+from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE, BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, predicted
 from tactograph.nodes.calibrate.film._film_search import (

@@ -173,7 +173,7 @@ def refit_film(
     best, errors, fold_fits = _choose(before_refit, balls)
     if best.film.albedo > 0 and not lights_itself(film):
         # Now the light that the new film reflects from film to film is known.
-        renewed = sampled(best.film, shifts=best.shifts, rim=balls.rim, edges=True, fine=True)
+        renewed = sampled(best.film, shifts=best.shifts, rim=balls.rim, fine=True)
         more = thinned(renewed, FINAL_SAMPLES)
         other = _choose(before_refit, more)
         if np.mean(other[1]) < np.mean(errors):
