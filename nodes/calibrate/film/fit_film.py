@@ -26,7 +26,6 @@ from tactograph.nodes import (
     PixelSize,
 )
 from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE, BallCircles, BallPress, BallRadii
-from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, predicted
 from tactograph.nodes.calibrate.film._film_search import (
     Model,
@@ -49,8 +48,6 @@ from tactograph.nodes.optics.radiosity import cell_grid
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask
 
-MIN_CAP_SHARE = 0.02
-"""Height of a ball's cap, relative to the film's width, from which it shows the pupil's height."""
 MIN_CONTACT_CELLS = 4
 """Contact radius in cells from which `film_bounce` resolves how a ball lights the film beside it.
 On coarser cells its albedo would absorb residuals of other parts of the model."""
@@ -156,8 +153,7 @@ def fit_film(
     start = start_at(lights, strength, len(balls.centre))
     if camera_mm is not None:
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
-    tall = balls.radius - sunk(balls.radius, balls.rim)
-    if camera_mm is not None or len(tall) < 2 or tall.max() < MIN_CAP_SHARE * balls.width_mm:
+    if camera_mm is not None or len(balls.rim) < 2:
         closed.add("camera")
     cell = cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
     if np.median(balls.rim) < MIN_CONTACT_CELLS * cell:
