@@ -97,6 +97,14 @@ def choose_device(text: str | None = None) -> tuple[Device | None, str]:
     return None, f"no OpenCL device works{refused}; {how_to_get_one()}"
 
 
+def is_new() -> bool:
+    """Return whether no program is built yet for the device that comes first."""
+    from tactograph.graph.backends.programs import is_ready
+
+    first = next((h for h in _handles() if not _is_simulator(h)), None)
+    return first is not None and not is_ready(first, _PROBE_KERNEL, ())
+
+
 def how_to_get_one() -> str:
     """The command that installs an OpenCL device for the CPU of this system."""
     if sys.platform == "darwin":

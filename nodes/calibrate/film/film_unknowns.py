@@ -175,7 +175,7 @@ class Unknowns(NamedTuple):
 
 
 def within(name: str, value: F8) -> F8:
-    """Return a parameter's value within the limits of a `Film`; what was stated is above 0."""
+    """Return a parameter's value within the limits of a `Film`; a given value is above 0."""
     if name in STATED_UNKNOWNS:
         return np.maximum(value, DERIVATIVE_STEP)
     if name == "nearness":

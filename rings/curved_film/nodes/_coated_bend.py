@@ -1,7 +1,7 @@
 """The bend of a film at rest, by a model of its light that has a coat.
 
 A coat's mirror images and what the film throws on itself change the light as a bend does.  Fitted
-at once they are told apart, since the flat frame shows both over the whole film.
+at once they are separated, since the flat frame shows both over the whole film.
 """
 
 import math
@@ -13,7 +13,6 @@ import numpy as np
 
 from tactograph.sdk import F4, F8, InputError, Light
 from tactograph.sdk.unstable import (
-    DERIVATIVE_STEP,
     MAX_ROUNDS,
     PART_UNKNOWNS,
     SURE_ODDS,
@@ -40,6 +39,8 @@ from tactograph.sdk.unstable import (
     start_at,
 )
 
+DERIVATIVE_STEP = float(np.sqrt(np.finfo(np.float32).eps))
+"""Relative step of derivatives of light, which is of single precision."""
 COATED_PARTS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
 """Parts of a film with a coat, and of one that lights itself as well."""
 

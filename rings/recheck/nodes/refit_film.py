@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
 from tactograph.sdk import F4, F8, Light, Metrics, PixelSize, SizeLimit, node, warn
 from tactograph.sdk.nodes import film_bounce
 from tactograph.sdk.unstable import (
     FINAL_SAMPLES,
     FOLD_COUNT,
     LIGHT_DEVIATION,
-    MAX_INDEPENDENT,
     PART_UNKNOWNS,
     SHARED_UNKNOWNS,
     BallCircles,
