@@ -120,11 +120,18 @@ def judge(
     return model
 
 
-def held_out_of(trial: Trial, best: Model, whole: Balls, good: Balls) -> list[Held]:
-    """Every pixel of each fold, of good balls, with the film fitted to the other folds."""
-    good = whole.only(np.isin(whole.ball, good.ball))
+def choose(trial: Trial, start: Fitted, parts: set[str]) -> tuple[Model, Balls, list[Held]]:
+    """Return the film that presses support, of these parts, and the samples of balls that agree.
+
+    Also every pixel of each fold of these, with the film fitted to the other folds.
+    """
+    trial, best, whole = search(trial, start, [part for part in PART_UNKNOWNS if part in parts])
+    if "harmonics" in parts and may_grow(best):
+        best = bend(trial, best)
+    best, balls = without_bad(trial, best)
+    good = whole.only(np.isin(whole.ball, balls.ball))
     held_out = zip(map(good.only, trial.splits(good)), best.splits, strict=True)
-    return [Held(b, place_balls(b, f)) for b, f in held_out if b.u.size]
+    return best, balls, [Held(b, place_balls(b, f)) for b, f in held_out if b.u.size]
 
 
 def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls]:

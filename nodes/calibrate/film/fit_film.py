@@ -7,7 +7,7 @@ Long because its search decides in steps: on parts, samples, harmonics and bad b
 """
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, get_args
 
 import numpy as np
 from annotated_types import Gt
@@ -27,20 +27,11 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE, BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, predicted
-from tactograph.nodes.calibrate.film._film_search import (
-    Model,
-    Trial,
-    bend,
-    held_out_of,
-    may_grow,
-    search,
-    without_bad,
-)
+from tactograph.nodes.calibrate.film._film_search import Model, Trial, choose
 from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, grain, sample_balls
 from tactograph.nodes.calibrate.film.film_at_rest import rest_residual
 from tactograph.nodes.calibrate.film.film_fit import certainty, start_at
 from tactograph.nodes.calibrate.film.film_misfit import misfit, unevenness
-from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
 from tactograph.nodes.optics.film import FilmPart, matt_film
@@ -151,17 +142,13 @@ def fit_film(
     rest = rest_of(flat, pixel, shape, glow)
     trial = Trial(balls, rest, samples, {})
     start = start_at(lights, strength, len(balls.centre))
-    if camera_mm is not None:
-        start = start._replace(film=start.film._replace(camera=1 / camera_mm))
+    start = start._replace(film=start.film._replace(camera=1 / (camera_mm or math.inf)))
     if camera_mm is not None or len(balls.rim) < 2:
         closed.add("camera")
     cell = cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
     if np.median(balls.rim) < MIN_CONTACT_CELLS * cell:
         closed.add("bounce")
-    trial, best, whole = search(trial, start, [p for p in PART_UNKNOWNS if p not in closed])
-    if "harmonics" not in closed and may_grow(best):
-        best = bend(trial, best)
-    best, balls = without_bad(trial, best)
+    best, balls, held_out = choose(trial, start, {*get_args(FilmPart)} - closed)
     sure = certainty(balls, rest, best.parts, best.fitted)
     hidden = {name: 0.0 for name in ("wrap", "emission") if not sure.shows(name)}
     # Film that is no plane ends with the frame.
@@ -174,7 +161,6 @@ def fit_film(
         others = sure.other_places()
     film = film._replace(others=others)
     residual = balls.light - predicted(balls, best.fitted)
-    held_out = held_out_of(trial, best, whole, balls)
     uneven = unevenness(held_out, pixel)
     if len(balls.centre) == 1 and "diffuse" in best.parts:
         # One ball does not tell by how much the gain of touched film varies.
