@@ -120,6 +120,9 @@ class Balls:
     def touched_place(self, shifts: F8, film: Film) -> tuple[F8, tuple[F8, F8, F8], F8]:
         """Normals, places and lift for F1: film on a ball is touched, however low its rim is."""
         n, x, y, z = self.surface(shifts, film.camera)
+        lift = np.maximum(z, film.contact)
+        if self.beneath is None:
+            return n, (x, y, lift), lift
         return n, (x, y, z), np.full_like(z, film.contact)
 
     def by_ball(self, left: F8, right: F8) -> F8:

@@ -58,7 +58,8 @@ def contact_edge(
     x, y = u * (1 - film.camera * z), v * (1 - film.camera * z)
     n = np.stack([x - cx, y - cy, np.maximum(z - cz, 0)])
     n /= np.sqrt((n * n).sum(0))
-    on_ball = predict(film, n, x, y, z, None, np.full_like(z, film.contact)) + thrown
+    high = np.maximum(z, film.contact) if beneath is None else z
+    on_ball = predict(film, n, x, y, high, None, np.full_like(z, film.contact)) + thrown
     # Both the far side of a ball and its shadow are dark.
     lit = light > MIN_WEIGHT_LIGHT
     inside, outside = (_departure(light - model, lit) for model in (on_ball, at_rest + thrown))

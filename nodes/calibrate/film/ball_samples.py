@@ -107,10 +107,7 @@ class _Frame(NamedTuple):
     def beneath(self, circle: F4 | F8) -> tuple[F8, F8, F8]:
         """Where the camera sees the film at rest in the middles of balls: x, y and z in mm."""
         column, row = np.atleast_2d(circle)[:, :2].T
-        return self.film_at(*self.place(row, column))
-
-    def film_at(self, u: F8, v: F8) -> tuple[F8, F8, F8]:
-        """Where the film at rest is that the camera sees at places u, v: x, y and z in mm."""
+        u, v = self.place(row, column)
         return (u, v, np.zeros_like(u)) if self.shape is None else self.shape.at(u, v)[1:]
 
     def scale(self, circle: F4 | F8) -> F8:
@@ -244,9 +241,11 @@ def sample_balls(
     for number, reach in enumerate(np.minimum(FITTED_RADIUS_SHARE * circle[:, 2], steep)):
         at = frame.around(circle[number], reach)
         u, v = frame.place(*at)
-        base, size = float(frame.beneath(circle[number])[2][0]), float(radius[number])
-        centre = frame.centre(circle[number], size, moved[number])
-        away = away_on(u, v, frame.film_at(u, v)[2], base, centre, size, film.camera)
+        away = np.hypot(*(at[::-1].T - circle[number, :2]).T) * scale[number]
+        if shape is not None:
+            base, size = float(frame.beneath(circle[number])[2][0]), float(radius[number])
+            centre = frame.centre(circle[number], size, moved[number])
+            away = away_on(u, v, shape.at(u, v)[3], base, centre, size, film.camera)
         inside = away < reach * scale[number]
         pixels.append(at[:, inside & (masks[of[number]][tuple(at)] > 0)])
     fields = (
@@ -318,7 +317,7 @@ def _edge(press: F4, thrown: F4, circle: F4 | F8, radius: float, shift: F8, scen
     film, frame, *_ = scene
     at = frame.around(circle, MAX_EDGE_RATIO * circle[2])
     u, v = frame.place(*at)
-    light, bounced = press[:, *at].astype(np.float64), film.albedo * thrown[:, *at]
+    light, bounced = (plane[:, *at].astype(np.float64) for plane in (press, film.albedo * thrown))
     beneath = None
     if frame.shape is not None:
         beneath = Beneath(*frame.shape.at(u, v), bounced, frame.beneath(circle)[2])

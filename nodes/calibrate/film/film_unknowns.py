@@ -108,7 +108,7 @@ class Unknowns(NamedTuple):
 
     def with_values(self, now: Fitted, values: F8) -> Fitted:
         """Return a fit with other values, U; a coat's base has the albedo."""
-        leds, stated, film = now.leds.copy(), {}, dict[str, Any]()
+        leds, stated, film = now.leds.copy(), dict[str, Any](), dict[str, Any]()
         for name, at in self.numbers(now).items():
             if name in LED_UNKNOWNS:
                 leds[:, list(LED_UNKNOWNS).index(name)] = values[at]

@@ -150,9 +150,9 @@ def fit_film(
         closed.add("bounce")
     best, balls, held_out = choose(trial, start, {*get_args(FilmPart)} - closed)
     sure = certainty(balls, rest, best.parts, best.fitted)
-    hidden = {name: 0.0 for name in ("wrap", "emission") if not sure.shows(name)}
+    hidden: dict[str, Any] = {name: 0.0 for name in ("wrap", "emission") if not sure.shows(name)}
     # Film that is no plane ends with the frame.
-    film = best.fitted.film._replace(**hidden, **({} if shape is None else {"rim": 0.0}))
+    film = best.fitted.film._replace(**hidden | ({} if shape is None else {"rim": 0.0}))
     plain = not best.parts and best.degree is None and camera_mm is None
     if plain and not film.emission:
         # A matt film under points keeps the LED positions that were fitted to all pixels.
