@@ -15,7 +15,7 @@ from tactograph.graph.rings import bring
 from tactograph.nodes import F4, I4, Height
 from tactograph.nodes.files.image_files import read_heights
 from tactograph.nodes.files.result_file import refuse_changed
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 
 MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1.0
 """Pixels that sensors of touch have; a size outside is one in another unit, such as um."""

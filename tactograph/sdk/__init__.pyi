@@ -96,13 +96,13 @@ from tactograph.nodes.files.result_file import (
     RESULT_FILE as RESULT_FILE,
     write_result_file as write_result_file,
 )
+from tactograph.nodes.optics.camera_view import (
+    View as View,
+)
 from tactograph.nodes.optics.shape import (
     Length as Length,
     Shape as Shape,
     ShapeImage as ShapeImage,
-)
-from tactograph.nodes.optics.view import (
-    View as View,
 )
 from tactograph.nodes.stream.layer_kinds import (
     layer_kinds as layer_kinds,

@@ -12,7 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 from tactograph.graph import Provenance, Session
 from tactograph.nodes.contact.measure_contact import measure_contact
 from tactograph.nodes.files.height_files import Surface
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.recording.files.mcap_log import log_files

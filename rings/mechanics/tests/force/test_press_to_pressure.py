@@ -21,7 +21,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F8, U1
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import PressForce, press_to_pressure
 from tests.nodes.contact.test_largest_contacts import CONTACT, HEIGHT, SMALL
 

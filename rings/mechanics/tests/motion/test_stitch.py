@@ -27,7 +27,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.progress import progress_text
 from tactograph.nodes import F4
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
 from tactograph.rings.batch.entry import DONE, Entry
