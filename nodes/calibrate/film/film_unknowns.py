@@ -23,13 +23,13 @@ class Unknown(NamedTuple):
 
 STATED_UNKNOWNS = "size", "power"
 """Unknowns of what was stated, not of the film: the balls' radius and the camera's gamma."""
-PLAIN_VALUES: dict[str, Any] = {
+PLAIN_FILM: dict[str, Any] = {
     name: stored.plain for name, (_, stored) in stored_values(Film).items()
 }
 """The values that switch parts off."""
 USUAL_ALBEDO = Unknown(0.5, 0.4)
 """Of the film, and of the base under its coat: one value, found by both."""
-EMISSION_UNKNOWN = Unknown(PLAIN_VALUES["emission"], 0.7)
+EMISSION_UNKNOWN = Unknown(PLAIN_FILM["emission"], 0.7)
 """m: an LED that faces the middle of the film emits as cos^m of the angle from its axis.  It is
 fitted to the flat frame only: ignoring it would give a wrong distance there, while touched film,
 relative to the flat frame, hardly depends on it."""
@@ -45,14 +45,14 @@ LED_UNKNOWNS = {
 """An LED's own, in the order of `Fitted.leds`.  The film at rest leaves the strengths' common
 factor free, and without a flat frame all of them, so that a prior holds them."""
 SHARED_UNKNOWNS = {
-    "gain": Unknown(PLAIN_VALUES["gain"], 0.1),
-    "wrap": Unknown(PLAIN_VALUES["wrap"], 0.2),
+    "gain": Unknown(PLAIN_FILM["gain"], 0.1),
+    "wrap": Unknown(PLAIN_FILM["wrap"], 0.2),
     "base": USUAL_ALBEDO,
     "roughness": Unknown(0.25, 0.15),
     "refraction": Unknown(1.5, 0.05),
     "albedo": USUAL_ALBEDO,
-    "rim": Unknown(PLAIN_VALUES["rim"], 1.0),
-    "camera": Unknown(PLAIN_VALUES["camera"], 0.01),
+    "rim": Unknown(PLAIN_FILM["rim"], 1.0),
+    "camera": Unknown(PLAIN_FILM["camera"], 0.01),
     "diffuse": Unknown(0.2, 0.3),
 }
 """By name; `diffuse` is one for each LED.  Their limits are those of a `Film`."""
@@ -126,7 +126,7 @@ class Unknowns(NamedTuple):
         """Move newly freed parameters away from the values that switch them off."""
         values = self.values(start)
         for name, at in self.numbers(start).items():
-            if name not in LED_UNKNOWNS and np.all(values[at] == PLAIN_VALUES.get(name)):
+            if name not in LED_UNKNOWNS and np.all(values[at] == PLAIN_FILM.get(name)):
                 values[at] = SHARED_UNKNOWNS[name].start
         return self.with_values(start, values)
 
