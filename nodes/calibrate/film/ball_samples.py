@@ -31,7 +31,6 @@ from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contac
 from tactograph.nodes.calibrate.film.ball_normals import BALL_PARTS
 from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
 from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO
-from tactograph.nodes.calibrate.lights.light_fit import HEIGHT_DEVIATION_MM
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain, film_drift
@@ -45,6 +44,8 @@ FITTED_RADIUS_SHARE = 0.95
 FINE_CELLS = 4 * DEFAULT_MAX_CELLS
 """Cells of `film_bounce` on a matt film, and in the last fit on one with a coat, which takes seven
 times as long.  With coarser cells the light changes in steps with a ball's height or the rim."""
+LIFT_SHARE = 0.02
+"""Share of a ball's radius by which it is lifted, to differentiate a bounce by its height."""
 BOUNCED_ALBEDO, RIM_STEP_MM = USUAL_ALBEDO.start, SHARED_UNKNOWNS["rim"].spread
 """Albedo of the film for which a bounce is computed, and mm by which the film is widened, to
 differentiate it by the film's rim."""
@@ -370,8 +371,7 @@ def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene
         whole, removed = light / np.float32(BOUNCED_ALBEDO), level / np.float32(BOUNCED_ALBEDO)
         return _Thrown(whole, whole - removed)
 
-    # Lifted by as much as its height is uncertain by, and widened in the same way.
-    lift = HEIGHT_DEVIATION_MM * min(1.0, float(radius.min()))
+    lift = LIFT_SHARE * float(radius.min())
     wider = film._replace(rim=film.rim + RIM_STEP_MM)
     # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
     matt = film._replace(refraction=1.0)
