@@ -5,7 +5,7 @@ import click
 
 @click.command("cameras", short_help="List the cameras that are plugged in.")
 def command() -> None:
-    """List cameras: device, name and serial number."""
+    """List cameras: device, name, serial number, formats, sizes and rates."""
     from tactograph.sdk.nodes import list_cameras
 
     list_cameras()

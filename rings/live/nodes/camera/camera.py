@@ -37,7 +37,7 @@ class Camera:
 
     Attributes
     ----------
-    faults : counts of "dropped", "camera lost", and "lost" if the camera numbers frames
+    faults : counts of "dropped", "camera lost", and "lost" if the kernel numbers frames
     refused : settings that the driver refused at the last opening
     connections : how often the camera was opened
     """
@@ -197,7 +197,7 @@ class Camera:
         return self._settings.view.of(plane) if self._settings.view else plane
 
     def _put(self, moment: float, data: Plane, sequence: int | None) -> None:
-        """Queue a frame; the camera's numbers show how many are missing before it."""
+        """Queue a frame; the kernel's numbers show how many are missing before it."""
         with self._changed:
             if sequence is not None:
                 if self._sequence is not None and sequence > self._sequence + 1:

@@ -6,6 +6,7 @@ from typing import Annotated, Any, NamedTuple
 from annotated_types import Gt, Interval
 
 from tactograph.rings.live.nodes.camera._camera_names import serial_of
+from tactograph.rings.live.nodes.camera.open_camera import Library
 from tactograph.sdk.unstable import SensorIdentity
 
 SIMULATED_NAME = "simulated"
@@ -34,6 +35,9 @@ class CameraParams(NamedTuple):
         camera ``genicam:28F5K4RR``), device (``/dev/v4l/by-id/...``), URL or video file;
         ``simulated`` for a simulated sensor, with its scene behind a question mark:
         ``simulated?radius_mm=3&depth_mm=0.5``.
+    library
+        "opencv" opens the camera.  "linuxpy" (Linux only) adds the kernel's time and number of
+        each frame, and all bits of grey frames (``pip install 'tactograph[linux]'``).
     rate : frames per second, and steps of LEDs that flash per second
     exposure, gain, white_balance
         In the driver's units; None keeps the driver's values.  Automatic control is turned off.
@@ -47,6 +51,7 @@ class CameraParams(NamedTuple):
     """
 
     camera: int | str = 0
+    library: Library = "opencv"
     rate: Annotated[float, Gt(0)] = 30.0
     exposure: float | None = None
     gain: float | None = None

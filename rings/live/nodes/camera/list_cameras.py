@@ -3,21 +3,28 @@
 import os
 import sys
 
+import cv2
 from rich.console import Console
 from rich.table import Table
 
 from tactograph.rings.live.nodes.camera._camera_names import named_cameras
-from tactograph.rings.live.nodes.camera._genicam_camera import PRODUCER_VARIABLE, genicam_cameras
+from tactograph.rings.live.nodes.camera._genicam_camera import (
+    PRODUCER_VARIABLE,
+    GenicamCapture,
+    genicam_cameras,
+)
+from tactograph.rings.live.nodes.camera._linux_camera import linuxpy
 from tactograph.sdk import InputError, node
 
 
 @node
 def list_cameras() -> None:
-    """Print device, name and serial number of every camera.
+    """Print device, name and serial number of every camera, its formats, sizes and rates.
 
-    ``camera=serial:...`` selects a camera regardless of its port.  Industrial cameras, as
-    ``genicam:...``, need harvesters (``pip install 'tactograph[genicam]'``) and their maker's GenTL
-    producer in GENICAM_GENTL64_PATH.
+    ``camera=serial:...`` selects a camera regardless of its port.  Formats, sizes and rates need
+    linuxpy (``pip install 'tactograph[linux]'``).  Industrial cameras, as ``genicam:...``, need
+    harvesters (``pip install 'tactograph[genicam]'``) and their maker's GenTL producer in
+    GENICAM_GENTL64_PATH.
 
     Raises
     ------
@@ -28,11 +35,52 @@ def list_cameras() -> None:
     industrial = genicam_cameras() if os.environ.get(PRODUCER_VARIABLE) else []
     if sys.platform != "linux" and not industrial:
         raise InputError("cameras are listed on Linux only; elsewhere try the indices 0, 1, ...")
-    cameras = [*named_cameras(), *industrial]
-    table = Table("device", "name", "serial", box=None, pad_edge=False)
+    cameras = named_cameras()
+    table = Table(box=None, pad_edge=False)
+    for title in ("device", "name", "serial", "formats, sizes and frames per second"):
+        table.add_column(title, overflow="fold")
+    hint = ""
     for camera in cameras:
-        table.add_row(camera.device, camera.name, camera.serial or "-")
-    if cameras:
-        Console(width=None if sys.stdout.isatty() else 120).print(table)
-    else:
+        try:
+            formats = "\n".join(_formats(camera.device))
+        except InputError as error:
+            formats, hint = "", str(error)
+        table.add_row(camera.device, camera.name, camera.serial or "-", formats)
+    for camera in industrial:
+        table.add_row(camera.device, camera.name, camera.serial, _pixel_formats(camera.device))
+    if not cameras and not industrial:
         print("no camera is plugged in, or the kernel knows none")
+        return
+    Console(width=None if sys.stdout.isatty() else 120).print(table)
+    if hint:
+        print(f"formats are not listed: {hint}")
+
+
+def _formats(device: str) -> list[str]:
+    """One line per pixel format: sizes, and the fastest rate of each."""
+    video = linuxpy()
+    lines: dict[str, list[str]] = {}
+    try:
+        with video.Device(device) as opened:
+            for kind in opened.info.frame_types:
+                size = f"{kind.width}x{kind.height}@{float(kind.max_fps):g}"
+                lines.setdefault(kind.pixel_format.name, [])
+                if size not in lines[kind.pixel_format.name]:
+                    lines[kind.pixel_format.name].append(size)
+    except OSError as error:
+        return [f"cannot be opened: {error.strerror or error}"]
+    return [f"{name}: {' '.join(sizes)}" for name, sizes in lines.items()]
+
+
+def _pixel_formats(camera: str) -> str:
+    """The pixel formats of a GenICam camera, and the size that it is set to."""
+    capture = GenicamCapture(camera, colour=False)
+    try:
+        if not capture.isOpened():
+            return f"cannot be opened: {capture.reason}"
+        width, height = (
+            capture.get(prop) for prop in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+        )
+        return f"{' '.join(capture.formats)}: {width:g}x{height:g}"
+    finally:
+        capture.release()

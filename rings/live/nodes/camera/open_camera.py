@@ -3,7 +3,7 @@
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, Literal, Protocol, cast
 
 # Seconds that V4L2 waits for a frame of a camera that has stopped; OpenCV's default of 10 would
 # keep the thread from reopening it.  OpenCV reads the variable at the first wait.
@@ -14,17 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.live.nodes.camera._camera_names import DEVICE_FILE, GENICAM_PREFIX, device_of
-from tactograph.rings.live.nodes.camera._genicam_camera import GenicamCapture, check_genicam
+from tactograph.rings.live.nodes.camera._genicam_camera import (
+    GenicamCapture,
+    check_genicam,
+)
+from tactograph.rings.live.nodes.camera._linux_camera import LinuxCapture, linuxpy
 from tactograph.sdk import InputError
 
+Library = Literal["opencv", "linuxpy"]
 Plane = NDArray[np.uint8] | NDArray[np.uint16]
 
 NETWORK_TIMEOUTS_MS = (cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, 1000, cv2.CAP_PROP_READ_TIMEOUT_MSEC, 1000)
 """OpenCV's defaults are half a minute."""
 FILE_BACKENDS = ("FFMPEG", "CV_MJPEG", "CV_IMAGES", "GSTREAMER")
 """Back ends for files or network streams, which have no exposure to set."""
-RAW_FORMATS = ("Y10 ", "Y12 ", "Y16 ")
-"""Grey pixel formats that OpenCV hands on as 16 bits, unless it converts them to 8."""
 
 
 class Capture(Protocol):
@@ -88,7 +91,9 @@ class CameraSettings:
     view: View | None = None
 
 
-def open_capture(camera: int | str, *, colour: bool = False) -> Capture:
+def open_capture(
+    camera: int | str, library: Library = "opencv", *, colour: bool = False
+) -> Capture:
     """Open a camera by index, serial number, path or URL; check `isOpened` of the result."""
     if str(camera).startswith(GENICAM_PREFIX):
         return GenicamCapture(str(camera), colour=colour)
@@ -96,6 +101,8 @@ def open_capture(camera: int | str, *, colour: bool = False) -> Capture:
         text = device_of(str(camera))
     except InputError:
         return cv2.VideoCapture()  # it is unplugged
+    if library == "linuxpy":
+        return LinuxCapture(f"/dev/video{text}" if text.isdecimal() else text, colour=colour)
     # A camera that cannot be opened is reported once, by us.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     node = DEVICE_FILE.fullmatch(text)
@@ -123,10 +130,8 @@ def settle(capture: Capture, settings: CameraSettings) -> list[str]:
         (cv2.CAP_PROP_AUTOFOCUS, 0.0, "automatic focus off", False),
     ]
     code = None if settings.format is None else float(cv2.VideoWriter.fourcc(*settings.format))
-    raw = 0.0 if settings.format in RAW_FORMATS else None
     chosen = [
         (cv2.CAP_PROP_FOURCC, code, "pixel format", False),
-        (cv2.CAP_PROP_CONVERT_RGB, raw, "all bits of grey", False),
         (cv2.CAP_PROP_FRAME_WIDTH, settings.width, "width", True),
         (cv2.CAP_PROP_FRAME_HEIGHT, settings.height, "height", True),
         (cv2.CAP_PROP_FPS, settings.rate, "frames per second", True),
@@ -152,17 +157,20 @@ def _manual(capture: Capture) -> float:
     return 1.0 if capture.getBackendName() in ("V4L2", "V4L") else 0.25
 
 
-def check_camera(camera: int | str) -> bool:
+def check_camera(camera: int | str, library: Library = "opencv") -> bool:
     """Tell if `camera` is a file; refuse a path to nothing.
 
     Raises
     ------
     InputError
-        If it looks like a path but nothing is there, or no camera has its serial number.
+        If it looks like a path but nothing is there, no camera has its serial number, or the
+        library is not installed.
     """
     if str(camera).startswith(GENICAM_PREFIX):
         check_genicam(str(camera))
         return False
+    if library == "linuxpy":
+        linuxpy()
     text = device_of(str(camera))
     if text.isdecimal() or "://" in text or text.startswith("/dev/"):
         return False

@@ -226,7 +226,7 @@ def open_rig(
     lit_between: LitBetween | None = None
     table = _simulated(driver, preset, calibration)
     # Before LEDs are looked for.
-    once = table is None and check_camera(driver.camera)
+    once = table is None and check_camera(driver.camera, driver.library)
     with ExitStack() as undo:
         # Close everything again if a later step fails or Ctrl-C is pressed.
         if table is not None:
@@ -274,7 +274,7 @@ def open_colour_sensor(
     preset = preset_of(driver.sensor, flashing=False)
     table = _simulated(driver, preset, calibration, order)
     settings = camera_settings(driver, size, None if table else preset, colour=True)
-    once = table is None and check_camera(driver.camera)
+    once = table is None and check_camera(driver.camera, driver.library)
     return Sensor(_open_camera(driver, settings, queue, table, once=once), table)
 
 
@@ -310,7 +310,7 @@ def _open_camera(
     if table is not None:
         connect = partial(SimulatedCamera, table, lit_between)
     else:
-        connect = partial(open_capture, driver.camera, colour=settings.colour)
+        connect = partial(open_capture, driver.camera, driver.library, colour=settings.colour)
     camera = Camera(connect, settings, queue=queue, timeout=driver.timeout_s, once=once)
     try:
         camera.check(START_S, driver.camera)

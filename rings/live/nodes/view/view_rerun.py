@@ -43,6 +43,9 @@ from tactograph.sdk.unstable import Surface
 VIEWER_PORT = 9876
 OPEN_TIMEOUT_S = 5.0
 """Longest time that a viewer may take to open."""
+CHECK_EVERY_S = 1.0
+"""Time between two checks that the viewer is still open."""
+CHECK_TIMEOUT_S = 0.05
 FLUSH_TIMEOUT_S = 2.0
 """Longest wait at the end of the stream for a viewer that does not answer."""
 AXIS_MM = 2.0
@@ -58,6 +61,7 @@ def view_rerun(
     viewer: Viewer = "spawn",
     url: str = "rerun+http://127.0.0.1:9876/proxy",
     file: Path | None = None,
+    file_gb: Annotated[float, Gt(0)] = 4.0,
     rate_hz: Annotated[float, Gt(0)] = 10.0,
     image_step: Annotated[int, Interval(ge=1, le=64)] = 2,
     surface_step: Annotated[int, Interval(ge=1, le=64)] = 4,
@@ -82,6 +86,7 @@ def view_rerun(
         one at `url`, here or elsewhere.  "none": only the file.
     url : address of the viewer
     file : an ``.rrd`` file to write; None: no file
+    file_gb : approximate largest size of the file; beyond it, nothing more is sent
     rate_hz : most touches per second that are sent
     image_step : factor by which the LEDs' images, labels and numbers of regions are reduced
     surface_step : spacing in px of the rows and columns whose pixels become vertices of the surface
@@ -91,7 +96,10 @@ def view_rerun(
     InputError
         If Rerun is not installed, a viewer cannot be opened, or the file cannot be written.
     """
-    stream = session.keep(lambda: _Stream(_open(viewer, url, file, lights), 1 / rate_hz))
+    at = None if viewer == "none" else url
+    stream = session.keep(
+        lambda: _Stream(_open(viewer, url, file, lights), at, file, 1e9 * file_gb, 1 / rate_hz)
+    )
     now = clock.monotonic()
     if not stream.is_due(now):
         return
@@ -225,19 +233,38 @@ def _layout(lights: Lights) -> Any:
 class _Stream:
     """A Rerun recording, with the state of what is sent only once or at a limited rate."""
 
-    def __init__(self, recording: Any, pause: float) -> None:
-        self._recording, self._pause = recording, pause
+    def __init__(
+        self, recording: Any, url: str | None, file: Path | None, most_bytes: float, pause: float
+    ) -> None:
+        self._recording, self._url, self._file = recording, url, file
+        self._most_bytes, self._pause = most_bytes, pause
         self._due = 0.0
+        self._look_at = clock.monotonic() + CHECK_EVERY_S
         self._touches = 0
         self._shape: tuple[int, ...] = ()
         self._once: set[str] = set()
         self._top = 0.0
 
     def is_due(self, now: float) -> bool:
-        if now < self._due:
+        if now < self._due or self._recording is None:
             return False
         self._due = now + self._pause
+        if self._url is not None and now >= self._look_at:
+            self._look_at = now + CHECK_EVERY_S
+            self._look(self._url)
+        if self._file is not None and self._file.stat().st_size > self._most_bytes:
+            warn(f"{self._file}: is as large as it may be; view_rerun has ended")
+            self.close()
+            return False
         return True
+
+    def _look(self, url: str) -> None:
+        """Warn if the viewer was closed, because Rerun itself does not report it."""
+        try:
+            _reach(url, CHECK_TIMEOUT_S)
+        except OSError:
+            self._url = None
+            warn(f"view_rerun: the viewer at {url} is gone; the stream goes on without it")
 
     def log(self, path: str | list[object], *entities: Any, static: bool = False) -> None:
         self._recording.log(path, *entities, static=static)
@@ -344,11 +371,14 @@ class _Stream:
             self.log("notes", rerun().TextLog(line, level="WARN"))
 
     def close(self) -> None:
+        recording, self._recording = self._recording, None
+        if recording is None:
+            return
         try:
-            self._recording.flush(timeout_sec=FLUSH_TIMEOUT_S)
+            recording.flush(timeout_sec=FLUSH_TIMEOUT_S)
         except RuntimeError as error:
             warn(f"view_rerun: the viewer did not get all touches: {error}")
-        self._recording.disconnect()
+        recording.disconnect()
 
 
 def _classes(count: int, lights: Lights) -> list[Any]:

@@ -49,12 +49,12 @@ def producer(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         harvester.reset()
 
 
-def test_cameras_are_listed_with_name_and_serial(capsys: pytest.CaptureFixture[str]) -> None:
+def test_cameras_are_listed_with_serial_and_formats(capsys: pytest.CaptureFixture[str]) -> None:
     assert [each.device for each in genicam_cameras()] == [RED, GREEN, "genicam:2"]
     list_cameras()
     told = capsys.readouterr().out
     assert "genicam:1" in told
-    assert "Viky" in told
+    assert "RGBa8 Mono8: 400x400" in told
 
 
 def test_size_and_rate_reach_the_camera_and_frames_are_counted() -> None:
