@@ -22,8 +22,9 @@ BUILDS_ON = {
     "batch": ("export",),
     "curved_film": ("shapes",),
     "live": ("frames", "oneshot"),
-    "mechanics": ("batch", "export"),
+    "mechanics": ("batch", "export", "frames"),
     "metrology": ("export",),
+    "oneshot": ("recheck",),
     "recording": ("frames", "export"),
 }
 """A ring may import another one, as a package imports those on which it depends."""

@@ -251,7 +251,7 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
 def _summary(number: int, result: Result, *, figures: bool) -> str:
     """The sentences among the outputs of an item, or its figures, and its time.
 
-    Where a graph puts sentences out, figures are only told if they are wanted.
+    Where a graph puts sentences out, figures are printed on request only.
     """
     texts = {name: value for name, value in result.outputs.items() if isinstance(value, str)}
     rows = dict(texts)

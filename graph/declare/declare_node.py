@@ -63,7 +63,7 @@ def node(
         divides, or has a rule of its own.
     endless
         A source that yields until it is stopped, such as a camera, or as long as one ran: Ctrl-C
-        is then a way to end a run, not an accident, and not every item is told.
+        is then a way to end a run, not an accident, and not every item is named.
 
     Raises
     ------

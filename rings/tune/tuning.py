@@ -21,7 +21,6 @@ from tactograph.sdk.unstable import (
     Entry,
     Graph,
     Result,
-    alike,
     graph_file,
     settings_of,
     verified,
@@ -221,7 +220,7 @@ class Tuning:
         """Change a node, or, if `every`, that node in all uses of its group."""
         self.graph.entry(node)
         graph = self.graph
-        names = alike(graph, node) if self.every else [node]
+        names = graph.alike(node) if self.every else [node]
         for name in names:
             graph = graph.with_entry(name, changed(name, graph.nodes[name]))
         if any(graph.nodes[n].neutral != self.graph.nodes[n].neutral for n in names):

@@ -96,9 +96,13 @@ from tactograph.nodes.files.result_file import (
     RESULT_FILE as RESULT_FILE,
     write_result_file as write_result_file,
 )
-from tactograph.nodes.stream.frames import (
-    LiveFrames as LiveFrames,
-    LiveState as LiveState,
+from tactograph.nodes.optics.camera_view import (
+    View as View,
+)
+from tactograph.nodes.optics.shape import (
+    Length as Length,
+    Shape as Shape,
+    ShapeImage as ShapeImage,
 )
 from tactograph.nodes.stream.layer_kinds import (
     layer_kinds as layer_kinds,
@@ -112,10 +116,10 @@ from tactograph.nodes.stream.touch import (
     Layer as Layer,
     LayerKind as LayerKind,
     LedLabels as LedLabels,
+    LiveState as LiveState,
     Placed as Placed,
     Regions as Regions,
     StateVector as StateVector,
     Touch as Touch,
-    View as View,
     as_it_is as as_it_is,
 )

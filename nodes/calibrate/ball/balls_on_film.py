@@ -48,8 +48,9 @@ class Balls:
     `ball` gives the ball of each sample, in order.  By ball: `centre` P x 2, contact radius
     `rim` and ball radius `radius`, all in mm.  `bounced` is the light from film to film on the
     samples for an albedo of 1.  Its derivatives per mm are `by_lift` (height of the ball) and
-    `by_rim` (the film's rim).  `sector` numbers quarters of a ball.  `beneath` is the film at rest
-    if it is no plane.
+    `by_rim` (the film's rim).  `sector` numbers quarters of a ball.  `shift_mm` is the standard
+    deviation of a ball's place, `width_mm` the width of film that the camera sees.  `beneath` is
+    the film at rest if it is no plane.
     """
 
     u: F8
@@ -63,6 +64,8 @@ class Balls:
     by_lift: F8
     by_rim: F8
     sector: NDArray[np.intp]
+    shift_mm: float
+    width_mm: float
     beneath: Beneath | None = None
 
     @property
@@ -125,16 +128,11 @@ class Balls:
     def by_ball(self, left: F8, right: F8) -> F8:
         """Sum products over lights and a ball's samples: A x K x N, B x K x N to P x A x B."""
         ends = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
-        return np.stack(
-            [
-                left[..., i:j].reshape(len(left), -1) @ right[..., i:j].reshape(len(right), -1).T
-                for i, j in pairwise(ends)
-            ]
-        )
+        return np.stack([summed(left[..., i:j], right[..., i:j]) for i, j in pairwise(ends)])
 
 
 class Fitted(NamedTuple):
-    """The LEDs' unknowns K x UNKNOWNS_PER_LED, the film, the balls' shifts, and the residual scale.
+    """The LEDs (K x `LED_UNKNOWNS`), the film, the balls' shifts, and the residual scale.
 
     Shifts are P x 3 in mm.  The film's `lights` follow from `leds`.  `size` is the balls' radius
     over the given one, and `power` that to which the camera raises the light: nuisances, both 1
@@ -153,6 +151,11 @@ class Fitted(NamedTuple):
         lights = cast(F4, positions(leds))
         film = self.film._replace(lights=lights, emission=float(leds[:, 4].mean()))
         return self._replace(leds=leds, film=film)
+
+
+def summed(left: F8, right: F8) -> F8:
+    """Sum products over lights and samples: A x K x N, B x K x N to A x B."""
+    return np.tensordot(left, right, ((1, 2), (1, 2)))
 
 
 def predicted(balls: Balls, fitted: Fitted, rest: F8 | None = None) -> F8:

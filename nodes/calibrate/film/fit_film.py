@@ -27,7 +27,6 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.calibrate import (
     MAX_SAMPLE_SLOPE,
-    SHIFT_DEVIATION_PX,
     BallCircles,
     BallPress,
     BallRadii,
@@ -155,41 +154,36 @@ def fit_film(
 
     # A matt film throws no light onto itself, and is sampled again where it may be another.
     balls = samples(matt_film(lights), fine=True)
-    width = pixel * flat.shape[2]
     closed: set[str] = set(without) | ({"camera", "harmonics"} if shape is not None else set())
     glow = None if "bounce" in closed else bounced_at_rest(shape, matt_film(lights), bounce)
     rest = rest_of(flat, pixel, shape, glow)
-    trial = Trial(balls, rest, SHIFT_DEVIATION_PX * pixel, width, samples)
+    trial = Trial(balls, rest, samples, {})
     start = start_at(lights, strength, len(balls.centre))
     if camera_mm is not None:
         start = start._replace(film=start.film._replace(camera=1 / camera_mm))
     tall = balls.radius - sunk(balls.radius, balls.rim)
-    if camera_mm is not None or len(tall) < 2 or tall.max() < MIN_CAP_SHARE * width:
+    if camera_mm is not None or len(tall) < 2 or tall.max() < MIN_CAP_SHARE * balls.width_mm:
         closed.add("camera")
     cell = cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
     if np.median(balls.rim) < MIN_CONTACT_CELLS * cell:
         closed.add("bounce")
-    trial, best, whole, errors = search(trial, start, [p for p in PART_UNKNOWNS if p not in closed])
+    trial, best, whole = search(trial, start, [p for p in PART_UNKNOWNS if p not in closed])
     if "harmonics" not in closed and may_grow(best):
-        best = bend(trial, best, errors)
-    best, balls, bad = without_bad(trial, best)
-    film = best.fitted.film
-    sure = certainty(balls, trial.rest, best.parts, best.fitted, trial.shift_mm, width)
-    if not sure.shows("wrap", film.wrap):
-        film = film._replace(wrap=0.0)
-    if not sure.shows("emission", film.emission):
-        film = film._replace(emission=0.0)
-    if shape is not None:
-        film = film._replace(rim=0.0)
+        best = bend(trial, best)
+    best, balls = without_bad(trial, best)
+    sure = certainty(balls, rest, best.parts, best.fitted)
+    hidden = {name: 0.0 for name in ("wrap", "emission") if not sure.shows(name)}
+    # Film that is no plane ends with the frame.
+    film = best.fitted.film._replace(**hidden, **({} if shape is None else {"rim": 0.0}))
     plain = not best.parts and best.degree is None and camera_mm is None
     if plain and not film.emission:
         # A matt film under points keeps the LED positions that were fitted to all pixels.
         film = film._replace(lights=lights)
     else:
-        others = sure.other_places(best.fitted.leds, width)
+        others = sure.other_places()
     film = film._replace(others=others)
     residual = balls.light - predicted(balls, best.fitted)
-    held_out = held_out_of(trial, best, whole, bad)
+    held_out = held_out_of(trial, best, whole, balls)
     uneven = unevenness(held_out, pixel)
     if len(balls.centre) == 1 and "diffuse" in best.parts:
         # One ball does not tell by how much the gain of touched film varies.
@@ -199,7 +193,7 @@ def fit_film(
         stored(film)._replace(uneven=uneven, grain=rough, pressed_slope=slope),
         misfit=misfit(held_out, film, pixel, uneven),
         residual=np.sqrt(np.square(residual).mean(axis=1)).astype(np.float32),
-        quality=errors | _properties(best, film, trial.rest),
+        quality=trial.figures | _properties(best, film, rest),
         evidence=evidence,
     )
 
@@ -215,13 +209,14 @@ def stored(film: Film) -> Film:
 
 def pressed_slope(balls: Balls) -> float:
     """Return the steepest slope of balls within their contacts, up to the steepest of a sample."""
-    sine = float((balls.rim / balls.radius).max())
+    sine = float((balls.rim / balls.radius)[balls.ball].max())
     return min(sine / math.sqrt(1 - sine**2), MAX_SAMPLE_SLOPE) if sine < 1 else MAX_SAMPLE_SLOPE
 
 
 def _properties(best: Model, film: Film, rest: Rest | None) -> Metrics:
     """Figures: the light left over, and properties of the sensor for which the model has a part."""
-    figures: Metrics = {"led_emission": float(best.fitted.leds[:, 4].mean())}
+    figures: Metrics = {"film_heldout_deg": best.error}
+    figures["led_emission"] = float(best.fitted.leds[:, 4].mean())
     if film.diffuse.any():
         figures["diffuse_percent"] = float(100 * film.diffuse.mean())
         figures["touched_gain"] = film.gain

@@ -11,7 +11,6 @@ from tactograph.nodes.calibrate.lights.light_fit import other_places, place_leds
 from tactograph.nodes.calibrate.lights.light_samples import (
     presses_of,
     rest_of,
-    sample,
     samples_for,
     unreached,
 )
@@ -88,7 +87,7 @@ def calibrate_lights(
     if not presses:
         raise InputError("no pixel of the calibration object is known: is it in the frame?")
     most = samples_for(len(presses))
-    objects = [sample(press, pixel, most, shape) for press in presses]
+    objects = [press.samples(pixel, most, shape) for press in presses]
     dark = unreached(objects)
     if dark:
         raise InputError(

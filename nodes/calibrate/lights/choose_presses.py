@@ -16,7 +16,6 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     Rest,
     presses_of,
     rest_of,
-    sample,
     unreached,
 )
 from tactograph.nodes.optics.rest_shape import RestShape
@@ -120,7 +119,7 @@ def choose_presses(
         raise InputError(why[0].replace("its contact", "the ball"))
     if len(presses) > 1:
         judged = [i for i in pressed if i not in why]
-        objects = {i: sample(presses[i], pixel, MAX_SAMPLES_EACH, shape) for i in judged}
+        objects = {i: presses[i].samples(pixel, MAX_SAMPLES_EACH, shape) for i in judged}
         why |= {i: reason for i in judged if (reason := _unlit(objects[i]))}
         usable = [i for i in pressed if i not in why]
         if not usable:

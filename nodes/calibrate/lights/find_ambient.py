@@ -14,7 +14,6 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     MAX_SAMPLES_EACH,
     presses_of,
     rest_of,
-    sample,
     unreached,
 )
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
@@ -105,7 +104,7 @@ def find_ambient(
         for press in presses:
             light = flat_field(press.light, rest_light, dark)
             brightened = press._replace(light=light, lit=label_lit(light))
-            objects.append(sample(brightened, pixel, MAX_SAMPLES_EACH, shape))
+            objects.append(brightened.samples(pixel, MAX_SAMPLES_EACH, shape))
         if unreached(objects):
             return np.inf
         rest = rest_of(rest_light, pixel, shape)

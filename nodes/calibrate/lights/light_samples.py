@@ -34,6 +34,28 @@ class Press(NamedTuple):
     height: Height
     lit: Labels
 
+    def samples(
+        self, pixel: float, most: float = MAX_SAMPLES, shape: RestShape | None = None
+    ) -> "Object":
+        """Choose about `most` samples of an object, spread evenly over it."""
+        light, slope, mask, height, lit = self
+        p, q = slope
+        nz = 1 / np.sqrt(1 + p * p + q * q)
+        inside = binary_erosion(mask > 0, iterations=EDGE_MARGIN_PX, border_value=1)
+        rows, columns = np.nonzero(inside & (p * p + q * q < MAX_SAMPLE_SLOPE * MAX_SAMPLE_SLOPE))
+        stride = max(1, int(np.sqrt(rows.size / most)))
+        chosen = (rows % stride == 0) & (columns % stride == 0)
+        rows, columns = rows[chosen], columns[chosen]
+        values = light[:, rows, columns].astype(np.float64)
+        numbers = np.arange(len(light))[:, None]
+        reached = (lit[rows, columns][None, :] >> numbers & 1 > 0) & (values > DIM_LIGHT)
+        x = places(light.shape[2], np.float32(pixel)).astype(np.float64)[columns]
+        y = places(light.shape[1], np.float32(pixel)).astype(np.float64)[rows]
+        reach = reached.sum(axis=1) * stride * stride
+        normal = np.stack([-p * nz, -q * nz])
+        beneath = None if shape is None else shape.at(x, y)
+        return Object(rows, columns, values, reached, x, y, normal, height, reach, beneath)
+
 
 @dataclass(frozen=True)
 class Object:
@@ -86,29 +108,6 @@ def presses_of(light: F4, slope: F4, mask: U1, height: F4, lit: U1, rows: int) -
     """Cut the sheets of presses, each of `rows` rows, into single presses."""
     sheets = (light, slope, mask, height, lit)
     return [Press(*parts) for parts in zip(*(cut(sheet, rows) for sheet in sheets), strict=True)]
-
-
-def sample(
-    press: Press, pixel: float, most: float = MAX_SAMPLES, shape: RestShape | None = None
-) -> Object:
-    """Choose about `most` samples of an object, spread evenly over it."""
-    light, slope, mask, height, lit = press
-    p, q = slope
-    nz = 1 / np.sqrt(1 + p * p + q * q)
-    inside = binary_erosion(mask > 0, iterations=EDGE_MARGIN_PX, border_value=1)
-    rows, columns = np.nonzero(inside & (p * p + q * q < MAX_SAMPLE_SLOPE * MAX_SAMPLE_SLOPE))
-    stride = max(1, int(np.sqrt(rows.size / most)))
-    chosen = (rows % stride == 0) & (columns % stride == 0)
-    rows, columns = rows[chosen], columns[chosen]
-    values = light[:, rows, columns].astype(np.float64)
-    numbers = np.arange(len(light))[:, None]
-    reached = (lit[rows, columns][None, :] >> numbers & 1 > 0) & (values > DIM_LIGHT)
-    x = places(light.shape[2], np.float32(pixel)).astype(np.float64)[columns]
-    y = places(light.shape[1], np.float32(pixel)).astype(np.float64)[rows]
-    reach = reached.sum(axis=1) * stride * stride
-    normal = np.stack([-p * nz, -q * nz])
-    beneath = None if shape is None else shape.at(x, y)
-    return Object(rows, columns, values, reached, x, y, normal, height, reach, beneath)
 
 
 def samples_for(presses: int) -> float:

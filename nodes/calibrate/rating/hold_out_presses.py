@@ -23,7 +23,6 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     Press,
     presses_of,
     rest_of,
-    sample,
     samples_for,
 )
 from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
@@ -106,7 +105,7 @@ def hold_out_presses(
         return HeldOut(degrees, microns, quality)
     rest, width_mm = rest_of(flat, pixel), pixel * flat.shape[2]
     most = samples_for(len(used) - 1)
-    objects = {i: sample(presses[i], pixel, most) for i in used}
+    objects = {i: presses[i].samples(pixel, most) for i in used}
     everything = place_leds(list(objects.values()), rest, width_mm)
     percent = []
     for i in used:

@@ -1,7 +1,7 @@
 """The bend of a film at rest, by a model of its light that has a coat.
 
 A coat's mirror images and what the film throws on itself change the light as a bend does.  Fitted
-at once they are told apart, since the flat frame shows both over the whole film.
+at once they are separated, since the flat frame shows both over the whole film.
 """
 
 import math
@@ -13,10 +13,8 @@ import numpy as np
 
 from tactograph.sdk import F4, F8, InputError, Light
 from tactograph.sdk.unstable import (
-    DERIVATIVE_STEP,
     MAX_ROUNDS,
     PART_UNKNOWNS,
-    SHIFT_DEVIATION_PX,
     SURE_ODDS,
     BallPress,
     BallRadii,
@@ -41,6 +39,8 @@ from tactograph.sdk.unstable import (
     start_at,
 )
 
+DERIVATIVE_STEP = float(np.sqrt(np.finfo(np.float32).eps))
+"""Relative step of derivatives of light, which is of single precision."""
 COATED_PARTS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
 """Parts of a film with a coat, and of one that lights itself as well."""
 
@@ -94,7 +94,7 @@ def coated_bend(bending: Bending, unknowns: F8, independent: float) -> tuple[F8,
         If the film has one, and the height of the pupil is not given.
     """
     matt = _round(bending, unknowns, frozenset(), None)
-    coat = fit(matt.balls, matt.rest, COATED_PARTS[0], matt.fitted, *_sizes(bending))
+    coat = fit(matt.balls, matt.rest, COATED_PARTS[0], matt.fitted)
     now = matt._replace(fitted=coat)
     more = len(PART_UNKNOWNS["lobe"])
     if log_odds(matt.fitted.scale, coat.scale, more, independent) < math.log(SURE_ODDS):
@@ -140,17 +140,12 @@ def _round(bending: Bending, unknowns: F8, parts: frozenset[str], before: Fitted
     glow = bounced_at_rest(laid.shape, film, bending.bounce) if "bounce" in parts else None
     rest = rest_of(bending.flat, bending.pixel, laid.shape, glow)
     assert rest is not None  # `find_rest` refuses a uniform flat frame
-    fitted = fit(balls, rest, parts, start, *_sizes(bending))
+    fitted = fit(balls, rest, parts, start)
     return _Round(laid, balls, rest, fitted)
 
 
-def _sizes(bending: Bending) -> tuple[float, float]:
-    """Standard deviation of a ball's place, and the film's width, in mm."""
-    return SHIFT_DEVIATION_PX * bending.pixel, bending.pixel * bending.flat.shape[2]
-
-
 def _step(bending: Bending, now: _Round, parts: frozenset[str], further: Further) -> tuple[F8, F8]:
-    return further_step(now.balls, now.rest, parts, now.fitted, further, *_sizes(bending))
+    return further_step(now.balls, now.rest, parts, now.fitted, further)
 
 
 def _further(bending: Bending, unknowns: F8, now: _Round) -> Further:

@@ -10,12 +10,16 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.rings.curved_film.nodes._coated_bend import Bending, Laid, coated_bend
+from tactograph.rings.curved_film.nodes._coated_bend import (
+    DERIVATIVE_STEP,
+    Bending,
+    Laid,
+    coated_bend,
+)
 from tactograph.rings.curved_film.nodes.read_rest import by_rays
 from tactograph.sdk import F4, F8, InputError, Light, Metrics, PixelSize, Port, node
 from tactograph.sdk.nodes import film_bounce, find_balls, label_lit
 from tactograph.sdk.unstable import (
-    DERIVATIVE_STEP,
     UM_PER_MM,
     BallCircles,
     BallOnShape,
@@ -33,19 +37,14 @@ from tactograph.sdk.unstable import (
     ScaleError,
     SheetLight,
     StatedCircles,
-    all_residuals,
     cut,
     descend,
     huber,
     huber_weight,
-    is_uniform,
-    jacobian_of,
     place_leds,
     places,
     refined,
     rest_of,
-    rest_shape,
-    sample,
 )
 
 TRIED_BENDS = (0.0, 0.25, -0.25, 0.55, -0.55)
@@ -82,8 +81,7 @@ class Bend(NamedTuple):
     @property
     def residuals(self) -> F8:
         """Residuals of balls and flat frame."""
-        placed = self.trial.placed
-        return all_residuals(self.trial.objects, self.trial.rest, placed.leds, placed.shifts)
+        return self.trial.placed.residuals(self.trial.objects, self.trial.rest)
 
     @property
     def cost(self) -> float:
@@ -184,7 +182,7 @@ def find_rest(
     """
     if stated is not None:
         return FoundRest(stated.height, stated.binned(factor), {})
-    if is_uniform(flat):
+    if rest_of(flat, pixel) is None:
         raise InputError(
             "finding the film's shape needs `flat`: the untouched film's light tells it"
         )
@@ -238,7 +236,7 @@ def bent(size: tuple[int, int], pixel: float, camera: float, unknowns: F8) -> Re
         level = np.sqrt(1 - np.minimum(kx * kx + ky * ky, MAX_SLANT**2))
         return np.asarray((x * kx + y * ky) / (1 + level) + gx * x + gy * y)
 
-    return rest_shape(by_rays(size, pixel, camera, height).astype(np.float32), pixel, camera)
+    return RestShape.of(by_rays(size, pixel, camera, height).astype(np.float32), pixel, camera)
 
 
 def tried_bends(presses: BallPresses) -> tuple[Bend, Bend]:
@@ -317,9 +315,9 @@ def fitted_bend(presses: BallPresses, bend: Bend, *, only_ball: bool = False) ->
         residuals, trial, columns = now.residuals, now.trial, []
         for way in DERIVATIVE_STEP * ways:
             other = _on(presses, now.unknowns + way, trial.circles)
-            after = all_residuals(*other, trial.placed.leds, trial.placed.shifts)
+            after = trial.placed.residuals(*other)
             columns.append((after - residuals) / DERIVATIVE_STEP)
-        by = jacobian_of(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
+        by = trial.placed.jacobian(trial.objects, trial.rest)
         whole, weight = np.column_stack([by, *columns]), huber_weight(residuals)
         scale = np.sqrt(np.maximum(np.square(whole).sum(axis=0), 1e-30))
         whole = whole / scale
@@ -367,5 +365,5 @@ def _on(
         near = (away < SAMPLED_SHARE * first.radius).astype(np.uint8)
         ball = on.slopes(circle, near)
         press = Press(light, ball.slope, near, ball.height, label_lit(light))
-        objects.append(sample(press, presses.pixel, MAX_SAMPLES, shape))
+        objects.append(press.samples(presses.pixel, MAX_SAMPLES, shape))
     return objects, rest_of(presses.flat, presses.pixel, shape)

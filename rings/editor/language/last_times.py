@@ -6,7 +6,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from tactograph.sdk import RESULT_FILE
-from tactograph.sdk.unstable import Document, Graph, parse_yaml
+from tactograph.sdk.unstable import Document, Graph
 
 FOLDER_DEPTHS = ("", "*/", "*/*/")
 """How far below a folder results are looked for."""
@@ -15,7 +15,7 @@ FOLDER_DEPTHS = ("", "*/", "*/*/")
 def times_beside(text: str, graph: Graph, folders: list[Path]) -> Iterator[tuple[int, str]]:
     """Lines, from 0, of nodes and changes, each with the milliseconds of what it speaks of."""
     times = _last_times(graph.name, folders)
-    document = parse_yaml(text, "")
+    document = Document.parse(text, "")
     for line, name in _named(document) if times else ():
         full = graph.in_full(name)
         spent = [ms for node, ms in times.items() if f"{node}.".startswith(f"{full}.")]

@@ -3,13 +3,9 @@
 from pathlib import Path
 
 from tactograph.sdk import Height, node, warn
-from tactograph.sdk.nodes import distort_height
+from tactograph.sdk.nodes import distort_height, read_calibration
 from tactograph.sdk.unstable import (
-    CALIBRATION_KIND,
     RELIEF_FIGURE,
-    check_use,
-    read_about,
-    read_arrays,
     read_result,
 )
 
@@ -41,7 +37,5 @@ def read_rest_height(*, height: Path, calibration: Path | None = None) -> Height
                 "without the sensor's `calibration`"
             )
         return None
-    arrays = read_arrays(calibration, CALIBRATION_KIND)
-    check_use(calibration, read_about(calibration), None)
-    rest = arrays.get("rest")
-    return None if rest is None or not rest.any() else distort_height(rest, arrays["lens"])
+    sensor = read_calibration(file=calibration)
+    return None if sensor.rest is None else distort_height(sensor.rest, sensor.lens)

@@ -1,6 +1,6 @@
 """Find what has changed between two frames of the untouched film.
 
-Long because LEDs, ambient light, shift, dirt and dents can only be told apart together.
+Long because LEDs, ambient light, shift, dirt and dents can only be separated together.
 """
 
 from typing import Annotated, NamedTuple
@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.rings.recheck.nodes import TiltResponse
 from tactograph.rings.recheck.nodes._led_order import other_order
 from tactograph.sdk import F4, F8, Height, InputError, Light, PixelSize, Port, SizeLimit, node
 from tactograph.sdk.nodes import integrate_dct
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, MIN_FLAT_LIGHT, TiltResponse, terms
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, MIN_FLAT_LIGHT, terms
 
 MIN_LIGHT = 0.002
 """Smallest light that is not dark: half a step of 8 bits."""
@@ -72,7 +73,7 @@ def film_change(
     pixel : mm per px
     new_film
         Whether the film was replaced.  Then smooth changes may differ from LED to LED, and
-        ambient light and shift, which cannot be told from them, are returned as 0.
+        ambient light and shift, which cannot be separated from them, are returned as 0.
 
     Returns
     -------

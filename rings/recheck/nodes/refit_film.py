@@ -8,16 +8,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
 from tactograph.sdk import F4, F8, Light, Metrics, PixelSize, SizeLimit, node, warn
 from tactograph.sdk.nodes import film_bounce
 from tactograph.sdk.unstable import (
     FINAL_SAMPLES,
     FOLD_COUNT,
     LIGHT_DEVIATION,
-    MAX_INDEPENDENT,
     PART_UNKNOWNS,
     SHARED_UNKNOWNS,
-    SHIFT_DEVIATION_PX,
     BallCircles,
     BallPress,
     BallRadii,
@@ -83,7 +82,6 @@ class _Prior(NamedTuple):
     light: float
     fall: Rest
     ratio: F8
-    shift_mm: float
 
 
 class _Refitted(NamedTuple):
@@ -225,12 +223,12 @@ def _changes(old: Film, new: Film, thicker: float) -> Metrics:
 
 def _prior_of(film: Film, flat: F4, before: F4, pixel: float) -> _Prior:
     """The change of the flat frame; none if either frame is uniform, because none was taken."""
-    now, then, shift_mm = rest_of(flat, pixel), rest_of(before, pixel), SHIFT_DEVIATION_PX * pixel
+    now, then = rest_of(flat, pixel), rest_of(before, pixel)
     if now is None or then is None:
         empty = np.zeros((len(flat), 0))
-        return _Prior(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty, shift_mm)
+        return _Prior(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty)
     light = float(np.median(flat) / np.median(before))
-    return _Prior(film, light, now, _level(now.logarithm - then.logarithm), shift_mm)
+    return _Prior(film, light, now, _level(now.logarithm - then.logarithm))
 
 
 def _level(logarithm: F8) -> F8:
@@ -298,7 +296,7 @@ def _fit(prior: _Prior, balls: Balls, names: tuple[str, ...], start: dict[str, f
     film, count = prior.film, len(balls.centre)
     about = [_usual(prior, name) for name in names]
     usual = np.concatenate([np.zeros(3 * count), [each.start for each in about]])
-    places = place_deviations(balls, prior.shift_mm).ravel()
+    places = place_deviations(balls).ravel()
     spread = np.concatenate([places, [each.spread for each in about]])
     samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
     # Without a change, the flat frames tell how alike they are.

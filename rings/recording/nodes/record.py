@@ -4,10 +4,11 @@ import json
 import time
 from pathlib import Path
 
+from tactograph.rings.frames.live_frames import ALL_LIT, RawFrame
 from tactograph.rings.recording.files.mcap_log import Limits, McapLog
 from tactograph.rings.recording.files.ros_messages import Message, image_message, text_message
 from tactograph.sdk import Light, LiveState, Provenance, Session, node
-from tactograph.sdk.unstable import ALL_LIT, RawFrame, identity_from
+from tactograph.sdk.unstable import SensorIdentity
 
 RECORDING_FORMAT = "1"
 
@@ -105,7 +106,7 @@ class _Recording:
 
 def _sensor(state: LiveState | None, provenance: Provenance) -> dict[str, str]:
     """Return the sensor, by the camera's serial number if it has one, and its calibration."""
-    identity = identity_from(provenance)
+    identity = SensorIdentity.behind(provenance)
     serial = str((state.settings if state else {}).get("serial") or identity.serial)
     inputs = json.dumps(provenance.inputs) if provenance.inputs else ""
     header = {"sensor": identity.name, "serial": serial, "inputs": inputs}

@@ -9,7 +9,6 @@ from annotated_types import Ge
 from tactograph.rings.recording.files.mcap_log import Limits, McapLog
 from tactograph.rings.recording.nodes._touch_messages import TouchStamps, touch_messages
 from tactograph.sdk import Provenance, Session, Touch, node
-from tactograph.sdk.unstable import view_stated
 
 
 @node
@@ -50,7 +49,7 @@ def write_mcap(
     """
     about = {"format": "1", "graph": json.dumps(provenance.graph)}
     about |= {"inputs": json.dumps(provenance.inputs)}
-    about |= {"view": json.dumps(view_stated(touch.view))}
+    about |= {"view": json.dumps(touch.view.stated())}
     export = session.keep(lambda: _Export(McapLog(folder, about, limits)))
     stamp = export.stamps.of(touch.time)
     export.log.put(touch_messages(stamp, touch, points_step, provenance))

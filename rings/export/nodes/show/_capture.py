@@ -3,13 +3,14 @@
 from functools import partial
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from tactograph.rings.export.shown import Shown, section
 from tactograph.sdk import Light, write_image
 from tactograph.sdk.nodes import read_capture
-from tactograph.sdk.unstable import Capture, Layout, size_of
+from tactograph.sdk.unstable import Layout
 
 MAX_LISTED = 20
 """Most captures of a stream that are listed."""
@@ -39,16 +40,17 @@ def show_capture(folder: Path) -> Shown:
     return Shown(lines, {"capture.png": partial(_draw, first.image)})
 
 
-def _lines(capture: Capture) -> list[str]:
+def _lines(capture: Any) -> list[str]:
     truths = {
         "height": capture.truth,
         "slope": capture.truth_slope,
         "shadow": capture.truth_shadow,
     }
     names = [name for name, truth in truths.items() if truth is not None]
+    count, rows, columns = capture.image.shape
     stated = [] if capture.pixel_size is None else [f"pixel: {capture.pixel_size:.4g} mm"]
     return [
-        f"images: {len(capture.image)} lights of {size_of(capture.image[0])} pixels",
+        f"images: {count} lights of {columns} x {rows} pixels",
         *section("light, of full scale", _light(capture.image)),
         *stated,
         *([f"truth: {', '.join(names)}"] if names else []),

@@ -1,6 +1,6 @@
 """Print and draw all that is in a file.
 
-Long because calibrations and results are each told by a module of their own.
+Long because calibrations and results each have a module of their own.
 """
 
 from pathlib import Path

@@ -1,14 +1,28 @@
 """The parameters by which a live node's camera is chosen and set."""
 
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from annotated_types import Gt, Interval
 
 from tactograph.rings.live.nodes.camera._camera_names import serial_of
 from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, Library
-from tactograph.sdk.unstable import SensorIdentity, UsedCalibration, check_sensor
+from tactograph.sdk.unstable import SensorIdentity
 
 SIMULATED_NAME = "simulated"
+
+
+class UsedCalibration(NamedTuple):
+    """The calibration that a live node's frames are for.
+
+    Parameters
+    ----------
+    calibration : the sensor's calibration; its flat frame shows the film at rest
+    another_sensor : take the calibration of a camera of another serial number, with a warning
+    """
+
+    calibration: Path
+    another_sensor: bool = False
 
 
 class CameraParams(NamedTuple):
@@ -83,5 +97,4 @@ class CameraParams(NamedTuple):
         InputError
             If it is another's and not taken on purpose.
         """
-        identity = SensorIdentity(serial=self.serial)
-        check_sensor(f"`camera`={self.camera}", identity, *used)
+        SensorIdentity(serial=self.serial).check(f"`camera`={self.camera}", *used)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, View
 from tactograph.sdk import InputError
-from tactograph.sdk.unstable import SensorPreset, read_preset
+from tactograph.sdk.unstable import SensorPreset
 
 
 def preset_of(sensor: str | None, *, flashing: bool) -> SensorPreset | None:
@@ -17,7 +17,7 @@ def preset_of(sensor: str | None, *, flashing: bool) -> SensorPreset | None:
     """
     if sensor is None:
         return None
-    preset = read_preset(sensor)
+    preset = SensorPreset.read(sensor)
     if flashing and preset.leds is None:
         raise InputError(
             f"`sensor`={sensor}: lights its colours at once, but here LEDs flash; say in its file "

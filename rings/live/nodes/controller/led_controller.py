@@ -353,7 +353,7 @@ class LedController:
             if self._clock.hear(moment, received, sent):
                 return True
             self._faults["clock jumped"] += 1
-            self._news.append("the LED controller's clock contradicts what it said before")
+            self._news.append("the LED controller's clock contradicts its earlier answer")
             return False
 
     def _forget(self) -> None:

@@ -9,13 +9,14 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import MIN_REST_LIGHT, RestFilm, cells
 from tactograph.rings.live.nodes.camera.camera import Camera
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream
 from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES
 from tactograph.rings.live.nodes.touches.sensor import Rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
-from tactograph.sdk import F4, Dark, InputError, Light, LiveFrames
+from tactograph.sdk import F4, Dark, InputError, Light
 from tactograph.sdk.unstable import collect_warnings
 
 SETTLE_S = 0.25
@@ -190,7 +191,7 @@ class Watch:
         Parameters
         ----------
         ball_in
-            Finds the ball, or raises an `InputError`; then the person is told why and asked for
+            Finds the ball, or raises an `InputError`; then the person is shown why and asked for
             another press.
         """
         while (press := self._next_press()) is not None:

@@ -14,10 +14,9 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 from scipy.interpolate import CubicSpline
 
-from tactograph.sdk import F4, InputError
+from tactograph.sdk import F4, InputError, ShapeImage
 from tactograph.sdk.nodes import light_ring, press, render, shape_ball
 from tactograph.sdk.unstable import (
-    PAPER_PIXEL_MM,
     LightPositions,
     expected_light,
     lens_share,
@@ -26,6 +25,7 @@ from tactograph.sdk.unstable import (
 )
 
 MAX_BYTE = 255
+PAPER_PIXEL_MM = ShapeImage().pixel_size_mm
 EXPOSURE_S, EXPOSURE_SHARE = 0.02, 0.6
 """Default exposure, and the largest share of the frame time that it takes."""
 DEPTH_COUNT = 9

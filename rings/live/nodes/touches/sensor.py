@@ -12,6 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 from tempfile import mkdtemp
 
+from tactograph.rings.frames.colour_planes import Order
 from tactograph.rings.live.nodes.camera.camera import Camera
 from tactograph.rings.live.nodes.camera.camera_params import SIMULATED_NAME, CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import (
@@ -41,7 +42,7 @@ from tactograph.rings.live.nodes.simulated.simulated_sensor import (
 )
 from tactograph.rings.live.nodes.touches._match_frames import Clock
 from tactograph.sdk import Height, InputError
-from tactograph.sdk.unstable import Order, SensorPreset
+from tactograph.sdk.unstable import SensorPreset
 
 NO_PORT = "none"
 """The port of LEDs that flash by themselves."""

@@ -10,7 +10,7 @@ import pytest
 from rings.live.tests.oneshot import MOVING, calibrated
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.stream.frames import ALL_LIT
+from tactograph.rings.frames.live_frames import ALL_LIT
 from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.simulated.simulated_camera import SimulatedCamera

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import Session
-from tactograph.nodes.stream.frames import LiveState
+from tactograph.nodes.stream.touch import LiveState
 from tactograph.rings.live.nodes.view import live_statistics as module
 from tactograph.rings.live.nodes.view.live_statistics import Statistics
 

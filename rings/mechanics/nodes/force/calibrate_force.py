@@ -17,8 +17,8 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
 )
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
 from tactograph.sdk import F4, F8, Contacts, InputError, Metrics, node, read_height_file, warn
-from tactograph.sdk.nodes import find_contact
-from tactograph.sdk.unstable import MAX_CONTACTS, refuse_view
+from tactograph.sdk.nodes import find_contact, read_height
+from tactograph.sdk.unstable import MAX_CONTACTS
 
 THICKNESS_RANGE_MM = 0.3, 30.0
 """Range in mm that a thickness is looked for in."""
@@ -29,7 +29,7 @@ LEAST_SPREAD = 0.05
 THICKNESS_STEP = 1.01
 """Thickness, over that which is found, at which the modulus's dependence on it is taken."""
 MAX_SPREAD = 0.1
-"""Relative spread of the modulus over the presses that is told."""
+"""Relative spread of the modulus over the presses that causes a warning."""
 CELL_PX = 2
 """Side in px of the cells of pressure, as in `press_to_pressure`."""
 FORCE_COLUMN = "force_n"
@@ -210,14 +210,14 @@ def _presses(results: Path, names: Iterable[str]) -> Sequence[tuple[F4, Contacts
     """Height, contacts and pixel size of the results of these names."""
     presses = []
     for folder in (results / name for name in names):
-        refuse_view(folder / "height.tiff")
-        one = read_height_file(folder / "height.tiff")
-        if one.pixel is None:
+        height = read_height(file=folder / "height.tiff")
+        pixel = read_height_file(folder / "height.tiff").pixel
+        if pixel is None:
             raise InputError(f"{folder}: its height.tiff does not say how large a pixel is")
-        contact = find_contact(one.height)
+        contact = find_contact(height)
         if not contact.any():
             raise InputError(f"{folder}: shows no contact")
-        presses.append((one.height, contact, float(one.pixel)))
+        presses.append((height, contact, float(pixel)))
     return presses
 
 

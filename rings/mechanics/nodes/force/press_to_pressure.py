@@ -29,11 +29,7 @@ from tactograph.sdk import (
 from tactograph.sdk.unstable import (
     MAX_MEASURED,
     Most,
-    film_areas,
-    film_places,
     largest_contacts,
-    on_even_grid,
-    view_stated,
 )
 
 Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
@@ -124,17 +120,15 @@ class _Place:
         self._height, self._view = height, view
         self._places: tuple[NDArray[Any], NDArray[Any]] | None = None
         self.areas: NDArray[Any] = np.ones((1, 1))
-        if view_stated(view):
-            self._places = film_places(height, view.lens, view.camera or 0.0)
-            self.areas = film_areas(*self._places)
+        if not view.is_plain:
+            self._places = x, y = view.places(height)
+            (x_down, x_right), (y_down, y_right) = np.gradient(x), np.gradient(y)
+            self.areas = x_right * y_down - x_down * y_right
 
     def cells(self, plane: NDArray[Any], side: int) -> F4:
         """A map as seen, on cells of an even grid on the film; 0 where no pixel sees it."""
         if self._places is not None:
-            lens, camera = self._view
-            _, (plane,) = on_even_grid(
-                self._height, [plane.astype(np.float32)], lens, camera or 0.0
-            )
+            _, (plane,) = self._view.on_even_grid(self._height, [plane.astype(np.float32)])
         return in_cells(np.nan_to_num(plane), side)
 
     def apparent(self, plane: F4) -> F4:

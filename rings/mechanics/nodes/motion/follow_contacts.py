@@ -8,13 +8,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import center_of_mass
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.sdk import F4, F8, Contacts, Metrics, PixelSize, Port, node
+from tactograph.sdk import F4, F8, Contacts, Metrics, PixelSize, Port, View, node
 from tactograph.sdk.unstable import (
     MAX_CONTACTS,
     MAX_MEASURED,
     Lens,
     Most,
-    ideal_place,
     largest_contacts,
 )
 
@@ -102,7 +101,7 @@ def follow_contacts(
     figures: Metrics = {}
     for lasts in largest_contacts(followed, most):
         age, _, x, y, *speed = rows[lasts - 1].tolist()
-        _, stretch = ideal_place(lens, contact.shape, x, y)
+        stretch = View(lens).ideal_steps(contact.shape, x, y)
         speed_x, speed_y = pixel * stretch @ speed
         figures[f"contact_age/c{lasts}"] = age
         figures[f"contact_speed_x_mm/c{lasts}"] = float(speed_x)

@@ -1,6 +1,5 @@
 """The calibration of a one-shot sensor: every value that it has, declared once."""
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -17,7 +16,6 @@ from tactograph.sdk.unstable import (
     Misfit,
     Stored,
     StoredRanks,
-    free_for,
 )
 
 
@@ -61,4 +59,4 @@ PRESS_CALIBRATION = FileKind(
     sources="the images, and the ball's place and radius",
     users="one-shot sensors: gelsight_mini, recalibrate_oneshot",
 )
-NewPressCalibration = Annotated[Path, AfterValidator(partial(free_for, kind=PRESS_CALIBRATION))]
+NewPressCalibration = Annotated[Path, AfterValidator(PRESS_CALIBRATION.new_file)]

@@ -7,19 +7,10 @@ import numpy as np
 from annotated_types import Interval
 from scipy.ndimage import gaussian_filter
 
-from tactograph.sdk import F4, Crop, InputError, Light, cropped, node, read_image
+from tactograph.rings.oneshot.nodes.presses import PressImages
+from tactograph.sdk import F4, Crop, InputError, Light, node
 from tactograph.sdk.nodes import read_capture
-from tactograph.sdk.unstable import (
-    Layout,
-    PressImages,
-    StatedCircles,
-    channels,
-    normalised,
-    read_capture_file,
-    read_images,
-    refuse_flat,
-    stated_circle,
-)
+from tactograph.sdk.unstable import CaptureFile, Layout, StatedCircles, read_images, refuse_flat
 
 
 class Presses(NamedTuple):
@@ -78,7 +69,7 @@ def read_presses(
                 f"pixels, but the untouched film {flat} has {film.shape[2]} x {film.shape[1]}"
             )
     names = [capture.name for capture in captures]
-    circles = [stated_circle(read_capture_file(folder / name)) for name in names]
+    circles = [CaptureFile.read(folder / name).circle() for name in names]
     images = np.stack([capture.image for capture in captures])
     return Presses(images, film, names, np.asarray(circles, np.float32))
 
@@ -90,10 +81,5 @@ def read_film(
     crop: Crop | None = None,
 ) -> F4:
     """Read the untouched film from one colour image or from a capture folder: K x H x W."""
-    if place.is_dir() or lights == "leds":
-        stack = read_images(place, Layout(lights, crop=crop))
-    else:
-        whole = channels(read_image(place), place, lights, None)
-        planes = [cropped(plane, crop, place) for plane in whole]
-        stack = normalised(np.stack(planes), [place] * len(planes), None)
+    stack = read_images(place, Layout(lights, crop=crop))
     return np.stack([gaussian_filter(plane, smooth_px, mode="nearest") for plane in stack])
