@@ -11,6 +11,8 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from importlib import import_module
+from threading import Thread
 from typing import TYPE_CHECKING, Self
 
 from tactograph.graph.commands import RunOptions
@@ -43,6 +45,11 @@ def yields_one(pipeline: Pipeline) -> bool:
         return not stream.reads_two()
     finally:
         stream.close()
+
+
+def import_pictures() -> None:
+    """Import what draws, while the main thread waits for those of NumPy."""
+    Thread(target=import_module, args=("tactograph.graph.show.pictures",), daemon=True).start()
 
 
 class KernelBuilder:

@@ -107,3 +107,11 @@ def test_nothing_is_built_any_more_once_a_run_has_failed() -> None:
     with pytest.raises(KeyError), first_start.KernelBuilder("reconstruct", (), options) as builder:
         raise KeyError
     assert builder._process.returncode == -signal.SIGTERM
+
+
+def test_ctrl_c_after_the_result_ends_the_building_alone(
+    run: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stopped = Mock(side_effect=[KeyboardInterrupt, ("", "")])
+    monkeypatch.setattr(first_start.subprocess.Popen, "communicate", stopped)
+    assert run().out.endswith("stopped; the next run builds the rest\n")
