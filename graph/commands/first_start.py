@@ -15,6 +15,8 @@ from importlib import import_module
 from threading import Thread
 from typing import TYPE_CHECKING, Self
 
+from tactograph.graph.backends import PREFERRED_ORDER
+from tactograph.graph.backends.devices import is_new
 from tactograph.graph.commands import RunOptions
 
 if TYPE_CHECKING:
@@ -30,11 +32,9 @@ class _KernelsAreBuilt(Exception):  # noqa: N818  (no error)
 
 def has_no_kernels(options: RunOptions, graph: Graph) -> bool:
     """Return whether the device has no kernel yet, and neither user nor graph insist on it."""
-    if options.backend or options.device or options.strict or graph.backends != ["opencl", "numpy"]:
-        return False
-    from tactograph.graph.backends.devices import is_new
-
-    return is_new()
+    insists = options.backend or options.device or options.strict
+    bound = any(entry.backend for entry in graph.nodes.values())
+    return not insists and not bound and graph.prefer == PREFERRED_ORDER and is_new()
 
 
 def yields_one(pipeline: Pipeline) -> bool:

@@ -35,9 +35,9 @@ def run(about: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Comm
     monkeypatch.delenv("PYOPENCL_NO_CACHE")
     build.cache_clear()
 
-    def run_graph(*words: str, capture: Path = CAPTURES / "cat_film") -> Outcome:
+    def run_graph(*words: str, capture: Path = CAPTURES / "cat_film", text: str = GRAPH) -> Outcome:
         places = f"capture={capture}", f"out={tmp_path}"
-        done = about("run", GRAPH, *places, "--keep", "small", *words)
+        done = about("run", text, *places, "--keep", "small", *words)
         assert done.code == 0, done.err
         return done
 
@@ -74,6 +74,19 @@ def test_whoever_chooses_a_back_end_gets_it(run: Command, words: tuple[str, ...]
     done = run(*words)
     assert "fallback" not in done.err
     assert "built" not in done.out
+
+
+def test_a_node_that_is_bound_to_the_device_runs_there(run: Command) -> None:
+    assert (
+        "fallback" not in run(text=GRAPH.replace("factor: 8}", "factor: 8}, backend: opencl")).err
+    )
+
+
+def test_what_no_folder_can_keep_is_built_for_the_run_alone(
+    run: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path / "graph.yaml" / "cache"))
+    assert "fallback" not in run().err
 
 
 def test_a_stream_of_several_touches_runs_on_the_device(run: Command, tmp_path: Path) -> None:
