@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from tactograph.graph.run.pipeline import Pipeline
 
 NO_KERNELS = "no kernel is built for it yet"
+LOWEST_PRIORITY = 19
+"""That of POSIX."""
 
 
 class _KernelsAreBuilt(Exception):  # noqa: N818  (no error)
@@ -65,8 +67,8 @@ class KernelBuilder:
             stderr=subprocess.STDOUT,
             text=True,
             env={**os.environ, "PYTHONSAFEPATH": "1"},
-            preexec_fn=lambda: os.nice(19),
         )
+        os.setpriority(os.PRIO_PROCESS, self._process.pid, LOWEST_PRIORITY)
 
     def raise_if_done(self) -> None:
         """Leave the block if the kernels are built."""

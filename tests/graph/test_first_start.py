@@ -1,5 +1,6 @@
 """The first run on a device: NumPy computes a single touch while its kernels are built."""
 
+import os
 import signal
 import subprocess
 from pathlib import Path
@@ -76,6 +77,13 @@ def test_whoever_chooses_a_back_end_gets_it(run: Command, words: tuple[str, ...]
     assert "built" not in done.out
 
 
+def test_a_quiet_first_run_builds_the_kernels_too(run: Command, tmp_path: Path) -> None:
+    first = run("--quiet")
+    assert first.out == ""
+    assert first.err.startswith("fallback: ")
+    assert run().err == ""
+
+
 def test_a_node_that_is_bound_to_the_device_runs_there(run: Command) -> None:
     assert (
         "fallback" not in run(text=GRAPH.replace("factor: 8}", "factor: 8}, backend: opencl")).err
@@ -106,7 +114,7 @@ def test_the_device_computes_a_touch_whose_kernels_are_there_before_numpy_is_don
     def begin_and_wait(*words: object, **more: object) -> object:
         process = begin(*words, **more)
         if "warm" in words[0]:
-            process.wait()
+            os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
         return process
 
     monkeypatch.setattr(first_start.subprocess, "Popen", begin_and_wait)
