@@ -26,7 +26,7 @@ from tactograph.sdk.unstable import (
     ProgressLine,
     a_few,
     find_origin,
-    printable,
+    one_line,
     refuse_to_write_over,
     say,
     warning_lines,
@@ -130,4 +130,4 @@ def write_table(file: Path, captures: Sequence[str], entries: Sequence[Entry]) -
             start = [number, capture, STATUS_NAMES[entry.status], f"{entry.milliseconds:.1f}"]
             row = [entry.figures.get(name, "") for name in figures]
             cells = [*start, *row, "; ".join(entry.warnings), entry.reason]
-            writer.writerow(printable(each) if isinstance(each, str) else each for each in cells)
+            writer.writerow(one_line(each) if isinstance(each, str) else each for each in cells)

@@ -12,7 +12,7 @@ from tactograph.rings.editor.language.complete import offers_at
 from tactograph.rings.editor.language.cursor import Cursor, find_cursor
 from tactograph.rings.editor.language.explain import definition_at, words_at
 from tactograph.rings.editor.language.mistakes import Mistake, check
-from tactograph.sdk.unstable import Graph
+from tactograph.sdk import Graph
 
 PAUSE_S = 0.3
 """Time without a key before a text is checked."""

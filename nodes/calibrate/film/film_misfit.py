@@ -10,14 +10,8 @@ from scipy.special import ndtr, stdtrit
 
 from tactograph.nodes import BAND_DEVIATIONS, F4, F8, FULL_MISFIT_SLOPE, Film
 from tactograph.nodes.calibrate import MIN_BOUNCE_ERROR
-from tactograph.nodes.calibrate.ball.balls_on_film import (
-    MIN_WEIGHT_LIGHT,
-    Balls,
-    Fitted,
-    predicted,
-)
+from tactograph.nodes.calibrate.ball.balls_on_film import MIN_WEIGHT_LIGHT, Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.ball_normals import ball_normals
-from tactograph.nodes.calibrate.film.ball_samples import thinned
 from tactograph.nodes.calibrate.lights.light_fit import inverse_places, positions
 from tactograph.nodes.light.touch_misfit import brighter
 from tactograph.nodes.optics.film import direct_share, predict, touch_gain, turned
@@ -124,7 +118,7 @@ def unevenness(held_out: list[Held], pixel: float) -> float:
 
 def _led_tilt(part: Held, away: F8, uneven: float) -> float:
     """Mean square effect on `tilt` of LEDs that lie `away`, 8 x K x 3 of `inverse_places`."""
-    film, some = part.fitted.film, thinned(part.balls)
+    film, some = part.fitted.film, part.balls.thinned()
     truth, place, lift = some.touched_place(part.fitted.shifts, film)
     light, outward = predict(film, truth, *place, None, lift), _outward(truth)
     tilts = []

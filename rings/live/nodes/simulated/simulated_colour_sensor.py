@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from tactograph.rings.live.nodes.simulated.simulated_sensor import Scene, SimulatedSensor
+from tactograph.sdk import LightPositions
 from tactograph.sdk.nodes import light_ring
-from tactograph.sdk.unstable import LightPositions
 
 COLOUR_COUNT = 3
 """Blue, green, red: the order of a camera's driver."""

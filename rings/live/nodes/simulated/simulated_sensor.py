@@ -13,15 +13,9 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 from scipy.interpolate import CubicSpline
 
-from tactograph.sdk import F4, InputError, ShapeImage
+from tactograph.sdk import F4, InputError, LightPositions, ShapeImage
 from tactograph.sdk.nodes import light_ring, press, render, shape_ball
-from tactograph.sdk.unstable import (
-    LightPositions,
-    expected_light,
-    lens_share,
-    places,
-    vectors_at,
-)
+from tactograph.sdk.unstable import expected_light, lens_share, places, vectors_at
 
 MAX_BYTE = 255
 PAPER_PIXEL_MM = ShapeImage().pixel_size_mm

@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import start_at
 from tactograph.nodes.calibrate.film.film_misfit import (
@@ -15,13 +15,12 @@ from tactograph.nodes.calibrate.film.film_misfit import (
     misfit,
     unevenness,
 )
-from tactograph.nodes.optics.film import matt_film
 from tests.nodes.scenes import LIGHTS
 
 PIXEL, RADIUS, RIM = 0.1, 6.0, 5.0
 LEDS = 60 * LIGHTS
 """In mm."""
-SURE = matt_film(cast(F4, LEDS))._replace(others=cast(F4, np.stack([LEDS] * 8)))
+SURE = Film.matt(cast(F4, LEDS))._replace(others=cast(F4, np.stack([LEDS] * 8)))
 """A film whose LEDs may be nowhere else."""
 
 
