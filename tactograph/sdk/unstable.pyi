@@ -92,7 +92,6 @@ from tactograph.graph.show.warning_lines import (
     warning_lines as warning_lines,
 )
 from tactograph.nodes import (
-    BAND_DEVIATIONS as BAND_DEVIATIONS,
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
     Misfit as Misfit,
