@@ -36,7 +36,7 @@ from tactograph.graph.files.graph_places import (
     shipped_studies,
 )
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.nodes.stream.frames import RawFrame
+from tactograph.rings.frames.live_frames import RawFrame
 from tactograph.rings.recording.nodes.record import record
 
 SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": 0.25}

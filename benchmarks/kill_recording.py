@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import Provenance, Session
-from tactograph.nodes.stream.frames import RawFrame
+from tactograph.rings.frames.live_frames import RawFrame
 from tactograph.rings.recording.files.mcap_log import log_files, need_mcap
 from tactograph.rings.recording.files.mcap_read import McapFile
 from tactograph.rings.recording.files.ros_messages import read_image

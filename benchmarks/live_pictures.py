@@ -26,8 +26,8 @@ from PIL import Image
 from tactograph.graph import Provenance, Session
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4, U1
-from tactograph.nodes.stream.frames import RawFrame
 from tactograph.nodes.stream.touch import Touch
+from tactograph.rings.frames.live_frames import RawFrame
 from tactograph.rings.live.nodes.simulated.simulated_sensor import Scene, SimulatedSensor
 from tactograph.rings.live.nodes.view._live_picture import draw_touch, round_up
 from tactograph.rings.recording.nodes.record import record

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.graph import Provenance, Session
-from tactograph.nodes.stream.frames import RawFrame
+from tactograph.rings.frames.live_frames import RawFrame
 from tactograph.rings.live.nodes.view.live_statistics import resident_mib
 from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.nodes.record import record

@@ -29,7 +29,7 @@ from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.slope.height_slopes import height_slopes
-from tactograph.nodes.stream.colour_planes import planes_of
+from tactograph.rings.frames.colour_planes import planes_of
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
     ColourScene,
     SimulatedColourSensor,

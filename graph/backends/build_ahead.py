@@ -35,7 +35,7 @@ _idle: list[subprocess.Popen[bytes]] = []
 
 
 def begin_helpers(device: cl.Device) -> None:
-    """Start processes on the cores beside ours, which wait to be told what to build."""
+    """Start processes on the cores beside ours, which wait for what to build."""
     if any(helper.poll() is None for helper in helpers) or not sys.executable:
         return
     for _ in range(min(cores() - 1, MAX_HELPERS)):

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic.fields import FieldInfo
 
-from tactograph.graph.declare.limits import bare_type, choices_of, limits_of
-from tactograph.graph.declare.node import Node, Parameter
+from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.errors import InputError
 
@@ -187,10 +187,10 @@ def _default(parameter: Parameter) -> Any:
 
 
 def _extremes(parameter: Parameter) -> list[tuple[str, Any]]:
-    base = bare_type(parameter.annotation)
+    base = parameter.type
     if base is bool:
         return [("false", False), ("true", True)]
-    if choices := choices_of(base):
+    if choices := parameter.choices:
         return [(str(choice), choice) for choice in choices]
     if base in (int, float):
         low, high = _bounds(parameter)
@@ -207,7 +207,7 @@ def _examples(parameter: Parameter) -> list[tuple[str, Any]]:
 
 def _bounds(parameter: Parameter) -> tuple[float, float]:
     """The range of a parameter; where it is open, a decade around 1 or its default."""
-    limits = limits_of(parameter.annotation)
+    limits = parameter.limits
     low = limits.at_least if limits.above is None else limits.above + 1e-3
     high = limits.at_most if limits.below is None else limits.below - 1e-3
     default = parameter.default

@@ -60,7 +60,7 @@ class GraphCommand(click.Command):
     def _format_parameters(self, graph: Graph, formatter: click.HelpFormatter) -> None:
         """List the parameters of a graph's nodes, as --set takes them."""
         from tactograph.graph.declare.find_node import find_node
-        from tactograph.graph.declare.node_page import describe, range_of
+        from tactograph.graph.declare.node_page import describe
 
         for name, entry in graph.nodes.items():
             node = find_node(entry.op, graph.own)
@@ -69,9 +69,7 @@ class GraphCommand(click.Command):
                 value = entry.settings.get(each.name, "needed" if each.required else each.default)
                 if isinstance(value, str) and value.startswith("$"):
                     continue  # a param of the graph
-                facts = "; ".join(
-                    filter(None, [range_of(each), describe(node).arguments[each.name]])
-                )
+                facts = "; ".join(filter(None, [each.range, describe(node).arguments[each.name]]))
                 rows.append((f"{name}.{each.name}={value}", printable(facts)))
             if rows:
                 with formatter.section(f"--set, {name} ({node.name})"):
@@ -172,15 +170,6 @@ def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> G
     from tactograph.graph.files.typed_values import read_settings
 
     return with_changes(with_overlays(graph, overlays), read_settings(settings))
-
-
-def run_shipped(graph: str, arguments: Mapping[str, Any]) -> None:
-    """Run a graph that ships, whose sink prints."""
-    from tactograph.graph.run.open_pipeline import open_pipeline
-
-    with open_pipeline(graph, arguments) as pipeline:
-        for _ in pipeline.items():
-            pass
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,6 @@ def verified(read: Graph) -> Plan:
 
 
 def _check(read: Graph, own_params: Container[str]) -> None:
-    from tactograph.graph.files.groups import alike, uses_of
 
     plan = verified(read)
     say(f"{read.name}: {read.title or 'no title'} [{read.hash}]")
@@ -61,10 +60,10 @@ def _check(read: Graph, own_params: Container[str]) -> None:
         # A use may leave outputs unread, and a graph what a group of another file makes.
         use = read.uses.get(unused.rpartition(".")[0])
         shared = use and read.definition(use).body.places[""].file != read.places[""].file
-        if not shared and not any(node in plan.tasks for node in alike(read, unused)):
+        if not shared and not any(node in plan.tasks for node in read.alike(unused)):
             say(f"not used by any output: {unused}")
     for group in read.groups:
-        if not uses_of(read, group):
+        if not read.uses_of(group):
             say(f"not used by any node: the group {group}")
     settings = {str(value) for entry in read.nodes.values() for value in entry.settings.values()}
     # A graph is not at fault for a param that it inherits.

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, redirect_stdout
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,13 +76,31 @@ class _Wanted:
 
 
 def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
+    from tactograph.graph.commands import first_start
     from tactograph.graph.files.typed_values import read_words
     from tactograph.graph.run.keep_values import read_selection
 
-    read = wanted.options.read(wanted.graph)
+    options, read = wanted.options, wanted.options.read(wanted.graph)
     arguments = read_words(read, wanted.values)
     selection = read_selection(wanted.keep, read) if wanted.keep is not None else {}
-    pipeline = wanted.options.open(read, arguments, outputs={**read.outputs, **selection})
+    open_it = partial(options.open, read, arguments, outputs={**read.outputs, **selection})
+    if first_start.has_no_kernels(options, read):
+        pipeline = open_it(no_device=first_start.NO_KERNELS)
+        if first_start.yields_one(pipeline):
+            with first_start.KernelBuilder(wanted.graph, wanted.values, options) as builder:
+                pipeline.before_steps(builder.raise_if_done)
+                first_start.import_pictures()
+                _run_pipeline(pipeline, wanted, line, selection)
+                tell = (lambda _: None) if wanted.quiet else say
+                tell(f"{read.name}: kernels are being built for later runs; Ctrl-C is safe")
+                tell(builder.last_line())
+                return
+    _run_pipeline(open_it(), wanted, line, selection)
+
+
+def _run_pipeline(
+    pipeline: Pipeline, wanted: _Wanted, line: ProgressLine, selection: Mapping[str, str]
+) -> None:
     report = _Report(line, pipeline, figures=wanted.figures, quiet=wanted.quiet)
     for fallback in pipeline.plan.fallbacks:
         line.say(f"fallback: {fallback}", err=True)
@@ -233,7 +252,7 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
 def _summary(number: int, result: Result, *, figures: bool) -> str:
     """The sentences among the outputs of an item, or its figures, and its time.
 
-    Where a graph puts sentences out, figures are only told if they are wanted.
+    Where a graph puts sentences out, figures are printed on request only.
     """
     texts = {name: value for name, value in result.outputs.items() if isinstance(value, str)}
     rows = dict(texts)

@@ -12,7 +12,7 @@ from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk.strict_yaml import parse_scalar
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.files.groups import group_of, last_turn, meant_nodes
+from tactograph.graph.files.groups import meant_nodes
 
 MAX_VALUES = 1000
 SWEEP_SYNTAX = (
@@ -134,9 +134,9 @@ def _number(text: str) -> int | float:
 
 def _values_at(graph: Graph, node_id: str) -> dict[str, Any]:
     """The parameters, with values, of a group, a use, or a node that is not taken out."""
-    group = group_of(graph, node_id)
+    group = graph.group_of(node_id)
     if group is not None:
-        use = graph.uses.get(last_turn(graph, node_id)) if node_id in graph.uses else None
+        use = graph.uses.get(graph.last_turn(node_id)) if node_id in graph.uses else None
         return {n: use.settings[n] if use else p.default for n, p in group.body.params.items()}
     for entry in map(graph.nodes.__getitem__, meant_nodes(graph, node_id)):
         if not entry.neutral:
@@ -157,7 +157,7 @@ def _what_there_is(graphs: Sequence[Graph], target: str) -> str:
     node_id, _, name = target.rpartition(".")
     for graph in graphs:
         names = ", ".join(_values_at(graph, node_id)) or "none"
-        if group_of(graph, node_id) is not None:
+        if graph.group_of(node_id) is not None:
             return f"'{node_id}' has no param '{name}'; it has: {names}"
         for entry in map(graph.nodes.__getitem__, meant_nodes(graph, node_id)):
             if entry.neutral:

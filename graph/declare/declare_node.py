@@ -8,7 +8,8 @@ from functools import partial
 from typing import Any
 
 from tactograph.graph.declare.engine_arguments import NodeCall, Session, Wanted, Whole
-from tactograph.graph.declare.node import Node, Parameter
+from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.declare.ports import (
     ENGINE_INPUTS,
     NamedPorts,
@@ -63,7 +64,7 @@ def node(
         divides, or has a rule of its own.
     endless
         A source that yields until it is stopped, such as a camera, or as long as one ran: Ctrl-C
-        is then a way to end a run, not an accident, and not every item is told.
+        is then a way to end a run, not an accident, and not every item is named.
 
     Raises
     ------

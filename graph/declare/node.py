@@ -28,6 +28,7 @@ from tactograph.graph.declare.kernel_declaration import (
     LaunchFunction,
     can_run_anywhere,
 )
+from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.declare.ports import (
     NamedPorts,
     PortType,
@@ -38,20 +39,6 @@ from tactograph.graph.declare.ports import (
 )
 from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
 from tactograph.graph.declare.tolerance import Exact, Tolerance
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A keyword-only argument: a setting in the graph file."""
-
-    name: str
-    annotation: Any
-    default: Any = inspect.Parameter.empty
-
-    @property
-    def required(self) -> bool:
-        return self.default is inspect.Parameter.empty
-
 
 _serials = itertools.count(1)
 
@@ -370,7 +357,7 @@ class Node:
 
         The graph runs once on it, without its sinks, before the source starts, so kernels are
         compiled before a camera opens.  The function is called with the node's settings, and with
-        whether images may stay integers if the node is told (`Whole`).
+        whether images may stay integers if the node is informed (`Whole`).
         """
         self.make_rehearsal = function
         return function

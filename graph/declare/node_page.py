@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import docstring_parser
 
-from tactograph.graph.declare.limits import choices_of, limits_of
-from tactograph.graph.declare.node import Node, Parameter
+from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.declare.ports import PortType
 
 _RETURNS_SECTION = re.compile(
@@ -78,17 +78,6 @@ def node_page(node: Node) -> str:
     return "\n".join([*lines, "", *_facts(node), ""])
 
 
-def range_of(parameter: Parameter) -> str:
-    """The values that a parameter may have, in words: ``0 to 1``, ``above 0``, ``one of a, b``."""
-    if choices := choices_of(parameter.annotation):
-        return f"one of {', '.join(map(str, choices))}"
-    limits = limits_of(parameter.annotation)
-    if limits.at_least is not None and limits.at_most is not None:
-        return f"{limits.at_least:g} to {limits.at_most:g}"
-    words = zip(("at least", "above", "at most", "below"), limits, strict=True)
-    return " and ".join(f"{word} {limit:g}" for word, limit in words if limit is not None)
-
-
 def _input(name: str, node: Node, about: Description) -> str:
     record = node.input_records.get(name)
     kind = f"all outputs of a node that gives a {record.__name__}" if record else ""
@@ -98,7 +87,7 @@ def _input(name: str, node: Node, about: Description) -> str:
 
 def _setting(parameter: Parameter, about: Description) -> str:
     default = "needed" if parameter.required else f"default {parameter.default!r}"
-    facts = ", ".join(filter(None, (default, range_of(parameter))))
+    facts = ", ".join(filter(None, (default, parameter.range)))
     return _item(parameter.name, facts, about.arguments[parameter.name])
 
 

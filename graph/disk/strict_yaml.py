@@ -11,7 +11,7 @@ from copy import deepcopy
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from ruamel.yaml import YAML
@@ -57,6 +57,32 @@ class Document:
     root: Path_ = ()
     """Place of the data in its file."""
 
+    @classmethod
+    def read(cls, file: Path) -> Self:
+        """Read one YAML file.
+
+        Raises InputError if there is no such file, or it cannot be read; GraphError if it is not
+        strict YAML, with line and column.
+        """
+        try:
+            with file.open("rb") as opened:
+                raw = opened.read(MAX_BYTES + 1)
+        except OSError as error:
+            raise InputError(f"{file}: cannot be read: {error.strerror or error}") from None
+        if len(raw) > MAX_BYTES and b"\0" not in raw:
+            raise GraphError(f"{file}: too large for a graph file ({MAX_BYTES // 1000} kB at most)")
+        try:
+            text = raw.decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise GraphError(f"{file}: not a text file (byte {error.start} is not UTF-8)") from None
+        return cls.parse(text, str(file))
+
+    @classmethod
+    def parse(cls, text: str, name: str) -> Self:
+        """Parse YAML text; `name` stands for the file in messages."""
+        parsed = _parsed(text, name)
+        return cls(deepcopy(parsed.data), dict(parsed.places))
+
     def place(self, path: Path_) -> Place:
         """The place of `path`, or of its closest parent in the file."""
         for length in range(len(path), -1, -1):
@@ -91,32 +117,6 @@ def dotted(path: Path_) -> str:
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
     return text
-
-
-def read_yaml(file: Path) -> Document:
-    """Read one YAML file.
-
-    Raises InputError if there is no such file, or it cannot be read; GraphError if it is not strict
-    YAML, with line and column.
-    """
-    try:
-        with file.open("rb") as opened:
-            raw = opened.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise InputError(f"{file}: cannot be read: {error.strerror or error}") from None
-    if len(raw) > MAX_BYTES and b"\0" not in raw:
-        raise GraphError(f"{file}: too large for a graph file ({MAX_BYTES // 1000} kB at most)")
-    try:
-        text = raw.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise GraphError(f"{file}: not a text file (byte {error.start} is not UTF-8)") from None
-    return parse_yaml(text, str(file))
-
-
-def parse_yaml(text: str, name: str) -> Document:
-    """Parse YAML text; `name` stands for the file in messages."""
-    parsed = _parsed(text, name)
-    return Document(deepcopy(parsed.data), dict(parsed.places))
 
 
 @lru_cache(64)

@@ -205,6 +205,30 @@ class Graph:
         """The group that a use uses."""
         return use.turns or self.groups[use.group]
 
+    def last_turn(self, path: str) -> str:
+        """The last turn of a use that is repeated; any other use itself."""
+        turns = self.uses[path].turns
+        return f"{path}.{len(turns.body.uses)}" if turns else path
+
+    def group_of(self, name: str) -> Group | None:
+        """The group of that name, or the group of the use of that name."""
+        name = self.in_full(name)
+        if name in self.uses:
+            return self.definition(self.uses[self.last_turn(name)])
+        return self.groups.get(name)
+
+    def uses_of(self, group: str) -> list[str]:
+        """Names of all uses of a group, including those inside other uses."""
+        return [path for path, use in self.uses.items() if use.group == group]
+
+    def alike(self, node: str) -> list[str]:
+        """Copies of a group's node in all uses; of a node outside groups, the node itself."""
+        path, _, inner = node.rpartition(".")
+        if path not in self.uses:
+            return [node]
+        paths = (f"{use}.{inner}" for use in self.uses_of(self.uses[path].group))
+        return [path for path in paths if path in self.nodes]
+
     def in_full(self, name: str) -> str:
         """A name with the uses that its node lies in: ``take.cal`` for `cal`.
 

@@ -114,42 +114,14 @@ def meant_nodes(graph: Graph, name: str) -> list[str]:
     if name in graph.nodes:
         return [name]
     first, _, inner = name.partition(".")
-    uses = [] if first in graph.uses else uses_of(graph, first)
+    uses = [] if first in graph.uses else graph.uses_of(first)
     paths = [_joined(use, inner) for use in uses] or [name]
     return [n for n in graph.nodes for path in paths if n == path or n.startswith(f"{path}.")]
 
 
-def last_turn(graph: Graph, path: str) -> str:
-    """The last turn of a use that is repeated; any other use itself."""
-    turns = graph.uses[path].turns
-    return f"{path}.{len(turns.body.uses)}" if turns else path
-
-
-def group_of(graph: Graph, name: str) -> Group | None:
-    """The group of that name, or the group of the use of that name."""
-    name = graph.in_full(name)
-    if name in graph.uses:
-        return graph.definition(graph.uses[last_turn(graph, name)])
-    return graph.groups.get(name)
-
-
-def alike(graph: Graph, node: str) -> list[str]:
-    """Copies of a group's node in all uses; of a node outside groups, the node itself."""
-    path, _, inner = node.rpartition(".")
-    if path not in graph.uses:
-        return [node]
-    paths = (f"{use}.{inner}" for use in uses_of(graph, graph.uses[path].group))
-    return [path for path in paths if path in graph.nodes]
-
-
 def outputs_of(graph: Graph, path: str) -> Mapping[str, str]:
     """The outputs of a use, of a repeated one those of its last turn."""
-    return graph.definition(graph.uses[last_turn(graph, path)]).body.outputs
-
-
-def uses_of(graph: Graph, group: str) -> list[str]:
-    """Names of all uses of a group, including those inside other uses."""
-    return [path for path, use in graph.uses.items() if use.group == group]
+    return graph.definition(graph.uses[graph.last_turn(path)]).body.outputs
 
 
 def refuse_idle(name: str, group: Group) -> None:
@@ -310,7 +282,7 @@ def _of_use(graph: Graph, path: str, rest: str, where: str, *, whole: bool = Fal
     if whole and not rest and len(outputs_of(graph, path)) != 1:
         return path
     if use.turns and first not in nodes:
-        return _of_use(graph, last_turn(graph, path), rest, where)
+        return _of_use(graph, graph.last_turn(path), rest, where)
     if not rest and len(outputs) == 1:
         (first,) = outputs
     if not first:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tactograph.graph.backends import PREFERRED_ORDER
-from tactograph.graph.disk.strict_yaml import Document, Path_, Place, dotted, read_yaml
+from tactograph.graph.disk.strict_yaml import Document, Path_, Place, dotted
 from tactograph.graph.errors import ErrorsTogether, GraphError, InputError
 from tactograph.graph.files.apply_patch import apply_patch
 from tactograph.graph.files.flat_graph import Entry, Graph, Group, Param, Use
@@ -167,7 +167,7 @@ def _groups(layer: Layer) -> dict[str, Group]:
             file = find_file(stated.extends, layer.file.parent, shipped_groups())
             if file is None:
                 raise InputError(f"'{stated.extends}' is not the file of a group (.group.yaml)")
-        group = group_in(name, read_yaml(file))
+        group = group_in(name, Document.read(file))
         params = _params(stated.params, layer.document, (*path, "params"))
         body = replace(group.body, params={**group.body.params, **params})
         groups[name] = replace(group, body=body)
@@ -195,7 +195,7 @@ def _with_shared(groups: dict[str, Group], used: Iterable[str], folder: Path) ->
     for name in used:
         file = None if name in groups else _group_file(f"{name}.group.yaml", folder)
         if file is not None:
-            groups = {**groups, name: group_in(name, read_yaml(file))}
+            groups = {**groups, name: group_in(name, Document.read(file))}
             groups = _with_shared(groups, _used_in(groups[name]), file.parent)
     return groups
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tactograph.graph.disk.strict_yaml import Document, Path_, Place, read_yaml
+from tactograph.graph.disk.strict_yaml import Document, Path_, Place
 from tactograph.graph.files.graph_model import GraphModel, StudyModel, VariantModel, validate
 
 
@@ -47,7 +47,7 @@ class Layer:
 
 def read_layer(file: Path) -> Layer:
     """Read a graph file, an overlay or a study."""
-    return layer_of(read_yaml(file), file)
+    return layer_of(Document.read(file), file)
 
 
 def layer_of(document: Document, file: Path) -> Layer:

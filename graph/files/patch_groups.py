@@ -12,7 +12,6 @@ from tactograph.graph.files.groups import (
     in_scope,
     meant_nodes,
     outputs_of,
-    uses_of,
     with_nodes,
 )
 from tactograph.graph.files.iterate import in_turns
@@ -80,7 +79,7 @@ def change_group(graph: Graph, name: str, node: str, change: Change, places: Pla
     change_body = _put_into_body if "group" in change else VERB_FUNCTIONS[verb]
     body = change_body(body, node, change, places)
     graph = replace(graph, groups={**graph.groups, name: replace(group, body=body)})
-    for use in uses_of(graph, name):
+    for use in graph.uses_of(name):
         flat = f"{use}.{node}"
         if verb == "insert":
             check_new(graph, flat, place)
@@ -154,7 +153,7 @@ def _set_params(graph: Graph, target: str, change: Change, places: Places) -> Gr
     stated = {n: replace(params[n], kind="", required=False, default=v) for n, v in values.items()}
     body = replace(group.body, params={**params, **stated})
     graph = replace(graph, groups={**graph.groups, name: replace(group, body=body)})
-    for use in uses_of(graph, name):
+    for use in graph.uses_of(name):
         graph = _set_use(graph, use, values, places)
     return graph
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.disk.strict_yaml import parse_scalar, read_yaml
+from tactograph.graph.disk.strict_yaml import Document, parse_scalar
 from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import InputError, a_few
 from tactograph.graph.files.flat_graph import Graph, Param
@@ -59,7 +59,7 @@ def overlays_with(name: str) -> str:
     overlays = [
         f"--with {overlay}"
         for overlay, file in shipped_overlays().items()
-        if name in read_yaml(file).data.get("params", {})
+        if name in Document.read(file).data.get("params", {})
     ]
     return a_few(overlays, MAX_NAMED_SETTINGS)
 

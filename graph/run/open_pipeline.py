@@ -122,10 +122,12 @@ def open_pipeline(
     stand_ins: frozenset[str] = frozenset(),
     outputs: Mapping[str, str] | None = None,
     stays: bool = False,
+    no_device: str = "",
 ) -> Pipeline:
     """Read, plan and compile a graph; see `load` and `make_plan`.
 
-    Raises InputError also if `strict` and a node would fall back to another back end.
+    `no_device` is a reason to use none, which a result states.  Raises InputError also if `strict`
+    and a node would fall back to another back end.
     """
     graph = read_graph(graph)
     arguments = {word: plain(value) for word, value in arguments.items()}
@@ -134,7 +136,7 @@ def open_pipeline(
             raise InputError(f"there is no back end '{backend}'; there are {', '.join(BACKENDS)}")
         graph = replace(graph, prefer=(backend,))
     open_it = open_device if cache is None else cache.device
-    opened, reason = open_it(graph.backends, device)
+    opened, reason = (None, no_device) if no_device else open_it(graph.backends, device)
     if opened is None and backend not in (None, "numpy"):
         raise InputError(f"--backend {backend}: {reason}; 'tactograph devices' says more")
     if sinks:

@@ -11,5 +11,5 @@ def tell_progress(text: str) -> None:
 
 
 def progress_text() -> str:
-    """Return what the running node said last; "" if nothing."""
+    """Return the running node's last message; "" if nothing."""
     return _Doing.text

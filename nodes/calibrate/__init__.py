@@ -18,12 +18,6 @@ BallRadii = Annotated[F4, Port("B", "mm", low=1, high=3)]
 """The radius of every ball."""
 BallPress = Annotated[I4, Port("B", "press number")]
 """The press that every ball is in, counted from 0."""
-Circles = Annotated[F4, Port("P 3", "px")]
-"""Contact circles: x, y, radius; a radius of 0 where no ball was found."""
-PressImages = Annotated[F4, Port("P K H W", "1")]
-"""P captures of K lights, each as a fraction of full scale."""
-TiltResponse = Annotated[F4, Port("K 2 H W", "1", low=-2, high=2)]
-"""Relative change of each LED's light on the film at rest, per slope p and q."""
 
 MIN_FLAT_LIGHT = np.float32(0.02)
 """Light of the film at rest below which nothing is divided by it."""
@@ -35,8 +29,6 @@ MIN_PIXELS = 100
 """Fewest pixels to which tables, a reflectance or LEDs are fitted."""
 FOLD_COUNT = 4
 """Number of folds that are held out in turn: every fourth ball, or quarters of a single ball."""
-MAX_INDEPENDENT = 200
-"""Most independent values per LED that a check press counts as, since departures are smooth."""
 DRIFT_DEGREE, FILM_ROUGHNESS = 2, 0.01
 """Degree of the polynomial drift of the film at rest, and roughness of the film."""
 MIN_BOUNCE_ERROR = 0.015

@@ -15,7 +15,6 @@ from tactograph.nodes.capture.read_capture import (
     CaptureFile,
     Layout,
     read_capture,
-    read_capture_file,
 )
 from tactograph.nodes.files.image_files import lights_of
 from tactograph.nodes.optics.sheet import SheetLight
@@ -81,8 +80,7 @@ def read_balls(
         As `read_capture`; if `flat` is `folder`; if presses differ in size; if a ball's radius is
         not given, or the number of radii does not match the number of presses.
     """
-    refuse_flat(flat, folder)
-    captures = read_presses(folder, layout)
+    captures = read_presses(folder, layout, flat)
     first = captures[0].image
     names = [capture.name for capture in captures]
     if len(names) > 1 and (center_px is not None or contact_px is not None):
@@ -90,7 +88,7 @@ def read_balls(
             f"{folder}: holds {len(names)} presses, and `center_px` and `contact_px` are for "
             "one; write them into each press's capture.yaml"
         )
-    files = [read_capture_file(folder / name) for name in names]
+    files = [CaptureFile.read(folder / name) for name in names]
     scans = [listed_capture(folder / name) for name in names]
     radii = [
         _radius(folder / name, about, usual or (scan.ball_radius if scan else 0.0) or None)
@@ -107,7 +105,7 @@ def read_balls(
         for number, scan in enumerate(scans)
         for mark in (scan.balls if scan else ())
     ]
-    circles = [stated_circle(about, center_px, contact_px) for about in files]
+    circles = [about.circle(center_px, contact_px) for about in files]
     return BallPresses(
         np.concatenate([each.image for each in captures], axis=1) if captures[1:] else first,
         first,
@@ -119,8 +117,13 @@ def read_balls(
     )
 
 
-def read_presses(folder: Path, layout: Layout) -> list[Capture]:
-    """Return the captures of a folder, in order of name, if all are of one size."""
+def read_presses(folder: Path, layout: Layout, flat: Path | None) -> list[Capture]:
+    """Return the captures of a folder, in order of name, if all are of one size.
+
+    It must not be `flat`, that of the untouched film.
+    """
+    if flat is not None and os.path.realpath(flat) == os.path.realpath(folder):
+        raise InputError(f"`flat`={flat}: is the folder of the presses; give the untouched film's")
     captures = [*read_capture(folder=folder, **layout._asdict())]
     first = captures[0].image
     for capture in captures:
@@ -130,12 +133,6 @@ def read_presses(folder: Path, layout: Layout) -> list[Capture]:
                 f"is {lights_of(first)}; presses of one sensor are of one size"
             )
     return captures
-
-
-def refuse_flat(flat: Path | None, folder: Path) -> None:
-    """Refuse presses that are said to be the untouched film as well."""
-    if flat is not None and os.path.realpath(flat) == os.path.realpath(folder):
-        raise InputError(f"`flat`={flat}: is the folder of the presses; give the untouched film's")
 
 
 def _spread(
@@ -174,13 +171,3 @@ def _compare_marks(press: Path, scan: ListedCapture) -> None:
             f"pixel size make them {of_ball:.0f} px: settle the radius by `radius_mm`=MM, "
             "or give another pixel size"
         )
-
-
-def stated_circle(
-    about: CaptureFile,
-    center_px: tuple[float, float] | None = None,
-    contact_px: float | None = None,
-) -> tuple[float, float, float]:
-    """Return x, y and contact radius in px as a press's ``capture.yaml`` gives them, else NaN."""
-    x, y = about.ball_center_px or center_px or (np.nan, np.nan)
-    return x, y, about.ball_contact_px or contact_px or np.nan

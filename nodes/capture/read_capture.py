@@ -5,7 +5,7 @@ Long because images come in many layouts, and every one that does not fit has it
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from annotated_types import Interval, Len
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from tactograph.graph import FRACTIONS, InputError, Whole, node, warn
-from tactograph.graph.disk.strict_yaml import read_yaml
+from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.errors import missing
 from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.capture.led_files import (
@@ -44,7 +44,7 @@ from tactograph.nodes.files.image_files import (
     size_of,
     white_of,
 )
-from tactograph.nodes.files.sensor_identity import check_sensor, identity_in
+from tactograph.nodes.files.sensor_identity import SensorIdentity
 
 VIDEO_SUFFIXES = (".mp4", ".m4v", ".avi", ".mov", ".mkv", ".webm", ".mjpg", ".mjpeg")
 TRUE_HEIGHT_FILE = "truth_height_mm.npy"
@@ -88,6 +88,21 @@ class CaptureFile(BaseModel):
     ball_center_px: Annotated[list[Place], Len(2, 2)] | None = None
     ball_contact_px: Length | None = None
 
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """Read ``capture.yaml``, if there is one."""
+        file = folder / "capture.yaml"
+        if file.exists() and not file.is_file():
+            raise InputError(f"{file}: is no plain file; put one there, or remove it")
+        return Document.read(file).checked(cls) if file.is_file() else cls()
+
+    def circle(
+        self, center_px: tuple[float, float] | None = None, contact_px: float | None = None
+    ) -> tuple[float, float, float]:
+        """Return x, y and contact radius in px as the file gives them, or the caller; else NaN."""
+        x, y = self.ball_center_px or center_px or (np.nan, np.nan)
+        return x, y, self.ball_contact_px or contact_px or np.nan
+
 
 class Layout(NamedTuple):
     """Layout of the images in a capture folder.
@@ -113,6 +128,11 @@ class Layout(NamedTuple):
     files: str = USUAL_PATTERN
     crop: Crop | None = None
     channel: Channel | None = None
+
+    def led_files(self, folder: Path, stated: CaptureFile | None = None) -> dict[int, Path]:
+        """Return the image of each LED by its number; `stated` is the capture's own file."""
+        stated = stated or CaptureFile.read(folder)
+        return find_led_files(folder, self.files, self.leds or stated.leds or None)
 
 
 @node
@@ -192,14 +212,15 @@ def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArr
     is_frame = folder.is_file() and lights != "leds"
     if not is_frame:
         _check_folder(folder)
-    stated = read_capture_file(folder.parent if is_frame else folder)
-    leds = layout.leds or (tuple(stated.leds) if stated.leds else None)
+    stated = CaptureFile.read(folder.parent if is_frame else folder)
     if lights == "leds":
-        files = [*find_led_files(folder, layout.files, leds).values()]
+        files = [*layout.led_files(folder, stated).values()]
         planes = [grey(read_image(file), layout.channel) for file in files]
     else:
         file = folder if is_frame else _only_image(folder)
-        planes = channels(read_image(file), file, lights, leds)
+        planes = channels(
+            read_image(file), file, lights, layout.leds or tuple(stated.leds or ()) or None
+        )
         files = [file] * len(planes)
     check_alike(planes, files)
     stack = np.stack(
@@ -229,8 +250,8 @@ def _check_sensor(folder: Path, calibration: Path | None, another_sensor: bool) 
     if calibration is None:
         return
     for place in (folder, folder.absolute().parent):
-        if any(order := identity_in(read_capture_file(place).model_dump())):
-            check_sensor(place, order, calibration, another_sensor)
+        if any(order := SensorIdentity.stated_in(CaptureFile.read(place).model_dump())):
+            order.check(place, calibration, another_sensor)
             return
 
 
@@ -296,18 +317,11 @@ def _is_capture(folder: Path, layout: Layout) -> bool:
 
 def _lights(folder: Path, layout: Layout) -> Lights:
     """Lights as given, or as the folder states; the one image of a scan is a colour image."""
-    order = layout.lights or read_capture_file(folder.parent if folder.is_file() else folder).lights
+    order = layout.lights or CaptureFile.read(folder.parent if folder.is_file() else folder).lights
     listed = listed_capture(folder) if order is None else None
     if listed is not None and len(listed.images) == 1:
         return "rgb"
     return order or "leds"
-
-
-def read_capture_file(folder: Path) -> CaptureFile:
-    file = folder / "capture.yaml"
-    if file.exists() and not file.is_file():
-        raise InputError(f"{file}: is no plain file; put one there, or remove it")
-    return read_yaml(file).checked(CaptureFile) if file.is_file() else CaptureFile()
 
 
 def _only_image(folder: Path) -> Path:

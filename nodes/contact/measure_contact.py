@@ -11,9 +11,8 @@ from tactograph.nodes import F4, Contacts, Height, Metrics, PixelSize
 from tactograph.nodes.contact.find_contact import MAX_CONTACTS
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
 from tactograph.nodes.height.distort_height import distort_height
-from tactograph.nodes.optics.lens import ideal_place
-from tactograph.nodes.optics.rest_shape import RestShape, rest_shape
-from tactograph.nodes.stream.touch import View
+from tactograph.nodes.optics.camera_view import View
+from tactograph.nodes.optics.rest_shape import RestShape
 
 PIXEL_VARIANCE = 1 / 12
 """Variance of positions within a square pixel, in px^2."""
@@ -71,7 +70,9 @@ def measure_contact(
         )
         numbers = largest_contacts(contact, most)
     shape = (
-        None if rest is None else rest_shape(_apparent_rest(rest, view), pixel, view.camera or 0.0)
+        None
+        if rest is None
+        else RestShape.of(_apparent_rest(rest, view), pixel, view.camera or 0.0)
     )
     if shape is not None:
         figures["rest_relief_mm"] = float(np.ptp(shape.height))
@@ -114,7 +115,8 @@ def _measured(height: Height, mask: NDArray[np.uint8], pixel: float, view: View)
     moments = cv2.moments(mask[part])
     count = moments["m00"]
     x, y = left + moments["m10"] / count, top + moments["m01"] / count
-    (x_ideal, y_ideal), stretch = ideal_place(view.lens, height.shape, x, y)
+    x_ideal, y_ideal = view.ideal(height.shape, x, y)
+    stretch = view.ideal_steps(height.shape, x, y)
     shared = moments["mu11"] / count
     spread = np.array([[moments["mu20"] / count, shared], [shared, moments["mu02"] / count]])
     spread = stretch @ (spread + PIXEL_VARIANCE * np.eye(2)) @ stretch.T * pixel**2

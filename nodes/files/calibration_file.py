@@ -18,7 +18,7 @@ from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.disk.file_identity import ABOUT_ARRAY, about_in
 from tactograph.graph.errors import missing, one_line
 from tactograph.graph.rings import bring
-from tactograph.nodes.files.sensor_identity import identity_in
+from tactograph.nodes.files.sensor_identity import SensorIdentity
 from tactograph.nodes.optics.lens import camera_offset
 from tactograph.nodes.stored import Value, stored_values, with_plain
 
@@ -61,82 +61,178 @@ class FileKind(NamedTuple):
     def values(self) -> Mapping[str, Value]:
         return stored_values(self.record)
 
+    def new_file(self, file: Path) -> Path:
+        """Return the path of a new calibration, if it is free or of an earlier one of this kind.
 
-def free_for(file: Path, kind: FileKind) -> Path:
-    """Return the path of a new calibration, if it is free or of an earlier one of its kind.
+        For ``AfterValidator``: what is refused is refused before the work starts.
 
-    For ``AfterValidator``: what is refused is refused before the work starts.
+        Raises
+        ------
+        ValueError
+            If it has a wrong name, or another file is there.
+        """
+        if file.suffix != ".npz":
+            raise ValueError("a calibration file is called something.npz")
+        try:
+            is_free = not file.exists() or self._is_in(about_in(_load(file, self)))
+        except InputError:
+            is_free = False
+        if not is_free:
+            raise ValueError(f"the name of a new file, or of an earlier {self.name}, is needed")
+        return file
 
-    Raises
-    ------
-    ValueError
-        If it has a wrong name, or another file is there.
-    """
-    if file.suffix != ".npz":
-        raise ValueError("a calibration file is called something.npz")
-    try:
-        is_free = not file.exists() or is_of_kind(file, kind)
-    except InputError:
-        is_free = False
-    if not is_free:
-        raise ValueError(f"the name of a new file, or of an earlier {kind.name}, is needed")
-    return file
+    def write(self, file: Path, values: Mapping[str, Any]) -> None:
+        """Write a calibration as one ``.npz``, replaced as a whole, readable without pickle.
 
+        Parameters
+        ----------
+        values
+            The arrays of this kind, of which absent ones are those of a plain sensor, and further
+            data to store as JSON; a `Provenance` is stored as its dictionary.  The date is added.
 
-def write_arrays(
-    file: Path, kind: FileKind, arrays: Mapping[str, Any], about: Mapping[str, Any]
-) -> None:
-    """Write a calibration as one ``.npz``, replaced as a whole, readable without pickle.
-
-    Parameters
-    ----------
-    arrays : those of `kind`; absent ones are those of a plain sensor
-    about
-        Further data to store as JSON; a `Provenance` is stored as its dictionary.  The date is
-        added.
-
-    Raises
-    ------
-    InputError
-        If `read_arrays` would refuse the file, or it cannot be written; then none is written.
-    """
-    head = {
-        "format": kind.format,
-        "kind": f"tactograph {kind.name}",
-        "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "units": {name: value.port.meaning for name, value in kind.values.items()},
-        **{n: v.as_dict() if isinstance(v, Provenance) else v for n, v in about.items()},
-    }
-    filled = with_plain(kind.record, {n: v for n, v in arrays.items() if v is not None})
-    with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
-        typed: dict[str, Any] = {
-            n: np.asarray(filled[n], value.dtype) for n, value in kind.values.items()
+        Raises
+        ------
+        InputError
+            If `read` would refuse the file, or it cannot be written; then none is written.
+        """
+        about = {name: value for name, value in values.items() if name not in self.values}
+        head = {
+            "format": self.format,
+            "kind": f"tactograph {self.name}",
+            "date": datetime.now(UTC).isoformat(timespec="seconds"),
+            "units": {name: value.port.meaning for name, value in self.values.items()},
+            **{n: v.as_dict() if isinstance(v, Provenance) else v for n, v in about.items()},
         }
-    try:
-        _check_arrays(kind, typed)
-    except ValueError as error:
-        raise InputError(
-            f"{file}: the calibration failed and is not written: {error}; check {kind.sources}"
-        ) from None
-    _write_archive(file, {ABOUT_ARRAY: np.array(json.dumps(head)), **typed})
+        given = {n: values[n] for n in self.values if values.get(n) is not None}
+        filled = with_plain(self.record, given)
+        with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
+            typed: dict[str, Any] = {
+                n: np.asarray(filled[n], value.dtype) for n, value in self.values.items()
+            }
+        try:
+            _check_arrays(self, typed)
+        except ValueError as error:
+            raise InputError(
+                f"{file}: the calibration failed and is not written: {error}; check {self.sources}"
+            ) from None
+        _write_archive(file, {ABOUT_ARRAY: np.array(json.dumps(head)), **typed})
+
+    def write_record(self, file: Path, record: Any, about: Mapping[str, Any]) -> None:
+        """Write a record of this kind as `write` does, with more that the file says of itself."""
+        values = record_values(self.record, record)
+        self.write(file, {**dict(zip(record_ports(self.record), values, strict=True)), **about})
+
+    def replace(self, file: Path, arrays: Mapping[str, Any]) -> None:
+        """Write a calibration again with some of its arrays replaced; all else stays as it is.
+
+        Raises
+        ------
+        InputError
+            As `read`, or if the file cannot be written.
+        """
+        typed = {n: np.asarray(array, self.values[n].dtype) for n, array in arrays.items()}
+        every = _load(file, self) | typed
+        _check_head(file, self, about_in(every))
+        try:
+            _check_arrays(self, every)
+        except ValueError as error:
+            raise InputError(f"{file}: stays as it was: {error}; check {self.sources}") from None
+        _write_archive(file, every)
+
+    def read(self, file: Path) -> tuple[dict[str, Any], "About"]:
+        """Return a calibration's arrays, those without axes as floats, and its header.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, damaged, of another kind or version, or holds a pickle; if an
+            array is missing, empty, misshapen, not finite or out of range; if the film is dark
+            under an LED; if the arrays cannot be of one sensor; if the header's figures are not
+            numbers by name, or its doubts not sentences.
+        """
+        arrays = _load(file, self)
+        head = about_in(arrays)
+        _check_head(file, self, head)
+        try:
+            _check_arrays(self, arrays)
+        except ValueError as error:
+            raise InputError(
+                f"{file}: not as this version writes it: {error}; calibrate again"
+            ) from None
+        typed = {
+            n: arrays[n] if value.port.dims else float(arrays[n])
+            for n, value in self.values.items()
+        }
+        return typed, _about(file, head)
+
+    def read_to_use(self, file: Path, lights: str | None = None) -> tuple[dict[str, Any], "About"]:
+        """Return what `read` does, repeat all doubts in one warning, and refuse other lights.
+
+        Parameters
+        ----------
+        lights : how the images that it is used for hold the lights; None: not known
+
+        Raises
+        ------
+        InputError
+            As `read`; if it was made from "bgr" and is used for "rgb", or the reverse.
+        """
+        arrays, about = self.read(file)
+        if about.doubts:
+            more = len(about.doubts) - 1
+            others = f" (and {more} more doubt{'s' if more > 1 else ''})" if more else ""
+            warn(
+                f"calibration {file} is doubtful: {about.doubts[0]}{others}; see "
+                f"'tactograph show {file}'"
+            )
+        if lights not in COLOUR_LIGHTS:
+            return arrays, about
+        if about.lights in COLOUR_LIGHTS and about.lights != lights:
+            raise InputError(
+                f"{file}: was made of colours in the order {about.lights}, not {lights}; give "
+                f"`lights`={about.lights}, or calibrate with {lights}"
+            )
+        if about.lights is None and lights == "rgb":
+            warn(
+                f"{file}: does not say whether it was made of colours in the order rgb; calibrate "
+                "again"
+            )
+        return arrays, about
+
+    def _is_in(self, head: Mapping[str, Any]) -> bool:
+        """Whether a file of that header claims to be a calibration of this kind."""
+        return bool(head.get("kind") == f"tactograph {self.name}")
 
 
-def replace_arrays(file: Path, kind: FileKind, arrays: Mapping[str, Any]) -> None:
-    """Write a calibration again with some of its arrays replaced; all else stays as it is.
+class About(NamedTuple):
+    """Header of a calibration.
 
-    Raises
-    ------
-    InputError
-        As `read_arrays`, or if the file cannot be written.
+    `quality` holds its figures, `doubts` what speaks against it, a sentence each.  `lights` is how
+    its images held the lights, as for `read_capture`; None where that is not known.  `serial` is
+    the camera's serial number, if it has one.  `head` is the header as it stands in the file.
     """
-    typed = {n: np.asarray(array, kind.values[n].dtype) for n, array in arrays.items()}
-    every = _load(file, kind) | typed
-    _check_head(file, kind, every)
-    try:
-        _check_arrays(kind, every)
-    except ValueError as error:
-        raise InputError(f"{file}: stays as it was: {error}; check {kind.sources}") from None
-    _write_archive(file, every)
+
+    quality: dict[str, float]
+    doubts: list[str]
+    lights: str | None
+    serial: str | None
+    head: Mapping[str, Any]
+
+
+def _about(file: Path, head: Mapping[str, Any]) -> About:
+    """Read a header, which may lack entries."""
+    quality, doubts = head.get("quality", {}), head.get("doubts", [])
+    if not isinstance(quality, dict) or not all(_is_number(v) for v in quality.values()):
+        raise InputError(f"{file}: 'quality' is not a list of figures; calibrate again")
+    if not isinstance(doubts, list) or not all(isinstance(d, str) for d in doubts):
+        raise InputError(f"{file}: 'doubts' is not a list of sentences; calibrate again")
+    lights: Any = head
+    for name in ("provenance", "arguments", "lights"):
+        lights = lights.get(name) if isinstance(lights, dict) else None
+    figures = {name: float(value) for name, value in quality.items()}
+    sentences = [one_line(doubt) for doubt in doubts]
+    serial = SensorIdentity.stated_in(head).serial or None
+    return About(figures, sentences, lights if isinstance(lights, str) else None, serial, head)
 
 
 def _write_archive(file: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -150,135 +246,15 @@ def _write_archive(file: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
                 np.lib.format.write_array(stream, array, allow_pickle=False)
 
 
-def write_record(file: Path, kind: FileKind, record: Any, about: Mapping[str, Any]) -> None:
-    """Write a record of `kind`, its `Stored` fields as arrays and the others as JSON.
-
-    Raises
-    ------
-    InputError
-        As `write_arrays`.
-    """
-    ports = record_ports(kind.record)
-    fields = dict(zip(ports, record_values(kind.record, record), strict=True))
-    others = {name: value for name, value in fields.items() if name not in kind.values}
-    write_arrays(file, kind, fields, {**others, **about})
-
-
 def record_of(record: type[R], values: Mapping[str, Any]) -> R:
     """Make a record of a file's values."""
     filled: R = make_record(record, [values[name] for name in record_ports(record)])
     return filled
 
 
-def read_arrays(file: Path, kind: FileKind) -> dict[str, Any]:
-    """Return the arrays of a calibration, without pickle; those without axes as floats.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged, of another kind or version, or holds a pickle; if an
-        array is missing, empty, misshapen, not finite or out of range; if the film is dark under
-        an LED; if the arrays cannot be of one sensor.
-    """
-    arrays = _load(file, kind)
-    _check_head(file, kind, arrays)
-    try:
-        _check_arrays(kind, arrays)
-    except ValueError as error:
-        raise InputError(
-            f"{file}: not as this version writes it: {error}; calibrate again"
-        ) from None
-    return {
-        n: arrays[n] if value.port.dims else float(arrays[n]) for n, value in kind.values.items()
-    }
-
-
-class About(NamedTuple):
-    """Header of a calibration.
-
-    `quality` holds its figures, `doubts` what speaks against it, a sentence each.  `lights` is how
-    its images held the lights, as for `read_capture`; None where that is not known.  `serial` is
-    the camera's serial number, if it has one.
-    """
-
-    quality: dict[str, float]
-    doubts: list[str]
-    lights: str | None
-    serial: str | None = None
-
-
-def read_about(file: Path) -> About:
-    """Return a calibration's header, which may lack entries.
-
-    `read_arrays` must have read the file before.
-
-    Raises
-    ------
-    InputError
-        If the figures are not numbers by name, or the doubts are not sentences.
-    """
-    head = about_in(load_arrays(file, only=ABOUT_ARRAY))
-    quality, doubts = head.get("quality", {}), head.get("doubts", [])
-    if not isinstance(quality, dict) or not all(_is_number(v) for v in quality.values()):
-        raise InputError(f"{file}: 'quality' is not a list of figures; calibrate again")
-    if not isinstance(doubts, list) or not all(isinstance(d, str) for d in doubts):
-        raise InputError(f"{file}: 'doubts' is not a list of sentences; calibrate again")
-    lights: Any = head
-    for name in ("provenance", "arguments", "lights"):
-        lights = lights.get(name) if isinstance(lights, dict) else None
-    figures = {name: float(value) for name, value in quality.items()}
-    sentences = [one_line(doubt) for doubt in doubts]
-    serial = identity_in(head).serial or None
-    return About(figures, sentences, lights if isinstance(lights, str) else None, serial)
-
-
-def check_use(file: Path, about: About, lights: str | None) -> None:
-    """Repeat the doubts of a calibration in one warning, and refuse lights of another order.
-
-    Parameters
-    ----------
-    file, about : the calibration, and what it says of itself
-    lights : how the images that it is used for hold the lights; None: not known
-
-    Raises
-    ------
-    InputError
-        If the calibration was made from "bgr" and is used for "rgb", or the reverse.
-    """
-    if about.doubts:
-        more = len(about.doubts) - 1
-        others = f" (and {more} more doubt{'s' if more > 1 else ''})" if more else ""
-        warn(
-            f"calibration {file} is doubtful: {about.doubts[0]}{others}; see "
-            f"'tactograph show {file}'"
-        )
-    if lights not in COLOUR_LIGHTS:
-        return
-    if about.lights in COLOUR_LIGHTS and about.lights != lights:
-        raise InputError(
-            f"{file}: was made of colours in the order {about.lights}, not {lights}; give "
-            f"`lights`={about.lights}, or calibrate with {lights}"
-        )
-    if about.lights is None and lights == "rgb":
-        warn(
-            f"{file}: does not say whether it was made of colours in the order rgb; calibrate again"
-        )
-
-
 def _is_number(value: object) -> bool:
     # An integer may have more digits than a float can hold.
     return isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**63)
-
-
-def is_of_kind(file: Path, kind: FileKind) -> bool:
-    """Return whether a file claims to be a calibration of this kind; it may still be damaged.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, or it holds no arrays.
-    """
-    return bool(about_in(_load(file, kind)).get("kind") == f"tactograph {kind.name}")
 
 
 def kind_of(file: Path) -> ModuleType | None:
@@ -310,12 +286,11 @@ def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
         raise InputError(f"{file}: this calibration cannot be used: {why}") from None
 
 
-def _check_head(file: Path, kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
-    head = about_in(arrays)
+def _check_head(file: Path, kind: FileKind, head: Mapping[str, Any]) -> None:
     name, version = head.get("kind"), head.get("format")
     if not isinstance(name, str):
         raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one")
-    if name != f"tactograph {kind.name}":
+    if not kind._is_in(head):
         other_kind = name.removeprefix("tactograph ")
         other = kind_of(file)
         users = f"; a {other_kind} is for {other.KIND.users}" if other else ""

@@ -21,7 +21,7 @@ GLINT_SHARE = 0.5
 MIN_COUNTS = 4
 """... and number of converter steps that it must reach, because fewer show no gradation."""
 MIN_LEVELS = 255
-"""Steps from black to white of an image of 8 bits; fewer are told."""
+"""Steps from black to white of an image of 8 bits; fewer are reported."""
 MAX_SATURATED = 1e-3
 """Share of saturated pixels that raises a warning."""
 MIN_PLATEAU_SHARE, PLATEAU_SIDE_SHARE = 0.9, 0.97

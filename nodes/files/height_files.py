@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -12,10 +12,10 @@ from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 from tactograph.graph import InputError
 from tactograph.graph.errors import missing
 from tactograph.graph.rings import bring
-from tactograph.nodes import F4, I4, Height, Lens
+from tactograph.nodes import F4, I4, Height
 from tactograph.nodes.files.image_files import read_heights
 from tactograph.nodes.files.result_file import refuse_changed
-from tactograph.nodes.optics.film_places import film_places
+from tactograph.nodes.optics.camera_view import View
 
 MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1.0
 """Pixels that sensors of touch have; a size outside is one in another unit, such as um."""
@@ -27,6 +27,7 @@ PER_CM = 3
 """A TIFF's number for a resolution in pixels per centimetre."""
 MESH_AXES = "mm from the image's middle on the film at rest; x right, y up, z to the camera"
 """Comment in meshes; an STL has room for 80 bytes."""
+PLAIN_VIEW = View()
 PLY_HEADER = """\
 ply
 format binary_little_endian 1.0
@@ -49,40 +50,45 @@ class HeightFile(NamedTuple):
     pixel: float | None = None
     error: F4 | None = None
 
+    @classmethod
+    def of(cls, height: F4, width: float, length: float, error: F4 | None = None) -> Self:
+        """Return a height whose pixels have this width and length in mm.
+
+        Their size is not stated if they are no squares, or none that sensors of touch have.
+        """
+        is_size = min(width, length) >= MIN_PIXEL_MM and max(width, length) <= MAX_PIXEL_MM
+        is_square = math.isclose(width, length, rel_tol=MAX_SIZE_DIFFERENCE)
+        return cls(height, width if is_size and is_square else None, error)
+
 
 class Surface(NamedTuple):
-    """A triangle mesh: V x 3 in mm, and F x 3, the vertices' numbers."""
+    """A triangle mesh: V x 3 in mm, and F x 3, the vertices' numbers.
+
+    Meshes are right-handed: x right, y up (so the image's rows run towards -y), z to the
+    camera.  The origin is the image's middle on the film at rest.
+    """
 
     vertices: F4
     faces: I4
+    axes: str = MESH_AXES
 
+    @classmethod
+    def of(cls, height: Height, pixel: float, view: View = PLAIN_VIEW) -> Self:
+        """Return the height map as a mesh, two triangles between four pixels.
 
-def grid_triangles(rows: int, columns: int) -> I4:
-    """Return the numbers of the corners of two triangles between four pixels, T x 3."""
-    corner = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)[:-1, :-1].ravel()
-    right, below = corner + 1, corner + columns
-    halves = [np.stack([corner, below, right], 1), np.stack([right, below, below + 1], 1)]
-    return np.concatenate(halves)
-
-
-def surface_of(
-    height: Height, pixel: float, lens: Lens | None = None, camera: float = 0.0
-) -> Surface:
-    """Return the height map as a mesh, two triangles between four pixels.
-
-    Meshes are right-handed: x right, y up (so the image's rows run towards -y), z to the
-    camera.  The origin is the image's middle on the film at rest.  Points lie where they are on
-    the film (`film_places`).  What is not known, NaN, is left out.
-    """
-    rows, columns = height.shape
-    x, y = film_places(height, lens, camera)
-    vertices = np.stack([x * pixel, -y * pixel, height], axis=-1).reshape(-1, 3)
-    faces = grid_triangles(rows, columns)
-    is_known = np.isfinite(vertices[:, 2])
-    if not is_known.all():
-        number = np.cumsum(is_known) - 1
-        vertices, faces = vertices[is_known], number[faces[is_known[faces].all(axis=1)]]
-    return Surface(vertices.astype(np.float32), faces.astype(np.int32))
+        Points lie where they are on the film (`View.places`).  What is not known, NaN, is left out.
+        """
+        rows, columns = height.shape
+        x, y = view.places(height)
+        vertices = np.stack([x * pixel, -y * pixel, height], axis=-1).reshape(-1, 3)
+        corner = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)[:-1, :-1].ravel()
+        right, below = corner + 1, corner + columns
+        halves = [np.stack([corner, below, right], 1), np.stack([right, below, below + 1], 1)]
+        faces, is_known = np.concatenate(halves), np.isfinite(vertices[:, 2])
+        if not is_known.all():
+            number = np.cumsum(is_known) - 1
+            vertices, faces = vertices[is_known], number[faces[is_known[faces].all(axis=1)]]
+        return cls(vertices.astype(np.float32), faces.astype(np.int32))
 
 
 def write_tiff(file: Path, height: Height, pixel: float, length: float | None = None) -> None:
@@ -94,13 +100,11 @@ def write_tiff(file: Path, height: Height, pixel: float, length: float | None = 
     Image.fromarray(np.asarray(height, np.float32)).save(file, tiffinfo=tags)
 
 
-def write_ply(
-    file: Path, height: Height, pixel: float, lens: Lens | None = None, camera: float = 0.0
-) -> None:
-    """Write the mesh of a height map (`surface_of`), binary."""
-    surface = surface_of(height, pixel, lens, camera)
+def write_ply(file: Path, height: Height, pixel: float, view: View = PLAIN_VIEW) -> None:
+    """Write the mesh of a height map (`Surface`), binary."""
+    surface = Surface.of(height, pixel, view)
     sizes = {"vertices": len(surface.vertices), "faces": len(surface.faces)}
-    header = PLY_HEADER.format(axes=MESH_AXES, **sizes)
+    header = PLY_HEADER.format(axes=surface.axes, **sizes)
     faces = np.empty(len(surface.faces), [("count", "u1"), ("vertices", "<i4", 3)])
     faces["count"], faces["vertices"] = 3, surface.faces
     file.write_bytes(header.encode() + surface.vertices.astype("<f4").tobytes() + faces.tobytes())
@@ -120,11 +124,11 @@ def _read_tiff(file: Path) -> HeightFile:
         raise InputError(f"{file}: cannot be decoded, the file is damaged or no TIFF")
     if image.ndim != 2 or image.dtype.kind != "f":
         raise InputError(f"{file}: a height map is one channel of 32-bit floats in mm")
-    return HeightFile(np.asarray(image, np.float32), _tiff_pixel(file))
+    return HeightFile.of(np.asarray(image, np.float32), *_tiff_sides(file))
 
 
-def _tiff_pixel(file: Path) -> float | None:
-    """The pixel size of a TIFF written here.
+def _tiff_sides(file: Path) -> tuple[float, float]:
+    """Width and length in mm of a pixel of a TIFF written here, else NaN.
 
     The resolution that another program writes is often that of a printer.
     """
@@ -132,16 +136,10 @@ def _tiff_pixel(file: Path) -> float | None:
         with TiffImageFile(str(file)) as image:
             tags = image.tag_v2
             if tags.get(270) != TIFF_TEXT or tags.get(296) != PER_CM:
-                return None
-            return square_pixel(10 / float(tags[282]), 10 / float(tags[283]))
+                return math.nan, math.nan
+            return 10 / float(tags[282]), 10 / float(tags[283])
     except (OSError, SyntaxError, ValueError, KeyError, ZeroDivisionError):
-        return None
-
-
-def square_pixel(width: float, length: float) -> float | None:
-    """Return the side of a pixel of this width and length in mm; None if it is no square."""
-    is_size = min(width, length) >= MIN_PIXEL_MM and max(width, length) <= MAX_PIXEL_MM
-    return width if is_size and math.isclose(width, length, rel_tol=MAX_SIZE_DIFFERENCE) else None
+        return math.nan, math.nan
 
 
 def read_height_file(file: Path) -> HeightFile:

@@ -1,13 +1,13 @@
 """Presets for kinds of sensor: small files, shipped or the user's own."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from annotated_types import Interval, Len
 from pydantic import BaseModel, ConfigDict
 
 from tactograph.graph import InputError
-from tactograph.graph.disk.strict_yaml import read_yaml
+from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.rings import rings
 from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MIN_PIXEL_MM
 from tactograph.nodes.files.image_files import MAX_LEDS
@@ -53,30 +53,30 @@ class SensorPreset(_Part):
     pixel_size_mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)]
     warm_up_s: Annotated[float, Interval(ge=0, le=MAX_WAIT_S)] = 0.0
 
+    @classmethod
+    def read(cls, sensor: str) -> Self:
+        """Read a shipped preset by name, or the user's own by path.
+
+        Raises
+        ------
+        InputError
+            If there is none, or an entry is invalid; the message gives its place.
+        """
+        presets = shipped_presets()
+        file = presets.get(sensor, Path(sensor))
+        if file.suffix != ".yaml" or not file.is_file():
+            raise InputError(
+                f"`sensor`={sensor}: is neither a file (.yaml) nor one of {', '.join(presets)}"
+            )
+        document = Document.read(file)
+        preset = document.checked(cls)
+        left, top, right, bottom = preset.crop
+        if left >= right or top >= bottom:
+            raise InputError(f"{document.place(('crop',))}: nothing lies between {preset.crop}")
+        return preset
+
 
 def shipped_presets() -> dict[str, Path]:
     """Return the files of the presets that rings bring, by name."""
     files = [file for ring in rings() for file in ring.files("sensors", "*.yaml")]
     return {file.stem: file for file in sorted(files)}
-
-
-def read_preset(sensor: str) -> SensorPreset:
-    """Read a shipped preset by name, or the user's own by path.
-
-    Raises
-    ------
-    InputError
-        If there is none, or an entry is invalid; the message gives its place.
-    """
-    presets = shipped_presets()
-    file = presets.get(sensor, Path(sensor))
-    if file.suffix != ".yaml" or not file.is_file():
-        raise InputError(
-            f"`sensor`={sensor}: is neither a file (.yaml) nor one of {', '.join(presets)}"
-        )
-    document = read_yaml(file)
-    preset = document.checked(SensorPreset)
-    left, top, right, bottom = preset.crop
-    if left >= right or top >= bottom:
-        raise InputError(f"{document.place(('crop',))}: nothing lies between {preset.crop}")
-    return preset

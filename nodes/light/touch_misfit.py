@@ -1,6 +1,6 @@
 """Compare the model error of a touch with that of the presses that the model was fitted to.
 
-Long because noise, brightness and what normals have in common are told apart, and because film at
+Long because noise, brightness and what normals have in common are separated, and because film at
 rest tells what touched film cannot.
 """
 

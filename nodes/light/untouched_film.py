@@ -8,12 +8,7 @@ from tactograph.graph import InputError, NodeCall, Port, node
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
 from tactograph.nodes.optics.near_light import expected_light, light_vectors
-from tactograph.nodes.optics.rest_shape import (
-    MIN_REST_LIGHT,
-    REST_ROUNDS,
-    RestShape,
-    rest_shape,
-)
+from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, REST_ROUNDS, RestShape
 
 
 class Surface(NamedTuple):
@@ -69,7 +64,7 @@ def untouched_film(
     if film is None or pixel is None:
         raise InputError("a film that is no plane needs its calibration and pixel size as well")
     factor = max(-(-side // cells) for side, cells in zip(rest.shape, size, strict=True))
-    shape = rest_shape(rest, pixel / factor, film.camera)
+    shape = RestShape.of(rest, pixel / factor, film.camera)
     if factor > 1:
         shape = shape.continued(factor).binned(factor)
     direct, thrown = light_at_rest(shape, film, bounce)

@@ -58,12 +58,6 @@ def oblong_lens(width: float, length: float) -> tuple[Lens, float]:
     return np.array([0, 0, 0, 0, a, 0, 0, 0], np.float32), (1 + a) * width
 
 
-def pixel_sides(lens: Lens | None, pixel: float) -> tuple[float, float]:
-    """Return the sides along x and y of the camera's pixels, for those of the ideal image."""
-    a = 0.0 if lens is None else float(lens[LENS_TERMS.index("a")])
-    return pixel / (1 + a), pixel / (1 - a)
-
-
 def half_diagonal(shape: tuple[int, int]) -> np.float32:
     """Return half of the image's diagonal in px."""
     rows, columns = shape
@@ -120,30 +114,6 @@ def _moved(lens: Lens, shape: tuple[int, int], offset: Any, step: int = 1) -> tu
     v = (row - np.float32(0.5) * np.float32(rows - 1)) * scale
     du, dv = offset(lens, u, v)
     return column + half * du, row + half * dv
-
-
-def ideal_place(
-    lens: Lens | None, shape: tuple[int, int], x: float, y: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return where on the ideal grid a pixel looks, and how that changes by a pixel, 2 x 2.
-
-    Parameters
-    ----------
-    lens : length 8; None: no distortion
-    x, y : column and row
-
-    Returns
-    -------
-    The place in ideal px from the image's middle, and the derivatives of it along x and y.
-    """
-    rows, columns = shape
-    half = float(half_diagonal(shape))
-    steps = np.array([[0, 0], [0.5, 0], [-0.5, 0], [0, 0.5], [0, -0.5]])
-    middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
-    u, v = ((steps + np.array([x, y]) - middle) / half).T
-    bent = np.zeros((2, 5)) if lens is None else np.array(ideal_offset(lens.astype(float), u, v))
-    here, right, left, below, above = (half * (np.array([u, v]) + bent)).T
-    return here, np.stack([right - left, below - above], axis=1)
 
 
 def nearest_ideal(lens: Lens, shape: tuple[int, int]) -> tuple[I4, I4]:

@@ -43,6 +43,22 @@ class RestShape:
     pixel: float
     camera: float
 
+    @classmethod
+    def of(cls, height: F4, pixel: float, camera: float = 0.0) -> Self:
+        """Return the film at rest by the height, H x W in mm, that each pixel sees of it.
+
+        `pixel` is in mm per px at height 0, `camera` one over the height of the pupil.
+        """
+        by = np.float32(camera)
+        apparent = np.asarray(height / (1 - by * height), np.float32)
+        p, q = tilt = np.stack([difference(apparent, axis) for axis in (1, 0)]) / np.float32(pixel)
+        u, v = _places(height.shape, pixel)
+        slope = tilt / np.maximum(1 + by * (apparent - p * u - q * v), MIN_VIEW_SHARE)
+        high, low, down, away = (
+            np.asarray(each, np.float32) for each in (height, apparent, slope, tilt)
+        )
+        return cls(high, low, down, away, float(pixel), float(camera))
+
     def places_of(self, x: F8, y: F8) -> tuple[F8, F8]:
         """Return the places u, v in mm of columns x and rows y."""
         rows, columns = self.height.shape
@@ -93,22 +109,6 @@ class RestShape:
         apparent = np.pad(self.apparent, beyond, mode="edge")
         slope, tilt = (np.pad(p, [(0, 0), *beyond], mode="edge") for p in (self.slope, self.tilt))
         return type(self)(height, apparent, slope, tilt, self.pixel, self.camera)
-
-
-def rest_shape(height: F4, pixel: float, camera: float = 0.0) -> RestShape:
-    """Return the film at rest by the height, H x W in mm, that each pixel sees of it.
-
-    `pixel` is in mm per px at height 0, `camera` one over the height of the pupil.
-    """
-    by = np.float32(camera)
-    apparent = np.asarray(height / (1 - by * height), np.float32)
-    p, q = tilt = np.stack([difference(apparent, axis) for axis in (1, 0)]) / np.float32(pixel)
-    u, v = _places(height.shape, pixel)
-    slope = tilt / np.maximum(1 + by * (apparent - p * u - q * v), MIN_VIEW_SHARE)
-    high, low, down, away = (
-        np.asarray(each, np.float32) for each in (height, apparent, slope, tilt)
-    )
-    return RestShape(high, low, down, away, float(pixel), float(camera))
 
 
 def rest_share(film: Film, n: Numbers, x: Numbers, y: Numbers, z: Numbers) -> F8:

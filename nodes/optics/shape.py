@@ -1,6 +1,6 @@
 """Common parts of the shape nodes: the record they return and the grid they fill."""
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 from annotated_types import Interval
@@ -14,8 +14,6 @@ MAX_PIXELS = 2**24
 """Most pixels of a simulated image: 17 million."""
 Length = Annotated[float, Interval(gt=0, le=1e4)]
 """A length in mm, at most 10 m."""
-WallAngle = Annotated[float, Interval(gt=0, le=90)]
-"""Angle of a wall against the plane, in degrees; 90 is vertical."""
 PixelSide = Annotated[float, Interval(ge=1e-4, le=10)]
 """Side of a pixel in mm, from a tenth of a micrometre."""
 Offset = tuple[float, float]
@@ -39,8 +37,11 @@ class ShapeImage(NamedTuple):
     height_px: Side = 240
     pixel_size_mm: PixelSide = PAPER_PIXEL_MM
 
-    def places(self) -> tuple[F8, F8]:
-        """Return x (1 x W) and y (H x 1) of the pixel centres, mm from the shape's middle.
+    def places(self, angle_deg: float | None = None) -> tuple[F8, F8]:
+        """Return x and y of the pixel centres, mm from the shape's middle.
+
+        In a frame that is rotated by an angle from x towards y, H x W each; without one 1 x W and
+        H x 1.
 
         Raises
         ------
@@ -50,7 +51,12 @@ class ShapeImage(NamedTuple):
         self.check_pixels()
         sides = zip((self.width_px, self.height_px), self.offset_mm, strict=True)
         x, y = ((np.arange(n) - (n - 1) / 2) * self.pixel_size_mm - middle for n, middle in sides)
-        return np.asarray(x[None, :], float), np.asarray(y[:, None], float)
+        x, y = x.astype(np.float64)[None, :], y.astype(np.float64)[:, None]
+        if angle_deg is None:
+            return x, y
+        angle = np.deg2rad(angle_deg)
+        c, s = float(np.cos(angle)), float(np.sin(angle))
+        return c * x + s * y, c * y - s * x
 
     def check_pixels(self) -> None:
         """Refuse an image that is larger than any camera's."""
@@ -69,27 +75,8 @@ class Shape(NamedTuple):
     height: Height
     pixel_size: PixelSize
 
-
-def turned(x: F8, y: F8, angle_deg: float) -> tuple[F8, F8]:
-    """Return the coordinates in a frame rotated by an angle from x towards y."""
-    angle = np.deg2rad(angle_deg)
-    c, s = np.cos(angle), np.sin(angle)
-    return c * x + s * y, c * y - s * x
-
-
-def shape(height: F8, pixel_size_mm: float) -> Shape:
-    """Return the record of a height in mm, clipped at the film at rest."""
-    top: F4 = np.asarray(np.maximum(height, 0.0), np.float32)
-    return Shape(top, float(pixel_size_mm))
-
-
-def risen(within: F8, rise_mm: float, wall_deg: float) -> F8:
-    """Return the height of a wall, by the distance from its middle: half of `rise_mm` at 0."""
-    run = rise_mm / np.tan(np.radians(wall_deg))
-    return np.asarray(rise_mm * np.clip(within / max(run, 1e-9) + 0.5, 0, 1))
-
-
-def stretched(height: F8, rise_mm: float | None) -> F8:
-    """Return heights scaled so that the highest is `rise_mm`; None keeps them."""
-    top = float(height.max(initial=0.0))
-    return height if rise_mm is None or top <= 0 else height * (rise_mm / top)
+    @classmethod
+    def of(cls, height: F8, pixel_size_mm: float) -> Self:
+        """Return the record of a height in mm, clipped at the film at rest."""
+        top: F4 = np.asarray(np.maximum(height, 0.0), np.float32)
+        return cls(top, float(pixel_size_mm))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.nodes.optics.shape import Length, Shape, ShapeImage, shape
+from tactograph.nodes.optics.shape import Length, Shape, ShapeImage
 
 
 @node
@@ -39,4 +39,4 @@ def shape_ball(
     x, y = image.places()
     inside = radius_mm**2 - x**2 - y**2
     surface = rise - radius_mm + np.sqrt(np.maximum(inside, 0.0))
-    return shape(np.where(inside > 0, surface, 0.0), image.pixel_size_mm)
+    return Shape.of(np.where(inside > 0, surface, 0.0), image.pixel_size_mm)

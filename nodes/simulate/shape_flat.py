@@ -9,7 +9,6 @@ from tactograph.nodes.optics.shape import (
     Shape,
     ShapeImage,
     Side,
-    shape,
 )
 
 
@@ -24,4 +23,4 @@ def shape_flat(
     width_px, height_px, pixel_size_mm : size of the image, and of its pixels
     """
     ShapeImage(width_px=width_px, height_px=height_px).check_pixels()
-    return shape(np.zeros((height_px, width_px)), pixel_size_mm)
+    return Shape.of(np.zeros((height_px, width_px)), pixel_size_mm)

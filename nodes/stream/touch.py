@@ -5,6 +5,7 @@ A layer is a value with a name.  ``layers/NAME.py`` of the core or of a ring dec
 (`layer_kinds.layers_of`) and know the ways in which a kind is drawn, no layer.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
@@ -13,19 +14,27 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, F8, U1, Height, Lens, Light, Metrics, PixelSize, Vergence
-from tactograph.nodes.optics.film_places import film_places
-from tactograph.nodes.stream.frames import LiveState
+from tactograph.nodes import F4, F8, U1, Height, Light, Metrics, PixelSize
+from tactograph.nodes.optics.camera_view import View
 
 RECORDED_AGE_S = 10.0
 """Age from which a touch comes from a recording, whose clock is another."""
 
 
-class View(NamedTuple):
-    """The camera's lens and the place of its pupil."""
+@dataclass
+class LiveState:
+    """The counters of a stream: frames, touches, drops, and every fault by name.
 
-    lens: Lens | None = None
-    camera: Vergence | None = None
+    `motion` is the largest change of the light, 1 on the film at rest, from one cycle of the
+    LEDs to the next.
+    """
+
+    frames: int = 0
+    touches: int = 0
+    dropped: int = 0
+    faults: Counter[str] = field(default_factory=Counter)
+    settings: dict[str, Any] = field(default_factory=dict)
+    motion: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -53,8 +62,7 @@ class Touch:
 
         In mm, right and down from where the first pixel would look on an even grid.
         """
-        lens, camera = self.view
-        x, y = film_places(self.film, lens, camera or 0.0, step)
+        x, y = self.view.places(self.film, step)
         rows, columns = self.height.shape
         return self.pixel * (x + (columns - 1) / 2), self.pixel * (y + (rows - 1) / 2)
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from tactograph.nodes import F4
-from tactograph.nodes.trust._explained import explains
 from tactograph.nodes.trust.checked_cells import DARK_LIGHT
+from tactograph.nodes.trust.explained import explains
 from tactograph.nodes.trust.fall_off import RING_CELLS
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 

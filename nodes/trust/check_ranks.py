@@ -51,23 +51,22 @@ class Figure(NamedTuple):
 
 # The unit normal that light of two surfaces adds up to is too short: film that is dark under all
 # LEDs.  So is that of gamma, of other light, and of images that are alike.
-WRONG_BRIGHTNESS = (
+WRONG_BRIGHTNESS = Figure(
+    "light",
     "the touched film is {bright} by {excess:.1%} than its slopes make it (check that the images "
-    "show one touch and that nothing moved, that they are neither blurred nor averaged with "
-    "others, that gamma and contrast are off, and that other light is kept out)"
+    "show one touch, held still, neither blurred nor averaged with others, that gamma and contrast "
+    "are off, and that other light is kept out)",
 )
 CHECK_FIGURES = {
     "curl": Figure(
         "curl",
         "the slopes are those of no surface (check the order of the images, that none is mirrored "
-        "or turned, that frames are whole and all of one touch, and that nothing moved while the "
-        "LEDs flashed)",
+        "or turned, that frames are whole and all of one touch, and that nothing moved)",
         QUANTILE_ERROR,
     ),
     "dirty_cells": Figure(
         "light",
-        "in places the film is darker under all LEDs than any slope makes it (check the film and "
-        "the lens for dirt and hairs)",
+        "in places the film is darker under all LEDs than any slope makes it (clean film and lens)",
         1.0,
     ),
     "lines": Figure(
@@ -84,32 +83,30 @@ CHECK_FIGURES = {
     ),
     "level": Figure(
         "rest",
-        "{led} {sense} than in the calibration (check exposure, gain and LED, and that other light "
-        "is kept out)",
+        "{led} {sense} than in the calibration (check exposure, gain, LED; keep other light out)",
     ),
     "moved": Figure(
         "rest",
-        "the film at rest does not lie where the flat frame shows it: {moved} (check that camera, "
-        "lens, zoom and crop are those of the calibration; else calibrate again)",
+        "the film at rest does not lie where the flat frame shows it: {moved} (put camera, lens, "
+        "zoom and crop back as they were for the calibration, or calibrate again)",
     ),
-    "brighter": Figure("light", WRONG_BRIGHTNESS),
-    "darker": Figure("light", WRONG_BRIGHTNESS),
+    "brighter": WRONG_BRIGHTNESS,
+    "darker": WRONG_BRIGHTNESS,
     "shape": Figure(
         "rest",
         "the light of the film at rest is spread otherwise than in the calibration (check the "
-        "order of the images, and that other light is kept out)",
+        "order of the images; keep other light out)",
     ),
     "light_at_rest": Figure(
         "light",
-        "the light of the film at rest departs from pixel to pixel (check the exposure, that "
-        "local contrast (CLAHE) is off, and that the images are neither compressed nor of fewer "
-        "gray levels than those of the calibration)",
+        "the light of the film at rest departs from pixel to pixel (check the exposure, that local "
+        "contrast (CLAHE) is off, and that format and gray levels are the calibration's)",
         QUANTILE_ERROR,
     ),
     "lit_shadows": Figure(
         "light",
-        "shadows are not dark (check the focus, and keep other light out, or take the calibration "
-        "and a dark image under it)",
+        "shadows are not dark (check the focus; keep other light out, or calibrate under it and "
+        "with a dark image of it)",
     ),
     "light": Figure(
         "light",
@@ -167,14 +164,14 @@ def figures_of(
     `lines` is what `line_changes` found, on one-shot sensors, `motion` what `film_motion` did, and
     `residual` what `matt_residual` did, where it was asked.
     """
-    curl, film, light = evidence.read()
+    found = evidence.read()
     change = evidence.level.astype(np.float64) - 1
     level = math.sqrt(float(np.square(change).mean()))
     rows = 0.0 if lines is None else _worst_line(lines)
     moved = 0.0 if motion is None else motion_size(motion)
-    sure = curl, light.dirty, rows, film.dark, level, moved, light.brighter, -light.brighter
-    deep = -film.lowest / max(film.highest, MIN_HEIGHT_MM)
-    vague = film.shape, light.at_rest, light.dim, light.of_touch, deep, 1 - film.calm
+    sure = found.curl, found.dirty, rows, found.dark, level, moved, found.brighter, -found.brighter
+    deep = -found.lowest / max(found.highest, MIN_HEIGHT_MM)
+    vague = found.shape, found.at_rest, found.dim, found.of_touch, deep, 1 - found.calm
     return np.array([*sure, *vague, residual])
 
 

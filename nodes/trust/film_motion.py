@@ -7,8 +7,8 @@ import numpy as np
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, CoarseLight
-from tactograph.nodes.trust._explained import explained
 from tactograph.nodes.trust.checked_cells import MIN_LIGHT
+from tactograph.nodes.trust.explained import explained
 from tactograph.nodes.trust.fall_off import FallOff
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 

@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import InputError, node, warn
-from tactograph.nodes import F8, FALSE_ALARMS, CoarseLight, LightPositions, Metrics
+from tactograph.nodes import FALSE_ALARMS, CoarseLight, LightPositions, Metrics
 from tactograph.nodes.trust.check_ranks import (
     CHECK_FIGURES,
     CheckRanks,
@@ -85,7 +85,7 @@ def judge_touch(
     InputError
         If all checks fail, unless `force`.
     """
-    at_light = evidence.read()[2].dirty >= 0
+    at_light = evidence.read().dirty >= 0
     on_rims = rim_share is not None and rim_share > MAX_RIM_SHARE
     row = (Ranked.RIGID if rims_measured and on_rims else Ranked.SOFT) if at_light else Ranked.PLAIN
     quantiles = None if ranks is None else ranks[row].astype(np.float64)
@@ -94,27 +94,32 @@ def judge_touch(
         warn(NOT_CHECKED)
     else:
         p = p_values(figures_of(evidence, lines, motion), quantiles[:-1])
+        shares = [of_all_checks(each, quantiles) for each in p.tolist()]
         checks = ["curl", *["light"] * at_light, *["rest"] * (not filled)]
-        trust, alone, why = _verdict(p, quantiles, checks, false_alarms)
-        if trust < false_alarms:
+        alone, causes = dict.fromkeys(checks, 1.0), dict[str, str]()
+        for share, figure in zip(shares, CHECK_FIGURES.values(), strict=True):
+            if figure.check in alone:
+                alone[figure.check] = min(alone[figure.check], share)
+                # What several causes show says less than any of them, and stands later.
+                if share < false_alarms:
+                    causes.setdefault(figure.check, figure.cause)
+        figures = {"trust": min(alone.values())} | {f"check_{c}": a for c, a in alone.items()}
+        if causes:
             likely = ""
-            if light is not None and flat is not None:
-                likely = (
-                    other_colours(light * flat, flat)
-                    if lights is None
-                    else likely_cause(
-                        light,
-                        flat,
-                        lights,
-                        lambda residual: residual_share(quantiles, residual) >= false_alarms,
-                        has_moved=motion is not None and bool(motion.any()),
-                    )
+            if light is not None and flat is not None and lights is not None:
+                likely = likely_cause(
+                    light,
+                    flat,
+                    lights,
+                    lambda residual: residual_share(quantiles, residual) >= false_alarms,
+                    has_moved=motion is not None and bool(motion.any()),
                 )
-            causes = likely or _sentence(why, evidence, motion, on_rims)
-            if max(alone) < false_alarms and not force:
-                raise InputError(f"{causes}: no height follows; `force`=true goes on all the same")
-            warn(f"{causes}; the height may be wrong")
-        figures = {"trust": trust} | {f"check_{c}": a for c, a in zip(checks, alone, strict=True)}
+            elif light is not None and flat is not None:
+                likely = other_colours(light * flat, flat)
+            doubt = likely or _sentence([*causes.values()], evidence, motion, on_rims)
+            if len(causes) == len(alone) and not force:
+                raise InputError(f"{doubt}: no height follows; `force`=true goes on all the same")
+            warn(f"{doubt}; the height may be wrong")
     if rim_share is not None:
         figures["rim_share"] = rim_share
         if on_rims and not rims_measured:
@@ -126,39 +131,19 @@ def judge_touch(
     return figures
 
 
-def _verdict(
-    p: F8, quantiles: F8, checks: list[str], false_alarms: float
-) -> tuple[float, list[float], list[str]]:
-    """The trust, that in each check alone, and the causes of those that fail, the surest first."""
-    shares = [of_all_checks(each, quantiles) for each in p.tolist()]
-    ranked_shares = list(zip(shares, CHECK_FIGURES.values(), strict=True))
-    alone = [
-        min(share for share, figure in ranked_shares if figure.check == check) for check in checks
-    ]
-    causes: dict[str, str] = {}
-    for share, figure in ranked_shares:
-        # What several causes show says less than any of them, and stands later.
-        if share < false_alarms and figure.check in checks:
-            causes.setdefault(figure.check, figure.cause)
-    return min(alone), alone, [*causes.values()]
-
-
 def _sentence(
-    causes: list[str],
-    evidence: TouchEvidence,
-    motion: FilmMotion | None,
-    on_rims: bool,
+    causes: list[str], evidence: TouchEvidence, motion: FilmMotion | None, on_rims: bool
 ) -> str:
     """The causes with the facts of this touch."""
-    light, change = evidence.read()[2], evidence.level.astype(np.float64) - 1
+    brighter, change = evidence.read().brighter, evidence.level.astype(np.float64) - 1
     apart = change - change.mean()
     one = int(np.abs(change).argmax())
     together = np.abs(apart).max() < np.abs(change.mean())
     by = change.mean() if together else change[one]
     facts = {
         "rims": "; walls and rims need the graph precise" if on_rims else "",
-        "bright": "brighter" if light.brighter > 0 else "darker",
-        "excess": abs(light.brighter),
+        "bright": "brighter" if brighter > 0 else "darker",
+        "excess": abs(brighter),
         "led": "all LEDs are" if together else f"LED {one + 1} is",
         "sense": f"{'brighter' if by > 0 else 'darker'} by {abs(by):.0%}",
         "moved": "" if motion is None else motion_in_words(motion),

@@ -1,7 +1,7 @@
 """Departure of each pixel's light from what its slope predicts."""
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from annotated_types import Interval
@@ -18,11 +18,7 @@ from tactograph.nodes import (
     Slope,
     Uneven,
 )
-from tactograph.nodes.optics.near_light import (
-    brightness_share,
-    expected_light,
-    light_vectors,
-)
+from tactograph.nodes.optics.near_light import brightness_share, expected_light, light_vectors
 from tactograph.nodes.trust.checked_cells import DARK_LIGHT, MIN_LIGHT, NOT_TESTED
 
 Departure = Annotated[F4, Port("H W", "1", low=-1, high=25)]
@@ -43,17 +39,19 @@ class LightDeparture(NamedTuple):
     departure: Departure
     brighter: Brighter
 
+    @classmethod
+    def of(cls, departure: F4, light: F4, shown: F4, lit: F4 | float = 1.0) -> Self:
+        """Return a departure, and how much brighter film is than its slopes make it (T4).
 
-def excess(light: F4, shown: F4, lit: F4 | float = 1.0) -> F4:
-    """Return how much brighter film is than its slopes make it, H x W (T4).
-
-    Parameters
-    ----------
-    light, shown : K x H x W, as it is and as the slopes make it
-    lit : K x H x W, 1 where an LED was used
-    """
-    measured, due = (light * shown * lit).sum(axis=0), (shown * shown * lit).sum(axis=0)
-    return np.asarray(measured / np.maximum(due, MIN_LIGHT) - 1, np.float32)
+        Parameters
+        ----------
+        departure : H x W
+        light, shown : K x H x W, as it is and as the slopes make it
+        lit : K x H x W, 1 where an LED was used
+        """
+        measured, due = (light * shown * lit).sum(axis=0), (shown * shown * lit).sum(axis=0)
+        excess = measured / np.maximum(due, MIN_LIGHT) - 1
+        return cls(np.asarray(departure, np.float32), np.asarray(excess, np.float32))
 
 
 @node(
@@ -112,7 +110,7 @@ def light_departure(
     freedom = lit.sum(axis=0) - np.float32(2) - share * whole
     reduced = (weight * residual * residual).sum(axis=0) / np.maximum(freedom, MIN_FREEDOM)
     chi = np.where(freedom >= MIN_FREEDOM, reduced, NOT_TESTED)
-    return LightDeparture(np.asarray(chi, np.float32), excess(light, model_light, lit))
+    return LightDeparture.of(chi, light, model_light, lit)
 
 
 light_departure.opencl(grid="H W", lanes="grid")

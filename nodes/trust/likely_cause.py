@@ -9,15 +9,15 @@ not.
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from itertools import chain
-from typing import NamedTuple
+from itertools import chain, combinations
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
 from tactograph.nodes.light.film_drift import CALM_DEPARTURES
-from tactograph.nodes.trust._explained import explained
 from tactograph.nodes.trust.banded_rows import BANDS_WARNING, is_banded
 from tactograph.nodes.trust.checked_cells import (
     DARK_LIGHT,
@@ -26,12 +26,27 @@ from tactograph.nodes.trust.checked_cells import (
     MIN_LIGHT,
     few_cells,
 )
+from tactograph.nodes.trust.explained import explained
 from tactograph.nodes.trust.fall_off import RING_CELLS, border_cells
-from tactograph.nodes.trust.image_orders import TURNED_IMAGES, ring_orders, swaps, words_of_order
 from tactograph.nodes.trust.light_departure import MIN_ERROR
+from tactograph.nodes.trust.other_frame import TURNED_IMAGES
 
 USUAL_GAMMA = 2.2
 """Gamma that is tried; a contrast is told that is nearer to it, or its inverse, than to none."""
+
+OTHER_CONTRAST = (
+    "the film at rest has {times:.2g} times the contrast of the flat frame (switch off gamma, "
+    "automatic contrast and histogram equalisation, and check that the calibration is this "
+    "sensor's)"
+)
+OTHER_FILM = (
+    "the film at rest is brighter in places and darker in others, under all LEDs alike (check that "
+    "it is the film of the calibration, and that film and lens are clean)"
+)
+LOCAL_CONTRAST = (
+    "the film at rest has {times:.2g} times the contrast of the flat frame from place to place, "
+    "but not as a whole (switch off local contrast, such as CLAHE or HDR)"
+)
 
 
 class _Mistake(NamedTuple):
@@ -65,7 +80,7 @@ def likely_cause(
         return alike
     if is_banded(light):
         return BANDS_WARNING
-    small, rest = few_cells(raw), _divisor(flat)
+    small, rest = few_cells(raw), np.maximum(few_cells(flat), MIN_LIGHT)
 
     def first_of(mistakes: Iterable[_Mistake]) -> str:
         """The first mistake that leaves least, if it fits."""
@@ -90,7 +105,8 @@ def matt_residual(light: CoarseLight, flat: CoarseLight, lights: LightPositions)
 
     Infinite where there is no touch, or one that goes below the film at rest.
     """
-    return _unexplained(few_cells(light * flat) / _divisor(flat), lights)
+    rest = np.maximum(few_cells(flat), MIN_LIGHT)
+    return _unexplained(few_cells(light * flat) / rest, lights)
 
 
 def _at_border(raw: F4, rest: F4) -> str:
@@ -105,46 +121,31 @@ def _at_border(raw: F4, rest: F4) -> str:
     if not ring.any():
         return ""
     logged = np.log(np.maximum(np.stack([raw, rest]), MIN_LIGHT))
-    touched, due = logged[:, :, ring]
-    if contrast := _contrast(touched, due):
-        return (
-            f"the film at rest has {contrast:.2g} times the contrast of the flat frame (switch off "
-            "gamma, automatic contrast and histogram equalisation, and check that the calibration "
-            "is this sensor's)"
-        )
-    if explained(
-        touched - due, np.broadcast_to((touched - due).mean(axis=0), (1, *touched.shape))
-    ).any():
-        return (
-            "the film at rest is brighter in places and darker in others, under all LEDs alike "
-            "(check that it is the film of the calibration, and that film and lens are clean)"
-        )
     means = [[cv2.GaussianBlur(plane, (0, 0), RING_CELLS) for plane in planes] for planes in logged]
-    if contrast := _contrast(*(logged - means)[:, :, ring]):
-        return (
-            f"the film at rest has {contrast:.2g} times the contrast of the flat frame from place "
-            "to place, but not as a whole (switch off local contrast, such as CLAHE or HDR)"
-        )
+    (touched, due), local = logged[:, :, ring], (logged - means)[:, :, ring]
+    apart = touched - due
+    alike = np.broadcast_to(apart.mean(axis=0), apart.shape)
+    hypotheses = {
+        OTHER_CONTRAST: (touched, due),
+        OTHER_FILM: (apart, alike),
+        LOCAL_CONTRAST: tuple(local),
+    }
+    for words, (change, cause) in hypotheses.items():
+        times = float(explained(change, cause[None])[0])
+        is_contrast = times > 0 and abs(math.log(times)) >= math.log(USUAL_GAMMA) / 2
+        if is_contrast or (times and words == OTHER_FILM):
+            return words.format(times=times)
     return ""
-
-
-def _contrast(touched: F4, due: F4) -> float:
-    """The contrast of the light over that of the flat frame's, both K x N in logarithms; or 0."""
-    times = float(explained(touched, due[None])[0])
-    if times <= 0 or abs(math.log(times)) < math.log(USUAL_GAMMA) / 2:
-        return 0.0
-    return times
 
 
 def _alike(raw: F4) -> str:
     planes = raw / np.maximum(raw.mean(axis=(1, 2), keepdims=True), MIN_LIGHT)
-    for k in range(1, len(planes)):
-        for j in range(k):
-            if float(np.sqrt(np.mean((planes[j] - planes[k]) ** 2))) < MIN_ERROR:
-                return (
-                    f"the images of LED {j + 1} and LED {k + 1} show the same light (check that "
-                    "each LED is lit for its own image, and that none was copied)"
-                )
+    for j, k in combinations(range(len(planes)), 2):
+        if float(np.sqrt(np.mean((planes[j] - planes[k]) ** 2))) < MIN_ERROR:
+            return (
+                f"the images of LED {j + 1} and LED {k + 1} show the same light (check that each "
+                "LED is lit for its own image, and that none was copied)"
+            )
     return ""
 
 
@@ -162,13 +163,28 @@ def _mistakes(raw: F4) -> Iterator[_Mistake]:
             "have to be rows; check names and wires)",
             raw.transpose(0, 2, 1),
         )
-    for order in swaps(len(raw)):
-        yield _Mistake(words_of_order(order), raw[list(order)])
+    ring = tuple(range(len(raw)))
+    swaps = [
+        tuple({one: other, other: one}.get(k, k) for k in ring)
+        for one, other in combinations(ring, 2)
+    ]
+    yield from (_exchanged(raw, order) for order in swaps)
     for side, turn in TURNED_IMAGES.items():
         hint = "beside those of the calibration, with which they would fit"
         yield _Mistake(f"the images are {side} {hint}", turn(raw))
-    for order in ring_orders(len(raw)):
-        yield _Mistake(words_of_order(order), raw[list(order)])
+    # Begun elsewhere, or gone through the other way round.
+    orders = (way[k:] + way[:k] for way in (ring, ring[::-1]) for k in ring)
+    yield from (_exchanged(raw, order) for order in orders if order not in {ring, *swaps})
+
+
+def _exchanged(raw: F4, order: tuple[int, ...]) -> _Mistake:
+    """Images of which place k takes that of `order[k]`."""
+    moved = [f"LED {place + 1}" for place, led in enumerate(order) if led != place]
+    right = ", ".join(str(led + 1) for led in order)
+    words = f"are in another order than the calibration's: taken as {right} they fit it"
+    if len(moved) == 2:
+        words = f"of {' and '.join(moved)} are swapped: exchanged, they fit the calibration"
+    return _Mistake(f"the images {words} (check names and wires)", raw[list(order)])
 
 
 def _torn(raw: F4) -> Iterator[_Mistake]:
@@ -194,7 +210,7 @@ def _without_one(raw: F4) -> Iterator[_Mistake]:
         )
 
 
-def _unexplained(light: F4, lights: LightPositions) -> float:
+def _unexplained(light: NDArray[Any], lights: LightPositions) -> float:
     """What a matt film leaves of the light: residual, length of the normal, curl, film at rest."""
     median = np.median(light, axis=(1, 2), keepdims=True)
     light = np.asarray(light / np.maximum(median, MIN_LIGHT), np.float32)
@@ -218,7 +234,3 @@ def _unexplained(light: F4, lights: LightPositions) -> float:
         return math.inf
     deviation = float(np.sqrt((residual**2).mean()))
     return deviation + float(np.median(np.abs(length - 1)) + curl + rest)
-
-
-def _divisor(flat: F4) -> F4:
-    return np.maximum(few_cells(flat), MIN_LIGHT)

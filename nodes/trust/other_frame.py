@@ -5,14 +5,22 @@ a direction of its own.  Images that are exchanged, mirrored or turned show anot
 or fall off to another side.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, F8
-from tactograph.nodes.trust._explained import explains
 from tactograph.nodes.trust.checked_cells import MIN_CELLS, MIN_LIGHT
+from tactograph.nodes.trust.explained import explains
 from tactograph.nodes.trust.fall_off import RING_CELLS, border_cells
-from tactograph.nodes.trust.image_orders import TURNED_IMAGES
+
+TURNED_IMAGES: dict[str, Callable[[F4], F4]] = {
+    "mirrored left to right": lambda planes: planes[..., ::-1],
+    "mirrored top to bottom": lambda planes: planes[..., ::-1, :],
+    "turned by half": lambda planes: planes[..., ::-1, ::-1],
+}
+"""What undoes each way in which a camera may be held or its images turned."""
 
 
 def other_frame(touch: F4, flat: F4, free: NDArray[np.bool_]) -> str:

@@ -4,6 +4,7 @@ from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Gt, Interval
+from numpy.typing import NDArray
 
 from tactograph.graph import Flips, Port, node
 from tactograph.nodes import F4, FULL_MISFIT_SLOPE, Labels, Misfit, Slope, SlopeVariance
@@ -64,46 +65,32 @@ def slope_curl(
     out = np.full(p.shape, NOT_TESTED, np.float32)
     if min(p.shape) < 2:
         return out
-    curl = _down(p) - _right(q)
-    bent = _right(p) ** 2 + _down(p) ** 2 + _right(q) ** 2 + _down(q) ** 2
-    tests = _least(p * p + q * q) > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE
+    (p_right, p_down), (q_right, q_down) = _changes(p), _changes(q)
+    curl = p_down - q_right
+    bent = p_right**2 + p_down**2 + q_right**2 + q_down**2
+    squared = np.minimum.reduce(_corners(p * p + q * q))
+    tests = squared > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE
     if used is not None:
-        tests &= _least(np.bitwise_count(used[::side, ::side])) >= MIN_LEDS
-    floor = np.float32(least * least + float(misfit[0]) ** 2)
-    expected = floor + np.float32(share * share) * bent
+        leds = np.bitwise_count(used[::side, ::side])
+        tests &= np.minimum.reduce(_corners(leds)) >= MIN_LEDS
+    expected = np.float32(least * least + float(misfit[0]) ** 2) + np.float32(share * share) * bent
     if variance is not None:
-        pixels = np.float32((side * cell_px) ** 2)
-        noise = _mean(coarsen(variance, factor=side).sum(axis=0)) / pixels
-        expected = expected + noise
+        a, b, c, d = _corners(coarsen(variance, factor=side).sum(axis=0))
+        mean = (a + b + (c + d)) * np.float32(0.25)
+        expected = expected + mean / np.float32((side * cell_px) ** 2)
     out[:-1, :-1] = np.where(tests, curl * curl / expected, NOT_TESTED)
     return out
 
 
-def _corners(plane: F4) -> tuple[F4, F4, F4, F4]:
+def _corners(plane: NDArray[Any]) -> tuple[NDArray[Any], ...]:
     """The upper left, upper right, lower left and lower right of four neighbouring cells."""
     return plane[:-1, :-1], plane[:-1, 1:], plane[1:, :-1], plane[1:, 1:]
 
 
-def _right(plane: F4) -> F4:
-    """The change from left to right among four cells."""
+def _changes(plane: F4) -> tuple[F4, F4]:
+    """The change from left to right, and from above to below, among four cells."""
     a, b, c, d = _corners(plane)
-    return (b - a + (d - c)) * np.float32(0.5)
-
-
-def _down(plane: F4) -> F4:
-    """The change from above to below among four cells."""
-    a, b, c, d = _corners(plane)
-    return (c - a + (d - b)) * np.float32(0.5)
-
-
-def _least(plane: F4) -> F4:
-    a, b, c, d = _corners(plane)
-    return np.minimum(np.minimum(a, b), np.minimum(c, d))
-
-
-def _mean(plane: F4) -> F4:
-    a, b, c, d = _corners(plane)
-    return (a + b + (c + d)) * np.float32(0.25)
+    return (b - a + (d - c)) * np.float32(0.5), (c - a + (d - b)) * np.float32(0.5)
 
 
 slope_curl.opencl(grid="h w", lanes="rows")

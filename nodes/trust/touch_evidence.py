@@ -4,6 +4,7 @@ Long because the curl, the light and the film at rest are looked at in one node,
 waited for once.
 """
 
+from itertools import pairwise
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -11,14 +12,57 @@ from annotated_types import Interval
 
 from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
-from tactograph.nodes import F4, CoarseLight, Height, Labels, Light, Slope
-from tactograph.nodes.light.film_drift import DRIFT_TERMS, Drift
-from tactograph.nodes.trust._curl_evidence import curl_evidence
-from tactograph.nodes.trust._light_evidence import LightFigures, light_evidence
-from tactograph.nodes.trust._rest_evidence import FilmFigures, RestLevel, rest_evidence
-from tactograph.nodes.trust.checked_cells import thinning
+from tactograph.nodes import F4, FULL_MISFIT_SLOPE, CoarseLight, Height, Labels, Light, Slope
+from tactograph.nodes.light.film_drift import (
+    CALM_DEPARTURES,
+    DRIFT_TERMS,
+    Drift,
+    border_level,
+    drift_gain,
+)
+from tactograph.nodes.trust.checked_cells import (
+    DARK_LIGHT,
+    MIN_CELLS,
+    MIN_LEDS,
+    quarter_of,
+    thinned,
+    thinning,
+)
 from tactograph.nodes.trust.light_departure import Brighter, Departure
 from tactograph.nodes.trust.slope_curl import CoarseCurl
+
+CURL_BANDS = 9
+"""Bands of rows of a frame, which is read row by row, so that some may be of another image."""
+MAX_SQUARED_BEND = np.float32(0.16)
+"""Squared bend beyond which a cell may hold an edge, whose light is a mean of two normals."""
+RestLevel = Annotated[F4, Port("K", "1", low=0.9, high=1.1)]
+"""Each LED's light on the film at rest, relative to the flat frame."""
+
+
+class TouchFigures(NamedTuple):
+    """What the maps of a touch come to; touched film is steeper than `FULL_MISFIT_SLOPE`."""
+
+    curl: float
+    """How much the slopes curl, over what is expected (T2)."""
+    shape: float
+    """Greatest change of an LED's light across the image, on the film at rest (T3)."""
+    calm: float
+    """Share of the image at rest."""
+    dark: float
+    """Share of the image without any light, however dim the touch is as a whole."""
+    lowest: float
+    """Height in mm."""
+    highest: float
+    at_rest: float
+    """Median departure of the light of film that is not touched (T1)."""
+    of_touch: float
+    """Upper quartile of the departure of the light of touched film."""
+    dim: float
+    """Lower quartile of the light in shadow, as of a matt film."""
+    brighter: float
+    """Median of what touched film is brighter than its slopes make it (T4)."""
+    dirty: float
+    """Cells that lack too much of their light under all LEDs; -1: light is not looked at."""
 
 
 class TouchEvidence(NamedTuple):
@@ -26,12 +70,11 @@ class TouchEvidence(NamedTuple):
 
     level: RestLevel
     figures: Annotated[F4, Port("11", "1", low=0, high=5)]
-    """Those of the curl, of the film and of the light, one behind the other."""
+    """`TouchFigures`, one behind the other."""
 
-    def read(self) -> tuple[float, FilmFigures, LightFigures]:
-        """How much the slopes curl, what the film at rest is like, and how the light departs."""
-        figures = self.figures.tolist()
-        return figures[0], FilmFigures(*figures[1:6]), LightFigures(*figures[6:])
+    def read(self) -> TouchFigures:
+        """Return the figures by name."""
+        return TouchFigures(*self.figures.tolist())
 
 
 @node(
@@ -69,11 +112,92 @@ def touch_evidence(
     matt : K x H x W, the light as of a matt film
     max_dimming : share of the light that film may lack under all LEDs
     """
-    figures = LightFigures(0, 0, 0, 0, dirty=-1)
+    of_light: tuple[float, ...] = 0.0, 0.0, 0.0, 0.0, -1.0
     if departure is not None and slope is not None:
-        figures = light_evidence(departure, slope, brighter, used, matt, shadow, max_dimming)
-    level, film = rest_evidence(light, height, drift)
-    return TouchEvidence(level, np.array([curl_evidence(curl), *film, *figures], np.float32))
+        of_light = _of_light(departure, slope, brighter, used, matt, shadow, max_dimming)
+    level, of_film = _of_film(light, height, drift)
+    return TouchEvidence(level, np.array([curl_evidence(curl), *of_film, *of_light], np.float32))
+
+
+def curl_evidence(curl: CoarseCurl) -> float:
+    """Return the greatest mean curl of a band of rows (T2)."""
+    cells = thinned(curl)
+    tested, curls = cells >= 0, np.sqrt(np.maximum(cells, 0))
+    starts = np.arange(CURL_BANDS + 1) * len(cells) // CURL_BANDS
+    bands = (np.s_[start:end] for start, end in pairwise(starts))
+    # Of few cells many may curl by chance.
+    return max(float(curls[b].sum() / (tested[b].sum() + MIN_CELLS)) for b in bands)
+
+
+def _of_film(
+    light: CoarseLight, height: Height, drift: Drift | None
+) -> tuple[RestLevel, tuple[float, ...]]:
+    """The light of the film at rest, and the figures of the film and the height (T3).
+
+    Without a drift, or if none was found, the median of the frame's border is each LED's light.
+    """
+    cells, shape = thinned(light), 0.0
+    if drift is not None and (drift[:, 0] != 1).any():
+        level, shape = drift[:, 0], np.abs(drift[:, 1:]).max()
+        even = cells / drift_gain(drift, cells.shape[1:])
+    else:
+        level = border_level(cells)
+        even = cells / np.maximum(level, DARK_LIGHT)[:, None, None]
+    dark = (even < DARK_LIGHT).all(axis=0).mean()
+    calm = (np.abs(even - 1) < CALM_DEPARTURES[0]).all(axis=0).mean()
+    return level, (shape, calm, dark, height.min(), height.max())
+
+
+def _of_light(
+    departure: Departure,
+    slope: Slope,
+    brighter: Brighter | None,
+    used: Labels | None,
+    matt: Light | None,
+    shadow: Labels | None,
+    max_dimming: float,
+) -> tuple[float, ...]:
+    """The figures of the light (T1, T4).
+
+    Where three quarters of the touched film may hold edges, as that of fine gratings, its light is
+    not compared.  Figures of fewer than `MIN_CELLS` cells, and of what is not given, are 0.
+    """
+    bend = thinned(_squared_bend(slope))
+    departs, (p, q) = thinned(departure), thinned(slope)
+    steep, tested = p * p + q * q > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE, departs >= 0
+    edges, cells = (np.count_nonzero(some) for some in (bend[steep] > MAX_SQUARED_BEND, steep))
+    compared = np.bool_(4 * edges <= 3 * cells)
+    at_rest, of_touch = departs[tested & ~steep], departs[tested & steep & compared]
+    dim = middle = dirty = 0.0
+    if matt is not None and shadow is not None:
+        dim = quarter_of(_light_in_shadow(thinned(matt), thinned(shadow)), 1)
+    if brighter is not None:
+        excess = thinned(brighter)
+        lit = np.bool_(True) if used is None else np.bitwise_count(thinned(used)) >= MIN_LEDS
+        dirty = int((lit & (excess < -np.float32(max_dimming))).sum())
+        # Images that are alike show no slope, but film that is dark.
+        touched = compared & lit & (steep | (np.abs(excess) > FULL_MISFIT_SLOPE))
+        middle = quarter_of(excess[touched], 2)
+    rest, upper = np.sqrt([quarter_of(at_rest, 2), quarter_of(of_touch, 3)])
+    return rest, upper, dim, middle, dirty
+
+
+def _squared_bend(slope: F4) -> F4:
+    """The squared difference of a cell's slope from those two cells away, H x W."""
+    bend = np.zeros(slope.shape[1:], np.float32)
+    across = slope[:, :, 4:] + slope[:, :, :-4] - 2 * slope[:, :, 2:-2]
+    down = slope[:, 4:] + slope[:, :-4] - 2 * slope[:, 2:-2]
+    bend[:, 2:-2] += (across * across).sum(axis=0)
+    bend[2:-2] += (down * down).sum(axis=0)
+    return bend
+
+
+def _light_in_shadow(light: F4, shadow: Labels) -> F4:
+    """The mean light of those LEDs that do not reach a cell, where there are any."""
+    dark = shadow >> np.arange(len(light), dtype=np.uint8)[:, None, None] & 1
+    count = dark.sum(axis=0)
+    mean = (light * dark).sum(axis=0) / np.maximum(count, np.float32(1))
+    return np.asarray(mean[count > 0], np.float32)
 
 
 @touch_evidence.opencl()

@@ -23,5 +23,5 @@ def zero_error(evidence: TouchEvidence) -> ZeroError:
     -------
     In mm: the height's range where less than a fifth of the image is at rest, else 0.
     """
-    _, film, _ = evidence.read()
+    film = evidence.read()
     return 0.0 if film.calm >= MIN_CALM else film.highest - film.lowest

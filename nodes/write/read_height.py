@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import F4, Height
+from tactograph.nodes import Height
 from tactograph.nodes.files.height_files import read_height_file
 from tactograph.nodes.files.image_files import Crop, check_heights, cropped
 from tactograph.nodes.files.result_view import refuse_view
@@ -38,11 +38,7 @@ def read_height(
     """
     if not distorted:
         refuse_view(file)
-    return checked_heights(read_height_file(file).height, file, crop, unknown)
-
-
-def checked_heights(height: F4, file: Path, crop: Crop | None, unknown: bool) -> F4:
-    """The part of a height map, or of its error, that is asked for."""
+    height = read_height_file(file).height
     check_heights(height, file, unknown=unknown)
     return np.ascontiguousarray(cropped(height, crop, file))
 

@@ -19,11 +19,9 @@ from tactograph.nodes.files.result_file import (
     read_result,
     write_result_file,
 )
-from tactograph.nodes.files.result_view import view_stated
-from tactograph.nodes.optics.film_places import on_even_grid
-from tactograph.nodes.optics.lens import pixel_sides
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.stream.layer_kinds import layers_of
-from tactograph.nodes.stream.touch import Touch, View
+from tactograph.nodes.stream.touch import Touch
 
 OWN_FILES = "height.ply", "height.png"
 """Files that one result has and another lacks, besides those of layers."""
@@ -84,14 +82,14 @@ def write_result(
                 "not those of a plane; export a mesh with its calibration"
             )
         touch = _on_even_grid(touch)
-    place, (lens, camera) = folder / touch.name if touch.name else folder, touch.view
+    place = folder / touch.name if touch.name else folder
     with atomic_files(place, last=RESULT_FILE, instead_of=_optional_files(place)) as target:
         np.save(target / "height.npy", touch.height)
-        write_tiff(target / "height.tiff", touch.height, *pixel_sides(lens, touch.pixel))
+        write_tiff(target / "height.tiff", touch.height, *touch.view.pixel_sides(touch.pixel))
         for layer in layers_of(touch):
             write_layer(layer, target)
         if ply:
-            write_ply(target / "height.ply", touch.film, touch.pixel, lens, camera or 0.0)
+            write_ply(target / "height.ply", touch.film, touch.pixel, touch.view)
         if pictures:
             # Loading Matplotlib takes longer than computing a touch.
             from tactograph.nodes.drawing.result_pictures import draw_result
@@ -102,8 +100,8 @@ def write_result(
             "capture": touch.name,
             "grid": grid,
             "pixel_size_mm": float(touch.pixel),
-            "pixel_sides_mm": pixel_sides(lens, float(touch.pixel)),
-            **view_stated(touch.view),
+            "pixel_sides_mm": touch.view.pixel_sides(float(touch.pixel)),
+            **touch.view.stated(),
             "metrics": {**(metrics or {}), **(touch.metrics or {})},
         }
         write_result_file(target, about)
@@ -112,9 +110,9 @@ def write_result(
 def _on_even_grid(touch: Touch) -> Touch:
     """Return a touch whose height, and layers that follow it, are on a regular grid on the film."""
     moved = [layer for layer in layers_of(touch) if layer.kind.follows_film]
-    others, (lens, camera) = [layer.value for layer in moved], touch.view
+    others = [layer.value for layer in moved]
     low = [] if touch.rest is None else [touch.rest]
-    height, maps = on_even_grid(touch.height, [*low, *others], lens, camera or 0.0)
+    height, maps = touch.view.on_even_grid(touch.height, [*low, *others])
     rest = maps.pop(0) if low else None
     resampled = {layer.name: plane for layer, plane in zip(moved, maps, strict=True)}
     layers = {**touch.layers, **resampled}

@@ -6,9 +6,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.rings.frames.live_frames import RawFrame
 from tactograph.rings.frames.rest_film import RestFilm, light_of, top_of
 from tactograph.sdk import F4, Dark
-from tactograph.sdk.unstable import RawFrame
 
 Refresh = Literal["rolling", "cycle"]
 FRESH_CYCLES = 2

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from tactograph.sdk.unstable import bare_type, limits_of
+from tactograph.sdk.unstable import Parameter
 
 MIN_LOG_DECADES = 2.5
 """The least width of a positive range with a logarithmic slider."""
@@ -50,9 +50,9 @@ class Control:
         return round(number, digits)
 
 
-def control_of(stated: Any, default: Any, value: Any) -> Control:
-    """The control for a parameter of such an annotation and default, whose value is now `value`."""
-    annotation = bare_type(stated)
+def control_of(parameter: Parameter, value: Any) -> Control:
+    """The control for a parameter whose value is now `value`."""
+    annotation = parameter.type
     if typing.get_origin(annotation) is Literal:
         return Control("choice", choices=typing.get_args(annotation))
     if annotation is bool:
@@ -60,16 +60,16 @@ def control_of(stated: Any, default: Any, value: Any) -> Control:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if annotation not in (int, float) or not is_number or isinstance(value, Path):
         return Control("text")
-    low, high = _range(stated, default, float(value))
+    low, high = _range(parameter, float(value))
     log = low > 0 and high / low >= 10**MIN_LOG_DECADES
     if low >= high:
         return Control("text")
     return Control("slider", low, high, annotation is int, log)
 
 
-def _range(stated: Any, default: Any, value: float) -> tuple[float, float]:
+def _range(parameter: Parameter, value: float) -> tuple[float, float]:
     """The declared range; where it is open, one around the default that holds the value."""
-    limits = limits_of(stated)
+    limits, default = parameter.limits, parameter.default
     low, high, below = limits.at_least, limits.at_most, limits.below
     usual = float(default) if isinstance(default, int | float) else value
     size = max(abs(usual), abs(value)) or 1.0

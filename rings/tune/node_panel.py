@@ -12,8 +12,8 @@ from tactograph.rings.tune.follow import Follow
 from tactograph.rings.tune.picture_view import ScaledPicture
 from tactograph.rings.tune.pictures import draw, planes_of
 from tactograph.rings.tune.tuning import Shown, Tuning
-from tactograph.sdk import find_node
-from tactograph.sdk.unstable import Entry, Graph, alike, describe, parse_scalar, range_of
+from tactograph.sdk import Graph, find_node
+from tactograph.sdk.unstable import Entry, describe, parse_scalar
 
 SLIDER_INTERVAL_S = 0.02
 """Time between two places of a slider that is dragged; NiceGUI's own tells 20 a second."""
@@ -77,7 +77,7 @@ class NodePanel:
             if node.outputs:
                 self._inside = _Inside(self._tuning, self._follow, name, [*node.outputs])
             for parameter, declared in node.parameters.items():
-                words = about.arguments[parameter].replace("``", ""), range_of(declared)
+                words = about.arguments[parameter].replace("``", ""), declared.range
                 self._parameter(name, entry, parameter, " · ".join(filter(None, words)))
 
     def _head(self, name: str, entry: Entry) -> None:
@@ -87,7 +87,7 @@ class NodePanel:
             ui.label(name).classes("t-name").props("data-testid=node")
             ui.label(entry.op).classes("t-quiet")
             ui.space()
-            if len(alike(tuning.graph, name)) > 1:
+            if len(tuning.graph.alike(name)) > 1:
                 every = ui.switch("every use", value=tuning.every)
                 every.props("dense data-testid=every").bind_value(tuning, "every")
                 every.tooltip("what changes here changes in every use of the group")
@@ -122,7 +122,7 @@ class NodePanel:
 
     def _control(self, node: str, op: str, name: str, value: Any) -> None:
         declared = find_node(op).parameters[name]
-        control = control_of(declared.annotation, declared.default, value)
+        control = control_of(declared, value)
         # Set one by one: in a text of properties a value's quotes would end it.
         mark = {"data-testid": f"param-{name}"}
         if control.kind == "choice":

@@ -15,17 +15,8 @@ from typing import Any
 from tactograph.rings.tune.runner import Runner, captures_of
 from tactograph.rings.tune.variant import Change, changes_between, write_variant
 from tactograph.rings.tune.watch import Stamp, files_of, stamp
-from tactograph.sdk import InputError, TactographError, find_node, read_graph
-from tactograph.sdk.unstable import (
-    Cache,
-    Entry,
-    Graph,
-    Result,
-    alike,
-    graph_file,
-    settings_of,
-    verified,
-)
+from tactograph.sdk import Graph, InputError, Result, TactographError, find_node, read_graph
+from tactograph.sdk.unstable import Cache, Entry, graph_file, settings_of, verified
 
 RATE_WINDOW_S = 1.0
 REST_S = 0.12
@@ -221,7 +212,7 @@ class Tuning:
         """Change a node, or, if `every`, that node in all uses of its group."""
         self.graph.entry(node)
         graph = self.graph
-        names = alike(graph, node) if self.every else [node]
+        names = graph.alike(node) if self.every else [node]
         for name in names:
             graph = graph.with_entry(name, changed(name, graph.nodes[name]))
         if any(graph.nodes[n].neutral != self.graph.nodes[n].neutral for n in names):

@@ -8,8 +8,8 @@ from typing import Any
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.main import YAML
 
-from tactograph.sdk import InputError, atomic_file, read_graph
-from tactograph.sdk.unstable import Entry, Graph, alike
+from tactograph.sdk import Graph, InputError, atomic_file, read_graph
+from tactograph.sdk.unstable import Entry
 
 Change = dict[str, Any]
 
@@ -49,7 +49,7 @@ def _once_for_all_uses(graph: Graph, changes: list[Change]) -> list[Change]:
     for change in changes:
         verb = next(iter(change))
         path, _, node = change[verb].rpartition(".")
-        nodes = alike(graph, change[verb])
+        nodes = graph.alike(change[verb])
         if path in graph.uses and all({**change, verb: each} in changes for each in nodes):
             change = {**change, verb: f"{graph.uses[path].group}.{node}"}
         if change not in merged:

@@ -1,8 +1,6 @@
 from tactograph.graph import (
     FRACTIONS as FRACTIONS,
     Cache as Cache,
-    NodeCall as NodeCall,
-    Pipeline as Pipeline,
     Whole as Whole,
 )
 from tactograph.graph.backends.device_backend import (
@@ -12,11 +10,9 @@ from tactograph.graph.cache.result_origin import (
     find_origin as find_origin,
 )
 from tactograph.graph.commands import (
-    FOLDER_PATH as FOLDER_PATH,
     RunOptions as RunOptions,
     graph_command as graph_command,
     run_options as run_options,
-    run_shipped as run_shipped,
     say as say,
 )
 from tactograph.graph.commands.check import (
@@ -29,34 +25,21 @@ from tactograph.graph.cores import (
     CORES_VARIABLE as CORES_VARIABLE,
     cores as cores,
 )
-from tactograph.graph.declare.find_node import (
-    node_names as node_names,
-)
-from tactograph.graph.declare.limits import (
-    bare_type as bare_type,
-    choices_of as choices_of,
-    limits_of as limits_of,
-)
 from tactograph.graph.declare.node_page import (
     describe as describe,
-    range_of as range_of,
+)
+from tactograph.graph.declare.parameter import (
+    Parameter as Parameter,
 )
 from tactograph.graph.disk.array_files import (
     load_arrays as load_arrays,
-)
-from tactograph.graph.disk.file_identity import (
-    ABOUT_ARRAY as ABOUT_ARRAY,
-    about_in as about_in,
 )
 from tactograph.graph.disk.folder_lock import (
     lock_folder as lock_folder,
 )
 from tactograph.graph.disk.strict_yaml import (
     Document as Document,
-    Entries as Entries,
     parse_scalar as parse_scalar,
-    parse_yaml as parse_yaml,
-    read_yaml as read_yaml,
 )
 from tactograph.graph.disk.text_names import (
     refuse_other_names as refuse_other_names,
@@ -67,7 +50,6 @@ from tactograph.graph.errors import (
     collect_warnings as collect_warnings,
     missing as missing,
     one_line as one_line,
-    printable as printable,
 )
 from tactograph.graph.files.captures_in import (
     CAPTURE_PARAM as CAPTURE_PARAM,
@@ -75,20 +57,12 @@ from tactograph.graph.files.captures_in import (
 )
 from tactograph.graph.files.flat_graph import (
     Entry as Entry,
-    Graph as Graph,
     Group as Group,
 )
 from tactograph.graph.files.graph_places import (
     find_file as find_file,
     shipped_groups as shipped_groups,
     shipped_overlays as shipped_overlays,
-)
-from tactograph.graph.files.groups import (
-    alike as alike,
-    group_of as group_of,
-)
-from tactograph.graph.files.plain_data import (
-    as_document as as_document,
 )
 from tactograph.graph.files.read_graph import (
     graph_file as graph_file,
@@ -110,12 +84,6 @@ from tactograph.graph.run.open_pipeline import (
 from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
 )
-from tactograph.graph.run.raise_warnings import (
-    warning_kind as warning_kind,
-)
-from tactograph.graph.run.result import (
-    Result as Result,
-)
 from tactograph.graph.show.colours import (
     BIT_COLOURS as BIT_COLOURS,
     SEVERAL_COLOUR as SEVERAL_COLOUR,
@@ -124,34 +92,15 @@ from tactograph.graph.show.warning_lines import (
     warning_lines as warning_lines,
 )
 from tactograph.nodes import (
-    BAND_DEVIATIONS as BAND_DEVIATIONS,
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
-    I4 as I4,
-    METRES_PER_MM as METRES_PER_MM,
-    UM_PER_MM as UM_PER_MM,
-    USUAL_RIM_MM as USUAL_RIM_MM,
-    CoarseLight as CoarseLight,
-    Film as Film,
-    Lens as Lens,
-    LightPlaces as LightPlaces,
-    LightPositions as LightPositions,
-    LutLight as LutLight,
-    LutLit as LutLit,
-    LutSlope as LutSlope,
     Misfit as Misfit,
     Noise as Noise,
-    ResizedLight as ResizedLight,
-    ScaleError as ScaleError,
     ShadowRises as ShadowRises,
-    SlopeVariance as SlopeVariance,
-    Uneven as Uneven,
-    Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
     FOLD_COUNT as FOLD_COUNT,
-    MAX_INDEPENDENT as MAX_INDEPENDENT,
     MAX_SAMPLE_SLOPE as MAX_SAMPLE_SLOPE,
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
@@ -159,9 +108,6 @@ from tactograph.nodes.calibrate import (
     BallCircles as BallCircles,
     BallPress as BallPress,
     BallRadii as BallRadii,
-    Circles as Circles,
-    PressImages as PressImages,
-    TiltResponse as TiltResponse,
 )
 from tactograph.nodes.calibrate.ball.ball_on_shape import (
     BallOnShape as BallOnShape,
@@ -175,25 +121,13 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
     predicted as predicted,
 )
 from tactograph.nodes.calibrate.ball.find_ball import (
-    Ball as Ball,
     refined as refined,
-)
-from tactograph.nodes.calibrate.ball.undistort_presses import (
-    ideal_circles as ideal_circles,
-)
-from tactograph.nodes.calibrate.file.calibrated_film import (
-    CalibratedFilm as CalibratedFilm,
-    calibrated_film as calibrated_film,
-    read_either as read_either,
-)
-from tactograph.nodes.calibrate.file.calibration import (
-    CALIBRATION_KIND as CALIBRATION_KIND,
-    NO_MISFIT as NO_MISFIT,
-    Calibration as Calibration,
 )
 from tactograph.nodes.calibrate.file.camera_lens import (
     CAMERA_KIND as CAMERA_KIND,
-    CameraLens as CameraLens,
+)
+from tactograph.nodes.calibrate.file.read_calibration import (
+    read_either as read_either,
 )
 from tactograph.nodes.calibrate.film._film_search import (
     FINAL_SAMPLES as FINAL_SAMPLES,
@@ -203,11 +137,8 @@ from tactograph.nodes.calibrate.film.ball_normals import (
 )
 from tactograph.nodes.calibrate.film.ball_samples import (
     bounced_at_rest as bounced_at_rest,
-    grain as grain,
     laid_on as laid_on,
-    lights_itself as lights_itself,
     sample_balls as sample_balls,
-    thinned as thinned,
 )
 from tactograph.nodes.calibrate.film.film_at_rest import (
     MAX_INDEPENDENT_REST as MAX_INDEPENDENT_REST,
@@ -219,8 +150,6 @@ from tactograph.nodes.calibrate.film.film_fit import (
     Further as Further,
     fit as fit,
     further_step as further_step,
-    light_scale as light_scale,
-    place_deviations as place_deviations,
     start_at as start_at,
 )
 from tactograph.nodes.calibrate.film.film_misfit import (
@@ -238,20 +167,11 @@ from tactograph.nodes.calibrate.film.film_unknowns import (
 )
 from tactograph.nodes.calibrate.film.fit_film import (
     FilmEvidence as FilmEvidence,
-    pressed_slope as pressed_slope,
-    stored as stored,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
-    AS_STATED as AS_STATED,
-    WITH_COAT as WITH_COAT,
-    doubts_of as doubts_of,
     explain as explain,
-    scale_error as scale_error,
-    unconfirmed as unconfirmed,
 )
 from tactograph.nodes.calibrate.lights.descend import (
-    DERIVATIVE_STEP as DERIVATIVE_STEP,
-    by_differences as by_differences,
     descend as descend,
     huber as huber,
     huber_weight as huber_weight,
@@ -259,10 +179,7 @@ from tactograph.nodes.calibrate.lights.descend import (
 )
 from tactograph.nodes.calibrate.lights.light_fit import (
     LIGHT_DEVIATION as LIGHT_DEVIATION,
-    Placed as Placed,
-    all_residuals as all_residuals,
-    inverse_places as inverse_places,
-    jacobian_of as jacobian_of,
+    LedFit as LedFit,
     place_leds as place_leds,
     places_within as places_within,
     positions as positions,
@@ -271,14 +188,11 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     Object as Object,
     Press as Press,
     Rest as Rest,
-    is_uniform as is_uniform,
-    rest_of as rest_of,
-    sample as sample,
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
     LED_DRIFT as LED_DRIFT,
+    LED_DRIFT_ACROSS as LED_DRIFT_ACROSS,
     Doubts as Doubts,
-    drawn as drawn,
 )
 from tactograph.nodes.calibrate.rating.advise_press import (
     FILM_REGIONS as FILM_REGIONS,
@@ -294,39 +208,26 @@ from tactograph.nodes.calibrate.rating.rate_calibration import (
     MAX_LED_WIDTHS as MAX_LED_WIDTHS,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
-    MAX_ERROR_DEG as MAX_ERROR_DEG,
     SURE_ODDS as SURE_ODDS,
     Advice as Advice,
     Judged as Judged,
-    advice_after as advice_after,
     grows as grows,
     log_odds as log_odds,
-    of_heldout_error as of_heldout_error,
     pays as pays,
-    verdict_of as verdict_of,
 )
-from tactograph.nodes.capture.led_files import (
-    USUAL_PATTERN as USUAL_PATTERN,
-    find_led_files as find_led_files,
+from tactograph.nodes.calibrate.tables.build_lut import (
+    TablePixels as TablePixels,
 )
 from tactograph.nodes.capture.read_balls import (
     BallPresses as BallPresses,
-    Millimetres as Millimetres,
     Radii as Radii,
     StatedCircles as StatedCircles,
     read_presses as read_presses,
-    refuse_flat as refuse_flat,
-    stated_circle as stated_circle,
 )
 from tactograph.nodes.capture.read_capture import (
-    Capture as Capture,
     CaptureFile as CaptureFile,
     Layout as Layout,
-    read_capture_file as read_capture_file,
     read_images as read_images,
-)
-from tactograph.nodes.capture.read_flat import (
-    Flat as Flat,
 )
 from tactograph.nodes.contact.find_contact import (
     MAX_CONTACTS as MAX_CONTACTS,
@@ -345,88 +246,46 @@ from tactograph.nodes.drawing.sensor_picture import (
 )
 from tactograph.nodes.files.calibration_file import (
     MIN_OPTICAL_MM as MIN_OPTICAL_MM,
-    FileKind as FileKind,
-    check_use as check_use,
-    free_for as free_for,
     kind_of as kind_of,
-    read_about as read_about,
-    read_arrays as read_arrays,
-    write_arrays as write_arrays,
-    write_record as write_record,
-)
-from tactograph.nodes.files.exposure import (
-    normalised as normalised,
 )
 from tactograph.nodes.files.height_files import (
     MAX_PIXEL_MM as MAX_PIXEL_MM,
     MAX_SIZE_DIFFERENCE as MAX_SIZE_DIFFERENCE,
-    MESH_AXES as MESH_AXES,
     MIN_PIXEL_MM as MIN_PIXEL_MM,
     Surface as Surface,
-    grid_triangles as grid_triangles,
-    square_pixel as square_pixel,
-    surface_of as surface_of,
 )
 from tactograph.nodes.files.image_arrays import (
     check_handed_in as check_handed_in,
 )
 from tactograph.nodes.files.image_files import (
-    MAX_LEDS as MAX_LEDS,
     MAX_PIXELS as MAX_PIXELS,
     Channel as Channel,
-    channels as channels,
     check_heights as check_heights,
-    lights_of as lights_of,
     read_numbers as read_numbers,
     read_plane as read_plane,
-    size_of as size_of,
 )
 from tactograph.nodes.files.layer_files import (
     layer_files as layer_files,
 )
 from tactograph.nodes.files.result_file import (
-    RELIEF_FIGURE as RELIEF_FIGURE,
     checksum as checksum,
     read_result as read_result,
 )
 from tactograph.nodes.files.result_view import (
     read_view as read_view,
-    refuse_view as refuse_view,
-    view_in as view_in,
-    view_stated as view_stated,
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
-    UsedCalibration as UsedCalibration,
-    check_sensor as check_sensor,
-    identity_from as identity_from,
-    identity_in as identity_in,
 )
 from tactograph.nodes.files.sensor_preset import (
     SensorPreset as SensorPreset,
-    read_preset as read_preset,
-)
-from tactograph.nodes.layers.error import (
-    ERROR_MAP as ERROR_MAP,
-)
-from tactograph.nodes.light.film_drift import (
-    terms as terms,
 )
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
 )
-from tactograph.nodes.optics.cell_side import (
-    CellSide as CellSide,
-)
 from tactograph.nodes.optics.film import (
-    matt_film as matt_film,
     predict as predict,
     rest_light as rest_light,
-)
-from tactograph.nodes.optics.film_places import (
-    film_areas as film_areas,
-    film_places as film_places,
-    on_even_grid as on_even_grid,
 )
 from tactograph.nodes.optics.gauss_newton import (
     limited_step as limited_step,
@@ -438,12 +297,6 @@ from tactograph.nodes.optics.harmonics import (
 from tactograph.nodes.optics.lens import (
     LENS_TERMS as LENS_TERMS,
     camera_offset as camera_offset,
-    camera_places as camera_places,
-    half_diagonal as half_diagonal,
-    ideal_offset as ideal_offset,
-    ideal_place as ideal_place,
-    is_straight as is_straight,
-    pixel_sides as pixel_sides,
 )
 from tactograph.nodes.optics.near_light import (
     expected_light as expected_light,
@@ -452,56 +305,20 @@ from tactograph.nodes.optics.near_light import (
 )
 from tactograph.nodes.optics.normals import (
     cofactors as cofactors,
-    dot as dot,
-    times as times,
 )
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
-    rest_shape as rest_shape,
-)
-from tactograph.nodes.optics.shape import (
-    PAPER_PIXEL_MM as PAPER_PIXEL_MM,
-    Length as Length,
-    PixelSide as PixelSide,
-    Shape as Shape,
-    ShapeImage as ShapeImage,
-    WallAngle as WallAngle,
-    risen as risen,
-    shape as shape,
-    stretched as stretched,
-    turned as turned,
 )
 from tactograph.nodes.optics.sheet import (
-    SheetLabels as SheetLabels,
     SheetLight as SheetLight,
-    SheetMask as SheetMask,
-    SheetSlope as SheetSlope,
     cut as cut,
 )
 from tactograph.nodes.simulate.expose import (
     lens_share as lens_share,
-)
-from tactograph.nodes.stored import (
-    Stored as Stored,
-)
-from tactograph.nodes.stream.colour_planes import (
-    Order as Order,
-    planes_of as planes_of,
-)
-from tactograph.nodes.stream.frames import (
-    ALL_LIT as ALL_LIT,
-    RawFrame as RawFrame,
-)
-from tactograph.nodes.stream.layer_kinds import (
-    deviation_of as deviation_of,
 )
 from tactograph.nodes.trust.check_ranks import (
     StoredRanks as StoredRanks,
 )
 from tactograph.nodes.trust.light_departure import (
     LightDeparture as LightDeparture,
-    excess as excess,
-)
-from tactograph.nodes.write.read_height import (
-    checked_heights as checked_heights,
 )

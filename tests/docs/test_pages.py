@@ -24,7 +24,7 @@ import pytest
 from markdown_it import MarkdownIt
 
 from tactograph.graph.command import COMMANDS, run_command
-from tactograph.graph.disk.strict_yaml import read_yaml
+from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.rings import brought
 from tests.each import each
@@ -187,7 +187,7 @@ def test_a_page_does_what_it_says(
             title = TITLE.search(block.info)
             assert title, f"{block.where}: a graph file needs a title"
             (tmp_path / title[1]).write_text(block.text)
-            assert read_yaml(tmp_path / title[1]).data["format"] == 1
+            assert Document.read(tmp_path / title[1]).data["format"] == 1
 
 
 def _run(text: str, where: str, folder: Path, environment: dict[str, str]) -> None:

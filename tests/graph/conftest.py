@@ -10,7 +10,7 @@ import pytest
 
 from tactograph.graph.command import main
 from tactograph.graph.declare import find_node as find
-from tactograph.graph.disk.strict_yaml import parse_yaml
+from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.rings import Ring
@@ -84,7 +84,7 @@ def lit_by(op: str, text: str = STREAM) -> str:
 
 def graph_of(text: str) -> Graph:
     """The graph of a text, where no test needs a file."""
-    return read_graph(parse_yaml(text, "graph.yaml").data)
+    return read_graph(Document.parse(text, "graph.yaml").data)
 
 
 @pytest.fixture

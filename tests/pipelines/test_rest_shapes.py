@@ -14,7 +14,8 @@ from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
 from tactograph.nodes.files.height_files import write_ply
 from tactograph.nodes.light.untouched_film import untouched_film
-from tactograph.nodes.stream.touch import Touch, View
+from tactograph.nodes.optics.camera_view import View
+from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
 from tests.fixtures import RIG_PIXEL_MM, Calibration, MadeOnce, Raytraced
 from tests.pipelines.conftest import run
@@ -135,7 +136,7 @@ def test_a_mesh_is_the_films_own_shape(truth: F4, tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="its places are not those of a plane"):
         write_result(touch, folder=tmp_path, grid="metric", provenance=made)
-    write_ply(tmp_path / "height.ply", touch.film, touch.pixel, None, 1 / 60)
+    write_ply(tmp_path / "height.ply", touch.film, touch.pixel, touch.view)
     found = trimesh.load_mesh(tmp_path / "height.ply", process=False).vertices
     film = shape_of("dome", truth.shape).astype(np.float64) + truth
     y, x = np.mgrid[: truth.shape[0], : truth.shape[1]] * RIG_PIXEL_MM[RIG]

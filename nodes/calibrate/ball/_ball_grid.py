@@ -138,9 +138,7 @@ def _placed(light: F4, circle: F8, radius_px: float, pixel: float, rest: Rest | 
     """The circles after a fit of the balls' positions to the light."""
     balls = _samples(light, circle, 0.85 * radius_px, radius_px, pixel)
     start = _start(balls)
-    width = pixel * light.shape[2]
-    shift = 0.1 * radius_px * pixel
-    fitted = fit(balls, rest, frozenset({"plain"}), start, shift, width)
+    fitted = fit(balls, rest, frozenset({"plain"}), start)
     placed = circle.copy()
     placed[:, :2] += fitted.shifts[:, :2] / pixel
     placed[:, 2] = _contact(light, placed, radius_px, pixel, fitted) * radius_px
@@ -177,6 +175,8 @@ def _samples(light: F4, circle: F8, reach: float, radius_px: float, pixel: float
         by_lift=np.zeros_like(values),
         by_rim=np.zeros_like(values),
         sector=np.zeros(values.shape[1], int),
+        shift_mm=0.1 * radius_px * pixel,
+        width_mm=pixel * columns,
     )
 
 

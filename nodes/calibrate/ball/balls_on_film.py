@@ -1,5 +1,6 @@
 """Samples of balls pressed into a film, and their light by equation F1."""
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple, Self, cast
@@ -7,14 +8,28 @@ from typing import NamedTuple, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, F8, Film
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, Film
+from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.ball.ball_surface import ball_height, sunk
-from tactograph.nodes.calibrate.lights.light_fit import positions
+from tactograph.nodes.calibrate.lights.light_fit import (
+    HEIGHT_DEVIATION_MM,
+    LIGHT_DEVIATION,
+    positions,
+)
 from tactograph.nodes.optics.film import at_rest, predict
 from tactograph.nodes.optics.rest_shape import rest_share
 
 MIN_WEIGHT_LIGHT = 0.3
 """Light below which a sample's weight no longer grows."""
+MAX_INDEPENDENT_SAMPLES = 1500
+"""Most independent samples that the balls count as.  More have less noise, but a model's residuals
+on a real film are correlated."""
+BALL_SECTORS = 8
+"""Parts of a ball in azimuth over which errors of the normal are averaged, to suppress noise."""
+BALL_RINGS = math.ceil(BALL_SECTORS / math.pi)
+"""Parts in slant, so that parts are about as long as wide."""
+BALL_PARTS = BALL_RINGS * BALL_SECTORS
+"""Parts of a ball, and so the fewest samples that show all of it."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +63,9 @@ class Balls:
     `ball` gives the ball of each sample, in order.  By ball: `centre` P x 2, contact radius
     `rim` and ball radius `radius`, all in mm.  `bounced` is the light from film to film on the
     samples for an albedo of 1.  Its derivatives per mm are `by_lift` (height of the ball) and
-    `by_rim` (the film's rim).  `sector` numbers quarters of a ball.  `beneath` is the film at rest
-    if it is no plane.
+    `by_rim` (the film's rim).  `sector` numbers quarters of a ball.  `shift_mm` is the standard
+    deviation of a ball's place, `width_mm` the width of film that the camera sees.  `beneath` is
+    the film at rest if it is no plane.
     """
 
     u: F8
@@ -63,6 +79,8 @@ class Balls:
     by_lift: F8
     by_rim: F8
     sector: NDArray[np.intp]
+    shift_mm: float
+    width_mm: float
     beneath: Beneath | None = None
 
     @property
@@ -81,6 +99,46 @@ class Balls:
         some = {name: getattr(self, name)[..., chosen] for name in of_samples}
         beneath = None if self.beneath is None else self.beneath.only(chosen)
         return replace(self, **some, beneath=beneath)
+
+    def thinned(self, most: int = MAX_INDEPENDENT_SAMPLES) -> Self:
+        """Return about `most` samples, evenly over each ball, but one or more for each part."""
+        each = max(BALL_PARTS, most // len(self.centre))
+        first = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
+        number = np.arange(self.ball.size) - first[self.ball]
+        # A stride that does not divide the rows' length spreads the samples over all columns.
+        return self.only(number % (np.diff(first)[self.ball] // each + 1) == 0)
+
+    @property
+    def place_deviations(self) -> F8:
+        """Standard deviations of the balls' positions in x, y and z, P x 3.
+
+        For a ball smaller than 1 mm in radius, that in z shrinks with the radius.
+        """
+        lift = HEIGHT_DEVIATION_MM * np.minimum(1, self.radius)
+        return np.column_stack([np.full((len(lift), 2), self.shift_mm), lift])
+
+    @property
+    def pressed_slope(self) -> float:
+        """The steepest slope of balls within their contacts, up to the steepest of a sample."""
+        slant = math.asin(min(float((self.rim / self.radius)[self.ball].max()), 1))
+        return min(math.tan(slant), MAX_SAMPLE_SLOPE)
+
+    def scale(self, residual: F8) -> float:
+        """Return the robust standard deviation of a sample's residual."""
+        spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(residual / self.reference_light)))
+        return max(LIGHT_DEVIATION, spread)
+
+    def grain(self, residual: F8, flat: F4, noise: F4) -> float:
+        """Relative standard deviation of the light from the model, beyond the camera's noise.
+
+        It counts where it is more than the noise, whose own size is not well known.
+        """
+        level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
+        camera = (noise[0] * level * self.light + noise[1]) / level**2
+        variance = DEVIATIONS_PER_MAD**2 * np.median(np.square(residual / self.reference_light))
+        alone = np.median(camera / self.reference_light**2)
+        beyond = variance - alone
+        return float(np.sqrt(beyond)) if beyond > alone else 0.0
 
     def sized(self, size: float) -> Self:
         """Return balls of `size` times the radius, in the same contacts."""
@@ -125,16 +183,11 @@ class Balls:
     def by_ball(self, left: F8, right: F8) -> F8:
         """Sum products over lights and a ball's samples: A x K x N, B x K x N to P x A x B."""
         ends = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
-        return np.stack(
-            [
-                left[..., i:j].reshape(len(left), -1) @ right[..., i:j].reshape(len(right), -1).T
-                for i, j in pairwise(ends)
-            ]
-        )
+        return np.stack([summed(left[..., i:j], right[..., i:j]) for i, j in pairwise(ends)])
 
 
 class Fitted(NamedTuple):
-    """The LEDs' unknowns K x UNKNOWNS_PER_LED, the film, the balls' shifts, and the residual scale.
+    """The LEDs (K x `LED_UNKNOWNS`), the film, the balls' shifts, and the residual scale.
 
     Shifts are P x 3 in mm.  The film's `lights` follow from `leds`.  `size` is the balls' radius
     over the given one, and `power` that to which the camera raises the light: nuisances, both 1
@@ -153,6 +206,11 @@ class Fitted(NamedTuple):
         lights = cast(F4, positions(leds))
         film = self.film._replace(lights=lights, emission=float(leds[:, 4].mean()))
         return self._replace(leds=leds, film=film)
+
+
+def summed(left: F8, right: F8) -> F8:
+    """Sum products over lights and samples: A x K x N, B x K x N to A x B."""
+    return np.tensordot(left, right, ((1, 2), (1, 2)))
 
 
 def predicted(balls: Balls, fitted: Fitted, rest: F8 | None = None) -> F8:

@@ -43,7 +43,7 @@ def judge_oblong(
     circle, goodness, of, radius : B x 3 in px, B, B, and B in mm: as `find_balls` returns them
     pixel : mm per px
     shape
-        The film at rest if it is no plane: then contacts are no circles, and nothing is told.
+        The film at rest if it is no plane: then contacts are no circles, and nothing is doubted.
     radius_mm : the radius of all balls, where `radius` is not given
     """
     best = int(np.argmax(np.where(circle[:, 2] > 0, goodness, -1)))

@@ -8,9 +8,8 @@ from annotated_types import Interval, Len
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
-from tactograph.nodes.files.calibration_file import read_arrays
 from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
-from tactograph.nodes.files.sensor_preset import read_preset
+from tactograph.nodes.files.sensor_preset import SensorPreset
 from tactograph.nodes.optics.lens import oblong_lens
 
 Side = Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)]
@@ -48,13 +47,13 @@ def pixel_size(
     if mm is not None:
         mm = oblong_lens(*sides_of(mm))[1]
     if mm is None and sensor is not None:
-        mm = read_preset(sensor).pixel_size_mm
+        mm = SensorPreset.read(sensor).pixel_size_mm
     if camera is None:
         mm = mm or stated
         if mm is None:
             raise InputError("the pixel size is not known; give `mm`=MM, or `camera`=camera.npz")
         return mm
-    of_camera = float(read_arrays(camera, CAMERA_KIND)["pixel_size"])
+    of_camera = float(CAMERA_KIND.read(camera)[0]["pixel_size"])
     if mm is None:
         return of_camera
     if abs(mm / of_camera - 1) > MAX_SIZE_DIFFERENCE:

@@ -5,7 +5,6 @@ value is a field here, or of `Film`.
 """
 
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -37,7 +36,7 @@ from tactograph.nodes import (
     ScaleError,
     Spread,
 )
-from tactograph.nodes.files.calibration_file import MIN_OPTICAL_MM, FileKind, free_for
+from tactograph.nodes.files.calibration_file import MIN_OPTICAL_MM, FileKind
 from tactograph.nodes.stored import Stored
 from tactograph.nodes.trust.check_ranks import StoredRanks
 
@@ -144,4 +143,4 @@ CALIBRATION_KIND = FileKind(
     users="sensors whose LEDs flash: reconstruct, precise, paper",
     check=_check_sensor,
 )
-NewCalibration = Annotated[Path, AfterValidator(partial(free_for, kind=CALIBRATION_KIND))]
+NewCalibration = Annotated[Path, AfterValidator(CALIBRATION_KIND.new_file)]

@@ -2,10 +2,14 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 from tactograph.graph import EVERYTHING, InputError, Wanted, node
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND, Calibration
-from tactograph.nodes.files.calibration_file import check_use, read_about, read_arrays, record_of
+from tactograph.nodes.files.calibration_file import (
+    kind_of,
+    record_of,
+)
 from tactograph.nodes.files.image_files import Lights
 
 
@@ -39,9 +43,7 @@ def read_calibration(
         not above the film, or no slope follows from the LEDs' light; if the calibration was made
         from lights of another order; if its film is no plane at rest and a graph takes it for one.
     """
-    arrays = read_arrays(file, CALIBRATION_KIND)
-    about = read_about(file)
-    check_use(file, about, lights)
+    arrays, about = CALIBRATION_KIND.read_to_use(file, lights)
     header = {"quality": about.quality, "doubts": about.doubts, "serial": about.serial}
     record = record_of(Calibration, {**arrays, **header})
     if record.rest is None or not record.rest.any():
@@ -56,3 +58,17 @@ def read_calibration(
         film = film._replace(gain=1.0, uneven=math.hypot(film.uneven, film.gain - 1))
         record = record._replace(film=film)
     return record
+
+
+def read_either(calibration: Path) -> Any:
+    """Read a `Calibration` of flashed LEDs, or one of a one-shot sensor.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    kind = kind_of(calibration)
+    if kind is None or "flat" not in kind.KIND.values:
+        return read_calibration(file=calibration)
+    return kind.read(calibration)

@@ -8,8 +8,7 @@ from tactograph.nodes.calibrate.file.calibration import (
     Calibration,
     NewCalibration,
 )
-from tactograph.nodes.files.calibration_file import write_record
-from tactograph.nodes.files.sensor_identity import identity_from
+from tactograph.nodes.files.sensor_identity import SensorIdentity
 
 
 @node
@@ -36,5 +35,6 @@ def write_calibration(
         If the calibration cannot be of a sensor, the file's name does not end in ``.npz``, or it
         cannot be written.
     """
-    about = {"sensor": sensor or identity_from(provenance).name or None, "provenance": provenance}
-    write_record(file, CALIBRATION_KIND, Calibration(*values), about)
+    sensor = sensor or SensorIdentity.behind(provenance).name or None
+    about = {"sensor": sensor, "provenance": provenance}
+    CALIBRATION_KIND.write_record(file, Calibration(*values), about)

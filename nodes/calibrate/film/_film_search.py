@@ -1,7 +1,6 @@
 """Search for the film's model: parts that pay, more samples, harmonics, and bad balls."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,18 +9,24 @@ from numpy.typing import NDArray
 from tactograph.graph import warn
 from tactograph.nodes import Metrics
 from tactograph.nodes.calibrate import FOLD_COUNT
-from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
-from tactograph.nodes.calibrate.film.ball_normals import normal_error
-from tactograph.nodes.calibrate.film.ball_samples import lights_itself, moved_with, thinned
-from tactograph.nodes.calibrate.film.film_fit import (
+from tactograph.nodes.calibrate.ball.balls_on_film import (
     MAX_INDEPENDENT_SAMPLES,
+    Balls,
+    Fitted,
+    predicted,
+)
+from tactograph.nodes.calibrate.film.ball_normals import normal_error
+from tactograph.nodes.calibrate.film.ball_samples import moved_with
+from tactograph.nodes.calibrate.film.film_fit import (
     MAX_ROUNDS,
     add_harmonics,
     fit,
     place_balls,
 )
 from tactograph.nodes.calibrate.film.film_misfit import Held
-from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, surprise, unknowns_of
+from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, Unknowns
+from tactograph.nodes.calibrate.lights.descend import HUBER_DEVIATIONS
+from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.verdict import grows, pays
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
@@ -29,11 +34,6 @@ from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
 FINAL_SAMPLES = 15000
 """Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
 a ball's height, the coat's index and the albedo uncertain by some per cent."""
-MAX_CHANGE = 0.004
-"""Relative change of albedo and contact radius below which rounds end (`MAX_ROUNDS`)."""
-MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
-"""Number of balls from which on, and multiple of the median residual above which, a ball is left
-out."""
 SHINING_PARTS = frozenset(("lobe", "bounce"))
 """Parts that may help only together: a coat changes how a film lights itself."""
 TOUCHED_PARTS = frozenset({"touched"})
@@ -45,11 +45,11 @@ class Trial(NamedTuple):
 
     balls: Balls
     rest: Rest | None
-    shift_mm: float
-    width_mm: float
     samples: Callable[..., Balls]
     """Samples the balls again with another film, shifts, contact radii and further options of
     `sample_balls`."""
+    figures: Metrics
+    """The held-out error of every model tried."""
 
     def fit(self, parts: frozenset[str], start: Fitted, balls: Balls | None = None) -> Fitted:
         """Fit a model to all samples, or to the given ones.
@@ -59,26 +59,22 @@ class Trial(NamedTuple):
         light alone, on which slopes rest, and its brightness is as uneven as a plain film's.
         """
         balls = balls or self.balls
-        settings = self.shift_mm, self.width_mm
-        fitted = fit(balls, self.rest, parts, start, *settings)
+        fitted = fit(balls, self.rest, parts, start)
         if "diffuse" not in parts or len(balls.centre) > 1:
             return fitted
-        film = fitted.film
-        direct = balls.direct(fitted.shifts, film)
+        film, direct = fitted.film, balls.direct(fitted.shifts, fitted.film)
         weight = lit_share(film, direct, np.array(film.contact))
-        return fit(balls, self.rest, TOUCHED_PARTS, fitted, *settings, start.film.uneven, weight)
+        return fit(balls, self.rest, TOUCHED_PARTS, fitted, start.film.uneven, weight)
 
     def prefers(self, larger: "Model", model: "Model") -> bool:
         """Return whether a larger model is the better one (`grows`)."""
         both = model, larger
         scales = model.fitted.scale, larger.fitted.scale
-        names = [unknowns_of(each.parts) for each in both]
-        usual, unusual = (
-            surprise(each.fitted, own, self.width_mm) for each, own in zip(both, names, strict=True)
-        )
-        more = len(names[1]) - len(names[0])
+        fewer, more = (Unknowns.of(each.parts, self.balls.width_mm) for each in both)
+        unusual = more.surprise(larger.fitted) - fewer.surprise(model.fitted)
         values = min(self.balls.u.size, MAX_INDEPENDENT_SAMPLES)
-        return grows(model.errors, larger.errors, scales, more, values, unusual - usual)
+        further = len(more.names) - len(fewer.names)
+        return grows(model.errors, larger.errors, scales, further, values, unusual)
 
     def splits(self, balls: Balls) -> list[NDArray[np.bool_]]:
         """The samples to hold out in turn: some of the balls, or quarters of a single ball."""
@@ -106,68 +102,61 @@ class Model(NamedTuple):
         return "+".join(parts + ([f"harmonics{self.degree}"] if self.degree is not None else []))
 
 
-def judge(trial: Trial, parts: frozenset[str], fitted: Fitted) -> Model:
-    """Fit without each fold, and measure the error of the normals on that fold."""
-    held_out = trial.splits(trial.balls)
-    return judged(
-        trial, parts, fitted, [trial.fit(parts, fitted, trial.balls.only(~h)) for h in held_out]
-    )
-
-
-def judged(
+def judge(
     trial: Trial,
     parts: frozenset[str],
     fitted: Fitted,
-    fold_fits: list[Fitted],
+    fold_fits: list[Fitted] | None = None,
     degree: int | None = None,
 ) -> Model:
     """Measure the error of the normals on each fold by the fit without it."""
-    errors, weights = [], []
-    for held_out, fold in zip(trial.splits(trial.balls), fold_fits, strict=True):
-        test = trial.balls.only(held_out)
-        placed = place_balls(test, fold, trial.shift_mm) if len(fold.shifts) > 1 else fold
+    held_out = trial.splits(trial.balls)
+    if fold_fits is None:
+        fold_fits = [trial.fit(parts, fitted, trial.balls.only(~h)) for h in held_out]
+    errors = []
+    for test, fold in zip(map(trial.balls.only, held_out), fold_fits, strict=True):
+        placed = place_balls(test, fold) if len(fold.shifts) > 1 else fold
         errors.append(normal_error(test, placed))
-        weights.append(held_out.sum())
     degrees, noises = ([float(error[i]) for error in errors] for i in range(2))
-    error = float(np.average(degrees, weights=weights))
-    return Model(parts, degree, fitted, error, degrees, noises, fold_fits)
+    error = float(np.average(degrees, weights=[h.sum() for h in held_out]))
+    model = Model(parts, degree, fitted, error, degrees, noises, fold_fits)
+    trial.figures[f"film_heldout_deg/{model}"] = error
+    return model
 
 
-def held_out_of(trial: Trial, best: Model, whole: Balls, bad: NDArray[np.bool_]) -> list[Held]:
-    """Every pixel of each fold, without bad balls, with the film fitted to the other folds."""
-    good = whole.only(~bad[whole.ball])
+def choose(trial: Trial, start: Fitted, parts: set[str]) -> tuple[Model, Balls, list[Held]]:
+    """Return the film that presses support, of these parts, and the samples of balls that agree.
+
+    Also every pixel of each fold of these, with the film fitted to the other folds.
+    """
+    trial, best, whole = search(trial, start, [part for part in PART_UNKNOWNS if part in parts])
+    if "harmonics" in parts and may_grow(best):
+        best = bend(trial, best)
+    best, balls = without_bad(trial, best)
+    good = whole.only(np.isin(whole.ball, balls.ball))
     held_out = zip(map(good.only, trial.splits(good)), best.splits, strict=True)
-    return [Held(b, place_balls(b, f, trial.shift_mm)) for b, f in held_out if b.u.size]
+    return best, balls, [Held(b, place_balls(b, f)) for b, f in held_out if b.u.size]
 
 
-def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls, Metrics]:
+def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls]:
     """Grow a model and settle it; without light from film to film where that settles worse.
 
-    Also returns every pixel of the balls, and the errors of all models.
+    Also returns every pixel of the balls.
     """
     plain = judge(trial, frozenset(), trial.fit(frozenset(), start))
-    grown, best, errors = grow(trial, start, plain, parts)
-    settled, best, whole = settle(grown, best)
-    if "bounce" in best.parts and pays(best.errors, plain.errors):
-        others = [part for part in parts if part != "bounce"]
-        without, model, pixels, candidate = search(trial, start, others)
-        errors = candidate | errors
-        if model.error < best.error:
-            settled, best, whole = without, model, pixels
-    errors[f"film_heldout_deg/{best}"] = errors["film_heldout_deg"] = best.error
-    return settled, best, whole, errors
+    settled = settle(*grow(trial, start, plain, parts))
+    if "bounce" in settled[1].parts and pays(settled[1].errors, plain.errors):
+        return search(trial, start, [part for part in parts if part != "bounce"])
+    return settled
 
 
-def grow(
-    trial: Trial, start: Fitted, best: Model, parts: list[str]
-) -> tuple[Trial, Model, Metrics]:
+def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Trial, Model]:
     """Add parts to a model one by one, or coat and bounce at once, as long as that pays.
 
     A part pays if the film is likelier with it, given how usual its values are, and if it lowers
     the held-out error (`grows`).  Once the film has a coat or an albedo, the samples are renewed:
     then the light that it reflects from film to film is known.
     """
-    errors = {f"film_heldout_deg/{best}": best.error}
     if "bounce" in parts and may_grow(best):
         trial = trial._replace(balls=trial.samples(start.film))
     while may_grow(best) and (untried := [part for part in parts if part not in best.parts]):
@@ -176,19 +165,17 @@ def grow(
         # Only the part that explains the presses best is judged on held-out samples.
         first = int(np.argmin([normal_error(trial.balls, fit).degrees for fit in fitted]))
         better = judge(trial, wider[first], fitted[first])
-        errors[f"film_heldout_deg/{better}"] = better.error
         alone = trial.prefers(better, best)
         if not alone and not set(untried) >= SHINING_PARTS:
             break
         if not alone:
             coated = fitted[untried.index("lobe")]
             better = better._replace(parts=best.parts | SHINING_PARTS, fitted=coated)
-        if not lights_itself(better.fitted.film):
+        if not better.fitted.film.lights_itself:
             best = better
             continue
         resampled, placed = _sampled_again(trial, better.fitted)
         better = judge(resampled, better.parts, resampled.fit(better.parts, placed))
-        errors[f"film_heldout_deg/{better}"] = better.error
         # Renewed samples of a coat show light from film to film, which the next part explains.
         explains_all = "bounce" in better.parts or "bounce" not in parts
         if explains_all and pays(better.errors, best.errors):
@@ -196,15 +183,13 @@ def grow(
         if not alone and not trial.prefers(better, best):
             break
         trial, best = resampled, better
-    return trial, best, errors | {"film_heldout_deg": best.error}
+    return trial, best
 
 
 def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial, Fitted]:
     """Sample again with a better-known film, up to where it leaves the balls."""
-    before, film = trial.balls, fitted.film
-    balls = trial.samples(
-        film, shifts=fitted.shifts, rim=before.rim, edges=lights_itself(film), **options
-    )
+    before = trial.balls
+    balls = trial.samples(fitted.film, shifts=fitted.shifts, rim=before.rim, **options)
     shifts = moved_with(fitted.shifts, balls.radius, before.rim, balls.rim)
     return trial._replace(balls=balls), fitted._replace(shifts=shifts)
 
@@ -212,74 +197,59 @@ def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial,
 def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
     """Fit the chosen parts to more samples until the light from film to film converges.
 
+    That is no more than the film's own light: a smaller share of it than light departs by by
+    itself is not seen.
     Also returns every pixel of the balls.
     """
     for _ in range(MAX_ROUNDS):
         film, rim = best.fitted.film, trial.balls.rim
         trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
         whole = trial.balls
-        trial = trial._replace(balls=thinned(whole, FINAL_SAMPLES))
+        trial = trial._replace(balls=whole.thinned(FINAL_SAMPLES))
         best = best._replace(fitted=trial.fit(best.parts, placed))
         moved = np.abs(whole.rim / rim - 1).max()
         changed = abs(best.fitted.film.albedo - film.albedo)
-        if film.albedo == 0 or (changed < MAX_CHANGE * film.albedo and moved < MAX_CHANGE):
+        if film.albedo == 0 or (max(changed / film.albedo, moved) < LIGHT_DEVIATION):
             break
     return trial, judge(trial, best.parts, best.fitted), whole
 
 
-def bend(trial: Trial, best: Model, errors: Metrics) -> Model:
+def bend(trial: Trial, best: Model) -> Model:
     """Add harmonics of the highest degree that pays; balls must outnumber their terms."""
     physics = best
     for degree in HARMONIC_DEGREES:
         if len(trial.balls.centre) <= term_count(degree):
             break
         held_out = zip(trial.splits(trial.balls), physics.splits, strict=True)
-        fold_fits = [_bent(trial, trial.balls.only(~h), fold, degree) for h, fold in held_out]
-        candidate = judged(trial, physics.parts, physics.fitted, fold_fits, degree)
-        errors[f"film_heldout_deg/{candidate}"] = candidate.error
+        fold_fits = [add_harmonics(trial.balls.only(~h), fold, degree) for h, fold in held_out]
+        candidate = judge(trial, physics.parts, physics.fitted, fold_fits, degree)
         if pays(best.errors, candidate.errors):
             best = candidate
     if best.degree is not None:
-        best = best._replace(fitted=_bent(trial, trial.balls, best.fitted, best.degree))
-    errors["film_heldout_deg"] = best.error
+        best = best._replace(fitted=add_harmonics(trial.balls, best.fitted, best.degree))
     return best
 
 
-def _bent(trial: Trial, balls: Balls, physics: Fitted, degree: int) -> Fitted:
-    return add_harmonics(balls, physics, degree, trial.width_mm / 2, trial.shift_mm)
-
-
-def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls, NDArray[np.bool_]]:
+def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls]:
     """Leave out outliers among many balls: scratched, dirty, or no balls.
 
-    Also returns the samples of the others, and which balls are left out.
+    Also returns the samples of the others.
     """
     balls, count = trial.balls, len(trial.balls.centre)
     squares = np.square(balls.light - predicted(balls, best.fitted)).mean(axis=0)
     by_ball = np.sqrt(np.bincount(balls.ball, squares, count) / np.bincount(balls.ball))
-    bad = by_ball > MAX_RESIDUAL_RATIO * np.median(by_ball)
-    if count < MIN_BALLS_TO_REJECT or not bad.any():
-        return best, balls, np.zeros(count, bool)
-    x, y = balls.centre[bad].T
-    where = ", ".join(f"({a:.2f}, {b:.2f})" for a, b in zip(x, y, strict=True))
+    bad = by_ball > HUBER_DEVIATIONS * np.median(by_ball)
+    # Each fold has another ball that tells which one departs.
+    if count < 2 * FOLD_COUNT or not bad.any():
+        return best, balls
+    where = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in balls.centre[bad])
     warn(f"{bad.sum()} of {count} balls depart from the others and are left out: at {where} mm")
-    number = np.cumsum(~bad) - 1
-    good = balls.only(~bad[balls.ball])
-    good = replace(
-        good,
-        ball=number[good.ball],
-        centre=balls.centre[~bad],
-        rim=balls.rim[~bad],
-        radius=balls.radius[~bad],
-    )
-    start = best.fitted._replace(
-        shifts=best.fitted.shifts[~bad],
-        film=best.fitted.film._replace(harmonics=np.zeros_like(best.fitted.film.harmonics)),
-    )
-    fitted = trial.fit(best.parts, start, good)
+    good, film = balls.only(~bad[balls.ball]), best.fitted.film
+    plain = film._replace(harmonics=np.zeros_like(film.harmonics))
+    fitted = trial.fit(best.parts, best.fitted._replace(film=plain), good)
     if best.degree is not None:
-        fitted = _bent(trial, good, fitted, best.degree)
-    return best._replace(fitted=fitted), good, bad
+        fitted = add_harmonics(good, fitted, best.degree)
+    return best._replace(fitted=fitted), good
 
 
 def may_grow(best: Model) -> bool:

@@ -12,31 +12,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import NodeCall
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, U1, Film
-from tactograph.nodes.calibrate import DRIFT_DEGREE, FILM_ROUGHNESS, FOLD_COUNT, MAX_SAMPLE_SLOPE
+from tactograph.nodes import F4, F8, U1, Film
+from tactograph.nodes.calibrate import (
+    DRIFT_DEGREE,
+    FILM_ROUGHNESS,
+    FOLD_COUNT,
+    MAX_SAMPLE_SLOPE,
+    SHIFT_DEVIATION_PX,
+)
 from tactograph.nodes.calibrate.ball.ball_surface import (
     MAX_SQUARED_RADIUS,
     away_on,
     ball_height,
     sunk,
 )
-from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Beneath
+from tactograph.nodes.calibrate.ball.balls_on_film import MAX_INDEPENDENT_SAMPLES, Balls, Beneath
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
-from tactograph.nodes.calibrate.film.film_fit import MAX_INDEPENDENT_SAMPLES
 from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain, film_drift
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.light.untouched_film import light_at_rest
-from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, RestShape
 from tactograph.nodes.optics.sheet import cut
 
 FITTED_RADIUS_SHARE = 0.95
 """Share of a contact's radius that is fitted, because the film leaves the ball before the rim."""
-MIN_SAMPLES = 30
-"""Fewest samples of each ball."""
 FINE_CELLS = 4 * DEFAULT_MAX_CELLS
 """Cells of `film_bounce` on a matt film, and in the last fit on one with a coat, which takes seven
 times as long.  With coarser cells the light changes in steps with a ball's height or the rim."""
@@ -50,8 +52,8 @@ differentiate it by the film's rim."""
 class _Press(NamedTuple):
     """A press, K x H x W, and the light that its film reflects onto itself.
 
-    `bounced` is that of a film of albedo 1.  `by_lift` is its derivative by the balls' height
-    (relative to their radius), `by_rim` that by the film's rim in mm.
+    `bounced` is that of a film of albedo 1.  `by_lift` is its derivative by the balls' height,
+    `by_rim` that by the film's rim, both per mm.
     """
 
     light: F4
@@ -61,15 +63,15 @@ class _Press(NamedTuple):
 
 
 class _AtRest(NamedTuple):
-    """Light of a film that is no plane at rest, over a plane, K x H x W each.
+    """Light of the film at rest over a plane, K x H x W each, or of a plane.
 
     That of the LEDs, and from film to film for an albedo of 1.
     """
 
-    own: F4
-    bounced: F4
+    own: F4 = np.ones((1, 1, 1), np.float32)
+    bounced: F4 = np.zeros((1, 1, 1), np.float32)
 
-    def share(self, albedo: float) -> F4:
+    def share(self, albedo: float | np.float32) -> F4:
         """Return r of equation F5."""
         share = self.own + np.float32(albedo) * self.bounced
         return np.maximum(share, np.float32(MIN_REST_LIGHT))
@@ -82,22 +84,37 @@ class _Frame(NamedTuple):
     pixel: float
     shape: RestShape | None
 
+    def place(self, row: Any, column: Any) -> tuple[F8, F8]:
+        """Places of pixels, u and v in mm."""
+        v, u = (
+            (np.asarray(at, np.float64) - (side - 1) / 2) * self.pixel
+            for at, side in zip((row, column), self.size, strict=True)
+        )
+        return u, v
+
+    def around(self, circle: F4 | F8, reach: float) -> NDArray[np.intp]:
+        """Rows and columns, 2 x N, of a square around a circle, `reach` in px to either side."""
+        if self.shape is not None:
+            # A contact may reach anywhere.
+            reach = max(self.size)
+        row, column = (
+            slice(max(0, int(at - reach)), min(side, int(at + reach) + 2))
+            for at, side in zip(circle[1::-1].tolist(), self.size, strict=True)
+        )
+        return np.asarray(np.mgrid[row, column].reshape(2, -1))
+
     def beneath(self, circle: F4 | F8) -> tuple[F8, F8, F8]:
         """Where the camera sees the film at rest in the middles of balls: x, y and z in mm."""
-        rows, columns = self.size
-        column, row = np.atleast_2d(circle)[:, :2].astype(np.float64).T
-        u, v = (column - (columns - 1) / 2) * self.pixel, (row - (rows - 1) / 2) * self.pixel
-        if self.shape is None:
-            return u, v, np.zeros_like(u)
-        _, x, y, z = self.shape.at(u, v)
-        return x, y, z
+        column, row = np.atleast_2d(circle)[:, :2].T
+        u, v = self.place(row, column)
+        return (u, v, np.zeros_like(u)) if self.shape is None else self.shape.at(u, v)[1:]
 
     def scale(self, circle: F4 | F8) -> F8:
         """The size of a pixel in mm on the film under each ball."""
         camera = 0.0 if self.shape is None else self.shape.camera
         return self.pixel * (1 - camera * self.beneath(circle)[2])
 
-    def centre(self, circle: F4, radius: float, shift: F8) -> tuple[float, float, float]:
+    def centre(self, circle: F4 | F8, radius: float, shift: F8) -> tuple[float, float, float]:
         """A ball's centre in mm, moved by `shift`; it may lie outside the image."""
         x, y, base = (float(part[0]) for part in self.beneath(circle))
         deep = float(sunk(radius, float(circle[2]) * self.scale(circle)[0]) - base)
@@ -114,6 +131,31 @@ class _Thrown(NamedTuple):
     remaining: F4
 
 
+class _Scene(NamedTuple):
+    """What the light from film to film depends on beside the balls.
+
+    `sigma` is the noise of cells, `fine` and `bounce` as `sample_balls` takes them, `at_rest` the
+    light of the film at rest by its coat's index and the number of cells.
+    """
+
+    film: Film
+    frame: _Frame
+    sigma: F4
+    fine: bool
+    bounce: NodeCall
+    at_rest: Callable[[float, int], _AtRest]
+
+    @property
+    def cells(self) -> int:
+        """How fine the light from film to film is found that samples get."""
+        return FINE_CELLS if self.fine or self.film.refraction == 1 else DEFAULT_MAX_CELLS
+
+    @property
+    def resting(self) -> _AtRest:
+        """The light of the film at rest that samples get."""
+        return self.at_rest(self.film.refraction, self.cells)
+
+
 def sample_balls(
     light: F4,
     flat: F4,
@@ -127,7 +169,6 @@ def sample_balls(
     bare: U1 | None = None,
     shifts: F8 | None = None,
     rim: F8 | None = None,
-    edges: bool = False,
     fine: bool = False,
     bounce: NodeCall = film_bounce,
     shape: RestShape | None = None,
@@ -141,17 +182,17 @@ def sample_balls(
     circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
     film : the film, whose LEDs and coat determine the light from film to film
     noise, pixel : (shot, read), mm per px
-    most : most samples of all balls together, but at least `MIN_SAMPLES` of each; None: all pixels
+    most : most samples of all balls together, but at least one for each of a
+        ball's parts (`Balls.thinned`); None: all pixels
     bare
         S x W, 0 on pixels that are left out.  None: no pixel is left out.
     shifts
         B x 3 in mm, by which a fit has moved the balls; they reflect light from there.  The
         light from film to film grows with the height of their flanks; `by_lift` tells the fit
         how much.
-    rim : B contact radii in mm; None: those of `circle`
-    edges
-        Whether the light around a ball then determines where the film leaves it
-        (`contact_edge`).
+    rim
+        B contact radii in mm; None: those of `circle`.  On a film that lights itself, the light
+        around a ball then determines where the film leaves it (`contact_edge`).
     fine
         Whether the film is the final one.  Then the light that its coat reflects is computed on
         fine cells, and a film without albedo reflects none onto itself.
@@ -163,98 +204,79 @@ def sample_balls(
     """
     if shape is not None:
         film = film._replace(rim=0.0)
-    rows, columns = flat.shape[1:]
-    x, y = places(columns, np.float32(pixel)), places(rows, np.float32(pixel))
+    rows = flat.shape[1]
     presses = cut(light, rows)
     sigma = coarsen(light_noise(flat, flat, noise))
     moved = np.zeros((len(circle), 3)) if shifts is None else shifts
-    throw = bounce if lights_itself(film) else film_bounce
-    frame = _Frame((rows, columns), pixel, shape)
+    throw = bounce if film.lights_itself else film_bounce
+    frame = _Frame((rows, flat.shape[2]), pixel, shape)
     scale = frame.scale(circle)
     if rim is not None:
         circle = np.column_stack([circle[:, :2], rim / scale])
-    thrown = {}
 
     @cache
-    def at_rest(coated: bool, cells: int) -> _AtRest | None:
-        kind = film if coated else film._replace(refraction=1.0)
-        return None if shape is None else _rest_of(shape, kind, cells, fine, throw)
+    def at_rest(refraction: float, cells: int) -> _AtRest:
+        kind = film._replace(refraction=refraction)
+        return _AtRest() if shape is None else _rest_of(shape, kind, cells, fine, throw)
 
-    for i in np.unique(of):
-        balls = circle[of == i], radius[of == i], moved[of == i]
-        thrown[i] = _thrown_on(presses[i], sigma, balls, film, frame, fine, throw, at_rest)
-    resting = at_rest(film.refraction > 1, _cells(film, fine))
-    if edges:
-        masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
+    scene = _Scene(film, frame, sigma, fine, throw, at_rest)
+    thrown = {
+        i: _thrown_on(presses[i], circle[of == i], radius[of == i], moved[of == i], scene)
+        for i in np.unique(of)
+    }
+    resting = scene.resting
+    masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
+    if rim is not None and film.lights_itself:
         edge = np.empty(len(of))
         for number, i in enumerate(of):
-            light = thrown[i].light
-            if resting is not None:
-                light = light * resting.share(film.albedo)
-            evidence = light, masks[i], thrown[i].bounced
-            placed = circle[number], float(radius[number]), moved[number]
-            edge[number] = _edge(*evidence, *placed, film, frame)
+            on_plane = thrown[i].light * resting.share(film.albedo)
+            evidence = on_plane * masks[i], thrown[i].bounced
+            edge[number] = _edge(*evidence, circle[number], radius[number], moved[number], scene)
         moved = moved_with(moved, radius, circle[:, 2] * scale, edge)
         circle = np.column_stack([circle[:, :2], edge / scale])
-    parts: list[tuple[NDArray[Any], ...]] = []
-    for number, i in enumerate(of):
-        u0, v0, contact = circle[number].astype(np.float64)
-        reach = min(
-            FITTED_RADIUS_SHARE * contact,
-            radius[number] / scale[number] * np.sin(np.arctan(MAX_SAMPLE_SLOPE)),
-        )
-        # On film that is no plane, a contact may reach anywhere.
-        around = reach if shape is None else max(rows, columns)
-        yy, xx = np.mgrid[
-            max(0, int(v0 - around)) : min(rows, int(v0 + around) + 2),
-            max(0, int(u0 - around)) : min(columns, int(u0 + around) + 2),
-        ].reshape(2, -1)
-        away = np.hypot(xx - u0, yy - v0)
+    circle = circle.astype(np.float64)
+    steep = radius / scale * np.sin(np.arctan(MAX_SAMPLE_SLOPE))
+    pixels: list[NDArray[np.intp]] = []
+    for number, reach in enumerate(np.minimum(FITTED_RADIUS_SHARE * circle[:, 2], steep)):
+        at = frame.around(circle[number], reach)
+        u, v = frame.place(*at)
+        away = np.hypot(*(at[::-1].T - circle[number, :2]).T) * scale[number]
         if shape is not None:
-            u, v = x[xx].astype(np.float64), y[yy].astype(np.float64)
-            base = float(frame.beneath(circle[number])[2][0])
-            centre = frame.centre(circle[number], float(radius[number]), moved[number])
-            beneath = shape.at(u, v)[3]
-            away = away_on(u, v, beneath, base, centre, float(radius[number]), film.camera)
-            away /= scale[number]
-        within = away < reach
-        if bare is not None:
-            within &= bare[i * rows + yy, xx] > 0
-        inside = np.flatnonzero(within)
-        yy, xx = yy[inside], xx[inside]
-        sector = np.floor(np.arctan2(yy - v0, xx - u0) / (2 * np.pi) % 1 * FOLD_COUNT).astype(int)
-        of_press = (part[:, yy, xx].astype(np.float64) for part in thrown[i])
-        values, bounced, by_lift, by_rim = of_press
-        by_lift /= radius[number].astype(np.float64)
-        bounced -= moved[number, 2] * by_lift + film.rim * by_rim
-        each_ball = values, bounced, by_lift, by_rim, np.full(xx.size, number), sector
-        parts.append((x[xx], y[yy], *each_ball))
-    u, v, values, bounced, by_lift, by_rim, ball, sector = (
-        np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)
+            base, size = float(frame.beneath(circle[number])[2][0]), float(radius[number])
+            centre = frame.centre(circle[number], size, moved[number])
+            away = away_on(u, v, shape.at(u, v)[3], base, centre, size, film.camera)
+        inside = away < reach * scale[number]
+        pixels.append(at[:, inside & (masks[of[number]][tuple(at)] > 0)])
+    fields = (
+        np.concatenate([field[:, *at] for field, at in zip(each, pixels, strict=True)], axis=1)
+        for each in zip(*(thrown[i] for i in of), strict=True)
     )
-    middle = np.array([(columns - 1) / 2, (rows - 1) / 2])
-    centre = (circle[:, :2].astype(np.float64) - middle) * pixel
+    values, bounced, by_lift, by_rim = (field.astype(np.float64) for field in fields)
+    ball = np.repeat(np.arange(len(of)), [at.shape[1] for at in pixels])
+    row, column = at = np.concatenate(pixels, axis=1)
+    u, v = frame.place(row, column)
+    x, y = (at[::-1].T - circle[ball, :2]).T
     every = Balls(
-        u=u.astype(np.float64),
-        v=v.astype(np.float64),
-        light=values.astype(np.float64),
+        u=u,
+        v=v,
+        light=values,
         ball=ball,
-        centre=centre,
-        rim=circle[:, 2].astype(np.float64) * scale,
+        centre=np.stack(frame.place(*circle[:, 1::-1].T), axis=1),
+        rim=circle[:, 2] * scale,
         radius=radius.astype(np.float64),
-        bounced=bounced,
+        bounced=bounced - moved[ball, 2] * by_lift - film.rim * by_rim,
         by_lift=by_lift,
         by_rim=by_rim,
-        sector=sector,
+        sector=np.floor(np.arctan2(y, x) / (2 * np.pi) % 1 * FOLD_COUNT).astype(int),
+        shift_mm=SHIFT_DEVIATION_PX * pixel,
+        width_mm=pixel * frame.size[1],
     )
-    if shape is not None and resting is not None:
-        row, column = (np.rint(at / pixel + middle[i]).astype(int) for i, at in ((1, v), (0, u)))
-        glow = resting.bounced[:, row, column].astype(np.float64)
-        every = laid_on(every, circle, shape, glow)
-    return every if most is None else thinned(every, most)
+    if shape is not None:
+        every = laid_on(every, circle, shape, resting.bounced[:, row, column].astype(np.float64))
+    return every if most is None else every.thinned(most)
 
 
-def laid_on(balls: Balls, circle: F4, shape: RestShape, glow: F8 | None = None) -> Balls:
+def laid_on(balls: Balls, circle: F4 | F8, shape: RestShape, glow: F8 | None = None) -> Balls:
     """Return balls on a film that is no plane at rest; `glow` is what it throws on itself there."""
     rows, columns = shape.height.shape
     *under, base = _Frame((rows, columns), shape.pixel, shape).beneath(circle)
@@ -265,20 +287,6 @@ def laid_on(balls: Balls, circle: F4, shape: RestShape, glow: F8 | None = None) 
     return replace(balls, centre=np.stack(under, axis=1), beneath=beneath)
 
 
-def lights_itself(film: Film) -> bool:
-    """Return whether the film shows light reflected from other parts of the film."""
-    return film.refraction > 1 or film.albedo > 0
-
-
-def thinned(balls: Balls, most: int = MAX_INDEPENDENT_SAMPLES) -> Balls:
-    """Return about `most` samples, evenly over each ball, but at least `MIN_SAMPLES` of each."""
-    each = max(MIN_SAMPLES, most // len(balls.centre))
-    first = np.searchsorted(balls.ball, np.arange(len(balls.centre) + 1))
-    number = np.arange(balls.ball.size) - first[balls.ball]
-    # A stride that does not divide the rows' length spreads the samples over all columns.
-    return balls.only(number % (np.diff(first)[balls.ball] // each + 1) == 0)
-
-
 def moved_with(shifts: F8, radius: NDArray[Any], before: NDArray[Any], rim: NDArray[Any]) -> F8:
     """Return the shifts of balls that stay in place while their contact radii change."""
     moved = shifts.copy()
@@ -286,43 +294,20 @@ def moved_with(shifts: F8, radius: NDArray[Any], before: NDArray[Any], rim: NDAr
     return moved
 
 
-def _edge(
-    press: F4,
-    bare: U1,
-    thrown: F4,
-    circle: F4,
-    radius: float,
-    shift: F8,
-    film: Film,
-    frame: _Frame,
-) -> float:
-    """The radius of a ball's contact in mm, from the light around it."""
-    x, y, contact = (float(part) for part in circle)
-    shape = frame.shape
-    around = int(MAX_EDGE_RATIO * contact) + 2 if shape is None else max(frame.size)
-    rows = slice(max(0, int(y) - around), int(y) + around + 2)
-    columns = slice(max(0, int(x) - around), int(x) + around + 2)
-    u, v = (places(side, np.float32(frame.pixel)).astype(np.float64) for side in frame.size[::-1])
-    centre = frame.centre(circle, radius, shift)
-    across, down = (part.ravel() for part in np.meshgrid(u[columns], v[rows]))
-    # Film under markers counts as dark, so that `contact_edge` ignores it.
-    light, bounced = (
-        plane.reshape(len(press), -1).astype(np.float64)
-        for plane in (
-            press[:, rows, columns] * bare[rows, columns],
-            film.albedo * thrown[:, rows, columns],
-        )
-    )
+def _edge(press: F4, thrown: F4, circle: F4 | F8, radius: float, shift: F8, scene: _Scene) -> float:
+    """The radius of a ball's contact in mm, from the light around it.
+
+    Film under markers counts as dark, so that `contact_edge` ignores it.
+    """
+    film, frame, *_ = scene
+    at = frame.around(circle, MAX_EDGE_RATIO * circle[2])
+    u, v = frame.place(*at)
+    light, bounced = (plane[:, *at].astype(np.float64) for plane in (press, film.albedo * thrown))
     beneath = None
-    if shape is not None:
-        beneath = Beneath(*shape.at(across, down), bounced, frame.beneath(circle)[2])
-    rim = float(contact * frame.scale(circle)[0])
-    return contact_edge(across, down, light, bounced, centre, radius, rim, film, beneath)
-
-
-def _cells(film: Film, fine: bool) -> int:
-    """How fine the light from film to film is found that samples get."""
-    return FINE_CELLS if fine or film.refraction == 1 else DEFAULT_MAX_CELLS
+    if frame.shape is not None:
+        beneath = Beneath(*frame.shape.at(u, v), bounced, frame.beneath(circle)[2])
+    rim, centre = float(circle[2] * frame.scale(circle)[0]), frame.centre(circle, radius, shift)
+    return contact_edge(u, v, light, bounced, centre, radius, rim, film, beneath)
 
 
 def bounced_at_rest(shape: RestShape | None, film: Film, bounce: NodeCall) -> F4 | None:
@@ -340,99 +325,60 @@ def _rest_of(shape: RestShape, film: Film, cells: int, fine: bool, bounce: NodeC
     return _AtRest(direct, thrown / np.float32(film.albedo or 1))
 
 
-def _thrown_on(
-    press: F4,
-    sigma: F4,
-    balls: tuple[F4, F4, F8],
-    film: Film,
-    frame: _Frame,
-    fine: bool,
-    bounce: NodeCall,
-    at_rest: Callable[[bool, int], _AtRest | None],
-) -> _Press:
-    """The light from film to film on a press with these balls (circles, radii and shifts)."""
+def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene) -> _Press:
+    """The light from film to film on a press with these balls."""
+    film, (size, pixel, shape), sigma, fine, bounce, at_rest = scene
+    nothing = np.zeros_like(press)
     if fine and film.albedo == 0:
-        nothing = np.zeros_like(press)
         return _Press(press, nothing, nothing, nothing)
-    circle, radius, shifts = balls
-    size, pixel, shape = frame
-    v, u = (places(side, np.float32(pixel)).astype(np.float64) for side in size)
+    u, v = scene.frame.place(np.arange(size[0])[:, None], np.arange(size[1]))
 
     def thrown(film: Film, cells: int, lift: float = 0) -> _Thrown:
         """The light that a film of albedo 1, with the balls in it, reflects onto itself."""
-        height = np.zeros(size) if shape is None else shape.height.astype(np.float64)
-        resting = at_rest(film.refraction > 1, cells)
-        lifted = shifts + lift * radius[:, None] * np.array([0, 0, 1])
-        for each, r, shift in zip(circle, radius, lifted, strict=True):
-            cx, cy, cz = frame.centre(each, r, shift)
-            z = ball_height(u, v[:, None], (cx, cy, cz), r, film.camera)
+        height = np.zeros(size) if shape is None else shape.height
+        resting = at_rest(film.refraction, cells)
+        for each, r, shift in zip(circle, radius, shifts + np.array([0, 0, lift]), strict=True):
+            cx, cy, cz = scene.frame.centre(each, r, shift)
+            z = ball_height(u, v, (cx, cy, cz), r, film.camera)
             nearer = 1 - film.camera * z
-            away = (u * nearer - cx) ** 2 + (v[:, None] * nearer - cy) ** 2 + (z - cz) ** 2
-            low = 0 if shape is None else height
-            height = np.maximum(height, np.where(away < MAX_SQUARED_RADIUS * r**2, z, low))
+            away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z - cz) ** 2
+            height = np.where(away < MAX_SQUARED_RADIUS * r**2, np.maximum(height, z), height)
         apparent = (height / (1 - film.camera * height)).astype(np.float32)
-        on_plane = press if resting is None else press * resting.share(film.albedo)
+        on_plane = press * resting.share(film.albedo)
         light = bounce(on_plane, apparent, film._replace(albedo=BOUNCED_ALBEDO), pixel, cells=cells)
         # Balls are not film at rest, although little light is reflected onto their tops.
-        if shape is None or resting is None:
-            light_here = np.where(apparent > 0, press, 1 + light)
-        else:
-            around = (resting.own + light) / resting.share(BOUNCED_ALBEDO)
-            light_here = np.where(apparent > shape.apparent, press, around)
-        drift = film_drift(coarsen(light_here), sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
+        around = (resting.own + light) / resting.share(BOUNCED_ALBEDO)
+        is_ball = apparent > (0 if shape is None else shape.apparent)
+        light_here = coarsen(np.where(is_ball, press, around))
+        drift = film_drift(light_here, sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
         level = (drift_gain(drift, size) - 1) * on_plane
         whole, removed = light / np.float32(BOUNCED_ALBEDO), level / np.float32(BOUNCED_ALBEDO)
         return _Thrown(whole, whole - removed)
 
+    lift = LIFT_SHARE * float(radius.min())
+    wider = film._replace(rim=film.rim + RIM_STEP_MM)
     # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
-    matt, wider = film._replace(refraction=1.0), film._replace(rim=film.rim + RIM_STEP_MM)
-    bounced = on_matt = thrown(matt, FINE_CELLS)
-    by_lift = (thrown(matt, FINE_CELLS, LIFT_SHARE).remaining - on_matt.remaining) / LIFT_SHARE
-    if film.refraction == 1:
-        by_rim = np.zeros_like(press)
-        if shape is None:
-            by_rim = thrown(wider, FINE_CELLS).remaining - bounced.remaining
-    else:
-        bounced = thrown(film, DEFAULT_MAX_CELLS)
-        # Where matt film throws nothing on itself, a ball that is higher adds nothing.
-        if on_matt.remaining.any():
-            by_lift *= bounced.remaining.mean() / on_matt.remaining.mean()
-        by_rim = np.zeros_like(press)
-        if shape is None:
-            by_rim = thrown(wider, DEFAULT_MAX_CELLS).remaining - bounced.remaining
-        bounced = thrown(film, FINE_CELLS) if fine else bounced
-    if film.albedo > 0:
-        resting = at_rest(film.refraction > 1, _cells(film, fine))
-        press = _levelled(press, sigma, bounced, film.albedo, resting)
-    return _Press(press, bounced.remaining, by_lift, by_rim / np.float32(RIM_STEP_MM))
+    matt = film._replace(refraction=1.0)
+    rough = FINE_CELLS if film.refraction == 1 else DEFAULT_MAX_CELLS
+    on_matt = thrown(matt, FINE_CELLS)
+    bounced = on_matt if rough == FINE_CELLS else thrown(film, rough)
+    more = bounced.remaining.mean() / (on_matt.remaining.mean() or 1) / lift
+    by_lift = (thrown(matt, FINE_CELLS, lift).remaining - on_matt.remaining) * np.float32(more)
+    by_rim = thrown(wider, rough).remaining - bounced.remaining if shape is None else nothing
+    bounced = bounced if rough == scene.cells else thrown(film, scene.cells)
+    light = press if film.albedo == 0 else _levelled(press, bounced, scene)
+    return _Press(light, bounced.remaining, by_lift, by_rim / np.float32(RIM_STEP_MM))
 
 
-def _levelled(press: F4, sigma: F4, thrown: _Thrown, albedo: float, resting: _AtRest | None) -> F4:
+def _levelled(press: F4, thrown: _Thrown, scene: _Scene) -> F4:
     """Level a press again, with the known light from film to film not taken for drift.
 
     For a film of this albedo, the press minus the light from film to film then is the LEDs'
     light.  For another albedo, `remaining` accounts for what would have been taken for drift.
     """
-    removed = np.float32(albedo) * (thrown.whole - thrown.remaining)
-    light = np.float32(albedo) * thrown.whole
-    if resting is not None:
-        share = resting.share(albedo)
-        removed, light = removed / share, (light - np.float32(albedo) * resting.bounced) / share
-    direct = coarsen(light)
-    drift = film_drift(
-        coarsen(press), sigma, bounced=direct, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS
-    )
+    by, sigma, resting = np.float32(scene.film.albedo), scene.sigma, scene.resting
+    direct = coarsen(by * (thrown.whole - resting.bounced) / resting.share(by))
+    cells = coarsen(press)
+    drift = film_drift(cells, sigma, bounced=direct, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
+    removed = by * (thrown.whole - thrown.remaining) / resting.share(by)
     return np.asarray(press / drift_gain(drift, press.shape[1:]) - removed, np.float32)
-
-
-def grain(balls: Balls, residual: F8, flat: F4, noise: F4) -> float:
-    """Relative standard deviation of the light from the model, beyond the camera's noise.
-
-    It counts where it is more than the noise, whose own size is not well known.
-    """
-    level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
-    camera = (noise[0] * level * balls.light + noise[1]) / level**2
-    variance = DEVIATIONS_PER_MAD**2 * np.median(np.square(residual / balls.reference_light))
-    alone = np.median(camera / balls.reference_light**2)
-    beyond = variance - alone
-    return float(np.sqrt(beyond)) if beyond > alone else 0.0

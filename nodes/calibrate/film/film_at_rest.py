@@ -4,7 +4,7 @@ import numpy as np
 
 from tactograph.nodes import F8
 from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
-from tactograph.nodes.calibrate.film.film_unknowns import UNKNOWNS_OF_TOUCH_ALONE, differences
+from tactograph.nodes.calibrate.film.film_unknowns import UNKNOWNS_OF_TOUCH_ALONE, Unknowns
 from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.optics.coat import MIN_COSINE
@@ -40,11 +40,11 @@ def _rest_model(rest: Rest, now: Fitted) -> F8:
     return np.asarray(model if now.power == 1 else model * now.power)
 
 
-def by_rest(rest: Rest, now: Fitted, names: list[str]) -> F8:
-    """Derivatives of `rest_residual` by the shared unknowns: G x K x M."""
-    model = _rest_model(rest, now)
+def by_rest(rest: Rest, now: Fitted, unknowns: Unknowns) -> F8:
+    """Derivatives of `rest_residual` by the unknowns: U x K x M."""
     without = () if rest.beneath else UNKNOWNS_OF_TOUCH_ALONE
-    by = differences(now, names, without, model, lambda _, other: _rest_model(rest, other))
+    model = _rest_model(rest, now)
+    by = unknowns.differences(now, without, model, lambda _, other: _rest_model(rest, other))
     return np.asarray(by.mean(axis=1, keepdims=True) - by)
 
 

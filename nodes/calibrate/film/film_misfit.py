@@ -10,14 +10,8 @@ from scipy.special import ndtr, stdtrit
 
 from tactograph.nodes import BAND_DEVIATIONS, F4, F8, FULL_MISFIT_SLOPE, Film
 from tactograph.nodes.calibrate import MIN_BOUNCE_ERROR
-from tactograph.nodes.calibrate.ball.balls_on_film import (
-    MIN_WEIGHT_LIGHT,
-    Balls,
-    Fitted,
-    predicted,
-)
+from tactograph.nodes.calibrate.ball.balls_on_film import MIN_WEIGHT_LIGHT, Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.ball_normals import ball_normals
-from tactograph.nodes.calibrate.film.ball_samples import thinned
 from tactograph.nodes.calibrate.lights.light_fit import inverse_places, positions
 from tactograph.nodes.light.touch_misfit import brighter
 from tactograph.nodes.optics.film import direct_share, predict, touch_gain, turned
@@ -65,20 +59,18 @@ def misfit(held_out: list[Held], film: Film, pixel: float, uneven: float) -> F4:
         errors, residual, truth = residuals_of(part, uneven)
         spread += float(np.square(errors).sum())
         count += errors.shape[1]
-        for ball in np.unique(part.balls.ball):
-            at = part.balls.ball == ball
-            place = np.stack([part.balls.v[at], part.balls.u[at]]) / pixel
-            outward = _outward(truth[:, at])
-            tilt = float((errors[:, at] * outward).sum() / np.square(outward).sum())
-            total += _products(lags, place, errors[:, at] - tilt * outward, residual[:, at])
-            tilts.append(tilt)
+        outward, ball = _outward(truth), np.unique(part.balls.ball, return_inverse=True)[1]
+        along, square = (np.bincount(ball, (e * outward).sum(0)) for e in (errors, outward))
+        tilts += (along / square).tolist()
+        errors = errors - (along / square)[ball] * outward
+        total += _products(lags, part.balls, pixel, errors, residual)
     pairs = np.maximum(total[0], 1)
     normal, light = total[1:] / pairs
     chance = spread / (2 * max(count, 1)) / np.sqrt(pairs)
     possible = np.maximum(normal, 0) + chance
-    # Covariance falls with distance.
+    # Covariance falls with distance: where it has fallen to one half.
     falling = isotonic_regression(possible, weights=pairs, increasing=False).x
-    reach = _half_way(lags, falling) * pixel
+    reach = float(np.interp(-falling[0] / 2, -falling, lags)) * pixel
     near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
     sure = _root(normal[0] - chance[0])
     away = inverse_places(film.others) - inverse_places(film.lights)
@@ -118,18 +110,15 @@ def unevenness(held_out: list[Held], pixel: float) -> float:
         brightness = (residual * direct).sum(0) / np.maximum(
             np.square(direct).sum(0), MIN_WEIGHT_LIGHT
         )
-        for ball in np.unique(balls.ball):
-            at = balls.ball == ball
-            place = np.stack([balls.v[at], balls.u[at]]) / pixel
-            nothing, one = np.empty((0, at.sum())), np.array([MIN_LAG_PX])
-            (more,), _, (product,) = _products(one, place, nothing, brightness[None, at])
-            pairs, square = pairs + more, square + product
+        nothing, one = np.empty((0, balls.u.size)), np.array([MIN_LAG_PX])
+        (more,), _, (product,) = _products(one, balls, pixel, nothing, brightness[None])
+        pairs, square = pairs + more, square + product
     return BRIGHTENING_FACTOR * _root(float(square / max(pairs, 1)))
 
 
 def _led_tilt(part: Held, away: F8, uneven: float) -> float:
     """Mean square effect on `tilt` of LEDs that lie `away`, 8 x K x 3 of `inverse_places`."""
-    film, some = part.fitted.film, thinned(part.balls)
+    film, some = part.fitted.film, part.balls.thinned()
     truth, place, lift = some.touched_place(part.fitted.shifts, film)
     light, outward = predict(film, truth, *place, None, lift), _outward(truth)
     tilts = []
@@ -159,34 +148,30 @@ def residuals_of(held_out: Held, uneven: float) -> tuple[F8, F8, F8]:
     return solved - truth, residual - brighter(residual, explained, uneven) * explained, truth
 
 
-def _products(lags: NDArray[np.intp], place: F8, errors: F8, residual: F8) -> F8:
+def _products(lags: NDArray[np.intp], balls: Balls, pixel: float, errors: F8, residual: F8) -> F8:
     """Sums over pairs of a ball's pixels: their number, products of normals and of light, 3 x L.
 
     Pairs of a lag lie as far apart in any direction, within half a pixel.  The sums are the
     correlation of planes (Wiener 1930), which meets each pair from both of its ends.
     """
-    row, column = (np.rint(p - p.min()).astype(int) for p in place)
-    planes = np.zeros((1 + len(errors) + len(residual), row.max() + 1, column.max() + 1))
-    planes[:, row, column] = np.concatenate([np.ones((1, row.size)), errors, residual])
-    size = [next_fast_len(int(side + lags[-1]) + 1) for side in planes.shape[1:]]
-    power = np.square(np.abs(rfft2(planes, size)))
-    kinds = power[:1], power[1 : 1 + len(errors)] / 2, power[1 + len(errors) :] / len(residual)
-    products = irfft2(np.stack([kind.sum(axis=0) for kind in kinds]), size)
-    down, right = (fftfreq(side, 1 / side) for side in size)
-    away = np.rint(np.hypot(down[:, None], right)).astype(int).ravel()
-    sums = [np.bincount(away, plane.ravel(), lags[-1] + 1)[lags] for plane in products]
-    return np.stack(sums) / 2
-
-
-def _half_way(lags: NDArray[np.intp], covariance: F8) -> float:
-    """The interpolated lag at which the covariance has fallen to one half; at most the longest."""
-    low = np.flatnonzero(covariance < 0.5 * covariance[0])
-    if not low.size:
-        return float(lags[-1])
-    i = int(low[0])
-    over = covariance[i - 1] - 0.5 * covariance[0]
-    share = over / (covariance[i - 1] - covariance[i])
-    return float(lags[i - 1] + share * (lags[i] - lags[i - 1]))
+    total = np.zeros((3, lags.size))
+    for ball in np.unique(balls.ball):
+        at = balls.ball == ball
+        row, column = (
+            np.rint((p[at] - p[at].min()) / pixel).astype(int) for p in (balls.v, balls.u)
+        )
+        values = np.concatenate([np.ones((1, row.size)), errors[:, at], residual[:, at]])
+        planes = np.zeros((len(values), row.max() + 1, column.max() + 1))
+        planes[:, row, column] = values
+        size = [next_fast_len(int(side + lags[-1]) + 1) for side in planes.shape[1:]]
+        one, normal, light = np.split(np.square(np.abs(rfft2(planes, size))), [1, 1 + len(errors)])
+        kinds = one, normal / 2, light / len(residual)
+        products = irfft2(np.stack([kind.sum(axis=0) for kind in kinds]), size)
+        down, right = (fftfreq(side, 1 / side) for side in size)
+        away = np.rint(np.hypot(down[:, None], right)).astype(int).ravel()
+        sums = [np.bincount(away, plane.ravel(), lags[-1] + 1)[lags] for plane in products]
+        total += np.stack(sums) / 2
+    return total
 
 
 def _doubt(held_out: list[Held]) -> float:

@@ -1,6 +1,7 @@
 """The unknowns of a film's fit: start values, priors, and steps from one fit to another."""
 
-from collections.abc import Callable, Iterable, Iterator
+import math
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,45 +11,52 @@ from tactograph.nodes import F8, Film
 from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
 from tactograph.nodes.calibrate.lights.descend import DERIVATIVE_STEP
 from tactograph.nodes.calibrate.lights.light_fit import INFINITY_MM
-from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.stored import stored_values
 
 
 class Unknown(NamedTuple):
     """A parameter of a usual sensor, where the fit starts, and its standard deviation."""
 
-    start: float
-    spread: float
+    start: float = 0.0
+    spread: float = math.inf
 
 
 STATED_UNKNOWNS = "size", "power"
 """Unknowns of what was stated, not of the film: the balls' radius and the camera's gamma."""
-MATT_FILM = matt_film(np.zeros((1, 3)))
+PLAIN_FILM: dict[str, Any] = {
+    name: stored.plain for name, (_, stored) in stored_values(Film).items()
+}
 """The values that switch parts off."""
 USUAL_ALBEDO = Unknown(0.5, 0.4)
 """Of the film, and of the base under its coat: one value, found by both."""
-SHARED_UNKNOWNS = {
-    "gain": Unknown(MATT_FILM.gain, 0.1),
-    "wrap": Unknown(MATT_FILM.wrap, 0.2),
-    "base": USUAL_ALBEDO,
-    "roughness": Unknown(0.25, 0.15),
-    "refraction": Unknown(1.5, 0.05),
-    "albedo": USUAL_ALBEDO,
-    "rim": Unknown(MATT_FILM.rim, 1.0),
-    "camera": Unknown(MATT_FILM.camera, 0.01),
-    "diffuse": Unknown(0.2, 0.3),
-}
-"""By name; `diffuse` is one for each LED.  Their limits are those of a `Film`."""
-SHARED_UNKNOWNS |= dict.fromkeys(STATED_UNKNOWNS, Unknown(1.0, 1.0))
-EMISSION_UNKNOWN = Unknown(MATT_FILM.emission, 0.7)
+EMISSION_UNKNOWN = Unknown(PLAIN_FILM["emission"], 0.7)
 """m: an LED that faces the middle of the film emits as cos^m of the angle from its axis.  It is
 fitted to the flat frame only: ignoring it would give a wrong distance there, while touched film,
 relative to the flat frame, hardly depends on it."""
 USUAL_NEARNESS = 0.2
 """Widths of the image over the distance of an LED."""
-LED_UNKNOWNS = "x", "y", "nearness", "strength", "emission"
-UNKNOWNS_PER_LED = len(LED_UNKNOWNS)
-"""Number of unknowns of an LED."""
+LED_UNKNOWNS = {
+    "x": Unknown(),
+    "y": Unknown(),
+    "nearness": Unknown(USUAL_NEARNESS, USUAL_NEARNESS),
+    "strength": Unknown(spread=1.0),
+    "emission": EMISSION_UNKNOWN,
+}
+"""An LED's own, in the order of `Fitted.leds`.  The film at rest leaves the strengths' common
+factor free, and without a flat frame all of them, so that a prior holds them."""
+SHARED_UNKNOWNS = {
+    "gain": Unknown(PLAIN_FILM["gain"], 0.1),
+    "wrap": Unknown(PLAIN_FILM["wrap"], 0.2),
+    "base": USUAL_ALBEDO,
+    "roughness": Unknown(0.25, 0.15),
+    "refraction": Unknown(1.5, 0.05),
+    "albedo": USUAL_ALBEDO,
+    "rim": Unknown(PLAIN_FILM["rim"], 1.0),
+    "camera": Unknown(PLAIN_FILM["camera"], 0.01),
+    "diffuse": Unknown(0.2, 0.3),
+}
+"""By name; `diffuse` is one for each LED.  Their limits are those of a `Film`."""
+SHARED_UNKNOWNS |= dict.fromkeys(STATED_UNKNOWNS, Unknown(1.0, 1.0))
 UNKNOWNS_OF_FLAT_ALONE = "strength", "emission"
 """Unknowns without effect on the light of touched film relative to the film at rest."""
 UNKNOWNS_OF_TOUCH_ALONE = "gain", "wrap", "diffuse", "rim", "size"
@@ -66,126 +74,115 @@ MODEL_UNKNOWNS |= {nuisance: (nuisance,) for nuisance in STATED_UNKNOWNS}
 those that direct light determines besides the LEDs."""
 
 
-def unknowns_of(parts: Iterable[str]) -> list[str]:
-    """Names of the unknowns of a model.
+class Unknowns(NamedTuple):
+    """The unknowns of a fit by name, without the balls' shifts, and the width of the image in mm.
 
-    The albedo under a coat nearly trades off against the coat's index, so that it is no unknown of
-    its own where light from film to film tells it (`with_values`).
+    One for each LED, or one for all: together U numbers, in this order.
     """
-    names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
-    return [name for name in names if name != "base" or "albedo" not in names]
 
+    names: tuple[str, ...]
+    width_mm: float
 
-def opened(start: Fitted, names: list[str]) -> Fitted:
-    """Move newly freed parameters away from the values that switch them off."""
-    changed: dict[str, Any] = {
-        name: SHARED_UNKNOWNS[name].start
-        for name in names
-        if name not in STATED_UNKNOWNS
-        and np.all(getattr(start.film, name) == getattr(MATT_FILM, name))
-    }
-    if "diffuse" in changed:
-        changed["diffuse"] = np.full(len(start.leds), changed["diffuse"])
-    return with_values(start, changed)
+    @classmethod
+    def of(cls, parts: Iterable[str], width_mm: float) -> "Unknowns":
+        """Return the unknowns of a model.
 
+        The albedo under a coat nearly trades off against the coat's index, so that it is no unknown
+        of its own where light from film to film tells it (`with_values`).
+        """
+        names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
+        names = [name for name in names if name != "base" or "albedo" not in names]
+        return cls((*LED_UNKNOWNS, *names), width_mm)
 
-def priors(now: Fitted, names: list[str], width_mm: float) -> Iterator[tuple[int, float, float]]:
-    """Number, departure and standard deviation of every unknown with a prior."""
-    numbers = numbered(now, names)
-    for k, (_, _, c, _, emission) in enumerate(now.leds):
-        yield UNKNOWNS_PER_LED * k + 2, c - USUAL_NEARNESS / width_mm, USUAL_NEARNESS / width_mm
-        yield UNKNOWNS_PER_LED * k + 4, emission - EMISSION_UNKNOWN.start, EMISSION_UNKNOWN.spread
-    for name in names:
-        about, values = SHARED_UNKNOWNS[name], np.atleast_1d(value_of(now, name))
-        for number, value in zip(numbers[name].tolist(), values.tolist(), strict=True):
-            yield number, value - about.start, about.spread
+    def numbers(self, now: Fitted) -> dict[str, NDArray[np.intp]]:
+        """Return the numbers of the unknowns by name."""
+        each = {*LED_UNKNOWNS, "diffuse"}
+        sizes = [len(now.leds) if name in each else 1 for name in self.names]
+        parts = np.split(np.arange(sum(sizes)), np.cumsum(sizes)[:-1])
+        return dict(zip(self.names, parts, strict=False))
 
+    def values(self, now: Fitted) -> F8:
+        """Return the values of a fit, of length U."""
+        own = dict(zip(LED_UNKNOWNS, now.leds.T, strict=True))
+        held = {name: now if name in STATED_UNKNOWNS else now.film for name in self.names}
+        values = [own[name] if name in own else getattr(held[name], name) for name in self.names]
+        return np.hstack([*values, np.empty(0)])
 
-def surprise(now: Fitted, names: list[str], width_mm: float) -> float:
-    """Return by how much the priors make a fit less likely than the usual film, as a logarithm."""
-    return sum((away / sure) ** 2 for _, away, sure in priors(now, names, width_mm)) / 2
+    def with_values(self, now: Fitted, values: F8) -> Fitted:
+        """Return a fit with other values, U; a coat's base has the albedo."""
+        leds, stated, film = now.leds.copy(), dict[str, Any](), dict[str, Any]()
+        for name, at in self.numbers(now).items():
+            if name in LED_UNKNOWNS:
+                leds[:, list(LED_UNKNOWNS).index(name)] = values[at]
+            elif name in STATED_UNKNOWNS:
+                stated[name] = float(values[at][0])
+            else:
+                film[name] = values[at] if name == "diffuse" else float(values[at][0])
+        if "albedo" in film and film.get("refraction", now.film.refraction) > 1:
+            film["base"] = film["albedo"]
+        return now._replace(film=now.film._replace(**film), **stated).with_leds(leds)
 
+    def opened(self, start: Fitted) -> Fitted:
+        """Move newly freed parameters away from the values that switch them off."""
+        values = self.values(start)
+        for name, at in self.numbers(start).items():
+            if name not in LED_UNKNOWNS and np.all(values[at] == PLAIN_FILM.get(name)):
+                values[at] = SHARED_UNKNOWNS[name].start
+        return self.with_values(start, values)
 
-def numbered(now: Fitted, names: list[str]) -> dict[str, NDArray[np.intp]]:
-    """Numbers of the shared unknowns by name: one for each LED, or one for all."""
-    each = np.arange(len(now.leds))
-    numbers = {name: UNKNOWNS_PER_LED * each + i for i, name in enumerate(LED_UNKNOWNS)}
-    first = now.leds.size
-    for name in names:
-        numbers[name] = first + (each if name == "diffuse" else each[:1])
-        first += numbers[name].size
-    return numbers
+    def moved(self, now: Fitted, by: F8, shifts: F8) -> Fitted:
+        """Return a fit after a step of U unknowns and of the balls' shifts, within all limits."""
+        values = self.values(now) + by
+        for name, at in self.numbers(now).items():
+            values[at] = within(name, values[at])
+        return self.with_values(now._replace(shifts=now.shifts + shifts), values)
 
+    def priors(self, now: Fitted) -> tuple[F8, F8]:
+        """Return the departures of a fit from a usual sensor, and their standard deviations: U."""
+        usual = np.empty((self.values(now).size, 2))
+        for name, at in self.numbers(now).items():
+            unit = self.width_mm if name == "nearness" else 1.0
+            usual[at] = np.divide((LED_UNKNOWNS | SHARED_UNKNOWNS)[name], unit)
+        return self.values(now) - usual[:, 0], usual[:, 1]
 
-def value_of(now: Fitted, name: str) -> Any:
-    """Return the value of a shared parameter."""
-    return getattr(now if name in STATED_UNKNOWNS else now.film, name)
+    def surprise(self, now: Fitted) -> float:
+        """Return by how much priors make a fit less likely than the usual film, as a logarithm."""
+        away, sure = self.priors(now)
+        return float(np.square(away / sure).sum()) / 2
 
+    def differences(
+        self,
+        now: Fitted,
+        without: tuple[str, ...],
+        before: F8,
+        predict: Callable[[str, Fitted], F8],
+    ) -> F8:
+        """Return derivatives of `before`, K x N, by the unknowns, U x K x N; 0 by those `without`.
 
-def with_values(now: Fitted, values: dict[str, Any]) -> Fitted:
-    """Return a fit with other values of shared parameters; a coat's base has the albedo."""
-    nuisances = {name: values[name] for name in values if name in STATED_UNKNOWNS}
-    of_film = {name: values[name] for name in values if name not in STATED_UNKNOWNS}
-    film = now.film._replace(**of_film)
-    if "albedo" in values and film.refraction > 1:
-        film = film._replace(base=film.albedo)
-    return now._replace(film=film, **nuisances)
-
-
-def stepped(now: Fitted, name: str) -> tuple[Fitted, F8]:
-    """The fit with an unknown changed, and the change; those of all LEDs at once.
-
-    An LED's own unknowns change its own light alone, so one prediction serves all of them.
-    """
-    if name not in LED_UNKNOWNS:
-        by = DERIVATIVE_STEP * SHARED_UNKNOWNS[name].spread
-        return with_values(now, {name: value_of(now, name) + by}), np.array([by])
-    step, leds = np.full(len(now.leds), DERIVATIVE_STEP), now.leds.copy()
-    if name == "nearness":
-        step *= leds[:, 2]
-    leds[:, LED_UNKNOWNS.index(name)] += step
-    return now.with_leds(leds), step
-
-
-def differences(
-    now: Fitted,
-    names: list[str],
-    without: tuple[str, ...],
-    before: F8,
-    predict: Callable[[str, Fitted], F8],
-) -> F8:
-    """Derivatives of `before`, K x N, by the shared unknowns, G x K x N; 0 by those `without`.
-
-    `predict` takes the name of the unknown that was changed, and the fit.
-    """
-    unknowns = numbered(now, names)
-    by = np.zeros((sum(map(len, unknowns.values())), *before.shape))
-    for name in unknowns.keys() - {*without}:
-        other, step = stepped(now, name)
-        change, numbers = predict(name, other) - before, unknowns[name]
-        if numbers.size > 1:
-            by[numbers, np.arange(len(change))] = change / step[:, None]
-        else:
-            by[numbers] = change / step
-    return by
-
-
-def moved_by(now: Fitted, names: list[str], by: F8, shifts: F8) -> Fitted:
-    """Return a fit after a step of the shared unknowns and of the balls' shifts."""
-    leds = now.leds + by[: now.leds.size].reshape(now.leds.shape)
-    leds[:, 2] = np.maximum(leds[:, 2], 1 / INFINITY_MM)
-    leds[:, 4] = within("emission", leds[:, 4])
-    changed: dict[str, Any] = {}
-    numbers = numbered(now, names)
-    for name in names:
-        value = within(name, value_of(now, name) + by[numbers[name]])
-        changed[name] = value if name == "diffuse" else float(value[0])
-    return with_values(now._replace(shifts=now.shifts + shifts), changed).with_leds(leds)
+        `predict` takes the name of the unknown that was changed, and the fit.  An LED's own
+        unknowns change its own light alone, so one prediction serves all of them.
+        """
+        values, spread = self.values(now), self.priors(now)[1]
+        steps = DERIVATIVE_STEP * np.where(np.isinf(spread), 1, spread)
+        by = np.zeros((values.size, *before.shape))
+        for name, at in self.numbers(now).items():
+            if name in without:
+                continue
+            other = values.copy()
+            other[at] += steps[at]
+            change = predict(name, self.with_values(now, other)) - before
+            own = np.arange(len(change)) if at.size > 1 else slice(None)
+            by[at, own] = change / steps[at[0]]
+        return by
 
 
 def within(name: str, value: F8) -> F8:
-    """Return a parameter's value within the limits of a `Film`; what was told is above 0."""
+    """Return a parameter's value within the limits of a `Film`; a given value is above 0."""
     if name in STATED_UNKNOWNS:
         return np.maximum(value, DERIVATIVE_STEP)
+    if name == "nearness":
+        return np.maximum(value, 1 / INFINITY_MM)
+    if name not in Film._fields:
+        return value
     stored = stored_values(Film)[name].stored
     return np.clip(value, stored.low, stored.high)

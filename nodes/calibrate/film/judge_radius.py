@@ -10,13 +10,15 @@ A pixel size that is wrong by a factor is a radius that is wrong by its inverse.
 Up to the third power of the slope, a ball that is too small looks like a gel that diffuses light.
 So where the gel seems to diffuse some, a last fit has a free radius and a gel that diffuses none.
 If the light does not exclude it, the radius told is not confirmed, and the heights' scale is as
-uncertain as these two are apart.
+uncertain as these two are apart.  What settles it is another clue to the gel or to the lengths: a
+shadow of the ball on itself, which a gel that diffuses light brightens, or the LEDs' distance by a
+ruler, if both radii place them apart.  A second ball settles nothing: wrong by the same factor, as
+by a wrong pixel size, it looks right as well.
 
 Long because every doubt says in words what may be wrong and what would agree.
 """
 
 import math
-from collections.abc import Iterable
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -24,17 +26,15 @@ from annotated_types import Gt
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Film, Metrics, ScaleError
-from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
-from tactograph.nodes.calibrate.film.ball_samples import sample_balls, thinned
+from tactograph.nodes.calibrate.film.ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.film_at_rest import MAX_INDEPENDENT_REST, rest_residual
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
 from tactograph.nodes.calibrate.film.film_unknowns import STATED_UNKNOWNS, USUAL_NEARNESS
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
-from tactograph.nodes.calibrate.lights.light_samples import rest_of
+from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS
-from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.optics.rest_shape import RestShape
 
 MAX_SAMPLES = 600
@@ -45,10 +45,9 @@ REFUSED_ODDS = SURE_ODDS**3
 """Odds from which nothing else is possible, as if three sure signs spoke for it."""
 SAME_SIZE = 0.02
 """Relative difference up to which two radii count as equal."""
-DISTANCE_TOLERANCE = 0.15
-"""Tolerated relative difference between the LEDs' distance as found and as given."""
+RULER_ERROR = 0.04
+"""Relative standard error of the LEDs' distance by a ruler, and of that which one ball shows."""
 FORCE_ADVICE = "; `force`=true writes the calibration nevertheless, marked as doubtful"
-CAMERA_ADVICE = ", or the camera near the film, whose height you have not given (`film.camera`=MM)"
 RADIUS_INPUTS = " (`evidence.radius`, `evidence.pixel`)"
 
 OTHER_SIZE, OTHER_POWER = STATED_UNKNOWNS
@@ -61,6 +60,27 @@ FREE_PARTS[CLEAR_GEL] = frozenset({"touched", OTHER_SIZE})
 FREE_PARTS[WITH_COAT] = frozenset({"plain", "lobe"})
 """The parts of a plain film that are fitted, by what is free; a lobe, or light from film to film,
 can hide a wrong radius."""
+
+
+STATED_VALUES = {
+    OTHER_SIZE: (
+        "a ball of {other_mm:.3g} mm radius",
+        "one of {stated_mm:.3g} mm",
+        "is the radius given {wrong}, or the pixel size too {pixel}, as by another zoom"
+        "{or_camera}? Measure radius and pixel size{which}",
+    ),
+    OTHER_CAMERA: (
+        "a camera {camera_mm:.3g} mm above the film",
+        "one far away",
+        "give its height (`film.camera`=MM), or a lens",
+    ),
+    OTHER_POWER: (
+        "light that the camera raises to the power of {power:.3g}",
+        "linear light",
+        "the camera's values are not linear: switch its gamma and contrast off",
+    ),
+}
+"""What the light can contradict: another value, that given, and the cure, in words."""
 
 
 class Explained(NamedTuple):
@@ -82,12 +102,14 @@ class Explained(NamedTuple):
 class Alternatives(NamedTuple):
     """What each of `FREE_PARTS` explains, and how many independent values the light counts as.
 
-    `cap` is how high the balls are if their radius is another, over their height if it is as told.
+    `cap` is how high the balls are if their radius is another, over their height if it is as told;
+    `ruler_mm` the LEDs' mean distance by a ruler.
     """
 
     by_name: dict[str, Explained]
     values: float
     cap: dict[str, float]
+    ruler_mm: float | None = None
 
     def odds(self, name: str, over: float | None = None) -> float:
         """Return how much likelier an alternative is than what was told, or than a departure.
@@ -97,6 +119,136 @@ class Alternatives(NamedTuple):
         over = self.by_name[AS_STATED].departure if over is None else over
         digits = self.values * math.log10(over / self.by_name[name].departure)
         return float(10.0 ** min(digits, 300.0))
+
+    def is_excluded(self, name: str, ruler_mm: float | None = None) -> bool:
+        """Return whether the LEDs' distance by a ruler is surely not that of an alternative."""
+        ruler_mm = ruler_mm or self.ruler_mm or self.by_name[name].distance
+        errors = (self.by_name[name].distance / ruler_mm - 1) / RULER_ERROR
+        return errors**2 / 2 > math.log(SURE_ODDS)
+
+    @property
+    def departure(self) -> float:
+        """What is left with the values told, by the plain film or, if tried, one with a coat."""
+        named = (self.by_name.get(name) for name in (AS_STATED, WITH_COAT))
+        return min(each.departure for each in named if each is not None)
+
+    def doubts(
+        self, radius: float, misfit: float = math.inf, which: str = ""
+    ) -> tuple[list[str], bool]:
+        """Return at most one doubt of what was told, and whether the light contradicts it.
+
+        Parameters
+        ----------
+        radius : the radius given, in mm
+        misfit : what the film chosen for the values told leaves of the light
+        which : in brackets, where radius and pixel size are given
+        """
+        likely = [
+            name
+            for name in STATED_VALUES
+            if self._is_other(name)
+            and self.odds(name) > SURE_ODDS
+            and self.odds(name, misfit) > 1 / SURE_ODDS
+        ]
+        stated = self.by_name[AS_STATED].departure
+        if likely:
+            best, *rest = sorted(likely, key=lambda name: self.by_name[name].departure)
+            least, size = self.by_name[best].departure, self.by_name[OTHER_SIZE].size
+            near = (
+                ", or the camera near the film, whose height you have not given (`film.camera`=MM)"
+            )
+            wrong = "too large" if size < 1 else "too small"
+            facts = {
+                "other_mm": radius * size,
+                "stated_mm": radius,
+                "power": self.by_name[OTHER_POWER].power,
+                "camera_mm": 1 / self.by_name[OTHER_CAMERA].camera
+                if OTHER_CAMERA in likely
+                else 0.0,
+                "wrong": "its diameter" if size < FIRST_SIZES[0] ** 0.5 else wrong,
+                "pixel": "small" if size < 1 else "large",
+                "or_camera": near * (OTHER_CAMERA in self.by_name),
+                "which": which,
+            }
+            other, as_stated, cure = (part.format(**facts) for part in STATED_VALUES[best])
+            alike = [name for name in rest if self.odds(name, least) > 1 / REFUSED_ODDS]
+            doubt = (
+                f"{other} explains the light better than {as_stated}, {_times(self.odds(best))} "
+                f"likelier ({least:.1%} unexplained instead of {stated:.1%})"
+                + "".join(f"; so does {STATED_VALUES[name][0].format(**facts)}" for name in alike)
+                + f": {cure}"
+            )
+            return [doubt], min(self.odds(best), self.odds(best, misfit)) > REFUSED_ODDS
+        if misfit < math.inf and self.odds(AS_STATED, misfit) > REFUSED_ODDS:
+            doubt = (
+                f"no model of the film explains balls and untouched film together: the best leaves "
+                f"{misfit:.1%} of the light unexplained, where a plain film leaves {stated:.1%}. "
+                "Check the order of the images, the focus, the ball's radius and the pixel "
+                f"size{which}"
+            )
+            return [doubt], False
+        return [], False
+
+    def unconfirmed(self, radius: float, misfit: float = math.inf, ruler: str = "") -> str:
+        """Return what is open if a gel that diffuses no light is not excluded, with another radius.
+
+        And what settles it: a shadow does; the LEDs' distance, the input `ruler`, where that with
+        the radius told excludes all that is open.
+        """
+        open_ones, stated = self._open_ones(misfit), self.by_name[AS_STATED]
+        if not open_ones:
+            return ""
+        others = []
+        for name in open_ones:
+            other, odds = self.by_name[name], self.odds(name)
+            likelier = f", {_times(odds)} likelier," if name == OTHER_SIZE else ""
+            diffused = f"{other.diffuse:.0%}" if name == OTHER_SIZE else "none"
+            others.append(f"{radius * other.size:.3g} mm{likelier} if it diffuses {diffused}")
+        advice = ""
+        if ruler and all(self.is_excluded(name, stated.distance) for name in open_ones):
+            apart = " or ".join(f"{self.by_name[n].distance:.3g}" for n in (AS_STATED, *open_ones))
+            advice = f", or the LEDs' mean distance from the film's middle, {apart} mm ({ruler}=MM)"
+        return (
+            f"the light does not confirm the ball's radius: {radius:.3g} mm fits if the gel "
+            f"diffuses {stated.diffuse:.0%} of the light, {', '.join(others)}. Heights may be "
+            f"{self.scale_error(misfit):.0%} off. What settles it: a deeper press, with the ball's "
+            f"shadow on itself{advice}"
+        )
+
+    def scale_error(self, misfit: float = math.inf) -> float:
+        """Return by what share the balls may be higher or lower than told; 0 if that is confirmed.
+
+        Either the radius is another, or the pixel size is, by the inverse: then all heights change
+        by that once more.  Neither is likelier, so the squares of both are averaged.
+        """
+        either = [
+            (self.cap[name], self.cap[name] / self.by_name[name].size)
+            for name in self._open_ones(misfit)
+        ]
+        return max((math.hypot(a - 1, b - 1) / math.sqrt(2) for a, b in either), default=0.0)
+
+    def _open_ones(self, misfit: float) -> list[str]:
+        """The alternatives with other radii that the light leaves open.
+
+        A gel that diffuses none is the simplest, and open until it is excluded.  One that diffuses
+        some explains anything that it does better by chance, and is open if it is half way to sure.
+        """
+        from_odds = {CLEAR_GEL: 1 / SURE_ODDS, OTHER_SIZE: math.sqrt(SURE_ODDS)}
+        return [
+            name
+            for name, least in from_odds.items()
+            if self._is_other(name)
+            and self.odds(name) > least
+            and self.odds(name, misfit) > 1 / SURE_ODDS
+            and not self.is_excluded(name)
+        ]
+
+    def _is_other(self, name: str) -> bool:
+        """Whether an alternative is there, and has another value than that told."""
+        each, camera = self.by_name.get(name), self.by_name[AS_STATED].camera
+        return each is not None and (
+            max(abs(each.size - 1), abs(each.power - 1)) > SAME_SIZE or each.camera != camera
+        )
 
 
 class JudgedRadius(NamedTuple):
@@ -156,37 +308,37 @@ def judge_radius(
     light, flat, circle, radius, of, is_used, lights, strength, noise, pixel, shape = evidence
     used = np.flatnonzero((is_used[of] > 0) & (circle[:, 2] > 0))
     balls = sample_balls(
-        *(light, flat, circle[used], radius[used], of[used], matt_film(lights), noise, pixel),
+        *(light, flat, circle[used], radius[used], of[used], Film.matt(lights), noise, pixel),
         most=None,
         fine=True,
         shape=shape,
     )
-    first, percent = float(radius[used[0]]), _unexplained_percent(fitted)
+    first = float(radius[used[0]])
+    misfit = fitted["film_residual_percent"], fitted.get("flat_residual_percent", 0.0)
+    percent = float(np.hypot(*misfit)) / 100
     # On a film that is no plane, the pupil is where its shape was seen from.
     camera = film.camera if shape is None else film.camera or None
-    alternatives = explain(balls, flat, pixel, lights, strength, shape, camera)
-    doubts, is_clear = doubts_of(alternatives, first, percent, RADIUS_INPUTS)
+    fits = explain(balls, flat, pixel, lights, strength, shape, camera)
+    departure = fits.by_name[AS_STATED].departure
+    # As it is told, the LEDs are where the film that is kept has them.
+    mean = float(np.linalg.norm(film.lights, axis=1).mean())
+    fits.by_name[AS_STATED] = fits.by_name[AS_STATED]._replace(distance=mean)
+    fits = fits._replace(ruler_mm=led_distance_mm)
+    doubts, is_clear = fits.doubts(first, percent, RADIUS_INPUTS)
     if is_clear and not (force or of_pixels):
         raise InputError([*(others or []), *doubts][0] + FORCE_ADVICE)
-    scale, is_open = scale_error(alternatives, percent), ""
-    if led_distance_mm is not None:
-        mean = float(np.linalg.norm(film.lights, axis=1).mean())
-        doubts += _of_distance(mean, led_distance_mm, first, alternatives)
-        scale = scale if doubts else 0.0
-    elif not doubts:
-        advice = ", or give `led_distance_mm`=MM"
-        is_open = unconfirmed(alternatives, first, percent, RADIUS_INPUTS, advice)
-        # The small balls of a grid throw no shadow, however deep they are pressed.
-        doubts += [is_open] * bool(is_open and np.bincount(of[used]).max() == 1)
-    scale = math.hypot(scale, rest_error or 0.0)
-    departure = alternatives.by_name[AS_STATED].departure
-    quality = fitted | {"light_departure_percent": 100 * departure}
-    quality["scale_error_percent"] = 100 * scale
-    if alternatives.odds(OTHER_SIZE, percent) > 1 / SURE_ODDS:
-        likelier = _is_other(alternatives) and alternatives.odds(OTHER_SIZE) > SURE_ODDS
-        quality["light_radius_mm"] = first * (
-            alternatives.by_name[OTHER_SIZE].size if likelier else 1
-        )
+    doubts += _of_distance(fits, first)
+    is_open = "" if doubts else fits.unconfirmed(first, percent, "`led_distance_mm`")
+    # The small balls of a grid throw no shadow, however deep they are pressed.
+    doubts += [is_open] * bool(is_open and np.bincount(of[used]).max() == 1)
+    scale = math.hypot(fits.scale_error(percent), rest_error or 0.0)
+    quality = fitted | {
+        "light_departure_percent": 100 * departure,
+        "scale_error_percent": 100 * scale,
+    }
+    if fits.odds(OTHER_SIZE, percent) > 1 / SURE_ODDS:
+        likelier = fits._is_other(OTHER_SIZE) and fits.odds(OTHER_SIZE) > SURE_ODDS
+        quality["light_radius_mm"] = first * (fits.by_name[OTHER_SIZE].size if likelier else 1)
     return JudgedRadius(quality, doubts, is_open, scale)
 
 
@@ -210,47 +362,39 @@ def explain(
         One over the pupil's height above the film; 0: it is free.  None: the camera is far.
     coated : whether a film with a coat is tried, too, with the values told
     """
-    rest, width = rest_of(flat, pixel, shape), pixel * flat.shape[2]
+    rest, width = Rest.of(flat, pixel, shape), pixel * flat.shape[2]
     start = start_at(lights, strength, len(balls.centre))
     leds = start.leds.copy()
     leds[:, 2] = USUAL_NEARNESS / width
     start = start._replace(film=start.film._replace(camera=camera or 0.0)).with_leds(leds)
-    samples = thinned(balls, MAX_SAMPLES)
+    samples = balls.thinned(MAX_SAMPLES)
 
     def fitted(parts: frozenset[str], start: Fitted) -> Fitted:
-        return fit(samples, rest, parts, start, SHIFT_DEVIATION_PX * pixel, width)
+        return fit(samples, rest, parts, start)
 
-    def explained(now: Fitted) -> tuple[Explained, bool]:
-        """What a fit leaves, and whether it has given the flat frame up."""
+    def explained(now: Fitted) -> Explained:
         flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_residual(rest, now)).mean()))
-        departure = float(np.hypot(now.scale, flat))
         distance = float(np.linalg.norm(now.film.lights, axis=1).mean())
-        values = now.size, now.power, now.film.camera, departure, distance
-        return Explained(*values, float(now.film.diffuse.mean())), flat > now.scale
+        values = now.size, now.power, now.film.camera, math.hypot(now.scale, flat), distance
+        return Explained(*values, float(now.film.diffuse.mean()))
 
-    def starts(parts: frozenset[str]) -> list[Fitted]:
+    def best(parts: frozenset[str]) -> Explained:
+        sizes = FIRST_SIZES if OTHER_SIZE in parts else (1.0,)
+        starts, candidates = [start._replace(size=size) for size in sizes], []
         if OTHER_CAMERA in parts:
             near = start.film._replace(camera=USUAL_NEARNESS / width)
-            return [start, start._replace(film=near)]
-        return [
-            start._replace(size=size) for size in (FIRST_SIZES if OTHER_SIZE in parts else (1.0,))
-        ]
-
-    def candidates(parts: frozenset[str]) -> Iterable[Explained]:
-        # What a fit leaves of the flat frame counts as the flat frame's own error.  One that
-        # leaves more there than on the balls may depart less from a matt film on.
-        for first in starts(parts):
-            best, has_failed = explained(fitted(parts, first))
-            yield best
-            if has_failed:
-                yield explained(fitted(parts, fitted(frozenset(), first)))[0]
+            starts.append(start._replace(film=near))
+        for first in starts:
+            now = fitted(parts, first)
+            candidates.append(explained(now))
+            # What a fit leaves of the flat frame counts as the flat frame's own error.  One that
+            # leaves more there than on the balls may depart less from a matt film on.
+            if candidates[-1].departure > math.sqrt(2) * now.scale:
+                candidates.append(explained(fitted(parts, fitted(frozenset(), first))))
+        return min(candidates, key=lambda each: each.departure)
 
     excluded = {OTHER_CAMERA: camera != 0, WITH_COAT: not coated}
-    free = {name: parts for name, parts in FREE_PARTS.items() if not excluded.get(name)}
-    by_name = {
-        name: min(candidates(parts), key=lambda each: each.departure)
-        for name, parts in free.items()
-    }
+    by_name = {name: best(parts) for name, parts in FREE_PARTS.items() if not excluded.get(name)}
     # A camera that is found far away is as told, and its fit may end in a lower minimum.
     if (far := by_name.get(OTHER_CAMERA)) is not None and far.camera == 0:
         by_name[AS_STATED] = min(by_name[AS_STATED], far, key=lambda each: each.departure)
@@ -259,153 +403,6 @@ def explain(
         name: _cap(balls, by_name[name].size) / _cap(balls, 1.0) for name in (OTHER_SIZE, CLEAR_GEL)
     }
     return Alternatives(by_name, values, cap)
-
-
-def doubts_of(
-    fits: Alternatives, radius: float, misfit: float = math.inf, which: str = ""
-) -> tuple[list[str], bool]:
-    """Return at most one doubt of what was told, and whether the light contradicts it.
-
-    Parameters
-    ----------
-    fits : as `explain` returns it
-    radius : the radius given, in mm
-    misfit : what the film chosen for the values told leaves of the light
-    which : in brackets, where radius and pixel size are given
-    """
-    others = [name for name in (OTHER_SIZE, OTHER_CAMERA, OTHER_POWER) if _is_other(fits, name)]
-    likely = [
-        name
-        for name in others
-        if fits.odds(name) > SURE_ODDS and fits.odds(name, misfit) > 1 / SURE_ODDS
-    ]
-    likely = sorted(likely, key=lambda name: fits.by_name[name].departure)
-    if likely:
-        best, *rest = likely
-        least = fits.by_name[best].departure
-        alike = [name for name in rest if fits.odds(name, least) > 1 / REFUSED_ODDS]
-        stated_departure = fits.by_name[AS_STATED].departure
-        doubt = (
-            f"{_value(fits, best, radius)} explains the light better than "
-            f"{_in_words(best, radius)}, {_times(fits.odds(best))} likelier "
-            f"({least:.1%} unexplained instead of {stated_departure:.1%})"
-            + "".join(f"; so does {_value(fits, name, radius)}" for name in alike)
-            + _cure(fits, best, which)
-        )
-        return [doubt], min(fits.odds(best), fits.odds(best, misfit)) > REFUSED_ODDS
-    stated = fits.by_name[AS_STATED].departure
-    if misfit < math.inf and fits.odds(AS_STATED, misfit) > REFUSED_ODDS:
-        doubt = (
-            f"no model of the film explains balls and untouched film together: the best leaves "
-            f"{misfit:.1%} of the light unexplained, where a plain film leaves {stated:.1%}. Check "
-            f"the order of the images, the focus, the ball's radius and the pixel size{which}"
-        )
-        return [doubt], False
-    return [], False
-
-
-def unconfirmed(
-    fits: Alternatives,
-    radius: float,
-    misfit: float = math.inf,
-    which: str = "",
-    advice: str = "",
-) -> str:
-    """Return what is open if a gel that diffuses no light is not excluded, with another radius."""
-    open_ones = _open_ones(fits, misfit)
-    others = []
-    if CLEAR_GEL in open_ones:
-        others.append(f"{radius * fits.by_name[CLEAR_GEL].size:.3g} mm if it diffuses none")
-    if OTHER_SIZE in open_ones:
-        size, times = fits.by_name[OTHER_SIZE], _times(fits.odds(OTHER_SIZE))
-        likelier = (
-            f"{radius * size.size:.3g} mm, {times} likelier, if it diffuses {size.diffuse:.0%}"
-        )
-        others.append(likelier)
-    if not others:
-        return ""
-    return (
-        f"the light does not confirm the ball's radius: {radius:.3g} mm fits if the gel diffuses "
-        f"{fits.by_name[AS_STATED].diffuse:.0%} of the light, {', '.join(others)}. Heights may be "
-        f"{scale_error(fits, misfit):.0%} off. Measure the ball and the pixel size{which}, or "
-        f"press deeper, until the ball throws a shadow on itself{advice}"
-    )
-
-
-def scale_error(fits: Alternatives, misfit: float = math.inf) -> float:
-    """Return by what share the balls may be higher or lower than told; 0 if that is confirmed.
-
-    Either the radius is another, or the pixel size is, by the inverse: then all heights change by
-    that once more.  Neither is likelier, so the squares of both are averaged.
-    """
-    either = [
-        (fits.cap[name], fits.cap[name] / fits.by_name[name].size)
-        for name in _open_ones(fits, misfit)
-    ]
-    return max((math.hypot(a - 1, b - 1) / math.sqrt(2) for a, b in either), default=0.0)
-
-
-def _open_ones(fits: Alternatives, misfit: float) -> list[str]:
-    """The alternatives with other radii that the light leaves open.
-
-    A gel that diffuses none is the simplest, and open until it is excluded.  One that diffuses some
-    explains anything that it does better by chance, and is open if it is half way to sure.
-    """
-    from_odds = {CLEAR_GEL: 1 / SURE_ODDS, OTHER_SIZE: math.sqrt(SURE_ODDS)}
-    return [
-        name
-        for name, least in from_odds.items()
-        if _is_other(fits, name)
-        and fits.odds(name) > least
-        and fits.odds(name, misfit) > 1 / SURE_ODDS
-    ]
-
-
-def _is_other(fits: Alternatives, name: str = OTHER_SIZE) -> bool:
-    """Whether an alternative is another value than that told."""
-    if name not in fits.by_name:
-        return False
-    each = fits.by_name[name]
-    value = {
-        OTHER_SIZE: each.size,
-        CLEAR_GEL: each.size,
-        OTHER_POWER: each.power,
-        OTHER_CAMERA: 1 + each.camera,
-    }[name]
-    return bool(abs(value - 1) > (0 if name == OTHER_CAMERA else SAME_SIZE))
-
-
-def _value(fits: Alternatives, name: str, radius: float) -> str:
-    each = fits.by_name[name]
-    if name == OTHER_SIZE:
-        return f"a ball of {radius * each.size:.3g} mm radius"
-    if name == OTHER_POWER:
-        return f"light that the camera raises to the power of {each.power:.3g}"
-    return f"a camera {1 / each.camera:.3g} mm above the film"
-
-
-def _in_words(name: str, radius: float) -> str:
-    if name == OTHER_SIZE:
-        return f"one of {radius:.3g} mm"
-    return "linear light" if name == OTHER_POWER else "one far away"
-
-
-def _cure(fits: Alternatives, name: str, which: str) -> str:
-    """What to do about the likeliest alternative."""
-    if name == OTHER_CAMERA:
-        return ": give its height (`film.camera`=MM), or a lens"
-    if name == OTHER_POWER:
-        return ": the camera's values are not linear: switch its gamma and contrast off"
-    size = fits.by_name[OTHER_SIZE].size
-    wrong = "too large" if size < 1 else "too small"
-    if size < FIRST_SIZES[0] ** 0.5:
-        wrong = "its diameter"
-    return (
-        f": is the radius given {wrong}, or the pixel size too "
-        f"{'small' if size < 1 else 'large'}, as by another zoom"
-        + CAMERA_ADVICE * (OTHER_CAMERA in fits.by_name)
-        + f"? Measure radius and pixel size{which}"
-    )
 
 
 def _times(odds: float) -> str:
@@ -422,28 +419,20 @@ def _cap(balls: Balls, size: float) -> float:
     return float((sized.radius - sunk(sized.radius, sized.rim)).mean())
 
 
-def _unexplained_percent(fitted: Metrics) -> float:
-    """The share of the balls' light and of the flat frame that `fit_film` leaves."""
-    misfit = fitted["film_residual_percent"], fitted.get("flat_residual_percent", 0.0)
-    return float(np.hypot(*misfit)) / 100
-
-
-def _of_distance(
-    fitted_mm: float, stated_mm: float, radius: float, fits: Alternatives
-) -> list[str]:
-    """A doubt if the LEDs are not where the sensor's drawing has them, with what would agree."""
-    if abs(fitted_mm / stated_mm - 1) < DISTANCE_TOLERANCE:
+def _of_distance(fits: Alternatives, radius: float) -> list[str]:
+    """A doubt if the LEDs are not where a ruler has them, with what would agree."""
+    if fits.ruler_mm is None or not fits.is_excluded(AS_STATED):
         return []
-    contradiction = (
-        f"the LEDs are found {fitted_mm:.4g} mm from the film's middle, not {stated_mm:.4g} mm: "
+    mean = fits.by_name[AS_STATED].distance
+    share = fits.ruler_mm / mean
+    agree = (
+        f"the ball's radius and the pixel size would agree if both were {share:.3g} times as large"
+        f"{RADIUS_INPUTS}; or `led_distance_mm` is wrong"
     )
-    for name in (OTHER_SIZE, CLEAR_GEL):
-        other = fits.by_name[name]
-        if _is_other(fits, name) and abs(other.distance / stated_mm - 1) < DISTANCE_TOLERANCE:
-            return [contradiction + f"`evidence.radius`={radius * other.size:.3g} would agree"]
-    share = stated_mm / fitted_mm
+    for name in (CLEAR_GEL, OTHER_SIZE):
+        if fits._is_other(name) and not fits.is_excluded(name):
+            agree = f"`evidence.radius`={radius * fits.by_name[name].size:.3g} would agree"
     return [
-        contradiction
-        + f"the ball's radius and the pixel size would agree if both were {share:.3g} times as "
-        f"large{RADIUS_INPUTS}; or `led_distance_mm` is wrong"
+        f"the LEDs are found {mean:.4g} mm from the film's middle, not {fits.ruler_mm:.4g} mm: "
+        + agree
     ]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -68,25 +68,49 @@ def descend(
     return now
 
 
-def least_squares(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: F8) -> F8:
+class NormalEquations(NamedTuple):
+    """Normal equations of least squares, U x U, and their right-hand side, U."""
+
+    normal: F8
+    right: F8
+
+    def step(self, damping: float) -> F8:
+        """Return the unknowns' step, U; damping is relative to each one's own curvature."""
+        scale, unit = self._unit()
+        damped = unit + damping * np.eye(scale.size)
+        return np.asarray(np.linalg.solve(damped, self.right / scale) / scale)
+
+    def covariance(self) -> F8:
+        """Return the covariance of the unknowns, U x U."""
+        scale, unit = self._unit()
+        return np.asarray(np.linalg.pinv(unit, hermitian=True) / np.outer(scale, scale))
+
+    def _unit(self) -> tuple[F8, F8]:
+        """The roots of the diagonal, and the equations over them."""
+        scale = np.sqrt(np.maximum(np.diag(self.normal), 1e-30))
+        return scale, self.normal / np.outer(scale, scale)
+
+
+def least_squares(
+    residual: Callable[[F8], F8],
+    start: F8,
+    scale: Any = 1.0,
+    jacobian: Callable[[F8], F8] | None = None,
+) -> F8:
     """Return the unknowns that minimise Huber's loss of the residual.
 
+    Without a Jacobian, derivatives are by differences, by the unknowns' `scale` (`by_differences`).
     It solves the normal equations of twenty or thirty unknowns.  SciPy's least squares
     decomposes the whole Jacobian of ten thousand rows and more, and takes ten times as long.
     """
 
     def linear(unknown: F8) -> Callable[[float], F8]:
-        residuals, slopes = residual(unknown), jacobian(unknown)
+        residuals = residual(unknown)
+        slopes = jacobian(unknown) if jacobian else by_differences(residual, unknown, scale)
         weight = huber_weight(residuals)
         normal = slopes.T @ (slopes * weight[:, None])
-        scale = np.sqrt(np.maximum(np.diag(normal), 1e-30))
-        normal, down = normal / np.outer(scale, scale), -(slopes.T @ (weight * residuals)) / scale
-
-        def stepped(damping: float) -> F8:
-            by = np.linalg.solve(normal + damping * np.eye(scale.size), down)
-            return np.asarray(unknown + by / scale)
-
-        return stepped
+        equations = NormalEquations(normal, -(slopes.T @ (weight * residuals)))
+        return lambda damping: unknown + equations.step(damping)
 
     return descend(start, lambda unknown: huber(residual(unknown)), linear)
 

@@ -34,7 +34,7 @@ DERIVATIVE_STEP = float(np.sqrt(np.finfo(np.float64).eps))
 
 
 @dataclass(frozen=True)
-class Placed:
+class LedFit:
     """A fit: K x 4 unknowns of the LEDs, P x 3 shifts in px and mm; whether it had a flat frame."""
 
     leds: F8
@@ -52,14 +52,64 @@ class Placed:
         strength = np.ones(len(self.leds)) if self.flat else np.exp(self.leds[:, 3])
         return strength.astype(np.float32)
 
+    def residuals(self, objects: list[Object], rest: Rest | None) -> F8:
+        """Residuals of shifts, the objects' light and the film at rest, in standard deviations."""
+        leds, shifts, flat = self.leds, self.shifts, rest is not None
+        residuals = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
+        return np.concatenate(
+            [
+                (shifts / SHIFT_DEVIATIONS).ravel(),
+                *(part.ravel() / LIGHT_DEVIATION for part in residuals),
+                *_rest_residual(rest, leds),
+            ]
+        )
+
+    def jacobian(self, objects: list[Object], rest: Rest | None) -> F8:
+        """Derivatives by differences; an LED affects its own light, a shift its own object."""
+        leds, shifts = self.leds, self.shifts
+        count, flat = len(leds), rest is not None
+        sizes = [o.light.shape[1] for o in objects]
+        ends = np.cumsum(np.multiply(sizes, count), dtype=int)
+        starts = shifts.size + np.concatenate([[0], ends])
+        at_rest = np.concatenate(_rest_residual(rest, leds)) if flat else np.empty(0)
+        jacobian = np.zeros((int(starts[-1]) + at_rest.size, leds.size + shifts.size))
+        jacobian[np.arange(shifts.size), leds.size + np.arange(shifts.size)] = np.tile(
+            1 / SHIFT_DEVIATIONS, len(objects)
+        )
+        bases = [o.moved(s) for o, s in zip(objects, shifts, strict=True)]
+        before = [
+            [_led_residual(press, normal, z, k, leds[k], flat) for k in range(count)]
+            for press, (normal, z) in zip(objects, bases, strict=True)
+        ]
+        for k, j in np.ndindex(leds.shape):
+            step, changed = DERIVATIVE_STEP * max(1.0, abs(float(leds[k, j]))), leds.copy()
+            changed[k, j] += step
+            column = jacobian[:, 4 * k + j]
+            for number, (press, (normal, z)) in enumerate(zip(objects, bases, strict=True)):
+                after = _led_residual(press, normal, z, k, changed[k], flat)
+                first, size = starts[number] + k * sizes[number], sizes[number]
+                column[first : first + size] = (after - before[number][k]) / step / LIGHT_DEVIATION
+            if flat:
+                after = np.concatenate(_rest_residual(rest, changed))
+                column[starts[-1] :] = (after - at_rest) / step
+        for i, (press, shift) in enumerate(zip(objects, shifts, strict=True)):
+            first = leds.size + 3 * i
+
+            def residual(by: F8, press: Object = press) -> F8:
+                return residual_of(press, leds, by, flat).ravel() / LIGHT_DEVIATION
+
+            own = by_differences(residual, shift, 1)
+            jacobian[starts[i] : starts[i + 1], first : first + 3] = own
+        return jacobian
+
 
 def place_leds(
     objects: list[Object],
     rest: Rest | None,
     width_mm: float,
-    start: Placed | None = None,
+    start: LedFit | None = None,
     slants: F4 | None = None,
-) -> Placed:
+) -> LedFit:
     """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber).
 
     Slants K x 2, if given, are where the search for the LEDs starts.  The film at rest tells the
@@ -75,25 +125,26 @@ def place_leds(
         leds = start.leds
     shifts = np.zeros((len(objects), 3))
 
-    def split(unknown: F8) -> tuple[F8, F8]:
-        return unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
+    def placed(unknown: F8) -> LedFit:
+        own = unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
+        return LedFit(*own, flat)
 
     def residual(unknown: F8) -> F8:
-        return all_residuals(objects, rest, *split(unknown))
+        return placed(unknown).residuals(objects, rest)
 
     def jacobian(unknown: F8) -> F8:
-        return jacobian_of(objects, rest, *split(unknown))
+        return placed(unknown).jacobian(objects, rest)
 
-    solution = least_squares(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
-    return Placed(*split(solution), flat)
+    solution = least_squares(residual, np.r_[leds.ravel(), shifts.ravel()], jacobian=jacobian)
+    return placed(solution)
 
 
-def misfit_of(objects: list[Object], rest: Rest | None, placed: Placed) -> float:
+def misfit_of(objects: list[Object], rest: Rest | None, placed: LedFit) -> float:
     """The minimum of the cost that `place_leds` reaches."""
-    return huber(all_residuals(objects, rest, placed.leds, placed.shifts))
+    return huber(placed.residuals(objects, rest))
 
 
-def other_places(objects: list[Object], rest: Rest | None, placed: Placed, width_mm: float) -> F4:
+def other_places(objects: list[Object], rest: Rest | None, placed: LedFit, width_mm: float) -> F4:
     """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm.
 
     The covariance of the unknowns is that of least squares, from the residuals of the objects
@@ -102,7 +153,7 @@ def other_places(objects: list[Object], rest: Rest | None, placed: Placed, width
     effects add up exactly.
     """
     leds, flat = placed.leds, rest is not None
-    slopes = jacobian_of(objects, rest, leds, placed.shifts)
+    slopes = placed.jacobian(objects, rest)
     on_objects = np.concatenate(
         [residual_of(o, leds, s, flat) for o, s in zip(objects, placed.shifts, strict=True)], axis=1
     )
@@ -156,7 +207,7 @@ def inverse_places(lights: F4 | F8) -> F8:
     return np.concatenate([ends, nearness], axis=-1).astype(np.float64)
 
 
-def shift_of(press: Object, placed: Placed) -> F8:
+def shift_of(press: Object, placed: LedFit) -> F8:
     """Fit the object's shift (x, y, z) in px and mm from where it was found, under known LEDs."""
     weight = 1 / SHIFT_DEVIATIONS
 
@@ -164,20 +215,7 @@ def shift_of(press: Object, placed: Placed) -> F8:
         residuals = residual_of(press, placed.leds, shift, placed.flat)
         return np.r_[shift * weight, residuals.ravel() / LIGHT_DEVIATION]
 
-    return least_squares(residual, lambda shift: by_differences(residual, shift, 1), np.zeros(3))
-
-
-def all_residuals(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
-    """Residuals of the shifts, the objects' light and the film at rest, in standard deviations."""
-    flat = rest is not None
-    residuals = [residual_of(o, leds, s, flat) for o, s in zip(objects, shifts, strict=True)]
-    return np.concatenate(
-        [
-            (shifts / SHIFT_DEVIATIONS).ravel(),
-            *(part.ravel() / LIGHT_DEVIATION for part in residuals),
-            *_rest_residual(rest, leds),
-        ]
-    )
+    return least_squares(residual, np.zeros(3))
 
 
 def residual_of(press: Object, leds: F8, shift: F8, flat: bool) -> F8:
@@ -252,41 +290,3 @@ def _rest_residual(rest: Rest | None, leds: F8) -> list[F8]:
     residual = (rest.logarithm - (model - model.mean(axis=0))) * rest.block
     # The strengths' common factor is free: hold their mean.
     return [residual.ravel() / LIGHT_DEVIATION, leds[:, 3].mean(keepdims=True) / LIGHT_DEVIATION]
-
-
-def jacobian_of(objects: list[Object], rest: Rest | None, leds: F8, shifts: F8) -> F8:
-    """The Jacobian by differences; an LED affects only its own light, a shift its own object."""
-    count, flat = len(leds), rest is not None
-    sizes = [o.light.shape[1] for o in objects]
-    ends = np.cumsum(np.multiply(sizes, count), dtype=int)
-    starts = shifts.size + np.concatenate([[0], ends])
-    at_rest = np.concatenate(_rest_residual(rest, leds)) if flat else np.empty(0)
-    jacobian = np.zeros((int(starts[-1]) + at_rest.size, leds.size + shifts.size))
-    jacobian[np.arange(shifts.size), leds.size + np.arange(shifts.size)] = np.tile(
-        1 / SHIFT_DEVIATIONS, len(objects)
-    )
-    bases = [o.moved(s) for o, s in zip(objects, shifts, strict=True)]
-    before = [
-        [_led_residual(press, normal, z, k, leds[k], flat) for k in range(count)]
-        for press, (normal, z) in zip(objects, bases, strict=True)
-    ]
-    for k, j in np.ndindex(leds.shape):
-        step, changed = DERIVATIVE_STEP * max(1.0, abs(float(leds[k, j]))), leds.copy()
-        changed[k, j] += step
-        column = jacobian[:, 4 * k + j]
-        for number, (press, (normal, z)) in enumerate(zip(objects, bases, strict=True)):
-            after = _led_residual(press, normal, z, k, changed[k], flat)
-            first, size = starts[number] + k * sizes[number], sizes[number]
-            column[first : first + size] = (after - before[number][k]) / step / LIGHT_DEVIATION
-        if flat:
-            after = np.concatenate(_rest_residual(rest, changed))
-            column[starts[-1] :] = (after - at_rest) / step
-    for i, (press, shift) in enumerate(zip(objects, shifts, strict=True)):
-        first = leds.size + 3 * i
-
-        def residual(by: F8, press: Object = press) -> F8:
-            return residual_of(press, leds, by, flat).ravel() / LIGHT_DEVIATION
-
-        own = by_differences(residual, shift, 1)
-        jacobian[starts[i] : starts[i + 1], first : first + 3] = own
-    return jacobian

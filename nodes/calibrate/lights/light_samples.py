@@ -1,7 +1,7 @@
 """Samples of known shapes under the LEDs, and the flat frame in blocks."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,28 @@ class Press(NamedTuple):
     mask: Mask
     height: Height
     lit: Labels
+
+    def samples(
+        self, pixel: float, most: float = MAX_SAMPLES, shape: RestShape | None = None
+    ) -> "Object":
+        """Choose about `most` samples of an object, spread evenly over it."""
+        light, slope, mask, height, lit = self
+        p, q = slope
+        nz = 1 / np.sqrt(1 + p * p + q * q)
+        inside = binary_erosion(mask > 0, iterations=EDGE_MARGIN_PX, border_value=1)
+        rows, columns = np.nonzero(inside & (p * p + q * q < MAX_SAMPLE_SLOPE * MAX_SAMPLE_SLOPE))
+        stride = max(1, int(np.sqrt(rows.size / most)))
+        chosen = (rows % stride == 0) & (columns % stride == 0)
+        rows, columns = rows[chosen], columns[chosen]
+        values = light[:, rows, columns].astype(np.float64)
+        numbers = np.arange(len(light))[:, None]
+        reached = (lit[rows, columns][None, :] >> numbers & 1 > 0) & (values > DIM_LIGHT)
+        x = places(light.shape[2], np.float32(pixel)).astype(np.float64)[columns]
+        y = places(light.shape[1], np.float32(pixel)).astype(np.float64)[rows]
+        reach = reached.sum(axis=1) * stride * stride
+        normal = np.stack([-p * nz, -q * nz])
+        beneath = None if shape is None else shape.at(x, y)
+        return Object(rows, columns, values, reached, x, y, normal, height, reach, beneath)
 
 
 @dataclass(frozen=True)
@@ -81,34 +103,40 @@ class Rest:
     beneath: tuple[F8, F8, F8, F8] | None = None
     bounced: F8 | None = None
 
+    @classmethod
+    def of(
+        cls, flat: Light, pixel: float, shape: RestShape | None = None, bounced: Light | None = None
+    ) -> Self | None:
+        """Reduce the flat frame to blocks; None if it is uniform, because none was taken.
+
+        `shape` is that of a film that is no plane, `bounced` the light that it throws on itself.
+        """
+        if is_uniform(flat):
+            return None
+        count, rows, columns = flat.shape
+        block = max(1, min(columns // FLAT_BLOCKS, rows))
+        down, across = rows // block, columns // block
+
+        def blocks(light: Light) -> F8:
+            cut = light[:, : down * block, : across * block]
+            whole = cut.reshape(count, down, block, across, block)
+            return np.asarray(whole.mean(axis=(2, 4), dtype=np.float64))
+
+        means = np.log(np.maximum(blocks(flat), 1e-6))
+        middle = (block - 1) / 2
+        x = (np.arange(across) * block + middle - (columns - 1) / 2) * pixel
+        y = (np.arange(down) * block + middle - (rows - 1) / 2) * pixel
+        gx, gy = np.meshgrid(x, y)
+        logarithm, x, y = (means - means.mean(axis=0)).reshape(count, -1), gx.ravel(), gy.ravel()
+        thrown = None if bounced is None else blocks(bounced).reshape(count, -1)
+        beneath = None if shape is None else shape.at(x, y)
+        return cls(logarithm, x, y, block, beneath, thrown)
+
 
 def presses_of(light: F4, slope: F4, mask: U1, height: F4, lit: U1, rows: int) -> list[Press]:
     """Cut the sheets of presses, each of `rows` rows, into single presses."""
     sheets = (light, slope, mask, height, lit)
     return [Press(*parts) for parts in zip(*(cut(sheet, rows) for sheet in sheets), strict=True)]
-
-
-def sample(
-    press: Press, pixel: float, most: float = MAX_SAMPLES, shape: RestShape | None = None
-) -> Object:
-    """Choose about `most` samples of an object, spread evenly over it."""
-    light, slope, mask, height, lit = press
-    p, q = slope
-    nz = 1 / np.sqrt(1 + p * p + q * q)
-    inside = binary_erosion(mask > 0, iterations=EDGE_MARGIN_PX, border_value=1)
-    rows, columns = np.nonzero(inside & (p * p + q * q < MAX_SAMPLE_SLOPE * MAX_SAMPLE_SLOPE))
-    stride = max(1, int(np.sqrt(rows.size / most)))
-    chosen = (rows % stride == 0) & (columns % stride == 0)
-    rows, columns = rows[chosen], columns[chosen]
-    values = light[:, rows, columns].astype(np.float64)
-    numbers = np.arange(len(light))[:, None]
-    reached = (lit[rows, columns][None, :] >> numbers & 1 > 0) & (values > DIM_LIGHT)
-    x = places(light.shape[2], np.float32(pixel)).astype(np.float64)[columns]
-    y = places(light.shape[1], np.float32(pixel)).astype(np.float64)[rows]
-    reach = reached.sum(axis=1) * stride * stride
-    normal = np.stack([-p * nz, -q * nz])
-    beneath = None if shape is None else shape.at(x, y)
-    return Object(rows, columns, values, reached, x, y, normal, height, reach, beneath)
 
 
 def samples_for(presses: int) -> float:
@@ -126,32 +154,3 @@ def unreached(objects: list[Object]) -> tuple[int, int] | None:
 def is_uniform(flat: Light) -> bool:
     """Return whether the light is the same everywhere: no flat frame was taken."""
     return all(np.ptp(plane) == 0 for plane in flat)
-
-
-def rest_of(
-    flat: Light, pixel: float, shape: RestShape | None = None, bounced: Light | None = None
-) -> Rest | None:
-    """Reduce the flat frame to blocks; None if it is uniform, because none was taken.
-
-    `shape` is that of a film that is no plane, and `bounced` the light that it throws on itself.
-    """
-    if is_uniform(flat):
-        return None
-    count, rows, columns = flat.shape
-    block = max(1, min(columns // FLAT_BLOCKS, rows))
-    down, across = rows // block, columns // block
-
-    def blocks(light: Light) -> F8:
-        cut = light[:, : down * block, : across * block]
-        whole = cut.reshape(count, down, block, across, block)
-        return np.asarray(whole.mean(axis=(2, 4), dtype=np.float64))
-
-    means = np.log(np.maximum(blocks(flat), 1e-6))
-    middle = (block - 1) / 2
-    x = (np.arange(across) * block + middle - (columns - 1) / 2) * pixel
-    y = (np.arange(down) * block + middle - (rows - 1) / 2) * pixel
-    gx, gy = np.meshgrid(x, y)
-    logarithm, x, y = (means - means.mean(axis=0)).reshape(count, -1), gx.ravel(), gy.ravel()
-    thrown = None if bounced is None else blocks(bounced).reshape(count, -1)
-    beneath = None if shape is None else shape.at(x, y)
-    return Rest(logarithm, x, y, block, beneath, thrown)

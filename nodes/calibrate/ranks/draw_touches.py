@@ -15,7 +15,7 @@ from annotated_types import Interval
 from tactograph.graph import node
 from tactograph.nodes import Film, Height, Light, Slope
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
-from tactograph.nodes.calibrate.ranks.drawn import Doubts, drawn
+from tactograph.nodes.calibrate.ranks.drawn import Doubts
 from tactograph.nodes.light.film_bounce import MAX_ALBEDO
 
 
@@ -54,5 +54,5 @@ def draw_touches(
         moved = film.lights + np.tensordot(chance, film.others - film.lights, axes=1)
         albedo = float(np.clip(film.albedo * (1 + bounce * rng.normal()), 0, MAX_ALBEDO))
         possible = film._replace(lights=np.asarray(moved, np.float32), albedo=albedo)
-        touch = drawn(rng, number, sensor.flat, float(sensor.pixel_size), doubts, rigid)
+        touch = doubts.touch(rng, number, sensor.flat, float(sensor.pixel_size), rigid)
         yield DrawnTouch(*touch, possible)

@@ -26,6 +26,14 @@ Random = np.random.Generator
 Form = Callable[[Random, F4, F4, float], F4]
 
 
+class Drawn(NamedTuple):
+    """A surface, the slopes that its light is that of, and the film at rest as LEDs light it."""
+
+    height: Height
+    slope: Slope
+    flat: Light
+
+
 class Doubts(NamedTuple):
     """What a calibration leaves open, as its `Misfit` and `Film` have it."""
 
@@ -35,31 +43,24 @@ class Doubts(NamedTuple):
     uneven: float
     contact_mm: float
 
+    def touch(
+        self, rng: Random, number: int, flat: Light, pixel: float, rigid: bool = False
+    ) -> Drawn:
+        """Return a touch: balls, edges, folds, grooves and dents, shallow and steep, in turn.
 
-class Drawn(NamedTuple):
-    """A surface, the slopes that its light is that of, and the film at rest as LEDs light it."""
-
-    height: Height
-    slope: Slope
-    flat: Light
-
-
-def drawn(
-    rng: Random, number: int, flat: Light, pixel: float, doubts: Doubts, rigid: bool = False
-) -> Drawn:
-    """Return a touch: balls, edges, folds, grooves and dents, shallow and steep, in turn.
-
-    `rigid` objects stand on the film and have walls, which no film covers.
-    """
-    count, *size = flat.shape
-    height = _surface(rng, size, pixel, OBJECT_FORMS[number % len(OBJECT_FORMS)], rigid)
-    width = doubts.width_mm / pixel
-    slope = _leaning(height_slopes(height, pixel).slope, doubts.level * _field(rng, 2, size, width))
-    errors = doubts.light * _field(rng, count, size, width)
-    errors = errors + doubts.uneven * _field(rng, 1, size, width)
-    touched = np.clip(height / np.float32(doubts.contact_mm), 0, 1)
-    gain = (1 + touched * errors) * _drift(rng, count, size)
-    return Drawn(height, slope, np.asarray(flat * gain, np.float32))
+        `rigid` objects stand on the film and have walls, which no film covers.
+        """
+        count, *size = flat.shape
+        height = _surface(rng, size, pixel, OBJECT_FORMS[number % len(OBJECT_FORMS)], rigid)
+        width = self.width_mm / pixel
+        slope = _leaning(
+            height_slopes(height, pixel).slope, self.level * _field(rng, 2, size, width)
+        )
+        errors = self.light * _field(rng, count, size, width)
+        errors = errors + self.uneven * _field(rng, 1, size, width)
+        touched = np.clip(height / np.float32(self.contact_mm), 0, 1)
+        gain = (1 + touched * errors) * _drift(rng, count, size)
+        return Drawn(height, slope, np.asarray(flat * gain, np.float32))
 
 
 def _surface(rng: Random, size: list[int], pixel: float, form: Form, rigid: bool) -> Height:

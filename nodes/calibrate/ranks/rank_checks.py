@@ -17,7 +17,7 @@ from tactograph.graph import load, node
 from tactograph.graph.disk.array_files import load_arrays
 from tactograph.nodes import F8, Light
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
-from tactograph.nodes.files.calibration_file import kind_of, replace_arrays
+from tactograph.nodes.files.calibration_file import kind_of
 from tactograph.nodes.optics.cell_side import USUAL_SIDE
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask, cut
 from tactograph.nodes.stored import with_plain
@@ -62,7 +62,7 @@ def rank_checks(
     count, seed : how many touches are drawn; the same for the same seed
     """
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the calibration has told of its doubts
+        warnings.simplefilter("ignore")  # the calibration has reported its doubts
         arrays, brought = load_arrays(file), kind_of(file)
         kind = CALIBRATION_KIND if brought is None else brought.KIND
         small, even = Path(folder) / "small.npz", Path(folder) / "own.npz"
@@ -93,7 +93,7 @@ def rank_checks(
                     _drawn(tables, "drawn_touches", params), _press_figures(tables, soft, even)[0]
                 ),
             ]
-    replace_arrays(file, kind, {"ranks": np.stack(ranks)})
+    kind.replace(file, {"ranks": np.stack(ranks)})
 
 
 def _resized(

@@ -4,7 +4,7 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import F4, F8, U1, Light
-from tactograph.nodes.calibrate.rating.verdict import Advice, advice_after
+from tactograph.nodes.calibrate.rating.verdict import Advice, Judged
 from tactograph.nodes.calibrate.tables.build_lut import in_tables
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask, SheetSlope, cut
 
@@ -55,7 +55,8 @@ def advise_press(
         "film_covered_percent": float(100 * (touched >= MIN_TOUCHED_SHARE).mean()),
         "slopes_covered_percent": float(100 * (np.minimum(steep, FULL_SLOPE) / FULL_SLOPE).mean()),
     }
-    return Advice(quality, advice_after(doubts or [], _advice(presses, touched, steep)))
+    judged = Judged(quality, doubts or [])
+    return Advice(quality, judged.advice(_advice(presses, touched, steep)))
 
 
 def _touched(mask: U1, rows: int) -> F8:

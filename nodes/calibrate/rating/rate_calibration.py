@@ -21,7 +21,7 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.calibrate.film.judge_radius import FORCE_ADVICE
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
-from tactograph.nodes.calibrate.rating.verdict import Judged, of_heldout_error, verdict_of
+from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask
 
@@ -35,6 +35,7 @@ MIN_ANGLE_DEG = 5.0
 """Angle between two LEDs below which they count as the same LED."""
 RING_SLANT_DEG = 15.0
 """Range of the slants of LEDs that stand in one ring."""
+HELDOUT_FIGURE = "film_heldout_deg"
 MAX_LED_WIDTHS = 100.0
 """Widths of the image, beyond which light is parallel."""
 MAX_ALBEDO, MAX_REFRACTION = 0.94, 1.59
@@ -117,8 +118,8 @@ def rate_calibration(
     count = len(residual)
     lights, mismatch, albedo, refraction = model
     figures, radius_doubts, unconfirmed = radius or Judged({}, [])
-    error = figures.get("film_heldout_deg")
-    doubts = (others or []) + of_heldout_error(error) + radius_doubts
+    heldout = Judged.of_heldout(HELDOUT_FIGURE, figures.get(HELDOUT_FIGURE))
+    doubts = (others or []) + heldout.doubts + radius_doubts
     steepest = _covered_everywhere(lut_slope)
     worst = int(np.argmax(residual))
     grain = _grain(flat, noise, count)
@@ -178,7 +179,7 @@ def rate_calibration(
     return Rating(
         rated | _directions(lights),
         doubts,
-        verdict_of(doubts, "film_heldout_deg", error, unconfirmed),
+        heldout._replace(doubts=doubts, unconfirmed=unconfirmed).verdict(HELDOUT_FIGURE),
     )
 
 

@@ -12,8 +12,8 @@ from tactograph.nodes.calibrate.lights.light_samples import is_uniform
 from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.sheet import SheetLight, cut
-from tactograph.nodes.trust.added_light import added_share
 from tactograph.nodes.trust.banded_rows import BANDS_WARNING, is_banded
+from tactograph.nodes.trust.explained import added_share
 from tactograph.nodes.trust.fall_off import fall_off
 from tactograph.nodes.trust.film_motion import film_motion, motion_in_words, motion_size
 from tactograph.nodes.trust.other_frame import other_frame

@@ -1,7 +1,7 @@
 """Doubts and verdicts that both kinds of calibration share."""
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.special import ndtr, stdtrit
@@ -20,6 +20,46 @@ class Judged(NamedTuple):
     quality: Metrics
     doubts: list[str]
     unconfirmed: str = ""
+
+    @classmethod
+    def of_heldout(cls, figure: str, degrees: float | None) -> Self:
+        """Return a doubt if normals of what was held out are far off, or none was seen (NaN)."""
+        quality = {} if degrees is None else {figure: degrees}
+        if degrees is None or degrees <= MAX_ERROR_DEG:
+            return cls(quality, [])
+        if math.isnan(degrees):
+            doubt = (
+                "no press could be checked by the others, as its contact is not seen where they "
+                "have it: press deeper, and check the ball's radius and the pixel size"
+            )
+        else:
+            doubt = (
+                f"normals of what was held out are {degrees:.1f} degrees off, more than "
+                f"{MAX_ERROR_DEG:g}: check the ball's radius, the pixel size, the order of the "
+                "images, dirt on the ball, and that gamma and local contrast are off"
+            )
+        return cls(quality, [doubt])
+
+    def verdict(self, figure: str) -> str:
+        """Return one sentence that leads with what counts.
+
+        That is the first doubt, or what nothing confirms, or the held-out error, a `figure`.
+        """
+        against = [doubt for doubt in self.doubts if doubt != self.unconfirmed]
+        if against:
+            return f"doubtful: {against[0]}"
+        if self.unconfirmed:
+            return f"not confirmed: {self.unconfirmed}"
+        if figure not in self.quality:
+            return "nothing speaks against it"
+        return (
+            f"nothing speaks against it; {figure} counts: normals of what was held out are "
+            f"{self.quality[figure]:.2g} degrees off"
+        )
+
+    def advice(self, advice: str) -> str:
+        """Return advice that does not say that all is well while something is doubtful."""
+        return f"settle first what is doubtful; else {advice}" if self.doubts else advice
 
 
 class Advice(NamedTuple):
@@ -65,42 +105,3 @@ def log_odds(before: float, after: float, unknowns: int, values: float) -> float
     `unknowns` is how many more the larger one has.
     """
     return values * math.log(before / after) - unknowns * math.log(values) / 2
-
-
-def of_heldout_error(degrees: float | None) -> list[str]:
-    """Return a doubt if the normals of what was held out are far off, or none was seen (NaN)."""
-    if degrees is None or degrees <= MAX_ERROR_DEG:
-        return []
-    if math.isnan(degrees):
-        return [
-            "no press could be checked by the others, as its contact is not seen where they have "
-            "it: press deeper, and check the ball's radius and the pixel size"
-        ]
-    return [
-        f"normals of what was held out are {degrees:.1f} degrees off, more than "
-        f"{MAX_ERROR_DEG:g}: check the ball's radius, the pixel size, the order of the images, "
-        "dirt on the ball, and that gamma and local contrast are off"
-    ]
-
-
-def verdict_of(doubts: list[str], figure: str, degrees: float | None, unconfirmed: str = "") -> str:
-    """Return one sentence that leads with what counts.
-
-    That is the first doubt, or what nothing confirms, or the held-out error.
-    """
-    against = [doubt for doubt in doubts if doubt != unconfirmed]
-    if against:
-        return f"doubtful: {against[0]}"
-    if unconfirmed:
-        return f"not confirmed: {unconfirmed}"
-    if degrees is None:
-        return "nothing speaks against it"
-    return (
-        f"nothing speaks against it; {figure} counts: normals of what was held out are "
-        f"{degrees:.2g} degrees off"
-    )
-
-
-def advice_after(doubts: list[str], advice: str) -> str:
-    """Return advice that does not say that all is well while something is doubtful."""
-    return f"settle first what is doubtful; else {advice}" if doubts else advice

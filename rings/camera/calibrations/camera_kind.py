@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.sdk.unstable import CAMERA_KIND, camera_places
+from tactograph.sdk.unstable import CAMERA_KIND, camera_offset
 
 KIND = CAMERA_KIND
 MARKS_ACROSS = 12
@@ -22,8 +22,11 @@ def draw(arrays: Mapping[str, Any], title: str, target: Path) -> None:
     figure = Figure(figsize=(8, 8 * rows / columns + 1), dpi=100, layout="constrained")
     axes = figure.subplots()
     step = max(columns // MARKS_ACROSS, 1)
-    places = [plane[::step, ::step] for plane in camera_places(arrays["lens"], (rows, columns))]
-    y, x = (plane[::step, ::step] for plane in np.mgrid[:rows, :columns])
+    half = np.hypot(rows, columns) / 2
+    y, x = np.mgrid[:rows:step, :columns:step]
+    u, v = (x - (columns - 1) / 2) / half, (y - (rows - 1) / 2) / half
+    du, dv = camera_offset(arrays["lens"], u, v)
+    places = [x + half * du, y + half * dv]
     axes.plot(x.ravel(), y.ravel(), ".", color="#9a9a9a", label="even grid")
     axes.plot(
         *(plane.ravel() for plane in places), "+", color="#ffb000", label="as the camera sees it"

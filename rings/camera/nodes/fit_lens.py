@@ -10,14 +10,8 @@ from scipy.optimize import least_squares
 
 from tactograph.rings.camera.nodes.find_grid import GridMarks
 from tactograph.rings.camera.nodes.read_grey import GreyImage
-from tactograph.sdk import F4, InputError, Metrics, PixelSize, Port, node, warn
-from tactograph.sdk.unstable import (
-    LENS_TERMS,
-    Lens,
-    camera_offset,
-    half_diagonal,
-    pixel_sides,
-)
+from tactograph.sdk import F4, InputError, Lens, Metrics, PixelSize, Port, View, node, warn
+from tactograph.sdk.unstable import LENS_TERMS, camera_offset
 
 POSE_TERMS = 4
 """Parameters of the grid's pose: scale, rotation, and position of the cell 0, 0."""
@@ -80,7 +74,7 @@ def fit_lens(
         If the marks do not lie on a square grid, or the lens would fold the image.
     """
     shape = (image.shape[0], image.shape[1])
-    half = float(half_diagonal(shape))
+    half = float(np.hypot(*shape)) / 2
     middle = np.array([shape[1] - 1, shape[0] - 1]) / 2
     places = (marks.place.astype(np.float64) - middle) / half
     inliers = _fitting(places, marks.cell)
@@ -118,7 +112,7 @@ def fit_lens(
             "only continued: show a grid that fills the image"
         )
     pixel = pitch_mm / pitch
-    width, length = pixel_sides(lens, pixel)
+    width, length = View(lens).pixel_sides(pixel)
     quality: Metrics = {
         "marks": int(inliers.sum()),
         "unused_marks": int((~inliers).sum()) + marks.astray,

@@ -1,6 +1,5 @@
 """Write the calibration of a camera's lens into one file."""
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -8,8 +7,8 @@ import numpy as np
 from pydantic import AfterValidator
 
 from tactograph.rings.camera.nodes.read_grey import GreyImage
-from tactograph.sdk import Metrics, PixelSize, Port, Provenance, node
-from tactograph.sdk.unstable import CAMERA_KIND, CameraLens, Lens, free_for, write_record
+from tactograph.sdk import Lens, Metrics, PixelSize, Port, Provenance, node
+from tactograph.sdk.unstable import CAMERA_KIND
 
 
 @node
@@ -20,7 +19,7 @@ def write_camera(
     residual: Annotated[float, Port(unit="px")],
     quality: Metrics,
     *,
-    file: Annotated[Path, AfterValidator(partial(free_for, kind=CAMERA_KIND))],
+    file: Annotated[Path, AfterValidator(CAMERA_KIND.new_file)],
     provenance: Provenance,
 ) -> None:
     """Write lens, pixel size and residual as one ``.npz``, readable without pickle.
@@ -39,5 +38,5 @@ def write_camera(
         be written.
     """
     size = np.array(image.shape[::-1], np.int32)
-    record = CameraLens(lens, pixel, residual, size, quality)
-    write_record(file, CAMERA_KIND, record, {"provenance": provenance})
+    record = CAMERA_KIND.record(lens, pixel, residual, size, quality)
+    CAMERA_KIND.write_record(file, record, {"provenance": provenance})

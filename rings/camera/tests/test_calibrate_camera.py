@@ -20,7 +20,8 @@ from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
 from tactograph.nodes.calibrate.file.read_lens import read_lens
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.light.undistort import undistort
-from tactograph.nodes.optics.lens import half_diagonal, ideal_places, pixel_sides
+from tactograph.nodes.optics.camera_view import View
+from tactograph.nodes.optics.lens import half_diagonal, ideal_places
 from tactograph.rings.camera.nodes.find_grid import GridMarks, find_grid
 from tactograph.rings.camera.nodes.fit_lens import LensFit, fit_lens
 from tactograph.rings.camera.nodes.read_grey import read_grey
@@ -335,7 +336,7 @@ def test_a_pixel_of_one_length_or_of_two_and_no_file_are_no_lens_or_an_oblong_on
     assert pixel_size(mm=0.08) == 0.08
     assert not read_lens(image, pixel_mm=(0.08,)).any()
     lens, pixel = read_lens(image, pixel_mm=(0.08, 0.1)), pixel_size(mm=(0.08, 0.1))
-    assert pixel_sides(lens, pixel) == pytest.approx((0.08, 0.1), rel=1e-6)
+    assert View(lens).pixel_sides(pixel) == pytest.approx((0.08, 0.1), rel=1e-6)
     for wrong in ((0.08, 0.16), (0.16, 0.08)):
         with pytest.raises(InputError, match="no camera's are so oblong"):
             pixel_size(mm=wrong)

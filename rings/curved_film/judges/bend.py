@@ -10,15 +10,8 @@ from tactograph.rings.curved_film.nodes.find_rest import (
     fitted_bend,
     tried_bends,
 )
-from tactograph.sdk import Metrics
-from tactograph.sdk.unstable import (
-    MAX_ERROR_DEG,
-    MAX_LED_WIDTHS,
-    SURE_ODDS,
-    Film,
-    FilmEvidence,
-    log_odds,
-)
+from tactograph.sdk import Film, Metrics
+from tactograph.sdk.unstable import MAX_LED_WIDTHS, SURE_ODDS, FilmEvidence, Judged, log_odds
 
 
 def doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]:
@@ -31,9 +24,10 @@ def doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]:
     ----------
     evidence, film, fitted : the inputs of `fit_film`, its film and its figures
     """
+    heldout = Judged.of_heldout("film_heldout_deg", fitted.get("film_heldout_deg"))
     width = evidence.pixel * evidence.flat.shape[2]
     far = float(np.linalg.norm(film.lights, axis=1).max()) > MAX_LED_WIDTHS * width
-    wrong = far or fitted.get("film_heldout_deg", 0.0) > MAX_ERROR_DEG
+    wrong = far or bool(heldout.doubts)
     presses = np.count_nonzero(evidence.circle[:, 2])
     if (
         evidence.shape is not None

@@ -1,7 +1,7 @@
 """The bend of a film at rest, by a model of its light that has a coat.
 
 A coat's mirror images and what the film throws on itself change the light as a bend does.  Fitted
-at once they are told apart, since the flat frame shows both over the whole film.
+at once they are separated, since the flat frame shows both over the whole film.
 """
 
 import math
@@ -11,19 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import F4, F8, InputError, Light
+from tactograph.sdk import F4, F8, Film, InputError, Light, NodeCall
 from tactograph.sdk.unstable import (
-    DERIVATIVE_STEP,
     MAX_ROUNDS,
     PART_UNKNOWNS,
-    SHIFT_DEVIATION_PX,
     SURE_ODDS,
     BallPress,
     BallRadii,
     Balls,
     Fitted,
     Further,
-    NodeCall,
     Noise,
     Rest,
     RestShape,
@@ -33,14 +30,14 @@ from tactograph.sdk.unstable import (
     further_step,
     laid_on,
     log_odds,
-    matt_film,
     predicted,
-    rest_of,
     rest_residual,
     sample_balls,
     start_at,
 )
 
+DERIVATIVE_STEP = float(np.sqrt(np.finfo(np.float32).eps))
+"""Relative step of derivatives of light, which is of single precision."""
 COATED_PARTS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
 """Parts of a film with a coat, and of one that lights itself as well."""
 
@@ -94,7 +91,7 @@ def coated_bend(bending: Bending, unknowns: F8, independent: float) -> tuple[F8,
         If the film has one, and the height of the pupil is not given.
     """
     matt = _round(bending, unknowns, frozenset(), None)
-    coat = fit(matt.balls, matt.rest, COATED_PARTS[0], matt.fitted, *_sizes(bending))
+    coat = fit(matt.balls, matt.rest, COATED_PARTS[0], matt.fitted)
     now = matt._replace(fitted=coat)
     more = len(PART_UNKNOWNS["lobe"])
     if log_odds(matt.fitted.scale, coat.scale, more, independent) < math.log(SURE_ODDS):
@@ -125,7 +122,7 @@ def _round(bending: Bending, unknowns: F8, parts: frozenset[str], before: Fitted
     """Fit a model's film, LEDs and balls on a bend."""
     laid = bending.lay(unknowns)
     start = start_at(laid.lights, laid.strength, len(laid.circle))
-    film = matt_film(laid.lights)
+    film = Film.matt(laid.lights)
     if before is not None:
         film, start = before.film, before._replace(shifts=np.zeros_like(before.shifts))
     camera = laid.shape.camera
@@ -138,19 +135,14 @@ def _round(bending: Bending, unknowns: F8, parts: frozenset[str], before: Fitted
         bending.pixel, fine="bounce" not in parts, bounce=bending.bounce, shape=laid.shape,
     )  # fmt: skip
     glow = bounced_at_rest(laid.shape, film, bending.bounce) if "bounce" in parts else None
-    rest = rest_of(bending.flat, bending.pixel, laid.shape, glow)
+    rest = Rest.of(bending.flat, bending.pixel, laid.shape, glow)
     assert rest is not None  # `find_rest` refuses a uniform flat frame
-    fitted = fit(balls, rest, parts, start, *_sizes(bending))
+    fitted = fit(balls, rest, parts, start)
     return _Round(laid, balls, rest, fitted)
 
 
-def _sizes(bending: Bending) -> tuple[float, float]:
-    """Standard deviation of a ball's place, and the film's width, in mm."""
-    return SHIFT_DEVIATION_PX * bending.pixel, bending.pixel * bending.flat.shape[2]
-
-
 def _step(bending: Bending, now: _Round, parts: frozenset[str], further: Further) -> tuple[F8, F8]:
-    return further_step(now.balls, now.rest, parts, now.fitted, further, *_sizes(bending))
+    return further_step(now.balls, now.rest, parts, now.fitted, further)
 
 
 def _further(bending: Bending, unknowns: F8, now: _Round) -> Further:

@@ -10,42 +10,37 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.rings.curved_film.nodes._coated_bend import Bending, Laid, coated_bend
+from tactograph.rings.curved_film.nodes._coated_bend import (
+    DERIVATIVE_STEP,
+    Bending,
+    Laid,
+    coated_bend,
+)
 from tactograph.rings.curved_film.nodes.read_rest import by_rays
-from tactograph.sdk import F4, F8, InputError, Light, Metrics, PixelSize, Port, node
+from tactograph.sdk import F4, F8, InputError, Light, Metrics, NodeCall, PixelSize, Port, node
 from tactograph.sdk.nodes import film_bounce, find_balls, label_lit
 from tactograph.sdk.unstable import (
-    DERIVATIVE_STEP,
-    UM_PER_MM,
     BallCircles,
     BallOnShape,
     BallPress,
     BallRadii,
     Circle,
-    NodeCall,
+    LedFit,
     Noise,
     Object,
-    Placed,
     Press,
     Radii,
     Rest,
     RestShape,
-    ScaleError,
     SheetLight,
     StatedCircles,
-    all_residuals,
     cut,
     descend,
     huber,
     huber_weight,
-    is_uniform,
-    jacobian_of,
     place_leds,
     places,
     refined,
-    rest_of,
-    rest_shape,
-    sample,
 )
 
 TRIED_BENDS = (0.0, 0.25, -0.25, 0.55, -0.55)
@@ -69,7 +64,7 @@ class _Trial(NamedTuple):
     circles: list[Circle]
     objects: list[Object]
     rest: Rest | None
-    placed: Placed
+    placed: LedFit
 
 
 class Bend(NamedTuple):
@@ -82,8 +77,7 @@ class Bend(NamedTuple):
     @property
     def residuals(self) -> F8:
         """Residuals of balls and flat frame."""
-        placed = self.trial.placed
-        return all_residuals(self.trial.objects, self.trial.rest, placed.leds, placed.shifts)
+        return self.trial.placed.residuals(self.trial.objects, self.trial.rest)
 
     @property
     def cost(self) -> float:
@@ -109,7 +103,7 @@ class FoundRest(NamedTuple):
     height: Annotated[F4, Port("R C", "mm", low=-1, high=5)]
     shape: RestShape
     quality: Metrics
-    scale_error: ScaleError = 0.0
+    scale_error: Annotated[float, Port(unit="1")] = 0.0
 
 
 class BallPresses(NamedTuple):
@@ -184,7 +178,7 @@ def find_rest(
     """
     if stated is not None:
         return FoundRest(stated.height, stated.binned(factor), {})
-    if is_uniform(flat):
+    if Rest.of(flat, pixel) is None:
         raise InputError(
             "finding the film's shape needs `flat`: the untouched film's light tells it"
         )
@@ -203,7 +197,7 @@ def find_rest(
     size = even.shape[1], even.shape[2]
     whole = bent(size, even_pixel, camera, bend.unknowns)
     deviation = _deviation(bend, flat.shape[1:], pixel)
-    figures = {"rest_deviation_um": UM_PER_MM * deviation}
+    figures = {"rest_deviation_um": 1e3 * deviation}
     for axis, k in (("x", bend.unknowns[0]), ("y", bend.unknowns[2])):
         figures[f"rest_radius_{axis}_mm"] = float(1 / k) if k else math.inf
     scale = _scale_error(bend, presses.radii)
@@ -238,7 +232,7 @@ def bent(size: tuple[int, int], pixel: float, camera: float, unknowns: F8) -> Re
         level = np.sqrt(1 - np.minimum(kx * kx + ky * ky, MAX_SLANT**2))
         return np.asarray((x * kx + y * ky) / (1 + level) + gx * x + gy * y)
 
-    return rest_shape(by_rays(size, pixel, camera, height).astype(np.float32), pixel, camera)
+    return RestShape.of(by_rays(size, pixel, camera, height).astype(np.float32), pixel, camera)
 
 
 def tried_bends(presses: BallPresses) -> tuple[Bend, Bend]:
@@ -317,9 +311,9 @@ def fitted_bend(presses: BallPresses, bend: Bend, *, only_ball: bool = False) ->
         residuals, trial, columns = now.residuals, now.trial, []
         for way in DERIVATIVE_STEP * ways:
             other = _on(presses, now.unknowns + way, trial.circles)
-            after = all_residuals(*other, trial.placed.leds, trial.placed.shifts)
+            after = trial.placed.residuals(*other)
             columns.append((after - residuals) / DERIVATIVE_STEP)
-        by = jacobian_of(trial.objects, trial.rest, trial.placed.leds, trial.placed.shifts)
+        by = trial.placed.jacobian(trial.objects, trial.rest)
         whole, weight = np.column_stack([by, *columns]), huber_weight(residuals)
         scale = np.sqrt(np.maximum(np.square(whole).sum(axis=0), 1e-30))
         whole = whole / scale
@@ -367,5 +361,5 @@ def _on(
         near = (away < SAMPLED_SHARE * first.radius).astype(np.uint8)
         ball = on.slopes(circle, near)
         press = Press(light, ball.slope, near, ball.height, label_lit(light))
-        objects.append(sample(press, presses.pixel, MAX_SAMPLES, shape))
-    return objects, rest_of(presses.flat, presses.pixel, shape)
+        objects.append(press.samples(presses.pixel, MAX_SAMPLES, shape))
+    return objects, Rest.of(presses.flat, presses.pixel, shape)

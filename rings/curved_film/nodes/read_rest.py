@@ -16,6 +16,7 @@ from tactograph.sdk import (
     F4,
     F8,
     InputError,
+    Lens,
     Light,
     Mask,
     PixelSize,
@@ -24,7 +25,7 @@ from tactograph.sdk import (
     warn,
 )
 from tactograph.sdk.nodes import undistort
-from tactograph.sdk.unstable import Lens, RestShape, places, rest_shape
+from tactograph.sdk.unstable import RestShape, places
 
 MESH_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb")
 SEARCH_NAME = "find"
@@ -122,7 +123,7 @@ def read_rest(
             f"{file or names[0]}: the film rises to the pupil at {camera_mm:g} mm; "
             "check `camera_mm`"
         )
-    shape = rest_shape(np.asarray(height, np.float32), pixel, camera)
+    shape = RestShape.of(np.asarray(height, np.float32), pixel, camera)
     visible = None if is_known.all() else is_known.astype(np.uint8)
     return Resting(shape, visible)
 

@@ -10,7 +10,7 @@ from tactograph.graph import InputError
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.rest.find_film import find_film
 from tactograph.nodes.files.height_files import write_ply
-from tactograph.nodes.optics.rest_shape import rest_shape
+from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.rings.curved_film.nodes.read_rest import read_rest
 
 PIXEL_MM, SIZE = 0.1, (60, 80)
@@ -108,7 +108,7 @@ def test_a_height_map_of_another_size_is_refused(tmp_path: Path) -> None:
 
 
 def test_cells_of_a_shape_have_its_means() -> None:
-    shape = rest_shape(read(radius_mm=12.0).shape.height, PIXEL_MM)
+    shape = RestShape.of(read(radius_mm=12.0).shape.height, PIXEL_MM)
     cells = shape.binned(4)
     means = shape.slope[:, 12:16, 20:24].mean((1, 2))
     np.testing.assert_allclose(cells.slope[:, 3, 5], means, atol=1e-6)

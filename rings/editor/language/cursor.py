@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from tactograph.sdk import GraphError
-from tactograph.sdk.unstable import parse_yaml
+from tactograph.sdk.unstable import Document
 
 Path_ = tuple[str | int, ...]
 CURSOR_MARK = "_cursor_"
@@ -55,7 +55,7 @@ def find_cursor(text: str, line: int, column: int) -> Cursor | None:
     typed = _WORD_BEFORE.search(text[:start])
     for reading in _readings(text[:end], text[end:]):
         try:
-            data = parse_yaml(reading, "").data
+            data = Document.parse(reading, "").data
         except GraphError:
             continue
         marked = _marked(data, ())

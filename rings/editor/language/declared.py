@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 from tactograph.sdk import GraphError, find_node, node_page
-from tactograph.sdk.unstable import Group, choices_of
+from tactograph.sdk.unstable import Group
 
 _PAGE_SECTION = re.compile(r"^## (\w+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 _PAGE_ITEM = re.compile(r"^- `(\w+)` (.*)$", re.MULTILINE)
@@ -41,7 +41,7 @@ def of_node(op: str) -> Declared:
         inputs={**lines["Inputs"], "when": "Run only where this is not zero."},
         params=lines["Parameters"],
         outputs=lines["Outputs"],
-        choices={name: choices_of(each.annotation) for name, each in node.parameters.items()},
+        choices={name: each.choices for name, each in node.parameters.items()},
     )
 
 

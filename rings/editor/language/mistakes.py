@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.sdk import GraphError, TactographError
-from tactograph.sdk.unstable import Graph, graphs_of, parse_yaml, verified
+from tactograph.sdk import Graph, GraphError, TactographError
+from tactograph.sdk.unstable import Document, graphs_of, verified
 
 _MEANT_WORDS = re.compile(r"'([^']+)'[^']*; did you mean (('[^']+'(?:, | or )?)+)\?")
 _QUOTED_WORD = re.compile(r"'([^']+)'")
@@ -35,14 +35,14 @@ class Checked(NamedTuple):
 def check(text: str, file: Path) -> Checked:
     """Read and plan a text's graph and its variants; each error once.
 
-    Of YAML that is no graph nothing is told.
+    YAML that is no graph has no mistakes.
     """
     if not (_FORMAT_KEY.search(text) and _GRAPH_KEY.search(text)):
         return Checked(None, [])
     messages: dict[str, None] = {}
     graphs: list[Graph] = []
     with _gathered(messages):
-        graphs = graphs_of(parse_yaml(text, str(file)), file)
+        graphs = graphs_of(Document.parse(text, str(file)), file)
     for graph in graphs:
         with _gathered(messages):
             verified(graph)

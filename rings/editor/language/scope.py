@@ -13,16 +13,8 @@ from tactograph.rings.editor.language.declared import (
     of_group,
     of_node,
 )
-from tactograph.sdk import InputError
-from tactograph.sdk.unstable import (
-    Graph,
-    as_document,
-    find_file,
-    graphs_of,
-    group_of,
-    read_yaml,
-    shipped_groups,
-)
+from tactograph.sdk import Graph, InputError
+from tactograph.sdk.unstable import Document, find_file, graphs_of, shipped_groups
 
 PATCH_VERBS = ("set", "replace", "insert", "remove", "backend", "neutral")
 BASE_OF_OVERLAYS = "reconstruct"
@@ -58,7 +50,7 @@ class Scope:
         full = graph.in_full(name)
         if full in graph.nodes:
             return of_node(graph.nodes[full].op)
-        if (group := group_of(graph, full)) is not None:
+        if (group := graph.group_of(full)) is not None:
             return of_group(group)
         outer, _, inner = name.partition(".")
         entry = graph.groups[outer].body.nodes.get(inner) if outer in graph.groups else None
@@ -79,7 +71,7 @@ def scope_at(cursor: Cursor, file: Path, graph: Graph | None) -> Scope:
     if graph is None:
         base = cursor.data.get("base") or cursor.data.get("extends") or BASE_OF_OVERLAYS
         try:
-            graph = graphs_of(as_document({"format": 1, "extends": base}), file)[0]
+            graph = graphs_of(Document.parse(f"format: 1\nextends: '{base}'", str(file)), file)[0]
         except InputError:  # there is no such graph
             return Scope()
     return of_graph(graph)
@@ -88,7 +80,7 @@ def scope_at(cursor: Cursor, file: Path, graph: Graph | None) -> Scope:
 def of_graph(graph: Graph) -> Scope:
     """The names of a whole graph."""
     names = {graph.in_short(name): of_node(entry.op) for name, entry in graph.nodes.items()}
-    uses = {name: group_of(graph, name) for name in graph.uses}
+    uses = {name: graph.group_of(name) for name in graph.uses}
     names |= {graph.in_short(name): of_group(group) for name, group in uses.items() if group}
     params = {
         name: f"{each.kind}, {each.state}; {each.help}" for name, each in graph.params.items()
@@ -113,7 +105,7 @@ def _group(name: str, data: Mapping[str, Any], file: Path) -> Declared:
         return of_data(stated)
     try:
         place = find_file(stated["extends"], file.parent, shipped_groups())
-        return of_data(read_yaml(place).data) if place else NO_DECLARATION
+        return of_data(Document.read(place).data) if place else NO_DECLARATION
     except InputError:
         return NO_DECLARATION
 

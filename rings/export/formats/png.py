@@ -16,7 +16,6 @@ from tactograph.rings.export.height_levels import (
     level_height,
 )
 from tactograph.sdk import Height, HeightError, HeightFile, InputError
-from tactograph.sdk.unstable import square_pixel
 
 PNG_TEXT = "Tactograph height"
 """The PNG's text chunk that holds step and offset."""
@@ -60,4 +59,4 @@ def read(file: Path) -> HeightFile:
     height = level_height(levels, step, offset)
     if "unknown_level" in about:
         height[levels == about["unknown_level"]] = np.nan
-    return HeightFile(height, square_pixel(side, side))
+    return HeightFile.of(height, side, side)

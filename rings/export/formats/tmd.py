@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.sdk import Height, HeightError, HeightFile, InputError
-from tactograph.sdk.unstable import square_pixel
 
 TMD_MAGIC = b"Binary TrueMap Data File v2.0\r\n\0"
 TMD_COMMENT = b"Height map in mm     \r\n\0"
@@ -48,4 +47,4 @@ def read(file: Path) -> HeightFile:
         raise InputError(f"{file}: declares {columns} x {rows} heights, but the file is shorter")
     heights = np.frombuffer(content, "<f4", columns * rows, start)
     height = np.asarray(heights.reshape(rows, columns), np.float32)
-    return HeightFile(height, square_pixel(width / columns, length / rows))
+    return HeightFile.of(height, width / columns, length / rows)

@@ -12,8 +12,10 @@ from tactograph.sdk import (
     Height,
     HeightError,
     InputError,
+    Lens,
     Metrics,
     PixelSize,
+    Port,
     View,
     atomic_files,
     bring,
@@ -24,7 +26,7 @@ from tactograph.sdk import (
     write_result_file,
     write_tiff,
 )
-from tactograph.sdk.unstable import Lens, Vergence, film_places, surface_of, view_stated
+from tactograph.sdk.unstable import Surface
 
 MESH_FORMATS = ("ply", *MESH_WRITERS)
 OWN_FORMATS = ("npy", "tiff", *MESH_FORMATS)
@@ -41,7 +43,7 @@ def export_height(
     pixel: PixelSize,
     name: str | None = None,
     lens: Lens | None = None,
-    camera: Vergence | None = None,
+    camera: Annotated[float, Port(unit="1/mm")] | None = None,
     error: HeightError | None = None,
     metrics: Metrics | None = None,
     rest: Height | None = None,
@@ -92,7 +94,7 @@ def export_height(
             f"`folder`={folder}: is to be a folder; `formats`={ending} writes height.{ending} there"
         )
     about = {"format": 1, "pixel_size_mm": float(pixel), "metrics": metrics or {}}
-    view = view_stated(View(lens, camera))
+    view = View(lens, camera)
     if rest is not None and rest.shape != height.shape:
         raise InputError(
             f"the height is {height.shape[1]} x {height.shape[0]} pixels, but the film at rest "
@@ -100,8 +102,8 @@ def export_height(
         )
     film = height if rest is None else height + rest
     images = [f"height.{extension}" for extension in formats if extension not in MESH_FORMATS]
-    if view and images:
-        even, apparent = film_places(film, None, 0.0), film_places(film, lens, camera or 0.0)
+    if images and not view.is_plain:
+        even, apparent = View().places(film), view.places(film)
         apart_mm = pixel * np.nanmax(np.hypot(*np.subtract(apparent, even)))
         warn(
             f"{', '.join(images)}: what the camera's pixels see, by a lens or from near, is up to "
@@ -113,18 +115,18 @@ def export_height(
         for extension in formats:
             file = target / f"height.{extension}"
             exported = film if extension in MESH_FORMATS else height
-            _write(file, exported, pixel, View(lens, camera), error)
-        if metrics is not None or view:
-            write_result_file(target, {**about, **view})
+            _write(file, exported, pixel, view, error)
+        if metrics is not None or not view.is_plain:
+            write_result_file(target, {**about, **view.stated()})
 
 
 def _write(file: Path, height: Height, pixel: float, view: View, error: HeightError | None) -> None:
     """Write a height, or a film as a mesh, in the format of the file's suffix."""
-    extension, (lens, camera) = file.suffix[1:], view
+    extension = file.suffix[1:]
     if extension == "ply":
-        write_ply(file, height, pixel, lens, camera or 0.0)
+        write_ply(file, height, pixel, view)
     elif extension in MESH_WRITERS:
-        MESH_WRITERS[extension](file, surface_of(height, pixel, lens, camera or 0.0))
+        MESH_WRITERS[extension](file, Surface.of(height, pixel, view))
     elif extension == "npy":
         np.save(file, height)
     elif extension == "tiff":

@@ -2,8 +2,10 @@
 
 from pathlib import Path
 
-from tactograph.sdk import Crop, HeightError, InputError, node, read_height_file
-from tactograph.sdk.unstable import checked_heights
+import numpy as np
+
+from tactograph.sdk import Crop, HeightError, InputError, cropped, node, read_height_file
+from tactograph.sdk.unstable import check_heights
 
 ERROR_FILE = "error.npy"
 
@@ -32,7 +34,8 @@ def read_error(*, height: Path, crop: Crop | None = None) -> HeightError | None:
         if not file.is_file():
             return None
         stated = read_height_file(file).height
-    error = checked_heights(stated, file, crop, unknown=True)
+    check_heights(stated, file, unknown=True)
+    error: HeightError = np.ascontiguousarray(cropped(stated, crop, file))
     if (error < 0).any():
         raise InputError(f"{file}: a standard deviation cannot be negative")
     return error

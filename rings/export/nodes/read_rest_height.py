@@ -3,15 +3,8 @@
 from pathlib import Path
 
 from tactograph.sdk import Height, node, warn
-from tactograph.sdk.nodes import distort_height
-from tactograph.sdk.unstable import (
-    CALIBRATION_KIND,
-    RELIEF_FIGURE,
-    check_use,
-    read_about,
-    read_arrays,
-    read_result,
-)
+from tactograph.sdk.nodes import distort_height, read_calibration
+from tactograph.sdk.unstable import read_result
 
 
 @node
@@ -35,13 +28,11 @@ def read_rest_height(*, height: Path, calibration: Path | None = None) -> Height
         If the calibration cannot be read.
     """
     if calibration is None:
-        if read_result(height.parent).get("metrics", {}).get(RELIEF_FIGURE):
+        if read_result(height.parent).get("metrics", {}).get("rest_relief_mm"):
             warn(
                 f"{height}: its film is no plane at rest; meshes lay the height out on a plane "
                 "without the sensor's `calibration`"
             )
         return None
-    arrays = read_arrays(calibration, CALIBRATION_KIND)
-    check_use(calibration, read_about(calibration), None)
-    rest = arrays.get("rest")
-    return None if rest is None or not rest.any() else distort_height(rest, arrays["lens"])
+    sensor = read_calibration(file=calibration)
+    return None if sensor.rest is None else distort_height(sensor.rest, sensor.lens)

@@ -1,10 +1,10 @@
-"""``tactograph show``: print and draw the content of a file, by the graph of that name."""
+"""``tactograph show``: print and draw the content of a file, by node `show_file`."""
 
 from pathlib import Path
 
 import click
 
-from tactograph.sdk.unstable import FOLDER_PATH, run_shipped
+FOLDER_PATH = click.Path(file_okay=False, path_type=Path)
 
 
 @click.command("show", short_help="Print and draw what is in a file.")
@@ -15,4 +15,6 @@ def command(file: Path, out: Path | None) -> None:
 
     A calibration says whether it is doubtful and why, from what settings it was made and when.
     """
-    run_shipped("show", {"file": str(file), "out": None if out is None else str(out)})
+    from tactograph.sdk.nodes import show_file
+
+    show_file(file=file, folder=out)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from tactograph.nodes.stream.frames import RawFrame
 from tactograph.rings.frames.assemble import Assembler
+from tactograph.rings.frames.live_frames import RawFrame
 from tactograph.rings.frames.rest_film import make_film
 
 ROWS, COLUMNS, RATE = 60, 80, 30.0

@@ -7,7 +7,7 @@ import numpy as np
 
 from tactograph.graph import Provenance
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
-from tactograph.nodes.stream.colour_planes import planes_of
+from tactograph.rings.frames.colour_planes import planes_of
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
     ColourScene,
     SimulatedColourSensor,

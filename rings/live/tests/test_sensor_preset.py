@@ -8,10 +8,10 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
-from tactograph.nodes.files.sensor_preset import read_preset, shipped_presets
+from tactograph.nodes.files.sensor_preset import SensorPreset, shipped_presets
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import View
-from tactograph.rings.live.nodes.camera.sensor_kind import preset_of, with_preset
+from tactograph.rings.live.nodes.camera.sensor_kind import camera_settings, preset_of
 from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor, open_rig
 
 
@@ -19,7 +19,7 @@ from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor, open_
 def test_what_ships_can_be_copied(name: str, tmp_path: Path) -> None:
     copy = tmp_path / "mine.yaml"
     copy.write_text(shipped_presets()[name].read_text().replace("turn_deg: 0 ", "turn_deg: 180"))
-    mine, shipped = read_preset(str(copy)), read_preset(name)
+    mine, shipped = SensorPreset.read(str(copy)), SensorPreset.read(name)
     assert mine.size == shipped.size
     assert pixel_size(sensor=name) == shipped.pixel_size_mm
 
@@ -45,7 +45,7 @@ def test_a_stated_pixel_size_goes_before_the_sensors() -> None:
 def test_a_mistake_is_told_with_its_place(text: str, says: str, tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text(text)
     with pytest.raises(InputError, match=says):
-        read_preset(str(tmp_path / "mine.yaml"))
+        SensorPreset.read(str(tmp_path / "mine.yaml"))
 
 
 @pytest.mark.parametrize("number", [".inf", ".nan", "1e300", "9" * 330])
@@ -58,7 +58,7 @@ def test_a_number_that_no_camera_has_is_refused(place: str, number: str, tmp_pat
     usual = "" if name == "pixel_size_mm" else "pixel_size_mm: 0.1\n"
     (tmp_path / "mine.yaml").write_text(f"format: 1\nsize: [320, 240]\n{usual}{entry}\n")
     with pytest.raises(InputError, match=rf"mine\.yaml:\d:\d+: {place}: input should be"):
-        read_preset(str(tmp_path / "mine.yaml"))
+        SensorPreset.read(str(tmp_path / "mine.yaml"))
 
 
 FLASHING = "format: 1\nleds: 4\nsize: [160, 120]\npixel_size_mm: 0.1\ncamera: {gain: 3}\n"
@@ -69,10 +69,11 @@ def test_a_preset_says_how_leds_that_flash_are_seen(tmp_path: Path) -> None:
     file.write_text(FLASHING)
     preset = preset_of(str(file), flashing=True)
     assert preset is not None
-    rig = open_rig(CameraParams("simulated"), "none", (None, None), leds=4, preset=preset)
+    driver = CameraParams("simulated", sensor=str(file))
+    rig = open_rig(driver, "none", (None, None), leds=4)
     with closing(rig):
         assert rig.camera.shots(2.0)[0].data.shape == (120, 160)
-    wanted = with_preset(CameraParams(0).settings_for(160, 120), preset)
+    wanted = camera_settings(driver, (160, 120), preset, colour=False)
     assert (wanted.gain, wanted.view) == (3, View(0, (0, 0, 1, 1), (160, 120)))
 
 
@@ -86,7 +87,7 @@ def test_a_preset_of_the_other_kind_is_refused(flashing: bool, tmp_path: Path) -
 
 def test_an_unknown_sensor_is_told_with_those_there_are() -> None:
     with pytest.raises(InputError, match=r"`sensor`=mimi: is neither .* digit, gelsight_mini"):
-        read_preset("mimi")
+        SensorPreset.read("mimi")
 
 
 def test_a_picture_is_turned_cut_and_shrunk_or_stays_as_it_is() -> None:
@@ -102,15 +103,11 @@ def test_a_picture_is_turned_cut_and_shrunk_or_stays_as_it_is() -> None:
 
 def test_a_calibration_of_another_size_is_refused() -> None:
     with pytest.raises(InputError, match=r"gives 320 x 240 pixels, but the calibration is for 64"):
-        open_colour_sensor(
-            CameraParams("/dev/video99"), (64, 48), preset=read_preset("gelsight_mini")
-        )
+        open_colour_sensor(CameraParams("/dev/video99", sensor="gelsight_mini"), (64, 48))
 
 
 def test_a_simulated_sensor_has_the_presets_size() -> None:
-    sensor = open_colour_sensor(
-        CameraParams("simulated"), (None, None), preset=read_preset("digit")
-    )
+    sensor = open_colour_sensor(CameraParams("simulated", sensor="digit"), (None, None))
     try:
         (shot, *_) = sensor.camera.shots(2.0)
         assert shot.data.shape == (320, 240, 3)

@@ -1,11 +1,11 @@
-"""``tactograph cameras``: the cameras that are plugged in, by the graph of that name."""
+"""``tactograph cameras``: the cameras that are plugged in, by node `list_cameras`."""
 
 import click
-
-from tactograph.sdk.unstable import run_shipped
 
 
 @click.command("cameras", short_help="List the cameras that are plugged in.")
 def command() -> None:
     """List cameras: device, name, serial number, formats, sizes and rates."""
-    run_shipped("cameras", {})
+    from tactograph.sdk.nodes import list_cameras
+
+    list_cameras()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from tactograph.sdk import HeightFile, InputError, need
-from tactograph.sdk.unstable import MAX_PIXEL_MM, square_pixel
+from tactograph.sdk.unstable import MAX_PIXEL_MM
 
 METRES_PER_MM = 1e-3
 """A millimetre in metres."""
@@ -48,5 +48,5 @@ def read_in_metres(file: Path, read: Callable[[Path], Sequence[Any]]) -> HeightF
             "metres belong? Write it again in metres"
         )
     height, *stated = ((np.asarray(one) / METRES_PER_MM).astype(np.float32) for one in maps)
-    side = square_pixel(width / METRES_PER_MM, length / METRES_PER_MM)
-    return HeightFile(height, side, stated[0] if stated else None)
+    sides = width / METRES_PER_MM, length / METRES_PER_MM
+    return HeightFile.of(height, *sides, stated[0] if stated else None)

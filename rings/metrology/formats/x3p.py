@@ -48,7 +48,7 @@ def _layers(file: Path) -> Sequence[Any]:
 
 
 def _read(file: Path) -> Any:
-    """The content; a stale checksum and the root of an early draft are told, and read."""
+    """The content; a stale checksum and a draft's root cause a warning, and are read."""
     package = package_for("x3p", "x3pio")
     try:
         return package.read(file)

@@ -8,7 +8,6 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4
-from tactograph.nodes.files.calibration_file import write_arrays
 from tactograph.rings.oneshot.nodes.file.press_calibration import PRESS_CALIBRATION
 from tactograph.rings.oneshot.nodes.map.reflectance_map import predicted, shades, terms
 from tests.nodes.gels import PIXEL_MM, save
@@ -42,7 +41,7 @@ def test_a_one_shot_sensor_gets_the_gain_that_its_check_press_shows(tmp_path: Pa
     check = save(tmp_path / "check", one_shot(new, pressed), colour=True)
     cal = tmp_path / "old.npz"
     arrays = {"flat": one_shot(old, level), "pixel_size": PIXEL_MM, "reflectance": old}
-    write_arrays(cal, PRESS_CALIBRATION, arrays, {"quality": {"heldout_normal_deg": 1.0}})
+    PRESS_CALIBRATION.write(cal, arrays | {"quality": {"heldout_normal_deg": 1.0}})
     run(
         "recalibrate_oneshot", tmp_path / "new.npz",
         calibration=cal, flat=flat, capture=check, ball_radius_mm=2.0,
@@ -68,6 +67,6 @@ def test_a_calibration_of_the_other_kind_says_which_graph_takes_it(tmp_path: Pat
     file = tmp_path / "mini.npz"
     flat = np.ones((3, 4, 5), np.float32)
     arrays = {"flat": flat, "pixel_size": PIXEL_MM, "reflectance": one_shot_map()}
-    write_arrays(file, PRESS_CALIBRATION, arrays, {})
+    PRESS_CALIBRATION.write(file, arrays)
     with pytest.raises(InputError, match="recalibrate_oneshot"):
         run("recalibrate", tmp_path / "x.npz", flat=tmp_path, calibration=file)

@@ -1,6 +1,6 @@
 """Find what has changed between two frames of the untouched film.
 
-Long because LEDs, ambient light, shift, dirt and dents can only be told apart together.
+Long because LEDs, ambient light, shift, dirt and dents can only be separated together.
 """
 
 from typing import Annotated, NamedTuple
@@ -9,10 +9,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.rings.recheck.nodes import TiltResponse
 from tactograph.rings.recheck.nodes._led_order import other_order
 from tactograph.sdk import F4, F8, Height, InputError, Light, PixelSize, Port, SizeLimit, node
 from tactograph.sdk.nodes import integrate_dct
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, MIN_FLAT_LIGHT, TiltResponse, terms
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, MIN_FLAT_LIGHT
 
 MIN_LIGHT = 0.002
 """Smallest light that is not dark: half a step of 8 bits."""
@@ -72,7 +73,7 @@ def film_change(
     pixel : mm per px
     new_film
         Whether the film was replaced.  Then smooth changes may differ from LED to LED, and
-        ambient light and shift, which cannot be told from them, are returned as 0.
+        ambient light and shift, which cannot be separated from them, are returned as 0.
 
     Returns
     -------
@@ -171,7 +172,10 @@ def _smooth_part(
     """The strengths K, the fitted ratio K x H x W, the ambient light, and the shift."""
     count, rows, columns = ratio.shape
     step = columns // MAX_FIT_WIDTH_PX + 1
-    place = terms(np.arange(rows), np.arange(columns), (rows, columns)).astype(np.float64)
+    v, u = (
+        2 * np.indices((rows, columns)) - np.array([rows, columns])[:, None, None] + 1
+    ) / columns
+    place = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v])
     strength = np.median(ratio[:, is_known], axis=1) if is_known.any() else np.ones(count)
     if new_film:  # six smooth terms for each LED
         each = np.eye(count)[:, None, :, None, None] * place[None, :, None]

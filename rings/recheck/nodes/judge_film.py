@@ -12,14 +12,18 @@ from scipy.special import ndtri
 
 from tactograph.rings.recheck.nodes.film_change import FilmChange
 from tactograph.sdk import F4, Metrics, PixelSize, node
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, FALSE_ALARMS, LED_DRIFT, SHIFT_DEVIATION_PX
+from tactograph.sdk.unstable import (
+    DEVIATIONS_PER_MAD,
+    FALSE_ALARMS,
+    LED_DRIFT,
+    LED_DRIFT_ACROSS,
+    SHIFT_DEVIATION_PX,
+)
 
 MAX_AMBIENT = 0.004
 """Tolerated light that comes from no LED, as a fraction of full scale: one 8-bit step."""
 MAX_BLACK_LEVEL = 0.1
 """Highest black level of a camera, as a fraction of full scale."""
-MIN_DENT_SLOPE = 0.01
-"""Smallest slope of a dent: LEDs that drift turn film by less."""
 MIN_MARK_CHANGE = 0.015
 """Smallest change of albedo of a mark."""
 SHARP_GRADIENT = 0.125
@@ -40,10 +44,7 @@ class Verdicts(NamedTuple):
 
 
 @node
-def judge_film(
-    change: FilmChange,
-    pixel: PixelSize,
-) -> Verdicts:
+def judge_film(change: FilmChange, pixel: PixelSize) -> Verdicts:
     """Return a verdict on the LEDs, the film, the lens, ambient light and the camera.
 
     Parameters
@@ -58,55 +59,74 @@ def judge_film(
     strongest mark in the film and on the lens; ``wrong``, the number of causes found.
     """
     strength, ambient, shift, albedo, dent = change
-    scratch, dirt = _marks(albedo)
+    scratches, spots = _marks(albedo)
     deepest, where = _dent(dent, pixel)
-    moved = float(np.hypot(*shift))
-    verdicts: tuple[str, ...] = (ANOTHER_SENSOR,) * 5
-    if not _is_impossible(strength, ambient, deepest, pixel * dent.shape[1]):
-        verdicts = (
-            _of_leds(strength),
-            _of_film(deepest, where, scratch),
-            _of_lens(dirt),
-            _of_ambient(ambient),
-            _of_camera(shift, moved),
-        )
-    figures = {f"light_percent/led{k}": 100 * float(s) for k, s in enumerate(strength, start=1)}
-    figures |= {
-        "ambient_percent": 100 * ambient,
-        "shift_px": moved,
-        "dent_um": 1e3 * deepest,
-        "film_mark_percent": 100 * abs(scratch.depth),
-        "lens_mark_percent": 100 * abs(dirt.depth),
-        "wrong": float(sum(not verdict.startswith("right") for verdict in verdicts)),
+    moved, mark, spot = float(np.hypot(*shift)), _strongest(scratches), _strongest(spots)
+    wrong = {
+        "leds": _of_leds(strength),
+        "film": _of_film(deepest, where, scratches),
+        "lens": f"a blurred spot of {100 * spot.depth:+.0f} % at {spot.x},{spot.y} px: clean the "
+        "lens, or recalibrate with a new flat frame"
+        if spots
+        else "",
+        "ambient": _of_ambient(ambient),
+        "camera": f"the image has moved by {shift[0]:+.1f},{shift[1]:+.1f} px: fix the camera and "
+        "calibrate again"
+        if moved > SHIFT_DEVIATION_PX
+        else "",
     }
-    leds, film, lens, ambience, camera = verdicts
-    return Verdicts(leds, film, lens, ambience, camera, figures)
+    # No LED gives less than no light, no black level falls by more than it stood at, and no dent is
+    # deeper than half the view.
+    is_dark = bool(strength.min() <= 0) or ambient < -MAX_BLACK_LEVEL
+    if is_dark or abs(deepest) > pixel * dent.shape[1] / 2:
+        wrong = dict.fromkeys(wrong, ANOTHER_SENSOR)
+    wrong = {cause: sentence for cause, sentence in wrong.items() if sentence}
+    figures = {f"light_percent/led{k}": 100 * float(s) for k, s in enumerate(strength, start=1)}
+    right = Verdicts(
+        f"right: {min(figures.values()):.1f} to {max(figures.values()):.1f} % of their light",
+        "right: no dents, no scratches",
+        "right: clean",
+        "right: none",
+        f"right: moved by {moved:.1f} px",
+        figures
+        | {
+            "ambient_percent": 100 * ambient,
+            "shift_px": moved,
+            "dent_um": 1e3 * deepest,
+            "film_mark_percent": 100 * abs(mark.depth),
+            "lens_mark_percent": 100 * abs(spot.depth),
+            "wrong": float(len(wrong)),
+        },
+    )
+    return right._replace(**wrong)  # type: ignore[arg-type]
 
 
 class _Mark(NamedTuple):
-    """The strongest mark of a kind: change of albedo, position in px, and number of marks."""
+    """Change of albedo, and position in px."""
 
     depth: float
     x: int
     y: int
-    number: int
 
 
-def _marks(albedo: F4) -> tuple[_Mark, _Mark]:
+def _marks(albedo: F4) -> tuple[list[_Mark], list[_Mark]]:
     """The marks in the film, which are sharp, and those on the lens, which are blurred."""
     standing = (np.abs(albedo) > max(_noise(albedo), MIN_MARK_CHANGE)).astype(np.uint8)
     count, labels = cv2.connectedComponents(standing, connectivity=8)
-    by_y, by_x = np.gradient(albedo)
-    steepness = np.hypot(by_x, by_y)
-    marks: dict[bool, list[tuple[float, int, int]]] = {True: [], False: []}
+    steepness = np.hypot(*np.gradient(albedo))
+    marks: tuple[list[_Mark], list[_Mark]] = [], []
     for number in range(1, count):
         inside: NDArray[np.intp] = np.flatnonzero(labels == number)
         deepest = inside[np.abs(albedo.flat[inside]).argmax()]
         depth = float(albedo.flat[deepest])
         y, x = divmod(int(deepest), albedo.shape[1])
-        sharp = bool(steepness.flat[inside].max() > SHARP_GRADIENT * abs(depth))
-        marks[sharp].append((depth, x, y))
-    return _strongest(marks[True]), _strongest(marks[False])
+        is_blurred = bool(steepness.flat[inside].max() <= SHARP_GRADIENT * abs(depth))
+        marks[is_blurred].append(_Mark(depth, x, y))
+    return marks
+
+
+def _strongest(marks: list[_Mark]) -> _Mark:
+    return max(marks, key=lambda mark: abs(mark.depth), default=_Mark(0.0, 0, 0))
 
 
 def _noise(plane: F4) -> float:
@@ -119,12 +139,6 @@ def _reach(count: int, spread: float) -> float:
     return float(-ndtri(FALSE_ALARMS / (2 * count))) * spread
 
 
-def _strongest(marks: list[tuple[float, int, int]]) -> _Mark:
-    if not marks:
-        return _Mark(0.0, 0, 0, 0)
-    return _Mark(*max(marks, key=lambda mark: abs(mark[0])), len(marks))
-
-
 def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
     """Height in mm of the strongest dent, and its position in px; 0 if there is none.
 
@@ -132,7 +146,8 @@ def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
     """
     by_y, by_x = np.gradient(dent, pixel)
     slopes = np.stack([by_y, by_x])
-    if np.abs(slopes).max() < max(_noise(slopes), MIN_DENT_SLOPE):
+    # LEDs that drift across the image turn film by as much.
+    if np.abs(slopes).max() < max(_noise(slopes), LED_DRIFT_ACROSS):
         return 0.0, (0, 0)
     y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)
     return float(dent[y, x]), (int(x), int(y))
@@ -153,48 +168,24 @@ def _of_leds(strength: F4) -> str:
             f"all LEDs have {100 * usual:.0f} % of their light: check exposure, gain and supply; "
             "heights stay right as long as nothing is dark or saturated"
         )
-    low, high = 100 * float(strength.min()), 100 * float(strength.max())
-    return f"right: {low:.1f} to {high:.1f} % of their light"
+    return ""
 
 
-def _is_impossible(strength: F4, ambient: float, deepest: float, width_mm: float) -> bool:
-    """Whether no film, LED or camera of the calibration's changes so.
-
-    No LED gives less than no light, no black level falls by more than it stood at, and no dent is
-    deeper than half the view.
-    """
-    is_dark = bool(strength.min() <= 0) or ambient < -MAX_BLACK_LEVEL
-    return is_dark or abs(deepest) > width_mm / 2
-
-
-def _of_film(deepest: float, where: tuple[int, int], scratch: _Mark) -> str:
+def _of_film(deepest: float, where: tuple[int, int], scratches: list[_Mark]) -> str:
     sentences = []
     if deepest:
         sentences.append(
             f"a dent of {1e3 * deepest:.0f} um at {where[0]},{where[1]} px, or something touches "
             "the film there"
         )
-    if scratch.number:
+    if scratches:
+        depth, x, y = _strongest(scratches)
         sentences.append(
-            f"{scratch.number} marks or scratches, the strongest of {100 * scratch.depth:+.0f} % "
-            f"at {scratch.x},{scratch.y} px"
+            f"{len(scratches)} marks or scratches, the strongest of {100 * depth:+.0f} % at "
+            f"{x},{y} px"
         )
-    if sentences:
-        return (
-            " and ".join(sentences)
-            + ": wipe the film and take its capture again; if it stays, recalibrate with a new "
-            "flat frame"
-        )
-    return "right: no dents, no scratches"
-
-
-def _of_lens(dirt: _Mark) -> str:
-    if dirt.number:
-        return (
-            f"a blurred spot of {100 * dirt.depth:+.0f} % at {dirt.x},{dirt.y} px: clean the lens, "
-            "or recalibrate with a new flat frame"
-        )
-    return "right: clean"
+    cure = ": wipe the film and take its capture again; if it stays, recalibrate with a new flat "
+    return " and ".join(sentences) + f"{cure}frame" * bool(sentences)
 
 
 def _of_ambient(ambient: float) -> str:
@@ -208,13 +199,7 @@ def _of_ambient(ambient: float) -> str:
         return (
             f"{100 * ambient:+.1f} % of full scale comes from no LED: keep other light out, or "
             "take an image with all LEDs off and recalibrate with it"
-            + ("; or is this another sensor?" if ambient > MAX_BLACK_LEVEL else "")
+            + "; or is this another sensor?"
+            * (ambient > MAX_BLACK_LEVEL)
         )
-    return "right: none"
-
-
-def _of_camera(shift: F4, moved: float) -> str:
-    if moved > SHIFT_DEVIATION_PX:
-        x, y = shift
-        return f"the image has moved by {x:+.1f},{y:+.1f} px: fix the camera and calibrate again"
-    return f"right: moved by {moved:.1f} px"
+    return ""

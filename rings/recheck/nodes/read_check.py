@@ -1,12 +1,14 @@
 """Read the presses of a ball that check a film, if there are any."""
 
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Gt
 
 from tactograph.sdk import InputError, Light, node
 from tactograph.sdk.nodes import read_balls
-from tactograph.sdk.unstable import BallPresses, Layout, Millimetres
+from tactograph.sdk.unstable import BallPresses, Layout
 
 NO_BALL_MM = 1e3
 """Radius in mm where no ball was given: so large that it limits nothing."""
@@ -17,9 +19,9 @@ def read_check(
     flat: Light,
     *,
     folder: Path | None = None,
-    radius_mm: Millimetres | None = None,
+    radius_mm: Annotated[float, Gt(0)] | None = None,
     center_px: tuple[float, float] | None = None,
-    contact_px: Millimetres | None = None,
+    contact_px: Annotated[float, Gt(0)] | None = None,
     layout: Layout,
 ) -> BallPresses:
     """Read check presses as `read_balls` does; without a folder, return the film at rest.

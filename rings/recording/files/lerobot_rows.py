@@ -15,9 +15,6 @@ from numpy.typing import NDArray
 from tactograph.rings.export.height_levels import OFFSET_MM, STEP_MM, UNKNOWN_LEVEL, height_levels
 from tactograph.rings.recording.files.level_pictures import levels_picture
 from tactograph.sdk import F4, U1, InputError, Light, Touch, layers_of, need
-from tactograph.sdk.unstable import (
-    view_stated,
-)
 
 MAX_BYTE = 255
 NS_PER_S = 10**9
@@ -79,7 +76,7 @@ def touch_columns(
         raise InputError(f"`sensor`={sensor}: a name of letters, digits and underscores is needed")
     scale = {"unit": "mm", "step": STEP_MM, "offset": OFFSET_MM, "unknown_level": UNKNOWN_LEVEL}
     about = {"level": "256 * red + green", **scale, "pixel_size_mm": float(touch.pixel)}
-    about |= {"sensor_name": sensor, **origin, **view_stated(touch.view)}
+    about |= {"sensor_name": sensor, **origin, **touch.view.stated()}
     height = Column(levels_picture(height_levels(touch.height)), info=about)
     columns = {height_column(sensor): height}
     leds = len(touch.image)

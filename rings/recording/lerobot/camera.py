@@ -13,10 +13,10 @@ from lerobot.cameras.configs import CameraConfig
 from numpy.typing import NDArray
 
 from tactograph.rings.export.height_levels import height_levels
+from tactograph.rings.frames.calibrated_film import calibrated_film
 from tactograph.rings.recording.files.lerobot_rows import MAX_BYTE, PICTURE_CHANNELS, lights_picture
 from tactograph.rings.recording.files.level_pictures import levels_picture
 from tactograph.sdk import U1, load
-from tactograph.sdk.unstable import calibrated_film
 
 START_S = 60.0
 """Longest wait for the first picture: the graph is compiled before."""
@@ -184,7 +184,7 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
                         self._picture, self._time = picture, time.monotonic()
                         self._count += 1
                         self._arrival.notify_all()
-        except Exception as error:  # told to whoever reads next
+        except Exception as error:  # raised for whoever reads next
             self._error = error
         finally:
             with self._arrival:

@@ -19,11 +19,7 @@ from tactograph.rings.recording.files.lerobot_rows import (
 )
 from tactograph.rings.recording.files.level_pictures import picture_levels
 from tactograph.sdk import U1, Height, InputError, Labels, Light, Port, Slope, node
-from tactograph.sdk.unstable import (
-    check_handed_in,
-    check_sensor,
-    identity_in,
-)
+from tactograph.sdk.unstable import SensorIdentity, check_handed_in
 
 
 class DatasetTouch(NamedTuple):
@@ -71,7 +67,7 @@ def read_lerobot(
     """
     rows = open_lerobot(dataset)
     about = _height_info(dataset, rows, sensor)
-    check_sensor(dataset, identity_in(about), calibration, another_sensor)
+    SensorIdentity.stated_in(about).check(dataset, calibration, another_sensor)
     if episode is not None and episode >= rows.num_episodes:
         raise InputError(f"{dataset}: has {rows.num_episodes} episodes; they count from 0")
     offset = time.time_ns() - time.monotonic_ns()

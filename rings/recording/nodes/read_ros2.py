@@ -9,10 +9,12 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
+from tactograph.rings.frames.calibrated_film import CalibratedFilm, calibrated_film
+from tactograph.rings.frames.colour_planes import Order, planes_of
+from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.recording.files.ros_messages import read_image
 from tactograph.rings.recording.nodes._ros_node import RosNode
-from tactograph.sdk import InputError, Light, LiveFrames, LiveState, node, warn
-from tactograph.sdk.unstable import CalibratedFilm, Order, calibrated_film, planes_of
+from tactograph.sdk import InputError, Light, LiveState, node, warn
 
 WAIT_S = 0.1
 IMAGE_TYPE = "sensor_msgs/msg/Image"

@@ -10,7 +10,6 @@ import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 from itertools import chain, islice, pairwise
 from pathlib import Path
 from statistics import median
@@ -20,24 +19,16 @@ import numpy as np
 from annotated_types import Ge
 
 from tactograph.rings.frames.assemble import Assembler, Refresh
+from tactograph.rings.frames.colour_planes import planes_of
+from tactograph.rings.frames.live_frames import ALL_LIT, LiveFrames, RawFrame
 from tactograph.rings.frames.rest_film import make_film, top_of
 from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.files.mcap_read import McapFile, Read
 from tactograph.rings.recording.files.ros_messages import read_image
 from tactograph.rings.recording.nodes.record import RECORDING_FORMAT
-from tactograph.sdk import InputError, Light, LiveFrames, LiveState, node, warn
+from tactograph.sdk import InputError, Light, LiveState, node, warn
 from tactograph.sdk.nodes import read_calibration
-from tactograph.sdk.unstable import (
-    ALL_LIT,
-    MAX_LEDS,
-    MAX_PIXELS,
-    RawFrame,
-    SensorIdentity,
-    check_handed_in,
-    check_sensor,
-    identity_in,
-    planes_of,
-)
+from tactograph.sdk.unstable import MAX_PIXELS, SensorIdentity, check_handed_in
 
 IMAGE_TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")
 RATE_FRAMES = 40
@@ -85,7 +76,7 @@ def replay(
         than the calibration.
     """
     source = _Recording(
-        recording, partial(check_sensor, calibration=calibration, another_sensor=another_sensor)
+        recording, lambda sensor, file: sensor.check(file, calibration, another_sensor)
     )
     frames = source.frames()
     first = list(islice(frames, RATE_FRAMES))
@@ -186,7 +177,7 @@ class _Recording:
     settings : the camera's settings, as far as they have been read
     """
 
-    def __init__(self, path: Path, check: Callable[[Path, SensorIdentity], None]) -> None:
+    def __init__(self, path: Path, check: Callable[[SensorIdentity, Path], None]) -> None:
         self.path, self._check = path, check
         self._sensor = SensorIdentity()
         self._files = _files(path)
@@ -217,7 +208,7 @@ class _Recording:
 
     def _learn(self, file: McapFile) -> None:
         leds = file.about.get("leds", "")
-        if leds not in map(str, range(1, MAX_LEDS + 1)):
+        if leds not in map(str, range(1, 9)):
             raise InputError(f"{file.path}: was not written by tactograph's 'record'")
         if file.about.get("format") != RECORDING_FORMAT:
             raise InputError(
@@ -225,9 +216,9 @@ class _Recording:
                 f"{RECORDING_FORMAT}"
             )
         self.leds = int(file.about["leds"])
-        sensor = identity_in(file.about)
+        sensor = SensorIdentity.stated_in(file.about)
         if sensor != self._sensor:
-            self._check(file.path, sensor)
+            self._check(sensor, file.path)
         self._sensor = sensor
 
     def _frame(self, path: Path, message: Read) -> RawFrame:
@@ -238,14 +229,11 @@ class _Recording:
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         led = ALL_LIT if topic[2] else int(topic[1] or 0)
-        if (data.ndim > 2) != (led == ALL_LIT):
-            raise InputError(f"{path}: {message.topic} holds {data.ndim - 1} planes of an image")
-        if led > self.leds:
-            raise InputError(f"{path}: holds frames of LED {led}, but is of {self.leds} LEDs")
-        if data.dtype.kind != "u" or not 0 < data.size <= MAX_PIXELS:
+        is_of_kind = (data.ndim > 2) == (led == ALL_LIT) and led <= self.leds
+        if not is_of_kind or data.dtype.kind != "u" or not 0 < data.size <= MAX_PIXELS:
             raise InputError(
-                f"{path}: holds a frame of {data.shape[1]} x {data.shape[0]} {data.dtype} pixels, "
-                "which no camera gives"
+                f"{path}: {message.topic} holds {data.dtype} numbers of shape {data.shape}, which "
+                f"no camera above {self.leds} LEDs gives"
             )
         return RawFrame(message.sequence, led, 1e-9 * (message.time - self._offset), data)
 

@@ -14,9 +14,9 @@ from tactograph.rings.recording.files.lerobot_rows import (
     open_lerobot,
     touch_columns,
 )
-from tactograph.rings.recording.nodes._touch_messages import TouchStamps
+from tactograph.rings.recording.files.stamps import TouchStamps
 from tactograph.sdk import InputError, Provenance, Session, Touch, node, warn
-from tactograph.sdk.unstable import identity_from
+from tactograph.sdk.unstable import SensorIdentity
 
 WRITER_THREADS = 2
 """Threads that compress pictures."""
@@ -72,7 +72,10 @@ def write_lerobot(
     """
     stamps = session.keep(lambda: _Episode(folder, task, rate))
     names = [name.strip() for name in figures.split(",") if name.strip()]
-    identity = {**identity_from(provenance)._asdict(), **provenance.inputs.get("calibration", {})}
+    identity = {
+        **SensorIdentity.behind(provenance)._asdict(),
+        **provenance.inputs.get("calibration", {}),
+    }
     origin = {"sensor": identity.pop("name"), **identity}
     stamp = stamps.clock.of(touch.time)
     columns = touch_columns(touch, stamp, sensor, names, contacts, origin)

@@ -8,7 +8,8 @@ import numpy as np
 
 from tactograph.graph import Provenance, Session
 from tactograph.nodes import F4
-from tactograph.nodes.stream.frames import LiveState, RawFrame
+from tactograph.nodes.stream.touch import LiveState
+from tactograph.rings.frames.live_frames import RawFrame
 from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.files.mcap_read import McapFile
 from tactograph.rings.recording.nodes.record import record

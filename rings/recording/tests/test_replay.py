@@ -20,7 +20,7 @@ from rings.recording.tests.recordings import (
 )
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.stream.frames import RawFrame
+from tactograph.rings.frames.live_frames import RawFrame
 from tactograph.rings.recording.files import mcap_read
 from tactograph.rings.recording.files.mcap_log import Limits, McapLog, log_files
 from tactograph.rings.recording.files.mcap_read import McapFile

@@ -18,8 +18,8 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
-from tactograph.nodes.calibrate.file.calibrated_film import CalibratedFilm
 from tactograph.nodes.contact.measure_contact import measure_contact
+from tactograph.rings.frames.calibrated_film import CalibratedFilm
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
     ColourScene,
     SimulatedColourSensor,

@@ -10,7 +10,7 @@ from rings.recording.tests.recordings import PROVENANCE, light_of, make_cycle
 from tactograph.graph import InputError, Session
 from tactograph.graph.disk.file_identity import file_identity
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.stream.frames import LiveState
+from tactograph.nodes.stream.touch import LiveState
 from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.files.mcap_read import McapFile
 from tactograph.rings.recording.nodes.record import record

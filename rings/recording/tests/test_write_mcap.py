@@ -11,8 +11,8 @@ from mcap_ros2.decoder import DecoderFactory
 
 from tactograph.graph import Provenance, Session
 from tactograph.nodes.contact.measure_contact import measure_contact
-from tactograph.nodes.files.height_files import surface_of
-from tactograph.nodes.stream.touch import View
+from tactograph.nodes.files.height_files import Surface
+from tactograph.nodes.optics.camera_view import View
 from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.recording.files.mcap_log import log_files
@@ -124,7 +124,7 @@ def test_points_lie_on_the_film_where_a_lens_shows_them() -> None:
     touch = touch_of(height=HEIGHT, image=IMAGE, pixel=PIXEL, view=view)
     (cloud,) = [m for m in touch_messages(0, touch, 2, provenance([])) if m.topic == "/points"]
     x, y, z = np.moveaxis(np.frombuffer(cloud.body["data"], "<f4").reshape(3, 4, 3), -1, 0)
-    mesh = surface_of(HEIGHT, PIXEL, *view).vertices.reshape(*SIZE, 3)[::2, ::2]
+    mesh = Surface.of(HEIGHT, PIXEL, view).vertices.reshape(*SIZE, 3)[::2, ::2]
     np.testing.assert_allclose(1e3 * x - 3.5 * PIXEL, mesh[..., 0], atol=1e-5)
     np.testing.assert_allclose(1e3 * y - 2.5 * PIXEL, -mesh[..., 1], atol=1e-5)
     np.testing.assert_allclose(1e3 * z, mesh[..., 2], atol=1e-5)
@@ -137,9 +137,7 @@ def points(cloud: Any) -> dict[str, np.ndarray]:
     return {each.name: column for each, column in zip(cloud.fields, values.T, strict=True)}
 
 
-def test_a_contact_is_a_point_with_figures_in_metres_and_radians(
-    messages: dict[str, Any],
-) -> None:
+def test_a_contact_is_a_point_with_figures_in_metres_and_radians(messages: dict[str, Any]) -> None:
     found = points(messages["/contacts"][0][2])
     np.testing.assert_allclose(found["x"], [3 * 5e-5, 6 * 5e-5], rtol=1e-6)
     np.testing.assert_allclose(found["y"], [2 * 5e-5, 4 * 5e-5], rtol=1e-6)

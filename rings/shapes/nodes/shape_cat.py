@@ -9,8 +9,8 @@ from tactograph.rings.shapes.nodes._solid import (
     union,
     without,
 )
-from tactograph.sdk import node
-from tactograph.sdk.unstable import Length, Shape, ShapeImage, shape, stretched, turned
+from tactograph.rings.shapes.profiles import stretched
+from tactograph.sdk import Length, Shape, ShapeImage, node
 
 # The model's own unit is the radius of the head; y points down, from the ears to the paws.
 CAT_LENGTH = 4.5
@@ -38,11 +38,10 @@ def shape_cat(
         the cat keeps its proportions.
     angle_deg : turns the cat from x (right) towards y (down)
     """
-    x, y = image.places()
-    x, y = turned(x, y, angle_deg)
+    x, y = image.places(angle_deg)
     unit = length_mm / CAT_LENGTH
     height = relief(_cat(), x / unit, y / unit, CAT_TOP, SURFACE_ACCURACY)
-    return shape(stretched(height * unit, rise_mm), image.pixel_size_mm)
+    return Shape.of(stretched(height * unit, rise_mm), image.pixel_size_mm)
 
 
 def _cat() -> Solid:

@@ -5,8 +5,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.sdk import InputError, node
-from tactograph.sdk.unstable import Length, Shape, ShapeImage, shape
+from tactograph.sdk import InputError, Length, Shape, ShapeImage, node
 
 
 @node
@@ -37,4 +36,4 @@ def shape_cone(
         )
     x, y = image.places()
     share = (radius_mm - np.sqrt(x**2 + y**2)) / (radius_mm - top_radius_mm)
-    return shape(rise_mm * np.clip(share, 0.0, 1.0), image.pixel_size_mm)
+    return Shape.of(rise_mm * np.clip(share, 0.0, 1.0), image.pixel_size_mm)

@@ -5,8 +5,8 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.sdk import F8, InputError, node
-from tactograph.sdk.unstable import Length, Shape, ShapeImage, WallAngle, risen, shape, turned
+from tactograph.rings.shapes.profiles import WallAngle, risen
+from tactograph.sdk import F8, InputError, Length, Shape, ShapeImage, node
 
 Profile = Literal["square", "triangle", "sine"]
 
@@ -53,17 +53,16 @@ def shape_grating(
         If ridges that are not square get an angle of walls, or walls leave no level.
     """
     profile, duty, wall_deg, middle = ridge
-    x, y = image.places()
-    across, along = turned(x, y, angle_deg)
+    across, along = image.places(angle_deg)
     periods = across / period_mm + (0.5 if middle == "groove" else 0.0)
     phase = np.abs(periods - np.round(periods))
     from_edge = side_mm / 2 - np.maximum(np.abs(across), np.abs(along))
     if wall_deg == 90:
         height = rise_mm * _ridge(phase / (duty / 2), profile)
-        return shape(np.where(from_edge >= 0, height, 0.0), image.pixel_size_mm)
+        return Shape.of(np.where(from_edge >= 0, height, 0.0), image.pixel_size_mm)
     _check_walls(rise_mm / np.tan(np.radians(wall_deg)), period_mm, duty, profile)
     within = np.minimum((duty / 2 - phase) * period_mm, from_edge)
-    return shape(risen(within, rise_mm, wall_deg), image.pixel_size_mm)
+    return Shape.of(risen(within, rise_mm, wall_deg), image.pixel_size_mm)
 
 
 def _check_walls(run_mm: float, period_mm: float, duty: float, profile: Profile) -> None:

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.sdk import F8, InputError, node, read_image
-from tactograph.sdk.unstable import PAPER_PIXEL_MM, Length, PixelSide, Shape, read_numbers, shape
+from tactograph.sdk import F8, InputError, Length, Shape, ShapeImage, node, read_image
+from tactograph.sdk.unstable import read_numbers
+
+PAPER_PIXEL_MM = ShapeImage().pixel_size_mm
 
 
 @node
@@ -13,7 +15,7 @@ def shape_image(
     *,
     file: Path,
     rise_mm: Length | None = None,
-    pixel_size_mm: PixelSide = PAPER_PIXEL_MM,
+    pixel_size_mm: Length = PAPER_PIXEL_MM,
 ) -> Shape:
     """Return the height stored in a picture or an array; the image has the same size.
 
@@ -42,8 +44,8 @@ def shape_image(
     if values.dtype.kind in "iu":
         if rise_mm is None:
             raise InputError(f"{file} holds integers; say with `rise_mm` what white is")
-        return shape(values / np.iinfo(values.dtype).max * rise_mm, pixel_size_mm)
+        return Shape.of(values / np.iinfo(values.dtype).max * rise_mm, pixel_size_mm)
     height: F8 = values.astype(float) * (1.0 if rise_mm is None else rise_mm)
     if not np.isfinite(height).all():
         raise InputError(f"{file} holds values that are not finite; fill them first")
-    return shape(height, pixel_size_mm)
+    return Shape.of(height, pixel_size_mm)

@@ -6,8 +6,7 @@ from typing import Literal
 import numpy as np
 
 from tactograph.rings.shapes.mesh_file import rasterised, read_mesh
-from tactograph.sdk import F8, node
-from tactograph.sdk.unstable import Length, Shape, ShapeImage, shape, turned
+from tactograph.sdk import F8, Length, Shape, ShapeImage, node
 
 Up = Literal["flat", "x", "-x", "y", "-y", "z", "-z"]
 
@@ -50,11 +49,11 @@ def shape_mesh(
         vertices = vertices * (length_mm / np.ptp(vertices[:, :2], axis=0).max())
     top = vertices[:, 2].max()
     base = vertices[:, 2].min() if rise_mm is None else top - rise_mm
-    x, y = turned(vertices[:, 0], vertices[:, 1], -angle_deg)
-    columns = (x + image.offset_mm[0]) / image.pixel_size_mm + (image.width_px - 1) / 2
-    rows = (y + image.offset_mm[1]) / image.pixel_size_mm + (image.height_px - 1) / 2
+    place = (vertices[:, 0] + 1j * vertices[:, 1]) * np.exp(1j * np.deg2rad(angle_deg))
+    columns = (place.real + image.offset_mm[0]) / image.pixel_size_mm + (image.width_px - 1) / 2
+    rows = (place.imag + image.offset_mm[1]) / image.pixel_size_mm + (image.height_px - 1) / 2
     corners = np.stack([columns, rows, vertices[:, 2] - base], axis=1)[triangles]
-    return shape(rasterised(corners, image.height_px, image.width_px), image.pixel_size_mm)
+    return Shape.of(rasterised(corners, image.height_px, image.width_px), image.pixel_size_mm)
 
 
 def _laid_down(vertices: F8, up: Up) -> F8:

@@ -5,8 +5,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.sdk import node
-from tactograph.sdk.unstable import Length, Shape, ShapeImage, shape
+from tactograph.sdk import Length, Shape, ShapeImage, node
 
 
 @node
@@ -30,4 +29,4 @@ def shape_pyramid(
     x, y = image.places()
     azimuth = np.deg2rad(angle_deg + 360.0 / faces * np.arange(faces))
     outwards = np.max([np.cos(a) * x + np.sin(a) * y for a in azimuth], axis=0)
-    return shape(rise_mm * (1 - outwards / inradius_mm), image.pixel_size_mm)
+    return Shape.of(rise_mm * (1 - outwards / inradius_mm), image.pixel_size_mm)

@@ -5,8 +5,8 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.sdk import node
-from tactograph.sdk.unstable import Length, Shape, ShapeImage, WallAngle, risen, shape, turned
+from tactograph.rings.shapes.profiles import WallAngle, risen
+from tactograph.sdk import Length, Shape, ShapeImage, node
 
 
 @node
@@ -32,14 +32,13 @@ def shape_steps(
         Angle of the walls between the steps and of those around the staircase; 90 is vertical.
     angle_deg : azimuth in which the stairs climb, from x (right) towards y (down)
     """
-    x, y = image.places()
-    along, across = turned(x, y, angle_deg)
+    along, across = image.places(angle_deg)
     if wall_deg == 90:
         tread = np.floor(along / tread_mm + count / 2)
         on_stairs = (tread >= 0) & (tread < count) & (np.abs(across) <= breadth_mm / 2)
-        return shape(np.where(on_stairs, (tread + 1) * step_mm, 0.0), image.pixel_size_mm)
+        return Shape.of(np.where(on_stairs, (tread + 1) * step_mm, 0.0), image.pixel_size_mm)
     top = count * step_mm
     starts = (np.arange(count) - count / 2) * tread_mm
     stairs = sum(risen(along - start, step_mm, wall_deg) for start in starts)
     around = np.minimum(count * tread_mm / 2 - along, breadth_mm / 2 - np.abs(across))
-    return shape(np.minimum(stairs, risen(around, top, wall_deg)), image.pixel_size_mm)
+    return Shape.of(np.minimum(stairs, risen(around, top, wall_deg)), image.pixel_size_mm)

@@ -1,8 +1,8 @@
 """A teapot lying on its side, half sunk into the plane."""
 
 from tactograph.rings.shapes.nodes._solid import Solid, curve, ellipsoid, relief, tube, union
-from tactograph.sdk import node
-from tactograph.sdk.unstable import Length, Shape, ShapeImage, shape, stretched, turned
+from tactograph.rings.shapes.profiles import stretched
+from tactograph.sdk import Length, Shape, ShapeImage, node
 
 # The model's own unit is the belly's radius; y points down, from the lid to the foot.
 TEAPOT_LENGTH = 3.88
@@ -31,11 +31,10 @@ def shape_teapot(
         the pot keeps its proportions.
     angle_deg : turns the pot from x (right) towards y (down)
     """
-    x, y = image.places()
-    x, y = turned(x, y, angle_deg)
+    x, y = image.places(angle_deg)
     unit = length_mm / TEAPOT_LENGTH
     height = relief(_teapot(), x / unit, y / unit, TEAPOT_TOP, SURFACE_ACCURACY)
-    return shape(stretched(height * unit, rise_mm), image.pixel_size_mm)
+    return Shape.of(stretched(height * unit, rise_mm), image.pixel_size_mm)
 
 
 def _teapot() -> Solid:

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from annotated_types import Ge
 
-from tactograph.sdk import F8, InputError, node
-from tactograph.sdk.unstable import MAX_PIXELS, Length, Shape, ShapeImage, shape, turned
+from tactograph.sdk import F8, InputError, Length, Shape, ShapeImage, node
+from tactograph.sdk.unstable import MAX_PIXELS
 
 LETTER_SUBSAMPLES = 4
 """Letters are drawn this many times finer than the image, so that their outline is smooth."""
@@ -39,7 +39,7 @@ def shape_text(
         If there is nothing to draw.
     """
     depth, left, top = _depth_inside(text, size_mm, image.pixel_size_mm / LETTER_SUBSAMPLES)
-    x, y = turned(*image.places(), angle_deg)
+    x, y = image.places(angle_deg)
     scale = LETTER_SUBSAMPLES / image.pixel_size_mm
     columns = np.asarray((x - left) * scale - 0.5, np.float32)
     rows = np.asarray((y - top) * scale - 0.5, np.float32)
@@ -47,7 +47,7 @@ def shape_text(
     inside = cv2.remap(depth, columns.copy(), rows.copy(), cv2.INTER_LINEAR)
     # Half a fine pixel is the outline itself.
     slope = max(bevel_mm, image.pixel_size_mm / LETTER_SUBSAMPLES)
-    return shape(rise_mm * np.clip(inside / slope, 0.0, 1.0).astype(float), image.pixel_size_mm)
+    return Shape.of(rise_mm * np.clip(inside / slope, 0.0, 1.0).astype(float), image.pixel_size_mm)
 
 
 def _depth_inside(text: str, size_mm: float, cell_mm: float) -> tuple[np.ndarray, float, float]:

@@ -8,7 +8,6 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.files.flat_graph import Entry, Graph
-from tactograph.graph.files.groups import uses_of
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.rings.tune.variant import changes_between, write_variant
 
@@ -47,7 +46,7 @@ def test_a_node_is_taken_out_and_put_back(tmp_path: Path, name: str, base: str) 
 def test_what_every_use_has_alike_is_said_once(tmp_path: Path) -> None:
     base = read_graph("reconstruct")
     graph = base
-    for name in uses_of(base, "rough_pass"):
+    for name in base.uses_of("rough_pass"):
         settings = {**base.nodes[f"{name}.label"].settings, "dark": 0}
         graph = changed(graph, f"{name}.label", settings=settings)
     graph = changed(graph, "rough.2.bounce", neutral=True)

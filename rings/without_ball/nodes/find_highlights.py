@@ -8,15 +8,8 @@ from annotated_types import Gt
 from scipy.ndimage import label
 
 from tactograph.rings.without_ball.nodes.read_lamps import far_lamps
-from tactograph.sdk import F4, Crop, InputError, node
-from tactograph.sdk.unstable import (
-    USUAL_PATTERN,
-    Channel,
-    LightPositions,
-    find_led_files,
-    read_capture_file,
-    read_plane,
-)
+from tactograph.sdk import F4, Crop, InputError, LightPositions, node
+from tactograph.sdk.unstable import Channel, Layout, read_plane
 
 BALL_SHARE = 0.98
 """Share of the ball's radius in which highlights are searched for."""
@@ -53,7 +46,7 @@ def find_highlights(
         If a lamp makes no highlight on the ball, the outline lies beside the image, or two images
         differ in size.
     """
-    files = find_led_files(folder, USUAL_PATTERN, read_capture_file(folder).leds)
+    files = Layout().led_files(folder)
     planes = [read_plane(file, crop, channel) for file in files.values()]
     if len({plane.shape for plane in planes}) > 1:
         raise InputError(f"{folder}: the images differ in size")

@@ -5,13 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.sdk import F8, InputError, node, warn
-from tactograph.sdk.unstable import (
-    USUAL_PATTERN,
-    LightPositions,
-    find_led_files,
-    read_capture_file,
-)
+from tactograph.sdk import F8, InputError, LightPositions, node, warn
+from tactograph.sdk.unstable import Layout
 
 FAR_MM = 1e5
 """Distance of a lamp of which only the direction is known."""
@@ -45,7 +40,7 @@ def read_lamps(*, file: Path, folder: Path) -> LightPositions:
         directions and places are mixed, or a lamp or an image is missing.
     """
     names, lamps = _read(file)
-    images = find_led_files(folder, USUAL_PATTERN, read_capture_file(folder).leds)
+    images = Layout().led_files(folder)
     stems = [image.stem.lower() for image in images.values()]
     if set(stems) <= set(names):
         lamps = lamps[[names.index(stem) for stem in stems]]

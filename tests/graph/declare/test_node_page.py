@@ -8,8 +8,8 @@ import pytest
 from annotated_types import Ge, Gt, Interval, Lt
 
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
-from tactograph.graph.declare.node import Parameter
-from tactograph.graph.declare.node_page import describe, node_page, range_of
+from tactograph.graph.declare.node_page import describe, node_page
+from tactograph.graph.declare.parameter import Parameter
 from tests.each import each
 
 
@@ -35,7 +35,7 @@ def test_every_input_and_parameter_is_described(name: str) -> None:
     ],
 )
 def test_a_range_in_words(annotation: object, words: str) -> None:
-    assert range_of(Parameter("x", annotation)) == words
+    assert Parameter("x", annotation).range == words
 
 
 @each("name", shipped_nodes())

@@ -8,19 +8,12 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from tactograph.graph import GraphError, InputError
-from tactograph.graph.disk.strict_yaml import (
-    MAX_BYTES,
-    Document,
-    dotted,
-    parse_scalar,
-    parse_yaml,
-    read_yaml,
-)
+from tactograph.graph.disk.strict_yaml import MAX_BYTES, Document, dotted, parse_scalar
 
 
 def refusal(text: str) -> str:
     with pytest.raises(GraphError) as caught:
-        parse_yaml(text, "g.yaml")
+        Document.parse(text, "g.yaml")
     return str(caught.value)
 
 
@@ -36,14 +29,14 @@ def refusal(text: str) -> str:
     ],
 )  # fmt: skip
 def test_a_scalar_means_what_it_looks_like(text: str, value: object) -> None:
-    found = parse_yaml(f"a: {text}", "g.yaml").data["a"]
+    found = Document.parse(f"a: {text}", "g.yaml").data["a"]
     assert found == value
     assert type(found) is type(value)
 
 
 @pytest.mark.parametrize("text", ["1e-3", "no", "0x1F", "2020-01-01", "", "true", "010"])
 def test_a_value_on_the_command_line_means_the_same_as_in_a_file(text: str) -> None:
-    assert parse_scalar(text) == parse_yaml(f"a: {text}", "g.yaml").data["a"]
+    assert parse_scalar(text) == Document.parse(f"a: {text}", "g.yaml").data["a"]
 
 
 @pytest.mark.parametrize("text", ["1__0", "0_", "-_", "._5", "1__0.5", "9" * 5000])
@@ -107,9 +100,9 @@ def test_deep_nesting_is_refused(text: str) -> None:
 
 
 def test_a_byte_order_mark_and_a_percent_sign_inside_do_no_harm() -> None:
-    assert parse_yaml("\ufeffa: 1", "g.yaml").data == {"a": 1}
-    assert parse_yaml("a: |\n  %b\nc: '%'", "g.yaml").data == {"a": "%b\n", "c": "%"}
-    assert math.isnan(parse_yaml("a: .nan", "g.yaml").data["a"])
+    assert Document.parse("\ufeffa: 1", "g.yaml").data == {"a": 1}
+    assert Document.parse("a: |\n  %b\nc: '%'", "g.yaml").data == {"a": "%b\n", "c": "%"}
+    assert math.isnan(Document.parse("a: .nan", "g.yaml").data["a"])
     assert "unpaired surrogate" in refusal('a: "\\uD800"')
 
 
@@ -118,7 +111,7 @@ def test_a_file_that_is_too_large_is_refused_before_it_is_parsed(tmp_path: Path)
     file.write_text("a: [" + "a," * MAX_BYTES + "]")
     started = time.perf_counter()
     with pytest.raises(GraphError, match="too large for a graph file"):
-        read_yaml(file)
+        Document.read(file)
     assert time.perf_counter() - started < 0.5
 
 
@@ -126,24 +119,24 @@ def test_a_large_file_that_is_no_text_is_no_large_graph_file(tmp_path: Path) -> 
     file = tmp_path / "cal.npz"
     file.write_bytes(b"PK\x03\x04\x00\xff" * MAX_BYTES)
     with pytest.raises(GraphError, match="not a text file"):
-        read_yaml(file)
+        Document.read(file)
 
 
 def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "g.yaml"
     file.write_bytes(b"a: \xff")
     with pytest.raises(GraphError, match="byte 3 is not UTF-8"):
-        read_yaml(file)
+        Document.read(file)
 
 
 def test_a_folder_is_no_graph_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
-        read_yaml(tmp_path)
+        Document.read(tmp_path)
 
 
 def test_every_value_knows_its_place() -> None:
     """One that is not there has that of its closest parent, and a path reads like code."""
-    document = parse_yaml("a:\n  b: [1,\n    {c: 2}]", "g.yaml")
+    document = Document.parse("a:\n  b: [1,\n    {c: 2}]", "g.yaml")
     assert str(document.place(("a", "b", 1, "c"))) == "g.yaml:3:6: a.b[1].c"
     assert str(document.place(("a", "missing", "x"))) == "g.yaml:1:1: a.missing.x"
     assert dotted(("patch", 0, "with", "x")) == "patch[0].with.x"
@@ -153,7 +146,7 @@ def test_every_value_knows_its_place() -> None:
 @given(st.text(max_size=200) | st.text("abn019:-[]{},&*!?|>%'\"#_. \n\t", max_size=60))
 def test_any_text_is_a_document_or_a_graph_error(text: str) -> None:
     try:
-        assert isinstance(parse_yaml(text, "g.yaml"), Document)
+        assert isinstance(Document.parse(text, "g.yaml"), Document)
     except GraphError as error:
         assert str(error).startswith("g.yaml")  # noqa: PT017
         assert "\n" not in str(error)  # noqa: PT017

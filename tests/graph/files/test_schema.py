@@ -10,7 +10,7 @@ import jsonschema
 import pytest
 
 from tactograph.graph.declare.find_node import shipped_nodes
-from tactograph.graph.disk.strict_yaml import parse_yaml, read_yaml
+from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.files.read_graph import graph_file
 from tactograph.graph.files.schema import make_schema
 from tests.each import each
@@ -32,7 +32,7 @@ GROUP = {
 
 def slopes() -> dict[str, Any]:
     """The plain data of a small graph, with a group and a use of it."""
-    data: dict[str, Any] = parse_yaml(SLOPES, "g.yaml").data
+    data: dict[str, Any] = Document.parse(SLOPES, "g.yaml").data
     data["groups"] = {"sized": copy.deepcopy(GROUP)}
     data["nodes"]["use"] = {"group": "sized", "in": {"height": "again"}, "with": {"mm": 0.2}}
     return data
@@ -49,7 +49,7 @@ def test_a_shipped_file_tells_editors_where_the_schema_is(file: Path) -> None:
 
 @each("file", SHIPPED)
 def test_a_shipped_file_passes(file: Path) -> None:
-    validator().validate(read_yaml(file).data)
+    validator().validate(Document.read(file).data)
 
 
 Slip = Callable[[dict[str, Any]], object]

@@ -10,7 +10,7 @@ from PIL import Image
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.capture.read_capture import read_capture, read_capture_file
+from tactograph.nodes.capture.read_capture import CaptureFile, read_capture
 from tactograph.nodes.files.image_files import read_image
 
 RNG = np.random.default_rng(0)
@@ -387,4 +387,4 @@ def test_a_pipe_in_the_place_of_the_capture_file_is_refused(tmp_path: Path) -> N
     """It was passed over, and nothing may be read from a pipe that nobody writes to."""
     os.mkfifo(tmp_path / "capture.yaml")
     with pytest.raises(InputError, match=r"capture\.yaml: is no plain file"):
-        read_capture_file(tmp_path)
+        CaptureFile.read(tmp_path)

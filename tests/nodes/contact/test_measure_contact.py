@@ -7,8 +7,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import Height
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.contact.measure_contact import measure_contact
-from tactograph.nodes.optics.film_places import on_even_grid
-from tactograph.nodes.stream.touch import View
+from tactograph.nodes.optics.camera_view import View
 
 PIXEL = 0.02
 ROWS, COLUMNS = 240, 320
@@ -146,7 +145,7 @@ def test_places_and_areas_are_those_on_the_film(lens: list[float] | None, camera
     """A dome far from the middle, as a lens from near shows it, and on an even grid."""
     seen = cap(1.6, 1.0, 1.0, 0.4)
     view = View(None if lens is None else np.array(lens, np.float32), camera)
-    even = np.nan_to_num(on_even_grid(seen, [], view.lens, camera)[0])
+    even = np.nan_to_num(View(view.lens, camera).on_even_grid(seen, [])[0])
     found, true = (
         measure_contact(height, (height > 0.005).astype(np.uint8), PIXEL, view)
         for height, view in ((seen, view), (even, View()))

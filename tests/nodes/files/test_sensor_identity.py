@@ -13,7 +13,7 @@ from tactograph.graph.disk.file_identity import file_identity
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.file.write_calibration import write_calibration
 from tactograph.nodes.capture.read_capture import read_capture
-from tactograph.nodes.files.sensor_identity import identity_in
+from tactograph.nodes.files.sensor_identity import SensorIdentity
 from tests.graph.conftest import Command, tactograph
 from tests.nodes.capture.test_read_capture import IMAGES, write as write_images
 from tests.nodes.files.test_calibration_file import (
@@ -68,7 +68,7 @@ def test_a_calibration_keeps_name_and_serial_of_its_sensor(calibrated: Calibrate
     assert file_identity(calibrated(None, inputs=inputs))["sensor"] == "left"
     assert read_calibration(file=calibrated("mini", "A1")).serial == "A1"
     assert read_calibration(file=calibrated("left")).serial is None
-    assert str(identity_in({"sensor": "a\nb\x1b[2J", "serial": 7})).isprintable()
+    assert str(SensorIdentity.stated_in({"sensor": "a\nb\x1b[2J", "serial": 7})).isprintable()
 
 
 @pytest.mark.slow

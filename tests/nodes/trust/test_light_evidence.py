@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.trust._light_evidence import LightFigures, light_evidence
+from tactograph.nodes.trust.touch_evidence import TouchFigures, touch_evidence
 
 SHAPE = (30, 40)
 ALL = 0b1111
@@ -33,8 +33,10 @@ def touch(
     }  # fmt: skip
 
 
-def told(what: Touch, **given: float) -> LightFigures:
-    return light_evidence(**what, **given)  # type: ignore[arg-type]
+def told(what: Touch, **given: float) -> TouchFigures:
+    shape = what["departure"].shape
+    curl, light, height = (np.zeros(size, np.float32) for size in (shape, (4, *shape), shape))
+    return touch_evidence(curl, light, height, **what, **given).read()  # type: ignore[arg-type]
 
 
 def darker(share: float, used: int = ALL) -> Touch:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
-from tactograph.nodes.trust.added_light import added_share
+from tactograph.nodes.trust.explained import added_share
 from tactograph.nodes.trust.touch_evidence import touch_evidence
 from tests.nodes.trust.law import by_name
 

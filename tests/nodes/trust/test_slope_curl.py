@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings, strategies as st
 
 from tactograph.nodes import F4
-from tactograph.nodes.trust._curl_evidence import curl_evidence
 from tactograph.nodes.trust.checked_cells import NOT_TESTED
 from tactograph.nodes.trust.slope_curl import slope_curl
+from tactograph.nodes.trust.touch_evidence import curl_evidence
 from tests.nodes.scenes import ball
 
 SHAPE = (60, 80)

@@ -1,5 +1,6 @@
 """The content of a calibration of any kind, or of that of a camera's lens."""
 
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -7,16 +8,8 @@ from typing import Any
 import numpy as np
 
 from tactograph.rings.export.shown import Shown, figures, first, origin, section, sentences
-from tactograph.sdk import InputError
-from tactograph.sdk.unstable import (
-    ABOUT_ARRAY,
-    FileKind,
-    about_in,
-    kind_of,
-    load_arrays,
-    read_about,
-    read_arrays,
-)
+from tactograph.sdk import FileKind, InputError
+from tactograph.sdk.unstable import kind_of
 
 MAX_NUMBERS = 8
 """Most numbers of an array that are printed one by one."""
@@ -34,10 +27,9 @@ def show_calibration(file: Path) -> Shown:
     if file_kind is None:
         raise InputError(f"{file}: is neither a calibration nor a lens")
     kind: FileKind = file_kind.KIND
-    arrays = read_arrays(file, kind)
-    about, head = read_about(file), about_in(load_arrays(file, only=ABOUT_ARRAY))
+    arrays, about = kind.read(file)
     verdict = "doubtful" if about.doubts else "nothing speaks against it"
-    provenance = head.get("provenance")
+    head, provenance = about.head, about.head.get("provenance")
     warnings = sentences(provenance.get("warnings") if isinstance(provenance, dict) else None)
     others = [line for line in warnings if line.strip() not in about.doubts]
     lines = [
@@ -54,7 +46,7 @@ def show_calibration(file: Path) -> Shown:
     return Shown(lines, {f"{file.stem}.png": partial(file_kind.draw, arrays, str(file))})
 
 
-def _words(head: dict[str, Any], *names: str) -> list[str]:
+def _words(head: Mapping[str, Any], *names: str) -> list[str]:
     return [f"{name}: {head[name]}" for name in names if isinstance(head.get(name), str)]
 
 

@@ -1,14 +1,28 @@
 """The parameters by which a live node's camera is chosen and set."""
 
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from annotated_types import Gt, Interval
 
 from tactograph.rings.live.nodes.camera._camera_names import serial_of
-from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, Library
-from tactograph.sdk.unstable import SensorIdentity, UsedCalibration, check_sensor
+from tactograph.rings.live.nodes.camera.open_camera import Library
+from tactograph.sdk.unstable import SensorIdentity
 
 SIMULATED_NAME = "simulated"
+
+
+class UsedCalibration(NamedTuple):
+    """The calibration that a live node's frames are for.
+
+    Parameters
+    ----------
+    calibration : the sensor's calibration; its flat frame shows the film at rest
+    another_sensor : take the calibration of a camera of another serial number, with a warning
+    """
+
+    calibration: Path
+    another_sensor: bool = False
 
 
 class CameraParams(NamedTuple):
@@ -46,14 +60,6 @@ class CameraParams(NamedTuple):
     timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5
     sensor: str | None = None
 
-    def settings_for(
-        self, width: int | None, height: int | None, *, colour: bool = False
-    ) -> CameraSettings:
-        """Return the size to request for frames of a size; None keeps the driver's."""
-        return CameraSettings(
-            width, height, self.rate, self.exposure, self.gain, self.white_balance, colour=colour
-        )
-
     @property
     def is_simulated(self) -> bool:
         """Whether the sensor is a simulated one."""
@@ -83,5 +89,4 @@ class CameraParams(NamedTuple):
         InputError
             If it is another's and not taken on purpose.
         """
-        identity = SensorIdentity(serial=self.serial)
-        check_sensor(f"`camera`={self.camera}", identity, *used)
+        SensorIdentity(serial=self.serial).check(f"`camera`={self.camera}", *used)

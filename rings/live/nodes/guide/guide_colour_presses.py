@@ -12,6 +12,8 @@ import numpy as np
 from annotated_types import Ge, Gt
 from scipy.ndimage import gaussian_filter
 
+from tactograph.rings.frames.colour_planes import Order, planes_of
+from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Plane
@@ -20,12 +22,12 @@ from tactograph.rings.live.nodes.guide._guide_params import GuideParams
 from tactograph.rings.live.nodes.guide._watch_film import Watch, colours_at_rest, new_folder, tell
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream
 from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor
+from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import degree_for
 from tactograph.rings.oneshot.nodes.presses.rate_presses import advise, presses_per_cell, rim_slope
-from tactograph.sdk import F4, InputError, Light, LiveFrames, atomic_file, node, write_image
+from tactograph.sdk import F4, InputError, Light, atomic_file, node, write_image
 from tactograph.sdk.nodes import find_ball, level_presses, pixel_size
-from tactograph.sdk.unstable import Circles, Order, PressImages, planes_of
 
 SMOOTHING_PX = 2.0
 """Standard deviation of the Gaussian over the film at rest, as in `read_presses`."""
@@ -89,7 +91,7 @@ def guide_colour_presses(
     folder = new_folder(guide.file)
     preset = preset_of(driver.sensor, flashing=False)
     pixel = pixel_size(mm=pixel_size_mm, sensor=driver.sensor)
-    source = open_colour_sensor(driver, (guide.width_px, guide.height_px), preset=preset)
+    source = open_colour_sensor(driver, (guide.width_px, guide.height_px))
     with closing(source):
         if warm_up_s is None:
             warm_up_s = preset.warm_up_s if preset is not None and source.table is None else 0.0

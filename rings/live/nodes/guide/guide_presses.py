@@ -10,6 +10,7 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
+from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Plane
@@ -18,23 +19,10 @@ from tactograph.rings.live.nodes.guide._guide_params import GuideParams
 from tactograph.rings.live.nodes.guide._watch_film import Watch, film_at_rest, new_folder, tell
 from tactograph.rings.live.nodes.touches.sensor import open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
-from tactograph.sdk import (
-    F4,
-    Dark,
-    InputError,
-    Light,
-    LiveFrames,
-    atomic_file,
-    atomic_files,
-    node,
-    write_image,
-)
+from tactograph.sdk import F4, Dark, InputError, Light, atomic_file, atomic_files, node, write_image
 from tactograph.sdk.nodes import find_ball, flat_field, pixel_size, read_balls, read_flat
 from tactograph.sdk.unstable import (
-    MAX_LEDS,
-    Ball,
     CaptureFile,
-    Flat,
     Radii,
     SheetLight,
     StatedCircles,
@@ -70,7 +58,7 @@ def guide_presses(
     guide: GuideParams,
     port: str | None = None,
     pixel_size_mm: Annotated[float, Gt(0)] | None = None,
-    leds: Annotated[int, Interval(ge=3, le=MAX_LEDS)] | None = None,
+    leds: Annotated[int, Interval(ge=3, le=8)] | None = None,
 ) -> Iterator[GuidedPresses]:
     """Ask for one press after another, and yield all presses so far after each.
 
@@ -101,7 +89,7 @@ def guide_presses(
     pixel = pixel_size(mm=pixel_size_mm, sensor=driver.sensor)
     leds = leds or (preset.leds if preset else None) or USUAL_LEDS
     size = guide.width_px, guide.height_px
-    rig = open_rig(driver, port, size, leds=leds, preset=preset)
+    rig = open_rig(driver, port, size, leds=leds)
     with closing(rig):
         tell("Take everything off the film, and leave it alone.")
         image, black = film_at_rest(rig, driver.bits, guide.patience_s)
@@ -111,12 +99,12 @@ def guide_presses(
         rest = make_film(*film)
         stream = Stream(rig, rest, film.dark, "cycle", driver.full_scale)
         watch = Watch(rest, stream, guide.still_s, guide.patience_s)
-        radius_mm = guide.ball_radius_mm
         count = 0
-        ball_in = partial(_ball, film=film, pixel=pixel, radius_mm=radius_mm)
-        for count, (press, ball) in enumerate(watch.presses(ball_in), start=1):
+        found = partial(_found, dark=film.dark, pixel=pixel, radius_mm=guide.ball_radius_mm)
+        for count, (press, about) in enumerate(watch.presses(partial(found, film.flat)), start=1):
             frames = {frame.led: frame.data for frame in press.new}
-            _save_press(pressed / f"{count:02}", frames, _about(radius_mm, ball, driver.bits))
+            about.bits = driver.bits
+            _save_press(pressed / f"{count:02}", frames, about)
             tell(f"Press {count} is taken: let go.")
             image, first, radius, circles, names, *_ = read_balls(folder=pressed)
             presses = GuidedPresses(image, first, radius, circles, names, *film)
@@ -129,26 +117,21 @@ def guide_presses(
         tell(f"No press for {guide.patience_s:g} s: that was all.")
 
 
-def _ball(press: LiveFrames, film: Flat, pixel: float, radius_mm: float) -> Ball:
-    """The ball's contact; raises an error if the press cannot be used."""
+def _found(
+    flat: Light, press: LiveFrames, dark: Dark, pixel: float, radius_mm: float
+) -> CaptureFile:
+    """The press's ball, so that it is searched for only once; an error if it cannot be used."""
     full = float((press.image >= SATURATED_LIGHT).mean())
     if full > MAX_PRESS_SATURATED:
         raise InputError(f"{full:.0%} of the picture is saturated, expose shorter")
     try:
-        ball = find_ball(flat_field(press.image, film.flat, film.dark), pixel, radius_mm=radius_mm)
+        ball = find_ball(flat_field(press.image, flat, dark), pixel, radius_mm=radius_mm)
     except InputError:
         raise InputError(f"no ball of radius {radius_mm:g} mm is seen") from None
     if ball.contact < MIN_CONTACT_PX:
         raise InputError(f"the contact is only {2 * ball.contact:.0f} px wide, press deeper")
-    return ball
-
-
-def _about(radius_mm: float, ball: Ball, bits: int | None) -> CaptureFile:
-    """The known properties of a press, so that its ball is searched for only once."""
-    x, y = ball.center.tolist()
-    return CaptureFile(
-        ball_radius_mm=radius_mm, ball_center_px=[x, y], ball_contact_px=ball.contact, bits=bits
-    )
+    at = ball.center.tolist()
+    return CaptureFile(ball_radius_mm=radius_mm, ball_center_px=at, ball_contact_px=ball.contact)
 
 
 def _save_film(folder: Path, image: Light, dark: Dark) -> None:

@@ -10,6 +10,8 @@ from urllib.parse import parse_qsl
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.rings.frames.calibrated_film import calibrated_film
+from tactograph.rings.frames.colour_planes import Order
 from tactograph.rings.live.nodes.simulated.simulated_sensor import (
     MAX_BYTE,
     RECENT_FRAMES,
@@ -18,7 +20,7 @@ from tactograph.rings.live.nodes.simulated.simulated_sensor import (
     read_scene,
 )
 from tactograph.sdk import F4, load
-from tactograph.sdk.unstable import Order, calibrated_film, read_either
+from tactograph.sdk.unstable import read_either
 
 PRESS_FIELDS = {
     *("radius_mm", "depth_mm", "path_mm", "period_s", "press_s", "by_hand", "rest_s"),
@@ -61,8 +63,6 @@ class CalibratedSensor(SimulatedSensor):
 
     def image(self, shares: Any, moment: float, number: int) -> NDArray[np.uint8]:
         """The camera's image under flashing LEDs; see `SimulatedSensor.image`."""
-        if self.covered or self.flooded:
-            return super().image(shares, moment, number)
         light = sum(
             share[:, None] * strength * (one - self._black)
             for share, strength, one in zip(

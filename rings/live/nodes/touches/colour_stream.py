@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from tactograph.rings.frames.colour_planes import Order, planes_of
+from tactograph.rings.frames.live_frames import ALL_LIT, LiveFrames, RawFrame
 from tactograph.rings.frames.rest_film import RestFilm, cells, top_of
 from tactograph.rings.live.nodes.camera.camera import Shot
 from tactograph.rings.live.nodes.camera.open_camera import Plane
@@ -12,8 +14,7 @@ from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES, FaultLog
 from tactograph.rings.live.nodes.touches.led_in_frame import MAX_DARK_LIGHT, MAX_SATURATED_SHARE
 from tactograph.rings.live.nodes.touches.sensor import Sensor
 from tactograph.rings.live.nodes.touches.touch_stream import MAX_BRIGHTNESS_CHANGE, TouchStream
-from tactograph.sdk import LiveFrames, LiveState
-from tactograph.sdk.unstable import ALL_LIT, Order, RawFrame, planes_of
+from tactograph.sdk import LiveState
 
 COLOUR_NAMES = {"b": "blue", "g": "green", "r": "red"}
 COLOUR_FAULTS = FAULT_LINES | {

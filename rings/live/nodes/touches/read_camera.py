@@ -9,14 +9,17 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval
 
 from tactograph.rings.frames.assemble import Refresh
+from tactograph.rings.frames.calibrated_film import calibrated_film
+from tactograph.rings.frames.colour_planes import Order
+from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import RestFilm, make_film
-from tactograph.rings.live.nodes.camera.camera_params import CameraParams
+from tactograph.rings.live.nodes.camera.camera_params import CameraParams, UsedCalibration
 from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream
 from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor, open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
-from tactograph.sdk import InputError, LiveFrames, LiveState, node
-from tactograph.sdk.unstable import FRACTIONS, Order, UsedCalibration, Whole, calibrated_film
+from tactograph.sdk import InputError, LiveState, node
+from tactograph.sdk.unstable import FRACTIONS, Whole
 
 
 @node(endless=True)
@@ -87,14 +90,12 @@ def read_camera(
             yield from colours.touches(driver.timeout_s / 2, seconds, items)
         return
     height, width = dark.shape
-    preset = preset_of(driver.sensor, flashing=True)
     rig = open_rig(
         driver,
         port,
         (width, height),
         leds=len(flat),
         ambient=ambient,
-        preset=preset,
         queue=queue,
         calibration=used.calibration,
     )
@@ -131,7 +132,7 @@ def _colour_stream(
         )
     height, width = film.size
     sensor = open_colour_sensor(
-        driver, (width, height), preset=preset, queue=queue, calibration=calibration, order=order
+        driver, (width, height), queue=queue, calibration=calibration, order=order
     )
     state = LiveState(settings=driver.stored | {"lights": order})
     return ColourStream(sensor, film, order, driver.full_scale, state)

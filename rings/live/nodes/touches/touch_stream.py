@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 from tactograph.rings.frames.assemble import Assembler, Refresh
+from tactograph.rings.frames.live_frames import LiveFrames, RawFrame
 from tactograph.rings.frames.rest_film import RestFilm, light_of
 from tactograph.rings.live.nodes.camera.camera import Camera, Shot
 from tactograph.rings.live.nodes.touches._match_frames import Matcher, Verdict
 from tactograph.rings.live.nodes.touches.fault_log import FaultLog
 from tactograph.rings.live.nodes.touches.sensor import Rig
-from tactograph.sdk import Dark, LiveFrames, LiveState
-from tactograph.sdk.unstable import RawFrame
+from tactograph.sdk import Dark, LiveState
 
 MAX_WAITING_FRAMES = 64
 """Most frames that wait for their touch."""

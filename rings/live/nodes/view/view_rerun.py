@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from tactograph.rings.live.nodes.view._live_picture import LIGHT_NAMES, colour_height, round_up
 from tactograph.sdk import (
@@ -37,7 +38,7 @@ from tactograph.sdk import (
     node,
     warn,
 )
-from tactograph.sdk.unstable import BAND_DEVIATIONS, deviation_of, grid_triangles
+from tactograph.sdk.unstable import Surface
 
 VIEWER_PORT = 9876
 OPEN_TIMEOUT_S = 5.0
@@ -315,9 +316,8 @@ class _Stream:
         highest = float(height.max())
         self._top = max(self._top, round_up(highest) if highest > 0 else 0.1)
         some = touch.film[::step, ::step]
-        rows, columns = some.shape
         if self._shape != some.shape:
-            mesh = rr.Mesh3D.from_fields(triangle_indices=grid_triangles(rows, columns))
+            mesh = rr.Mesh3D.from_fields(triangle_indices=Surface.of(0 * some, 1.0).faces)
             self.log("film/surface", mesh, static=True)
             self._shape = some.shape
             self.log("film", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
@@ -345,7 +345,8 @@ class _Stream:
 
     def section(self, touch: Touch) -> None:
         """The row through the highest point, x and height in mm, upwards."""
-        rr, height, error = rerun(), touch.height, deviation_of(touch)
+        rr, height, layers = rerun(), touch.height, layers_of(touch)
+        error = next((each.value for each in layers if each.kind.is_deviation), None)
         row = int(np.unravel_index(int(height.argmax()), height.shape)[0])
         x = touch.places_mm()[0][row]
 
@@ -355,7 +356,7 @@ class _Stream:
 
         strips, colours = [strip(height[row])], [(31, 95, 168)]
         if error is not None:
-            half = np.float32(BAND_DEVIATIONS) * error[row]
+            half = np.float32(ndtri(0.95)) * error[row]
             strips += [strip(height[row] - half), strip(height[row] + half)]
             colours += [(150, 180, 215)] * 2
         self.log("section", rr.LineStrips2D(strips, colors=colours))

@@ -3,8 +3,7 @@
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.nodes.files.sensor_identity import UsedCalibration
-from tactograph.rings.live.nodes.camera.camera_params import CameraParams
+from tactograph.rings.live.nodes.camera.camera_params import CameraParams, UsedCalibration
 from tests.nodes.files.test_sensor_identity import Calibrated, calibrated
 
 __all__ = ["calibrated"]

@@ -11,8 +11,7 @@ from PIL import Image
 
 from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
-from tactograph.nodes.stream.frames import LiveState
-from tactograph.nodes.stream.touch import Touch
+from tactograph.nodes.stream.touch import LiveState, Touch
 from tactograph.rings.live.nodes.view._live_picture import colour_height, draw_touch, round_up
 from tactograph.rings.live.nodes.view.preview import preview
 from tactograph.rings.mechanics.layers.markers import MarkerTracks

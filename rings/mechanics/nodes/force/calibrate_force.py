@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt
 from scipy.optimize import minimize_scalar
-from scipy.special import ndtr, stdtrit
+from scipy.special import ndtri, stdtrit
 
 from tactograph.rings.mechanics.nodes.force.elastic_layer import (
     MODULUS_RANGE_KPA,
@@ -17,8 +17,8 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
 )
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
 from tactograph.sdk import F4, F8, Contacts, InputError, Metrics, node, read_height_file, warn
-from tactograph.sdk.nodes import find_contact
-from tactograph.sdk.unstable import BAND_DEVIATIONS, MAX_CONTACTS, refuse_view
+from tactograph.sdk.nodes import find_contact, read_height
+from tactograph.sdk.unstable import MAX_CONTACTS
 
 THICKNESS_RANGE_MM = 0.3, 30.0
 THICKNESS_COUNT = 12
@@ -30,7 +30,7 @@ LEAST_SPREAD = 0.05
 THICKNESS_STEP = 1.01
 """Thickness, over that which is found, at which the modulus's dependence on it is taken."""
 MAX_SPREAD = 0.1
-"""Relative spread of the modulus over the presses that is told."""
+"""Relative spread of the modulus over the presses that causes a warning."""
 FORCE_COLUMN = "force_n"
 Newtons = Annotated[float, Gt(0)]
 
@@ -96,7 +96,7 @@ def calibrate_force(
 
     gel_mm = thickness_mm
     if gel_mm is None:
-        logs = np.linspace(*np.log(THICKNESS_RANGE_MM), THICKNESS_COUNT)
+        logs = np.log(np.geomspace(*THICKNESS_RANGE_MM, THICKNESS_COUNT))
         spreads = [spread_at(float(log)) for log in logs]
         if max(spreads) < LEAST_SPREAD:
             raise InputError(
@@ -152,8 +152,8 @@ def _relative_error(moduli: F8, thicker: F8, errs: F8, fitted: bool) -> float:
     """
     unknowns, count = 1 + fitted, len(moduli)
     spread = np.std(moduli) / np.mean(moduli) * np.sqrt(count / (count - unknowns))
-    # So few tell a deviation badly: Student's band is wider than that of a known one.
-    spread *= stdtrit(count - unknowns, ndtr(BAND_DEVIATIONS)) / BAND_DEVIATIONS
+    # Few presses determine a deviation badly: Student's 90 % band is wider than the normal one.
+    spread *= stdtrit(count - unknowns, 0.95) / ndtri(0.95)
     by = np.stack([np.ones_like(moduli), np.log(thicker / moduli)], axis=1)[:, :unknowns]
     weighted = by / np.hypot(errs, spread)[:, None]
     chance = np.linalg.inv(weighted.T @ weighted)[0, 0]
@@ -211,14 +211,14 @@ def _presses(results: Path, names: Iterable[str]) -> Sequence[tuple[F4, Contacts
     """Height, contacts and pixel size of the results of these names."""
     presses = []
     for folder in (results / name for name in names):
-        refuse_view(folder / "height.tiff")
-        one = read_height_file(folder / "height.tiff")
-        if one.pixel is None:
+        height = read_height(file=folder / "height.tiff")
+        pixel = read_height_file(folder / "height.tiff").pixel
+        if pixel is None:
             raise InputError(f"{folder}: its height.tiff does not say how large a pixel is")
-        contact = find_contact(one.height)
+        contact = find_contact(height)
         if not contact.any():
             raise InputError(f"{folder}: shows no contact")
-        presses.append((one.height, contact, float(one.pixel)))
+        presses.append((height, contact, float(pixel)))
     return presses
 
 

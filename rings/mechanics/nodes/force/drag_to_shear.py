@@ -27,8 +27,6 @@ from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, V
 from tactograph.sdk.unstable import (
     MAX_MEASURED,
     Most,
-    half_diagonal,
-    ideal_offset,
     largest_contacts,
 )
 
@@ -152,19 +150,14 @@ def _cells(
     def mean(values: NDArray[Any]) -> F8:
         return np.bincount(index, values) / size
 
-    half = float(half_diagonal(contact.shape))
-    x, y = (
-        (mean(at) - (length - 1) / 2) / half
-        for at, length in zip((column, row), contact.shape[::-1], strict=True)
-    )
-    bent = np.zeros((2, 1)) if view.lens is None else np.array(ideal_offset(view.lens, x, y))
+    place = np.stack(view.ideal(contact.shape, mean(column), mean(row)))
     nearer = 1 - mean(height[row, column]) * (view.camera or 0.0)
     everywhere = np.full(contact.shape, -1)
     everywhere[row, column] = index
     return _Cells(
         everywhere,
         mean(number).astype(np.intp),
-        np.asarray(pixel * half * nearer * (np.stack([x, y]) + bent), np.float64).T,
+        np.asarray(pixel * nearer * place, np.float64).T,
         np.asarray(size * pixel**2, np.float64),
         mean(pressure[row, column]),
     )

@@ -28,11 +28,7 @@ from tactograph.sdk import (
 from tactograph.sdk.unstable import (
     MAX_MEASURED,
     Most,
-    film_areas,
-    film_places,
     largest_contacts,
-    on_even_grid,
-    view_stated,
 )
 
 Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
@@ -107,7 +103,9 @@ def press_to_pressure(
     touched = place.cells(contact > 0, cell_px)
     cells = layer.pressed(place.cells(height, cell_px), touched)
     size = touched.shape[1] * cell_px, touched.shape[0] * cell_px
-    enlarged = cv2.resize(cells.pressure, size, interpolation=cv2.INTER_LINEAR)
+    enlarged = np.asarray(
+        cv2.resize(cells.pressure, size, interpolation=cv2.INTER_LINEAR), np.float32
+    )
     apparent = place.apparent(enlarged[: height.shape[0], : height.shape[1]])
     pressure = np.where(contact > 0, apparent, np.float32(0))
     figures = _figures(pressure, contact, numbers, pixel**2 * place.areas)
@@ -134,17 +132,15 @@ class _Place:
         self._height, self._view = height, view
         self._places: tuple[NDArray[Any], NDArray[Any]] | None = None
         self.areas: NDArray[Any] = np.ones((1, 1))
-        if view_stated(view):
-            self._places = film_places(height, view.lens, view.camera or 0.0)
-            self.areas = film_areas(*self._places)
+        if not view.is_plain:
+            self._places = x, y = view.places(height)
+            (x_down, x_right), (y_down, y_right) = np.gradient(x), np.gradient(y)
+            self.areas = x_right * y_down - x_down * y_right
 
     def cells(self, plane: NDArray[Any], side: int) -> F4:
         """A map as seen, on cells of an even grid on the film; 0 where no pixel sees it."""
         if self._places is not None:
-            lens, camera = self._view
-            _, (plane,) = on_even_grid(
-                self._height, [plane.astype(np.float32)], lens, camera or 0.0
-            )
+            _, (plane,) = self._view.on_even_grid(self._height, [plane.astype(np.float32)])
         return in_cells(np.nan_to_num(plane), side)
 
     def apparent(self, plane: F4) -> F4:

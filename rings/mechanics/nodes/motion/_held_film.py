@@ -1,4 +1,4 @@
-"""Film that an object holds, told from film that hangs beside it.
+"""Film that an object holds, as opposed to film that hangs beside it.
 
 Raised film on which nothing presses curves up: the height of a membrane on springs is its reach
 squared times its curvature.  So where film curves down an object holds it.

@@ -60,7 +60,7 @@ def find_slip(
 
     The object's pose tells where on the object a marker is.  A marker that goes `slip_mm` from
     where it is held slips, and goes on slipping while it moves by half of that within
-    `hold_frames`; then it is held where it is.  So slip is told once a marker has gone
+    `hold_frames`; then it is held where it is.  So slip is reported once a marker has gone
     `slip_mm`, and its end after `hold_frames`; a slower slip comes in steps.
 
     A contact slips partly from a tenth of its markers on, and two at least; wholly from nine

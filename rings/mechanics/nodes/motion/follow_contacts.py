@@ -8,15 +8,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import center_of_mass
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.sdk import F4, F8, Contacts, Metrics, PixelSize, Port, node
-from tactograph.sdk.unstable import (
-    MAX_CONTACTS,
-    MAX_MEASURED,
-    Lens,
-    Most,
-    ideal_place,
-    largest_contacts,
-)
+from tactograph.sdk import F4, F8, Contacts, Lens, Metrics, PixelSize, Port, View, node
+from tactograph.sdk.unstable import MAX_CONTACTS, MAX_MEASURED, Most, largest_contacts
 
 COLUMN_AGE, COLUMN_UNSEEN, COLUMN_X, COLUMN_Y, COLUMN_VX, COLUMN_VY = range(6)
 """Columns of the tracks: frames since it began, frames since it was last seen, centre in px,
@@ -102,7 +95,7 @@ def follow_contacts(
     figures: Metrics = {}
     for lasts in largest_contacts(followed, most):
         age, _, x, y, *speed = rows[lasts - 1].tolist()
-        _, stretch = ideal_place(lens, contact.shape, x, y)
+        stretch = View(lens).ideal_steps(contact.shape, x, y)
         speed_x, speed_y = pixel * stretch @ speed
         figures[f"contact_age/c{lasts}"] = age
         figures[f"contact_speed_x_mm/c{lasts}"] = float(speed_x)

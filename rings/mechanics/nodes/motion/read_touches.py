@@ -1,6 +1,7 @@
 """Read the height maps of many touches: results of a stream or batch, or a recording's."""
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -8,6 +9,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Interval
 
+from tactograph.rings.frames.calibrated_film import calibrated_film
 from tactograph.sdk import (
     F4,
     RESULT_FILE,
@@ -20,19 +22,13 @@ from tactograph.sdk import (
     read_height_file,
     warn,
 )
-from tactograph.sdk.nodes import read_error, read_pixel_size
+from tactograph.sdk.nodes import read_error, read_pixel_size, read_result_view
 from tactograph.sdk.unstable import (
     MAX_PIXEL_MM,
     MAX_SIZE_DIFFERENCE,
     MIN_PIXEL_MM,
-    RELIEF_FIGURE,
-    calibrated_film,
     check_heights,
     load_arrays,
-    on_even_grid,
-    read_view,
-    view_in,
-    warning_kind,
 )
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
@@ -107,7 +103,7 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     heights = [read_height_file(file).height for file in files]
     pixels = [read_pixel_size(height=file, mm=pixel) for file in files]
     for result in results:
-        if RELIEF_FIGURE in json.loads((result / RESULT_FILE).read_text()).get("metrics", {}):
+        if "rest_relief_mm" in json.loads((result / RESULT_FILE).read_text()).get("metrics", {}):
             raise InputError(
                 f"{result}: its film is no plane at rest; touches of planes alone are put together"
             )
@@ -117,7 +113,9 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     stated = [read_error(height=file) for file in files]
     errors = [np.full_like(heights[0], np.nan) if e is None else e for e in stated]
     names = [result.name for result in results]
-    return _even(heights, errors, [read_view(file) for file in files], pixels[0], names)
+    return _even(
+        heights, errors, [read_result_view(height=file) for file in files], pixels[0], names
+    )
 
 
 def _even(
@@ -125,8 +123,8 @@ def _even(
 ) -> Touches:
     """Touches as their cameras see them, on an even grid on the film."""
     planes = [
-        on_even_grid(height, [error], lens, camera or 0.0)
-        for height, error, (lens, camera) in zip(heights, errors, views, strict=True)
+        view.on_even_grid(height, [error])
+        for height, error, view in zip(heights, errors, views, strict=True)
     ]
     even, deviations = np.stack([p[0] for p in planes]), np.stack([p[1][0] for p in planes])
     return Touches(even, deviations, pixel, names)
@@ -158,15 +156,15 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
     if graph == "replay":
         params["refresh"] = "cycle"
     heights, stride, pixel = dict[int, F4](), 1, 0.0
-    lens, camera = _calibrated_view(calibration)
+    view = _calibrated_view(calibration)
     warnings_by_kind = dict[str, str]()
     with load(graph, params, outputs=["height", "pixel"]) as pipeline:
         for number, result in enumerate(pipeline.items()):
             for line in result.warnings:
-                warnings_by_kind.setdefault(warning_kind(line), line)
+                warnings_by_kind.setdefault(re.sub(r"\d[\d.]*", "", line), line)
             if number % stride == 0:
                 apparent, pixel = result["height"].copy(), float(result["pixel"])
-                heights[number], _ = on_even_grid(apparent, [], lens, camera or 0.0)
+                heights[number], _ = view.on_even_grid(apparent, [])
             if len(heights) > 2 * most:
                 stride *= 2
                 heights = {n: height for n, height in heights.items() if n % stride == 0}
@@ -187,4 +185,4 @@ def _calibrated_view(calibration: Path) -> View:
         raise InputError(
             f"{calibration}: its film is no plane at rest; touches of planes alone are put together"
         )
-    return view_in({"camera": 0.0, **arrays}, calibration)
+    return View.stated_in({"camera": 0.0, **arrays}, calibration)

@@ -22,8 +22,7 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     small_motion,
     surface_of,
 )
-from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, node, warn
-from tactograph.sdk.unstable import SlopeVariance, Vergence, on_even_grid
+from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, View, node, warn
 
 KeySurface = Annotated[F4, Port("2 H W", "mm", nan=True)]
 """Heights of the key frame, NaN beside the touched film, and beside what moves with the object."""
@@ -64,10 +63,10 @@ def track_pose(
     height: Height,
     contact: Contacts,
     pixel: PixelSize,
-    variance: SlopeVariance | None = None,
+    variance: Annotated[F4, Port("2 H W", "1")] | None = None,
     key: KeySurface | None = None,
     memory: Memory | None = None,
-    camera: Vergence | None = None,
+    camera: Annotated[float, Port(unit="1/mm")] | None = None,
     *,
     cell_px: Annotated[int, Interval(ge=0, le=8)] = 0,
     margin_px: Annotated[int, Interval(ge=0, le=100)] = 3,
@@ -113,7 +112,8 @@ def track_pose(
     tilts, which is told; ``pose_frames`` since tracking began; ``pose_keys``.
     """
     if camera:
-        height, (share,) = on_even_grid(height, [(contact > 0).astype(np.float32)], None, camera)
+        view, touched = View(camera=camera), (contact > 0).astype(np.float32)
+        height, (share,) = view.on_even_grid(height, [touched])
         height, contact = np.nan_to_num(height), (share > LEAST_SHARE).view(np.uint8)
     heights, pressed = held_film(height, contact, margin_px)
     stated, inside = 0.0, np.isfinite(heights[1, ::SPARSE_PX, ::SPARSE_PX])

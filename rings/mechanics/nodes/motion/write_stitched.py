@@ -7,17 +7,18 @@ import numpy as np
 from tactograph.rings.mechanics.nodes.motion.stitch import Sources, Stitched
 from tactograph.sdk import (
     RESULT_FILE,
+    ColourMap,
     Metrics,
     PixelSize,
     Provenance,
     atomic_files,
+    layer_kinds,
     node,
     write_image,
     write_ply,
     write_result_file,
     write_tiff,
 )
-from tactograph.sdk.unstable import ERROR_MAP
 
 
 @node
@@ -55,6 +56,8 @@ def write_stitched(
     from tactograph.rings.mechanics.nodes.motion._seams import draw_seams
     from tactograph.sdk import draw_height, draw_map
 
+    how = layer_kinds()["error"].drawn
+    assert isinstance(how, ColourMap)
     with atomic_files(folder, last=RESULT_FILE) as target:
         np.save(target / "height.npy", height)
         np.save(target / "error.npy", error)
@@ -63,7 +66,7 @@ def write_stitched(
             write_ply(target / "height.ply", height, pixel)
         write_image(target / "source.png", source)
         draw_height(height, error, pixel, target / "height.png")
-        draw_map(error, ERROR_MAP, pixel, target / "error.png")
+        draw_map(error, how, pixel, target / "error.png")
         draw_seams(height, source, pixel, target / "seams.png")
         about = {**provenance.as_dict(), "pixel_size_mm": float(pixel), "metrics": metrics}
         write_result_file(target, about)

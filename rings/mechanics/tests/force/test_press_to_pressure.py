@@ -22,8 +22,7 @@ from tactograph.nodes import F8, U1
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
 from tactograph.nodes.height.integrate_dct import integrate_dct
-from tactograph.nodes.optics.film_places import film_places
-from tactograph.nodes.stream.touch import View
+from tactograph.nodes.optics.camera_view import View
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import PressForce, press_to_pressure
 from tests.nodes.contact.test_largest_contacts import CONTACT, HEIGHT, SMALL
 
@@ -65,7 +64,7 @@ def test_a_lens_and_a_near_camera_leave_force_and_pressure() -> None:
     # Each pixel sees the point that the even grid, brought back, has there.
     seen = film
     for _ in range(20):
-        x, y = film_places(seen, lens, 1 / 30)
+        x, y = View(lens, 1 / 30).places(seen)
         column, row = (p + (s - 1) / 2 for p, s in zip((x, y), SHAPE[::-1], strict=True))
         seen = cv2.remap(film, column.astype(np.float32), row.astype(np.float32), cv2.INTER_CUBIC)
     reach = np.hypot(x, y) * PIXEL

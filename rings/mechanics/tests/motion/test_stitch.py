@@ -27,12 +27,12 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.progress import progress_text
 from tactograph.nodes import F4
-from tactograph.nodes.optics.film_places import on_even_grid
-from tactograph.nodes.stream.frames import RawFrame
-from tactograph.nodes.stream.touch import Touch, View
+from tactograph.nodes.optics.camera_view import View
+from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
 from tactograph.rings.batch.entry import DONE, Entry
 from tactograph.rings.batch.map_types import MapType
+from tactograph.rings.frames.live_frames import RawFrame
 from tactograph.rings.mechanics.layers.pose import POSE_NAMES
 from tactograph.rings.mechanics.nodes.motion.read_touches import read_touches
 from tactograph.rings.mechanics.nodes.motion.stitch import StitchedSurface, stitch
@@ -246,7 +246,7 @@ def test_touches_through_a_lens_are_put_on_the_even_grid(
     made_by = Provenance({"name": "toy"}, None, [], {}, {}, [], [])
     for name in "a", "b":
         write_result(touch, folder=tmp_path / name, provenance=made_by, pictures=False)
-    even, _ = on_even_grid(height, [], view.lens, 1 / 65)
+    even, _ = view.on_even_grid(height, [])
     np.testing.assert_allclose(read_touches(folder=tmp_path).heights[1], even, atol=1e-5)
 
 

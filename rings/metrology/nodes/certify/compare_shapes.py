@@ -53,8 +53,8 @@ def compare_shapes(
     """Compare the heights of touches with the truth beside them, or with balls of known radius.
 
     How deep a ball sits is not known, so both heights are those above the ball's mean.  Its
-    place is where a sphere fits best: a tilt of all of a ball is not told from its place.  Film
-    surely touches a ball within the radius sqrt(R d) at depth d, that of a half-space (Hertz
+    place is where a sphere fits best: a tilt of all of a ball cannot be separated from its place.
+    Film surely touches a ball within the radius sqrt(R d) at depth d, that of a half-space (Hertz
     1881); a thin gel touches it further out.
 
     Parameters

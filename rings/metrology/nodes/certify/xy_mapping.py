@@ -6,10 +6,10 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt
 
+from tactograph.rings.metrology.nodes import UM_PER_MM
 from tactograph.rings.metrology.nodes.certify._sensor import certified_sensor
-from tactograph.sdk import Crop, InputError, Metrics, node
+from tactograph.sdk import Crop, InputError, Metrics, View, node
 from tactograph.sdk.nodes import find_grid, read_grey
-from tactograph.sdk.unstable import UM_PER_MM, half_diagonal, ideal_offset
 
 
 @node
@@ -54,10 +54,8 @@ def xy_mapping(
     if size != sensor.flat.shape[1:]:
         raise InputError(f"{grid}: is not as large as the calibration's images")
     marks = find_grid(image)
-    half = float(half_diagonal(size))
-    mark_places = (marks.place - (np.array(size[::-1]) - 1) / 2) / half
-    ideal = mark_places + np.stack(ideal_offset(sensor.lens, *mark_places.T), axis=1)
-    measured = sensor.pixel * half * (ideal @ [1, 1j])
+    x, y = View(sensor.lens).ideal(size, *marks.place.T)
+    measured = sensor.pixel * (x + 1j * y)
     true = pitch_mm * (marks.cell @ [1, 1j])
     measured, true = measured - measured.mean(), true - true.mean()
     turn = np.vdot(true, measured) / np.vdot(true, true).real

@@ -1,9 +1,8 @@
 """The two ends of what may be known of a film's brightness."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from tactograph.sdk import node
-from tactograph.sdk.unstable import Uneven
+from tactograph.sdk import Port, node
 
 HELD_UNEVEN, FREE_UNEVEN = 0.0005, 0.2
 """Standard deviations of the film's brightness that leave slopes no freedom, and all."""
@@ -12,8 +11,8 @@ HELD_UNEVEN, FREE_UNEVEN = 0.0005, 0.2
 class BrightnessEnds(NamedTuple):
     """Standard deviations of the brightness for `label_lights`."""
 
-    held: Uneven
-    free: Uneven
+    held: Annotated[float, Port(unit="1")]
+    free: Annotated[float, Port(unit="1")]
 
 
 @node

@@ -14,7 +14,7 @@ def has_step(
     certified_um: CertifiedDepth | None = None,
     scale: Scale | None = None,
 ) -> bool:
-    """Return whether there is a known step, and refuse one of which half is said.
+    """Return whether there is a known step, and refuse one that is half given.
 
     Parameters
     ----------

@@ -1,15 +1,16 @@
 """Compare a light model with a scan of the untouched film."""
 
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Interval
 
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import light_model_slope
 from tactograph.rings.metrology.nodes.scan.read_light_model import check_frame, on_cells
 from tactograph.sdk import Crop, Metrics, node, warn
 from tactograph.sdk.nodes import coarsen, read_capture
-from tactograph.sdk.unstable import CellSide
 
 MAX_LEAN = 0.02
 """Slope of flat film by its model above which heights bend: 0.02 is 20 um over a millimetre."""
@@ -17,7 +18,11 @@ MAX_LEAN = 0.02
 
 @node
 def judge_untouched(
-    model: LightModel, *, folder: Path | None = None, crop: Crop | None = None, cell: CellSide = 16
+    model: LightModel,
+    *,
+    folder: Path | None = None,
+    crop: Crop | None = None,
+    cell: Annotated[int, Interval(ge=0, le=64)] = 16,
 ) -> Metrics:
     """Return how far the model takes untouched film for tilted, and warn where that is much.
 

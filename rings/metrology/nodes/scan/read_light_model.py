@@ -18,7 +18,6 @@ from tactograph.rings.metrology.nodes.scan.light_model_file import (
 from tactograph.rings.metrology.nodes.scan.scan_file import is_scan
 from tactograph.sdk import F4, Crop, InputError, Light, PixelSize, cropped, node, read_image
 from tactograph.sdk.nodes import coarsen
-from tactograph.sdk.unstable import lights_of
 
 TILES_PER_ROW = 3
 MIN_FLAT_LIGHT = 1 / 255
@@ -103,7 +102,7 @@ def check_frame(image: Light, model: LightModel, of: str) -> None:
     if image.shape != size:
         raise InputError(
             f"the light model describes {size[0]} lights of {size[2]} x {size[1]} pixels, but "
-            f"{of} has {lights_of(image)}"
+            f"{of} has {len(image)} lights of {image.shape[2]} x {image.shape[1]} pixels"
         )
 
 

@@ -8,13 +8,13 @@ order of the LEDs.
 import contextlib
 import re
 from pathlib import Path, PureWindowsPath
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 from annotated_types import Interval, Len
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 from tactograph.sdk import InputError, MarkedBall
-from tactograph.sdk.unstable import MAX_PIXEL_MM, MIN_PIXEL_MM, Entries, parse_yaml
+from tactograph.sdk.unstable import MAX_PIXEL_MM, MIN_PIXEL_MM, Document
 
 SCAN_FILE = "scan.yaml"
 MAX_BYTES = 1_000_000
@@ -110,7 +110,10 @@ def read_scan(folder: Path) -> Scan:
     )
 
 
-def read_entries(file: Path, kind: type[Entries]) -> Entries:
+Kind = TypeVar("Kind", bound=ScanEntries)
+
+
+def read_entries(file: Path, kind: type[Kind]) -> Kind:
     """Return the entries of a file of that software, its slips mended.
 
     Raises
@@ -127,7 +130,7 @@ def read_entries(file: Path, kind: type[Entries]) -> Entries:
     text = _text(raw, file)
     if not text.strip():
         raise InputError(f"{file}: the file is empty")
-    document = parse_yaml(_DOUBLE_COLON.sub(r"\1 ", text), str(file))
+    document = Document.parse(_DOUBLE_COLON.sub(r"\1 ", text), str(file))
     if not isinstance(document.data, dict):
         raise InputError(f"{file}: holds no entries such as 'images:' or 'quadfit:'")
     return document.checked(kind)

@@ -18,7 +18,7 @@ from tactograph.sdk import (
     node,
     write_image,
 )
-from tactograph.sdk.unstable import read_capture_file
+from tactograph.sdk.unstable import CaptureFile
 
 HEIGHT_FILE = "heightmap.tmd"
 
@@ -85,7 +85,7 @@ def _marks(capture: Path, pixel: float, crop: Crop | None) -> list[str]:
         scan = read_scan(capture)
         balls, radius = scan.balls, scan.ball_radius
     else:
-        about = read_capture_file(capture)
+        about = CaptureFile.read(capture)
         radius = about.ball_radius_mm or 0.0
         balls = ()
         if radius and about.ball_center_px:

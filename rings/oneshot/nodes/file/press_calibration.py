@@ -1,6 +1,5 @@
 """The calibration of a one-shot sensor: every value that it has, declared once."""
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -9,16 +8,8 @@ from pydantic import AfterValidator
 from tactograph.rings.oneshot.nodes.map.raise_walls import WallGain
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import MattDeviation
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.sdk import Dark, Light, Mask, Metrics, PixelSize
-from tactograph.sdk.unstable import (
-    MIN_OPTICAL_MM,
-    FileKind,
-    Lens,
-    Misfit,
-    Stored,
-    StoredRanks,
-    free_for,
-)
+from tactograph.sdk import Dark, FileKind, Lens, Light, Mask, Metrics, PixelSize, Stored
+from tactograph.sdk.unstable import MIN_OPTICAL_MM, Misfit, StoredRanks
 
 
 class PressCalibration(NamedTuple):
@@ -61,4 +52,4 @@ PRESS_CALIBRATION = FileKind(
     sources="the images, and the ball's place and radius",
     users="one-shot sensors: gelsight_mini, recalibrate_oneshot",
 )
-NewPressCalibration = Annotated[Path, AfterValidator(partial(free_for, kind=PRESS_CALIBRATION))]
+NewPressCalibration = Annotated[Path, AfterValidator(PRESS_CALIBRATION.new_file)]

@@ -12,7 +12,6 @@ from tactograph.rings.oneshot.nodes.map.slope_in_shadow import matt_deviation
 from tactograph.rings.oneshot.nodes.presses.read_presses import read_film
 from tactograph.sdk import Crop, InputError, Light, Lights, node
 from tactograph.sdk.nodes import undistort
-from tactograph.sdk.unstable import check_use, read_about, read_arrays
 
 
 @node
@@ -43,9 +42,7 @@ def read_press_calibration(
         array is missing, misshapen, not finite or out of range; if the new film image has
         another size; if the calibration was made from lights of another order.
     """
-    arrays = read_arrays(file, PRESS_CALIBRATION)
-    about = read_about(file)
-    check_use(file, about, lights)
+    arrays, about = PRESS_CALIBRATION.read_to_use(file, lights)
     order = lights or ("rgb" if about.lights == "rgb" else "bgr")
     lens = arrays["lens"]
     film = arrays["flat"]

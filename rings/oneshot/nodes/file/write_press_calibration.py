@@ -5,8 +5,8 @@ from tactograph.rings.oneshot.nodes.file.press_calibration import (
     NewPressCalibration,
 )
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.sdk import Light, Mask, Metrics, PixelSize, Provenance, node, warn
-from tactograph.sdk.unstable import Lens, identity_from, write_arrays
+from tactograph.sdk import Lens, Light, Mask, Metrics, PixelSize, Provenance, node, warn
+from tactograph.sdk.unstable import SensorIdentity
 
 
 @node
@@ -49,10 +49,10 @@ def write_press_calibration(
         If the calibration cannot be of a sensor, the file's name does not end in ``.npz``, or it
         cannot be written.
     """
-    sensor = sensor or identity_from(provenance).name or None
-    arrays = {"flat": flat, "pixel_size": pixel, "reflectance": reflectance}
-    header = {"quality": quality, "advice": advice, "doubts": doubts or []}
+    sensor = sensor or SensorIdentity.behind(provenance).name or None
+    arrays = {"flat": flat, "pixel_size": pixel, "reflectance": reflectance, "area": area}
+    judged = {"quality": quality, "advice": advice, "doubts": doubts or []}
     about = {"sensor": sensor, "serial": serial, "provenance": provenance}
-    write_arrays(file, PRESS_CALIBRATION, arrays | {"area": area, "lens": lens}, header | about)
+    PRESS_CALIBRATION.write(file, {**arrays, "lens": lens, **judged, **about})
     if advice.startswith("press"):
         warn(advice)

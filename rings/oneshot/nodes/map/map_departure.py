@@ -8,7 +8,7 @@ from tactograph.rings.oneshot.nodes.map.mapped_light import mapped_light
 from tactograph.rings.oneshot.nodes.map.reflectance_map import PLACE_TERMS, SHADE_COUNT
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.sdk import F4, Close, Height, Light, SizeLimit, Slope, node
-from tactograph.sdk.unstable import LightDeparture, Misfit, excess
+from tactograph.sdk.unstable import LightDeparture, Misfit
 
 MIN_MAP_ERROR = 0.007
 """Standard deviation of the light: a map of harmonics is coarser than a film's model."""
@@ -43,8 +43,7 @@ def map_departure(
     freedom = np.float32(len(light) - 2)
     error = max(float(misfit[2]), MIN_MAP_ERROR)
     scale = np.float32(1 / error**2) / freedom
-    departs = np.asarray((residual * residual).sum(axis=0) * scale, np.float32)
-    return LightDeparture(departs, excess(light, model_light))
+    return LightDeparture.of((residual * residual).sum(axis=0) * scale, light, model_light)
 
 
 map_departure.opencl(grid="H W", lanes="rows")

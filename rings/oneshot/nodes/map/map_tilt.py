@@ -4,8 +4,8 @@ import numpy as np
 
 from tactograph.rings.oneshot.nodes.map.reflectance_map import terms
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
+from tactograph.rings.recheck.nodes import TiltResponse
 from tactograph.sdk import Light, node
-from tactograph.sdk.unstable import TiltResponse
 
 HARMONIC_X, HARMONIC_Y, HARMONIC_XZ, HARMONIC_YZ = 0, 1, 4, 5
 """Harmonics that change with a tilt of the film at rest, to first order."""

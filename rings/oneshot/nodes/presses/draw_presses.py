@@ -9,7 +9,7 @@ from annotated_types import Interval
 
 from tactograph.rings.oneshot.nodes.file.read_press_calibration import read_press_calibration
 from tactograph.sdk import Height, Light, Slope, node
-from tactograph.sdk.unstable import Doubts, drawn
+from tactograph.sdk.unstable import Doubts
 
 WIDTH_SHARES = (0.01, 0.3)
 """Distance over which errors of the light are alike, over the image's width, evenly drawn by its
@@ -46,4 +46,4 @@ def draw_presses(
     for number in range(count):
         width = pixel * sensor.flat.shape[2] * np.exp(rng.uniform(*np.log(WIDTH_SHARES)))
         doubts = Doubts(0.0, float(width), light, 0.0, USUAL_CONTACT_MM)
-        yield DrawnPress(*drawn(rng, number, sensor.flat, pixel, doubts))
+        yield DrawnPress(*doubts.touch(rng, number, sensor.flat, pixel))

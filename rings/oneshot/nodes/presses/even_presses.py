@@ -4,9 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import Light, node
+from tactograph.rings.oneshot.nodes.presses import PressImages
+from tactograph.sdk import Lens, Light, View, node
 from tactograph.sdk.nodes import undistort
-from tactograph.sdk.unstable import Lens, PressImages, StatedCircles, ideal_circles, is_straight
+from tactograph.sdk.unstable import StatedCircles
 
 
 class EvenPresses(NamedTuple):
@@ -27,7 +28,8 @@ def even_presses(image: PressImages, flat: Light, circle: StatedCircles, lens: L
     circle : P x 3 in px of the captured images; the radius does not change
     lens : length 8 as `read_lens` gives it, all zero for an ideal lens
     """
-    if is_straight(lens):
+    if not lens.any():
         return EvenPresses(image, flat, circle)
     presses = np.stack([undistort(press, lens) for press in image])
-    return EvenPresses(presses, undistort(flat, lens), ideal_circles(circle, lens, flat.shape[1:]))
+    circle = View(lens).ideal_circles(flat.shape[1:], circle)
+    return EvenPresses(presses, undistort(flat, lens), circle)

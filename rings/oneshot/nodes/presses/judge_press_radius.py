@@ -6,25 +6,19 @@ import numpy as np
 from annotated_types import Gt
 from scipy.special import chdtri
 
-from tactograph.sdk import F4, U1, Light, PixelSize, Port, node
+from tactograph.rings.oneshot.nodes.presses import PressImages
+from tactograph.sdk import F4, U1, Film, Light, PixelSize, Port, node
 from tactograph.sdk.unstable import (
-    AS_STATED,
     DEVIATIONS_PER_MAD,
     FALSE_ALARMS,
     MAX_JUDGED_BALLS,
     MIN_FLAT_LIGHT,
-    WITH_COAT,
     BallCircles,
     BallPress,
     Balls,
     Judged,
-    PressImages,
-    doubts_of,
     explain,
-    matt_film,
     sample_balls,
-    scale_error,
-    unconfirmed,
 )
 
 RADIUS_INPUTS = " (`radius_mm`, `pixel`)"
@@ -66,7 +60,7 @@ def judge_press_radius(
     sheet = np.concatenate(list(press_image / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
     radius = np.full(used.size, radius_mm, np.float32)
     # A matt film throws no light on itself, wherever its lights are.
-    matt = matt_film(np.ones((len(flat), 3), np.float32))
+    matt = Film.matt(np.ones((len(flat), 3), np.float32))
     every, no_noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
     balls = sample_balls(
         *(sheet, flat, circle[used], radius, every, matt, no_noise, pixel), most=None, fine=True
@@ -75,11 +69,10 @@ def judge_press_radius(
     # The film at rest of such sensors is not lit by points.
     flat = np.ones_like(flat)
     explained = explain(balls, flat, pixel, _directions(balls), strength, camera=None, coated=True)
-    plain, scale = explained.by_name[AS_STATED], scale_error(explained)
+    plain, scale = explained.by_name["stated"], explained.scale_error()
     # What a coat explains better is no evidence of another radius or of a gamma.
-    departure = min(plain.departure, explained.by_name[WITH_COAT].departure)
-    doubts, _ = doubts_of(explained, radius_mm, departure, which=RADIUS_INPUTS)
-    is_open = "" if doubts else unconfirmed(explained, radius_mm, which=RADIUS_INPUTS)
+    doubts, _ = explained.doubts(radius_mm, explained.departure, which=RADIUS_INPUTS)
+    is_open = "" if doubts else explained.unconfirmed(radius_mm)
     quality = {"diffuse_percent": 100 * plain.diffuse, "scale_error_percent": 100 * scale}
     by_chance = chdtri(explained.values, FALSE_ALARMS) / explained.values
     noise = _noise(sheet) / float(np.median(balls.reference_light))

@@ -12,13 +12,11 @@ from tactograph.rings.oneshot.nodes.map.map_error import map_error
 from tactograph.rings.oneshot.nodes.map.raise_walls import edge_lack, uphill
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import matt_deviation
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
+from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import make_bench, reconstruct
 from tactograph.sdk import F4, F8, Height, InputError, Light, PixelSize, Port, node
 from tactograph.sdk.nodes import coarsen, find_contact, integrate_dct, rest_at_border
-from tactograph.sdk.unstable import FALSE_ALARMS, Judged, PressImages
-
-TOP_SHARE, MIDDLE_SHARE = 0.5, 0.5
-"""Shares: of a punch's height above which film is on it, of its half width that is its middle."""
+from tactograph.sdk.unstable import FALSE_ALARMS, Judged
 
 
 @node
@@ -104,13 +102,13 @@ def _gain(off: F8, lacks: F8) -> float:
 
 
 def _plateau(height: Height, error: F4, name: str) -> NDArray[np.bool_]:
-    """The middle of what stands up by half of the largest contact's height."""
+    """What lies in by half of the largest width, of what stands up by half of the height."""
     contact = find_contact(height, error, enter=4.0, leave=2.0) == 1
     if not contact.any():
         raise InputError(f"punch {name}: no contact; is it in the frame, and pressed in?")
-    high = contact & (height > TOP_SHARE * np.percentile(height[contact], 90))
+    high = contact & (2 * height > np.percentile(height[contact], 90))
     inside = cv2.distanceTransform(high.astype(np.uint8), cv2.DIST_L2, 5)
-    return np.asarray(inside >= MIDDLE_SHARE * inside.max())
+    return np.asarray(2 * inside >= inside.max())
 
 
 def _doubts(names: list[str], off: F8, errors: F8) -> list[str]:

@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Gt
 
+from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     degree_for,
     fit_presses,
@@ -13,17 +14,7 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     refine_center,
 )
 from tactograph.sdk import F4, U1, Light, Metrics, PixelSize, Port, node, warn
-from tactograph.sdk.unstable import (
-    FILM_REGIONS,
-    BallCircles,
-    BallPress,
-    Judged,
-    PressImages,
-    advice_after,
-    judge_contact,
-    of_heldout_error,
-    verdict_of,
-)
+from tactograph.sdk.unstable import FILM_REGIONS, BallCircles, BallPress, Judged, judge_contact
 
 COVERAGE_CELLS = (4, 6)
 """Rows and columns of cells into which the film is divided to measure coverage."""
@@ -116,13 +107,13 @@ def rate_presses(
         "rim_um": 1e3 * rim,
     }
     of_radius, of_punches = of_radius or Judged({}, []), of_punches or Judged({}, [])
-    doubts = (of_pixels or []) + of_heldout_error(float(degrees)) + of_radius.doubts
-    doubts += of_punches.doubts
+    heldout = Judged.of_heldout("heldout_normal_deg", float(degrees))
+    doubts = (of_pixels or []) + heldout.doubts + of_radius.doubts + of_punches.doubts
     for doubt in doubts:
         warn(doubt)
-    counting = "heldout_normal_deg", float(degrees)
-    advice = advice_after(doubts, advise(pressed, bench.shape, steepest))
-    verdict = verdict_of(doubts, *counting, of_radius.unconfirmed)
+    judged = heldout._replace(doubts=doubts, unconfirmed=of_radius.unconfirmed)
+    advice = judged.advice(advise(pressed, bench.shape, steepest))
+    verdict = judged.verdict("heldout_normal_deg")
     quality |= of_radius.quality | of_punches.quality
     angles = np.nan_to_num(errors[:, 0]).astype(np.float32)
     return PressRating(quality, advice, doubts, verdict, angles)

@@ -7,18 +7,14 @@ import numpy as np
 from annotated_types import Interval
 from scipy.ndimage import gaussian_filter
 
-from tactograph.sdk import F4, Crop, InputError, Light, cropped, node, read_image
-from tactograph.sdk.nodes import read_capture
+from tactograph.rings.oneshot.nodes.presses import PressImages
+from tactograph.sdk import F4, Crop, InputError, Light, node
 from tactograph.sdk.unstable import (
+    CaptureFile,
     Layout,
-    PressImages,
     StatedCircles,
-    channels,
-    normalised,
-    read_capture_file,
     read_images,
-    refuse_flat,
-    stated_circle,
+    read_presses as read_presses_of,
 )
 
 
@@ -69,17 +65,15 @@ def read_presses(
     film = read_film(flat, lights, smooth_px, crop)
     if folder is None:
         return Presses(film[None], film, [], np.full((1, 3), np.nan, np.float32))
-    refuse_flat(flat, folder)
-    captures = list(read_capture(folder=folder, lights=lights, crop=crop))
-    for capture in captures:
-        if capture.image.shape != film.shape:
-            raise InputError(
-                f"{folder / capture.name}: {capture.image.shape[2]} x {capture.image.shape[1]} "
-                f"pixels, but the untouched film {flat} has {film.shape[2]} x {film.shape[1]}"
-            )
+    captures = read_presses_of(folder, Layout(lights, crop=crop), flat)
     names = [capture.name for capture in captures]
-    circles = [stated_circle(read_capture_file(folder / name)) for name in names]
+    circles = [CaptureFile.read(folder / name).circle() for name in names]
     images = np.stack([capture.image for capture in captures])
+    if images.shape[1:] != film.shape:
+        raise InputError(
+            f"{folder / names[0]}: {images.shape[3]} x {images.shape[2]} pixels, but the untouched "
+            f"film {flat} has {film.shape[2]} x {film.shape[1]}"
+        )
     return Presses(images, film, names, np.asarray(circles, np.float32))
 
 
@@ -90,10 +84,5 @@ def read_film(
     crop: Crop | None = None,
 ) -> F4:
     """Read the untouched film from one colour image or from a capture folder: K x H x W."""
-    if place.is_dir() or lights == "leds":
-        stack = read_images(place, Layout(lights, crop=crop))
-    else:
-        whole = channels(read_image(place), place, lights, None)
-        planes = [cropped(plane, crop, place) for plane in whole]
-        stack = normalised(np.stack(planes), [place] * len(planes), None)
+    stack = read_images(place, Layout(lights, crop=crop))
     return np.stack([gaussian_filter(plane, smooth_px, mode="nearest") for plane in stack])

@@ -14,7 +14,6 @@ from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.names import bind
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND, CameraLens
 from tactograph.nodes.drawing.new_picture import write_picture
-from tactograph.nodes.files.calibration_file import write_record
 
 MADE = Provenance({}, None, [], {}, {}, [], [])
 WRITERS = ("write_calibration",)
@@ -27,7 +26,7 @@ def check(node: str, file: Path) -> None:
 
 def camera(file: Path) -> None:
     lens = CameraLens(np.zeros(8, np.float32), 0.1, 0.1, np.array([5, 4], np.int32), {})
-    write_record(file, CAMERA_KIND, lens, {"provenance": MADE})
+    CAMERA_KIND.write_record(file, lens, {"provenance": MADE})
 
 
 @pytest.mark.parametrize("node", WRITERS)

@@ -9,8 +9,8 @@ from tactograph.graph import GraphError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.film import _film_search
-from tactograph.nodes.calibrate.film.film_fit import _Equations, _solve, start_at
-from tactograph.nodes.calibrate.film.film_unknowns import opened, unknowns_of, with_values
+from tactograph.nodes.calibrate.film.film_fit import start_at
+from tactograph.nodes.calibrate.film.film_unknowns import USUAL_ALBEDO, Unknowns
 from tactograph.nodes.calibrate.film.fit_film import FilmFit, fit_film
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import predict, rest_light
@@ -166,15 +166,16 @@ def test_a_glossy_coat_is_found() -> None:
 
 
 def test_the_albedo_under_a_coat_is_that_by_which_film_lights_film() -> None:
-    assert "base" in unknowns_of({"lobe"})
-    names = unknowns_of({"lobe", "bounce"})
-    assert {"albedo", "roughness"} < {*names}
-    assert "base" not in names
+    assert "base" in Unknowns.of({"lobe"}, 20.0).names
+    coated = Unknowns.of({"lobe", "bounce"}, 20.0)
+    assert {"albedo", "roughness"} < {*coated.names}
+    assert "base" not in coated.names
     matt = start_at(LEDS, np.ones(len(LEDS), np.float32), 1)
-    coated = with_values(opened(matt, names), {"albedo": 0.7})
-    assert coated.film.base == coated.film.albedo == 0.7
+    film = coated.opened(matt).film
+    assert film.refraction > 1
+    assert film.base == film.albedo == USUAL_ALBEDO.start
     # A matt film has no base of its own.
-    bouncing = opened(matt, unknowns_of({"bounce"}))
+    bouncing = Unknowns.of({"bounce"}, 20.0).opened(matt)
     assert bouncing.film.albedo > 0
     assert bouncing.film.base == matt.film.base
 
@@ -296,32 +297,3 @@ def test_grain_is_what_light_departs_by_beyond_the_cameras_noise() -> None:
     rough = MATT._replace(harmonics=harmonics(0.05), flattest=0.6, reach=10.0)
     fit = fitted(rough, FOUR[:2], without=("diffuse", "lobe", "bounce", "harmonics"))
     assert fit.film.grain > 0.01
-
-
-@pytest.mark.parametrize("damping", [0.0, 1e-2])
-def test_balls_taken_out_one_by_one_leave_the_whole_solution(damping: float) -> None:
-    """Schur's complement against one system of all unknowns."""
-    rng = np.random.default_rng(1)
-    shared, count = 6, 5
-    size = shared + 3 * count
-    by = rng.normal(size=(60, size))
-    # Balls meet in what they share alone.
-    for ball in range(count):
-        rows = np.arange(60) % count != ball
-        by[np.ix_(rows, shared + 3 * ball + np.arange(3))] = 0
-    normal, right = by.T @ by, rng.normal(size=size)
-    own = [slice(shared + 3 * i, shared + 3 * i + 3) for i in range(count)]
-    equations = _Equations(
-        normal[:shared, :shared],
-        np.stack([normal[:shared, s] for s in own]),
-        np.stack([normal[s, s] for s in own]),
-        right[:shared],
-        np.stack([right[s] for s in own]),
-    )
-    damped = normal + damping * np.eye(size)
-    damped[:shared, :shared] += damping * (np.diag(np.diag(normal)[:shared]) - np.eye(shared))
-    for s in own:
-        damped[s, s] = normal[s, s] * (1 + damping * np.eye(3))
-    whole = np.linalg.solve(damped, right)
-    found, moved = _solve(equations, damping)
-    assert np.concatenate([found, moved.ravel()]) == pytest.approx(whole, rel=1e-6)

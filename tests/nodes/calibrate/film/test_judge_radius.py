@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.judge_radius import (
@@ -19,13 +19,9 @@ from tactograph.nodes.calibrate.film.judge_radius import (
     OTHER_SIZE,
     Alternatives,
     Explained,
-    doubts_of,
     explain,
-    scale_error,
-    unconfirmed,
 )
 from tactograph.nodes.capture.read_capture import read_capture
-from tactograph.nodes.optics.film import matt_film
 from tests.fixtures import RIG_PIXEL_MM, Raytraced
 
 BALL = 7.0
@@ -48,7 +44,7 @@ def sampled(rig: Path, factor: float, gamma: float = 1.0) -> tuple[Balls, F4, fl
     circle = np.array([[*centre, 0.95 * min(radius, BALL) / pixel]], np.float32)
     one = np.array([radius], np.float32)
     balls = sample_balls(
-        light, flat, circle, one, np.zeros(1, np.int32), matt_film(DISTANT), NOISE, pixel,
+        light, flat, circle, one, np.zeros(1, np.int32), Film.matt(DISTANT), NOISE, pixel,
         most=None, fine=True,
     )  # fmt: skip
     return balls, flat, pixel
@@ -64,9 +60,9 @@ def found(rig: Path, factor: float, gamma: float = 1.0) -> Alternatives:
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_a_right_radius_is_confirmed(raytraced: Raytraced, rig: str) -> None:
     light = found(raytraced / rig, 1.0)
-    assert doubts_of(light, BALL) == ([], False)
-    assert not unconfirmed(light, BALL)
-    assert scale_error(light) == 0
+    assert light.doubts(BALL) == ([], False)
+    assert not light.unconfirmed(BALL)
+    assert light.scale_error() == 0
 
 
 @pytest.mark.one_case
@@ -77,20 +73,20 @@ def test_a_wrong_radius_is_refused_and_the_right_one_named(
     raytraced: Raytraced, rig: str, factor: float
 ) -> None:
     light = found(raytraced / rig, factor)
-    (doubt,), is_clear = doubts_of(light, BALL * factor)
+    (doubt,), is_clear = light.doubts(BALL * factor)
     assert is_clear
     assert factor * light.by_name[OTHER_SIZE].size == pytest.approx(1, rel=0.02)
     assert f"a ball of {BALL * factor * light.by_name[OTHER_SIZE].size:.3g} mm radius" in doubt
     assert ("its diameter" in doubt) == (factor == 2)
     assert ("given too large" in doubt) == (1 < factor < 2)
     assert ("pixel size too large" in doubt) == (factor < 1)
-    assert scale_error(light) > abs(factor - 1) / 2
+    assert light.scale_error() > abs(factor - 1) / 2
 
 
 @pytest.mark.one_case
 @pytest.mark.parametrize(("rig", "gamma"), [("near33", 1.15), ("near33", 1.0), ("far28", 1.15)])
 def test_a_gamma_of_the_camera_is_told(raytraced: Raytraced, rig: str, gamma: float) -> None:
-    doubts, _ = doubts_of(found(raytraced / rig, 1.0, gamma), BALL)
+    doubts, _ = found(raytraced / rig, 1.0, gamma).doubts(BALL)
     assert ["switch its gamma" in doubt for doubt in doubts] == [True] * (gamma > 1)
 
 
@@ -109,30 +105,43 @@ def left_by(**departures: float) -> Alternatives:
 
 
 def test_the_likeliest_value_is_named_and_whatever_explains_as_much() -> None:
-    (doubt,), is_clear = doubts_of(left_by(camera=0.02, size=0.0201), 6.0)
+    (doubt,), is_clear = left_by(camera=0.02, size=0.0201).doubts(6.0)
     assert doubt.startswith("a camera 60 mm above the film explains the light better")
     assert "so does a ball of 3 mm radius" in doubt
     assert "`film.camera`=MM" in doubt
     assert is_clear
-    (doubt,), _ = doubts_of(left_by(camera=0.02, size=0.027), 6.0)
+    (doubt,), _ = left_by(camera=0.02, size=0.027).doubts(6.0)
     assert "ball" not in doubt
 
 
 def test_what_the_chosen_film_explains_better_is_no_evidence() -> None:
-    assert doubts_of(left_by(size=0.02), 6.0, misfit=0.011) == ([], False)
+    assert left_by(size=0.02).doubts(6.0, misfit=0.011) == ([], False)
 
 
 def test_a_film_chosen_that_explains_less_than_a_plain_one_is_doubted() -> None:
-    (doubt,), is_clear = doubts_of(left_by(), 6.0, misfit=0.26)
+    (doubt,), is_clear = left_by().doubts(6.0, misfit=0.26)
     assert "the best leaves 26.0% of the light unexplained" in doubt
     assert not is_clear
 
 
 def test_a_radius_is_open_until_the_light_excludes_a_gel_that_diffuses_none() -> None:
     light = left_by(stated=0.03, clear=0.031)
-    assert "6 mm fits if the gel diffuses 0% of the light, 3.6 mm if it" in unconfirmed(light, 6.0)
+    assert "6 mm fits if the gel diffuses 0% of the light, 3.6 mm if it" in light.unconfirmed(6.0)
     # A ball of 0.6 times the radius is half as high; pixels of 1 / 0.6 times the size add that.
-    assert scale_error(light) == pytest.approx(math.hypot(0.5, 1 - 0.5 / 0.6) / math.sqrt(2))
+    assert light.scale_error() == pytest.approx(math.hypot(0.5, 1 - 0.5 / 0.6) / math.sqrt(2))
     excluded = left_by(stated=0.03, clear=0.04)
-    assert not unconfirmed(excluded, 6.0)
-    assert scale_error(excluded) == 0
+    assert not excluded.unconfirmed(6.0)
+    assert excluded.scale_error() == 0
+
+
+def test_what_settles_an_open_radius_is_what_excludes_the_other() -> None:
+    """A ruler does where it tells both radii apart, by whichever of both it agrees with."""
+    light = left_by(stated=0.03, clear=0.031)
+    assert "a deeper press, with the ball's shadow" in light.unconfirmed(6.0, ruler="`mm`")
+    assert "`mm`" not in light.unconfirmed(6.0, ruler="`mm`"), "both have the LEDs in one place"
+    light.by_name[CLEAR_GEL] = light.by_name[CLEAR_GEL]._replace(distance=60.0)
+    assert "film's middle, 50 or 60 mm (`mm`=MM)" in light.unconfirmed(6.0, ruler="`mm`")
+    right, wrong = light._replace(ruler_mm=51.0), light._replace(ruler_mm=59.0)
+    assert not right.unconfirmed(6.0)
+    assert right.scale_error() == 0
+    assert wrong.scale_error() == light.scale_error() > 0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
-from tactograph.nodes.calibrate.ranks.drawn import OBJECT_FORMS, Doubts, drawn
+from tactograph.nodes.calibrate.ranks.drawn import OBJECT_FORMS, Doubts
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
 from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, RANK_COUNT, Ranked
 from tests.fixtures import Calibration
@@ -19,7 +19,7 @@ FLAT, PIXEL = np.ones((4, 60, 80), np.float32), 0.1
 @pytest.mark.parametrize("number", range(len(OBJECT_FORMS)))
 def test_a_drawn_touch_is_a_surface_above_the_film(number: int) -> None:
     rng = np.random.default_rng(number)
-    soft = drawn(rng, number, FLAT, PIXEL, EXACT)
+    soft = EXACT.touch(rng, number, FLAT, PIXEL)
     assert soft.height.min() >= 0
     assert np.isfinite(soft.slope).all()
     assert np.abs(soft.slope).max() < 10
@@ -29,7 +29,7 @@ def test_a_drawn_touch_is_a_surface_above_the_film(number: int) -> None:
 def test_walls_are_those_of_rigid_objects() -> None:
     def steepest(rigid: bool) -> float:
         rng = np.random.default_rng(2)
-        touches = (drawn(rng, n, FLAT, PIXEL, EXACT, rigid) for n in range(16))
+        touches = (EXACT.touch(rng, n, FLAT, PIXEL, rigid) for n in range(16))
         return float(np.median([np.abs(np.diff(t.height, axis=1)).max() / PIXEL for t in touches]))
 
     assert steepest(rigid=True) > 2 * steepest(rigid=False)
@@ -37,7 +37,7 @@ def test_walls_are_those_of_rigid_objects() -> None:
 
 def test_what_a_calibration_leaves_open_is_drawn() -> None:
     doubts = EXACT._replace(level=0.02, light=0.01)
-    one, other = (drawn(np.random.default_rng(1), 0, FLAT, PIXEL, d) for d in (EXACT, doubts))
+    one, other = (d.touch(np.random.default_rng(1), 0, FLAT, PIXEL) for d in (EXACT, doubts))
     assert np.array_equal(one.height, other.height)
     assert 0.003 < (one.slope - other.slope).std() < 0.06
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8
+from tactograph.nodes.trust.checked_cells import DARK_LIGHT
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 
 EXPLAINED_SHARE = 0.8
@@ -45,3 +46,17 @@ def explained(change: F4, causes: F4) -> F8:
     shares = weight / weight.sum()
     whole = np.square(even[count]).mean(axis=0)
     return weights if explains(residual @ shares, whole @ shares) else np.zeros(count)
+
+
+def added_share(light: F4, flat: F4) -> float:
+    """Return the light that was added everywhere, over that of the film at rest (T3); 0: none.
+
+    Dim film then departs more than bright film.
+
+    Parameters
+    ----------
+    light : K x N, of cells that lie anywhere, relative to the flat frame
+    flat : K x N, the film at rest on the same cells
+    """
+    by_added = np.asarray(1 / np.maximum(flat, DARK_LIGHT), np.float32)
+    return float(explained(light, by_added[None])[0] * by_added.mean())

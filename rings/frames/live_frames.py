@@ -1,14 +1,12 @@
-"""Camera frames with their LED, the touches made of them, and the counters of a stream."""
+"""Camera frames with their LED, and the touches made of them."""
 
-from collections import Counter
-from dataclasses import dataclass, field
-from typing import Annotated, Any, NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import Port
-from tactograph.nodes import Height, Labels, Light, Slope
+from tactograph.sdk import Height, Labels, Light, LiveState, Port, Slope
 
 ALL_LIT = -1
 """Stands for an LED's number where all LEDs, each of another colour, are lit."""
@@ -28,22 +26,6 @@ class RawFrame:
     led: int
     time: float
     data: NDArray[np.uint8] | NDArray[np.uint16]
-
-
-@dataclass
-class LiveState:
-    """The counters of a stream: frames, touches, drops, and every fault by name.
-
-    `motion` is the largest change of the light, 1 on the film at rest, from one cycle of the
-    LEDs to the next.
-    """
-
-    frames: int = 0
-    touches: int = 0
-    dropped: int = 0
-    faults: Counter[str] = field(default_factory=Counter)
-    settings: dict[str, Any] = field(default_factory=dict)
-    motion: float = 0.0
 
 
 class LiveFrames(NamedTuple):

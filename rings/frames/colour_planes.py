@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, Light
+from tactograph.sdk import F4, Light
 
 Order = Literal["bgr", "rgb"]
 

@@ -10,9 +10,9 @@ import trimesh
 from tactograph.graph import InputError, Provenance
 from tactograph.nodes import F4
 from tactograph.nodes.files.height_files import write_ply
-from tactograph.nodes.optics.film_places import film_places, on_even_grid
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.optics.lens import ideal_places
-from tactograph.nodes.stream.touch import Touch, View
+from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
 
 SHAPE = (120, 160)
@@ -44,10 +44,10 @@ def seen(lens: F4) -> F4:
 @pytest.mark.parametrize("lens", [None, BENT], ids=["no lens", "bent"])
 def test_points_lie_on_the_surface_that_was_seen(lens: F4 | None) -> None:
     height = seen(np.zeros(8, np.float32) if lens is None else lens)
-    x, y = film_places(height, lens, CAMERA)
+    x, y = View(lens, CAMERA).places(height)
     surface = hill(PIXEL * x, PIXEL * y)
     assert np.abs(surface - height).max() < 1e-4
-    x, y = film_places(height, lens, 0.0)
+    x, y = View(lens, 0.0).places(height)
     away = hill(PIXEL * x, PIXEL * y)
     assert np.abs(away - height).max() > 0.05
 
@@ -55,7 +55,7 @@ def test_points_lie_on_the_surface_that_was_seen(lens: F4 | None) -> None:
 @pytest.mark.parametrize("lens", [None, BENT], ids=["no lens", "bent"])
 def test_an_even_grid_holds_the_surface_itself(lens: F4 | None) -> None:
     height = seen(np.zeros(8, np.float32) if lens is None else lens)
-    found, (error,) = on_even_grid(height, [height], lens, CAMERA)
+    found, (error,) = View(lens, CAMERA).on_even_grid(height, [height])
     row, column = np.mgrid[: SHAPE[0], : SHAPE[1]]
     truth = hill(PIXEL * (column - middle()[0]), PIXEL * (row - middle()[1]))
     known = np.isfinite(found)
@@ -67,17 +67,17 @@ def test_an_even_grid_holds_the_surface_itself(lens: F4 | None) -> None:
 
 def test_what_no_pixel_sees_is_not_known() -> None:
     """A film 6.5 mm up fills nine tenths of the frame in each direction."""
-    found, _ = on_even_grid(np.full(SHAPE, 6.5, np.float32), [], None, CAMERA)
+    found, _ = View(None, CAMERA).on_even_grid(np.full(SHAPE, 6.5, np.float32), [])
     assert np.isnan(found[0]).all()
     assert np.abs(found[8:-8, 10:-10] - 6.5).max() < 1e-5
 
 
 def test_an_orthographic_camera_without_lens_changes_nothing() -> None:
     height = seen(np.zeros(8, np.float32))
-    found, others = on_even_grid(height, [], np.zeros(8, np.float32), 0.0)
+    found, others = View(np.zeros(8, np.float32), 0.0).on_even_grid(height, [])
     assert np.array_equal(found, height)
     assert others == []
-    x, y = film_places(height, None, 0.0)
+    x, y = View(None, 0.0).places(height)
     assert np.array_equal(y + middle()[1], np.mgrid[: SHAPE[0], : SHAPE[1]][0])
     assert np.array_equal(x + middle()[0], np.mgrid[: SHAPE[0], : SHAPE[1]][1])
 
@@ -85,8 +85,8 @@ def test_an_orthographic_camera_without_lens_changes_nothing() -> None:
 def test_a_film_that_reaches_the_camera_is_refused() -> None:
     high = np.full(SHAPE, 70, np.float32)
     for call in (
-        lambda: film_places(high, None, CAMERA),
-        lambda: on_even_grid(high, [], None, CAMERA),
+        lambda: View(None, CAMERA).places(high),
+        lambda: View(None, CAMERA).on_even_grid(high, []),
     ):
         with pytest.raises(InputError, match="pupil is 65 mm above it; check its height"):
             call()
@@ -94,7 +94,7 @@ def test_a_film_that_reaches_the_camera_is_refused() -> None:
 
 def test_a_mesh_has_its_points_where_they_lie(tmp_path: Path) -> None:
     height = seen(BENT)
-    write_ply(tmp_path / "height.ply", height, PIXEL, BENT, CAMERA)
+    write_ply(tmp_path / "height.ply", height, PIXEL, View(BENT, CAMERA))
     vertices = trimesh.load(tmp_path / "height.ply", process=False).vertices
     x, y = vertices[:, 0], -vertices[:, 1]
     assert np.abs(hill(x, y) - vertices[:, 2]).max() < 1e-4
@@ -107,7 +107,7 @@ def test_a_result_is_what_pixels_see_or_even_on_the_film(tmp_path: Path, grid: s
     touch = Touch(height, image, PIXEL, view=View(BENT, CAMERA), layers={"error": 0.01 * height})
     write_result(touch, folder=tmp_path, grid=grid, ply=True, provenance=MADE)
     found = np.load(tmp_path / "height.npy")
-    even, (error,) = on_even_grid(height, [0.01 * height], BENT, CAMERA)
+    even, (error,) = View(BENT, CAMERA).on_even_grid(height, [0.01 * height])
     expected = (height, 0.01 * height) if grid == "pixel" else (even, error)
     assert np.array_equal(found, expected[0], equal_nan=True)
     assert np.array_equal(np.load(tmp_path / "error.npy"), expected[1], equal_nan=True)

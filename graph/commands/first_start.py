@@ -1,0 +1,91 @@
+"""The first run on a device: NumPy computes its one item while another process builds kernels.
+
+Both give the same heights (`parity`), and for a touch NumPy takes less time than the compiler of
+its kernels.  Where it takes more, as for a large image, the device computes the item after all, as
+soon as the kernels are there.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from threading import Thread
+from typing import TYPE_CHECKING, Self
+
+from tactograph.graph.backends import PREFERRED_ORDER
+from tactograph.graph.backends.devices import is_new
+from tactograph.graph.commands import RunOptions
+
+if TYPE_CHECKING:
+    from tactograph.graph.files.flat_graph import Graph
+    from tactograph.graph.run.pipeline import Pipeline
+
+NO_KERNELS = "no kernel is built for it yet"
+LOWEST_PRIORITY = 19
+"""That of POSIX."""
+
+
+class _KernelsAreBuilt(Exception):  # noqa: N818  (no error)
+    """Raised between two steps on NumPy, as soon as the device can compute the item."""
+
+
+def has_no_kernels(options: RunOptions, graph: Graph) -> bool:
+    """Return whether the device has no kernel yet, and neither user nor graph insist on it."""
+    insists = options.backend or options.device or options.strict
+    bound = any(entry.backend for entry in graph.nodes.values())
+    return not insists and not bound and graph.prefer == PREFERRED_ORDER and is_new()
+
+
+def yields_one(pipeline: Pipeline) -> bool:
+    """Return whether the graph has a stream, as of touches but not of fits, and of one item."""
+    if (stream := pipeline.begin()) is None:
+        return False
+    try:
+        return not stream.reads_two()
+    finally:
+        stream.close()
+
+
+def import_pictures() -> None:
+    """Import what draws, while the main thread waits for those of NumPy."""
+    Thread(target=import_module, args=("tactograph.graph.show.pictures",), daemon=True).start()
+
+
+class KernelBuilder:
+    """Builds the kernels of a run in a process that gives way to this one, and ends with it."""
+
+    def __init__(self, graph: str, values: Sequence[str], options: RunOptions) -> None:
+        changes = [f"--with={each}" for each in options.overlays]
+        changes += [f"--set={each}" for each in options.settings]
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tactograph", "warm", graph, *values, *changes],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env={**os.environ, "PYTHONSAFEPATH": "1"},
+        )
+        os.setpriority(os.PRIO_PROCESS, self._process.pid, LOWEST_PRIORITY)
+
+    def raise_if_done(self) -> None:
+        """Leave the block if the kernels are built."""
+        if self._process.poll() == 0:
+            raise _KernelsAreBuilt
+
+    def last_line(self) -> str:
+        """Wait for the end, and return what it says."""
+        try:
+            return self._process.communicate()[0].strip().rpartition("\n")[2]
+        except KeyboardInterrupt:
+            return "stopped; the next run builds the rest"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> bool:
+        with self._process:
+            self._process.terminate()
+        return kind is _KernelsAreBuilt

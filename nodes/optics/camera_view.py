@@ -1,0 +1,177 @@
+"""The camera's view of a film: the places that its pixels see, and a regular grid of them.
+
+A camera whose pupil is D above the film sees a point of height z that lies at (u, v) (1 - z / D)
+where it sees the place (u, v) of the film at rest.  Its lens moves that place in the image
+(`optics.lens`).  Places are in pixels of the ideal image, from the image's middle.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.graph import InputError
+from tactograph.nodes import F4, Height, Lens, Vergence
+from tactograph.nodes.optics.bicubic import between_pixels
+from tactograph.nodes.optics.lens import (
+    LENS_TERMS,
+    camera_offset,
+    half_diagonal,
+    ideal_offset,
+    ideal_places,
+)
+
+BISECTION_STEPS = 10
+"""Bisections of the interval that holds the pixel which sees a point of the grid."""
+
+Places = NDArray[Any]
+
+
+class View(NamedTuple):
+    """The camera's lens, length 8, None without distortion, and 1 / D in 1/mm, 0 or None if far."""
+
+    lens: Lens | None = None
+    camera: Vergence | None = None
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether pixels see an even grid on the film, however high it is."""
+        return (self.lens is None or not self.lens.any()) and not self.camera
+
+    def stated(self) -> dict[str, object]:
+        """Return what a file states of a view, for `stated_in`; nothing of one that is plain."""
+        if self.is_plain:
+            return {}
+        terms = [0.0] * len(LENS_TERMS) if self.lens is None else self.lens.tolist()
+        return {"lens": terms, "camera": float(self.camera or 0.0)}
+
+    @classmethod
+    def stated_in(cls, header: Mapping[str, Any], file: Path) -> Self:
+        """Return the view that a file states; a plain one if it states none.
+
+        Raises
+        ------
+        InputError
+            If what is stated is no view.
+        """
+        if "lens" not in header:
+            return cls()
+        try:
+            lens, camera = np.array(header["lens"], np.float32), float(header["camera"])
+        except (KeyError, TypeError, ValueError):
+            lens, camera = np.array([np.nan]), 0.0
+        if lens.shape != (len(LENS_TERMS),) or not np.isfinite([*lens, camera]).all():
+            raise InputError(f"{file}: states no view; reconstruct again")
+        return cls(lens, camera)
+
+    def pixel_sides(self, pixel: float) -> tuple[float, float]:
+        """Return the sides along x and y of the camera's pixels, for those of the ideal image."""
+        a = 0.0 if self.lens is None else float(self.lens[LENS_TERMS.index("a")])
+        return pixel / (1 + a), pixel / (1 - a)
+
+    def ideal(self, shape: tuple[int, int], x: Any, y: Any) -> tuple[Places, Places]:
+        """Return where on the ideal grid pixels at columns x and rows y of an image look."""
+        rows, columns = shape
+        half = float(half_diagonal(shape))
+        u, v = (x - (columns - 1) / 2) / half, (y - (rows - 1) / 2) / half
+        if self.lens is None:
+            return half * u, half * v
+        du, dv = ideal_offset(self.lens.astype(np.float64), u, v)
+        return half * (u + du), half * (v + dv)
+
+    def ideal_circles(self, shape: tuple[int, int], circles: F4) -> F4:
+        """Return circles, P x 3 in px, with their middles where they are in the ideal image."""
+        moved, middle = circles.copy(), (np.array(shape[::-1]) - 1) / 2
+        moved[:, :2] = np.stack(self.ideal(shape, *circles[:, :2].T), axis=1) + middle
+        return moved
+
+    def ideal_steps(self, shape: tuple[int, int], x: float, y: float) -> Places:
+        """Return how `ideal` changes by a pixel along x and along y, 2 x 2."""
+        steps = np.array([[0.5, -0.5, 0, 0], [0, 0, 0.5, -0.5]])
+        right, left, below, above = np.array(self.ideal(shape, x + steps[0], y + steps[1])).T
+        return np.stack([right - left, below - above], axis=1)
+
+    def places(self, height: Height, step: int = 1) -> tuple[Places, Places]:
+        """Return x and y of the points of a film that pixels see.
+
+        Parameters
+        ----------
+        height : H x W in mm, as seen
+        step : spacing in px of the rows and columns whose points are wanted
+
+        Raises
+        ------
+        InputError
+            If the film rises to the camera.
+        """
+        lens, camera = self.lens, self.camera or 0.0
+        _check_below(height, camera)
+        rows, columns = height.shape
+        if lens is None or not lens.any():
+            row, column = np.mgrid[:rows:step, :columns:step].astype(np.float64)
+        else:
+            column, row = (p.astype(np.float64) for p in ideal_places(lens, height.shape, step))
+        nearer = 1 - height[::step, ::step].astype(np.float64) * camera
+        middle = (columns - 1) / 2, (rows - 1) / 2
+        return (column - middle[0]) * nearer, (row - middle[1]) * nearer
+
+    def on_even_grid(self, height: Height, others: list[F4]) -> tuple[Height, list[F4]]:
+        """Return the height, and other maps, on the ideal image's grid on the film.
+
+        For each point of the grid, a search along the line to the image's middle finds the pixel
+        that sees a point above it.  NaN where no pixel does: at the border.
+
+        Parameters
+        ----------
+        height : H x W in mm, as seen
+        others : H x W each, interpolated linearly
+
+        Raises
+        ------
+        InputError
+            If the film rises to the camera.
+        """
+        camera = self.camera or 0.0
+        _check_below(height, camera)
+        if self.is_plain:
+            return height, others
+        lens = np.zeros(len(LENS_TERMS), np.float32) if self.lens is None else self.lens
+        rows, columns = height.shape
+        half = float(half_diagonal(height.shape))
+        row, column = np.mgrid[:rows, :columns].astype(np.float64)
+        u, v = (column - (columns - 1) / 2) / half, (row - (rows - 1) / 2) / half
+
+        def places(stretch: Places) -> tuple[Places, Places]:
+            du, dv = camera_offset(lens.astype(np.float64), u * stretch, v * stretch)
+            x, y = (u * stretch + du) * half, (v * stretch + dv) * half
+            return x + (columns - 1) / 2, y + (rows - 1) / 2
+
+        low = np.full(u.shape, 1 / (1 - camera * min(float(height.min()), 0.0)))
+        high = np.full(u.shape, 1 / (1 - camera * max(float(height.max()), 0.0)))
+        for _ in range(BISECTION_STEPS if camera else 0):
+            middle = (low + high) / 2
+            is_beyond = middle * (1 - camera * _linear(height, *places(middle))) - 1 > 0
+            low, high = np.where(is_beyond, low, middle), np.where(is_beyond, middle, high)
+        x, y = places((low + high) / 2)
+        inside = (x >= 0) & (x <= columns - 1) & (y >= 0) & (y <= rows - 1)
+        heights = between_pixels(height, x.astype(np.float32), y.astype(np.float32))
+        nowhere = np.float32(np.nan)
+        maps = [np.float32(_linear(other, x, y)) for other in others]
+        return np.where(inside, heights, nowhere), [np.where(inside, m, nowhere) for m in maps]
+
+
+def _linear(plane: F4, x: Places, y: Places) -> Places:
+    from scipy.ndimage import map_coordinates  # takes 0.3 s; not needed without lens and camera
+
+    return np.asarray(map_coordinates(plane, (y, x), order=1, mode="nearest"))
+
+
+def _check_below(height: Height, camera: float) -> None:
+    highest = float(height.max())
+    if camera * highest >= 1:
+        raise InputError(
+            f"the film rises to {highest:.3g} mm, but the camera's pupil is {1 / camera:.3g} mm "
+            "above it; check its height in the calibration"
+        )
