@@ -191,7 +191,7 @@ def fit_film(
     rough, slope = grain(balls, residual, flat, noise), pressed_slope(balls)
     return FilmFit(
         stored(film)._replace(uneven=uneven, grain=rough, pressed_slope=slope),
-        misfit=misfit(held_out, film, pixel, uneven),
+        misfit=misfit(held_out, pixel, uneven),
         residual=np.sqrt(np.square(residual).mean(axis=1)).astype(np.float32),
         quality=trial.figures | _properties(best, film, rest),
         evidence=evidence,
