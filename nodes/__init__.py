@@ -9,13 +9,13 @@ The text beside a quantity's port is its meaning on the page of every node that 
 it: a node's docstring adds only what it means there, or ``name : shape in unit`` alone.
 """
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph.declare.ports import Port
-from tactograph.nodes.stored import Stored
+from tactograph.nodes.stored import Stored, with_plain
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -251,6 +251,24 @@ class Film(NamedTuple):
         Stored(0, 1, plain=0.03),
         "brightness of touched film departs by this share, under all LEDs alike",
     ]
+
+    @property
+    def lights_itself(self) -> bool:
+        """Whether the film shows light reflected from other parts of the film."""
+        return self.refraction > 1 or self.albedo > 0
+
+    @classmethod
+    def matt(cls, lights: NDArray[Any]) -> Self:
+        """Return the simplest film: nothing diffused, no harmonics, an orthographic camera."""
+        return cls(**with_plain(cls, {"lights": lights}))
+
+    def stored(self) -> Self:
+        """Return the film in the types of a file: 32-bit arrays, and numbers."""
+        typed: dict[str, Any] = {
+            name: np.asarray(value, np.float32) if np.ndim(value) else float(value)
+            for name, value in self._asdict().items()
+        }
+        return type(self)(**typed)
 
 
 class ShadowRises(NamedTuple):

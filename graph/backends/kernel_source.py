@@ -8,7 +8,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Literal
 
-from tactograph.graph.declare.node import Node, Parameter
+from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.errors import NodeError
 
 _C_TYPES = {

@@ -8,7 +8,8 @@ from functools import partial
 from typing import Any
 
 from tactograph.graph.declare.engine_arguments import NodeCall, Session, Wanted, Whole
-from tactograph.graph.declare.node import Node, Parameter
+from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.declare.ports import (
     ENGINE_INPUTS,
     NamedPorts,

@@ -28,7 +28,7 @@ from tactograph.graph.declare.kernel_declaration import (
     LaunchFunction,
     can_run_anywhere,
 )
-from tactograph.graph.declare.limits import Limits, bare_type, choices_of, limits_of
+from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.declare.ports import (
     NamedPorts,
     PortType,
@@ -39,46 +39,6 @@ from tactograph.graph.declare.ports import (
 )
 from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
 from tactograph.graph.declare.tolerance import Exact, Tolerance
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A keyword-only argument: a setting in the graph file."""
-
-    name: str
-    annotation: Any
-    default: Any = inspect.Parameter.empty
-
-    @property
-    def required(self) -> bool:
-        return self.default is inspect.Parameter.empty
-
-    @property
-    def type(self) -> Any:
-        """The type without its `Annotated`, and without None where one other is its only member."""
-        return bare_type(self.annotation)
-
-    @property
-    def limits(self) -> Limits:
-        """The limits that it states."""
-        return limits_of(self.annotation)
-
-    @property
-    def choices(self) -> list[Any]:
-        """The values that its `Literal` lists."""
-        return choices_of(self.annotation)
-
-    @property
-    def range(self) -> str:
-        """The values that it may have, in words: ``0 to 1``, ``above 0``, ``one of a, b``."""
-        if self.choices:
-            return f"one of {', '.join(map(str, self.choices))}"
-        limits = self.limits
-        if limits.at_least is not None and limits.at_most is not None:
-            return f"{limits.at_least:g} to {limits.at_most:g}"
-        words = zip(("at least", "above", "at most", "below"), limits, strict=True)
-        return " and ".join(f"{word} {limit:g}" for word, limit in words if limit is not None)
-
 
 _serials = itertools.count(1)
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import docstring_parser
 
-from tactograph.graph.declare.node import Node, Parameter
+from tactograph.graph.declare.node import Node
+from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.declare.ports import PortType
 
 _RETURNS_SECTION = re.compile(

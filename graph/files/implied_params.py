@@ -13,8 +13,9 @@ from typing import Any
 
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.limits import parts_of
-from tactograph.graph.declare.node import Node, Parameter
+from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.node_page import describe
+from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.errors import GraphError, InputError
 from tactograph.graph.files.flat_graph import Entry, Graph, Param
 

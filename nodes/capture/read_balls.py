@@ -80,8 +80,7 @@ def read_balls(
         As `read_capture`; if `flat` is `folder`; if presses differ in size; if a ball's radius is
         not given, or the number of radii does not match the number of presses.
     """
-    refuse_flat(flat, folder)
-    captures = read_presses(folder, layout)
+    captures = read_presses(folder, layout, flat)
     first = captures[0].image
     names = [capture.name for capture in captures]
     if len(names) > 1 and (center_px is not None or contact_px is not None):
@@ -118,8 +117,13 @@ def read_balls(
     )
 
 
-def read_presses(folder: Path, layout: Layout) -> list[Capture]:
-    """Return the captures of a folder, in order of name, if all are of one size."""
+def read_presses(folder: Path, layout: Layout, flat: Path | None) -> list[Capture]:
+    """Return the captures of a folder, in order of name, if all are of one size.
+
+    It must not be `flat`, that of the untouched film.
+    """
+    if flat is not None and os.path.realpath(flat) == os.path.realpath(folder):
+        raise InputError(f"`flat`={flat}: is the folder of the presses; give the untouched film's")
     captures = [*read_capture(folder=folder, **layout._asdict())]
     first = captures[0].image
     for capture in captures:
@@ -129,12 +133,6 @@ def read_presses(folder: Path, layout: Layout) -> list[Capture]:
                 f"is {lights_of(first)}; presses of one sensor are of one size"
             )
     return captures
-
-
-def refuse_flat(flat: Path | None, folder: Path) -> None:
-    """Refuse presses that are given as the untouched film as well."""
-    if flat is not None and os.path.realpath(flat) == os.path.realpath(folder):
-        raise InputError(f"`flat`={flat}: is the folder of the presses; give the untouched film's")
 
 
 def _spread(

@@ -11,8 +11,8 @@ from tactograph.nodes import F4, Contacts, Height, Metrics, PixelSize
 from tactograph.nodes.contact.find_contact import MAX_CONTACTS
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
 from tactograph.nodes.height.distort_height import distort_height
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.optics.rest_shape import RestShape
-from tactograph.nodes.optics.view import View
 
 PIXEL_VARIANCE = 1 / 12
 """Variance of positions within a square pixel, in px^2."""

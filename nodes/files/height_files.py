@@ -15,7 +15,7 @@ from tactograph.graph.rings import bring
 from tactograph.nodes import F4, I4, Height
 from tactograph.nodes.files.image_files import read_heights
 from tactograph.nodes.files.result_file import refuse_changed
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 
 MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1.0
 """Pixels that sensors of touch have; a size outside is one in another unit, such as um."""
@@ -27,7 +27,7 @@ PER_CM = 3
 """A TIFF's number for a resolution in pixels per centimetre."""
 MESH_AXES = "mm from the image's middle on the film at rest; x right, y up, z to the camera"
 """Comment in meshes; an STL has room for 80 bytes."""
-PLAIN = View()
+PLAIN_VIEW = View()
 PLY_HEADER = """\
 ply
 format binary_little_endian 1.0
@@ -73,7 +73,7 @@ class Surface(NamedTuple):
     axes: str = MESH_AXES
 
     @classmethod
-    def of(cls, height: Height, pixel: float, view: View = PLAIN) -> Self:
+    def of(cls, height: Height, pixel: float, view: View = PLAIN_VIEW) -> Self:
         """Return the height map as a mesh, two triangles between four pixels.
 
         Points lie where they are on the film (`View.places`).  What is not known, NaN, is left out.
@@ -100,7 +100,7 @@ def write_tiff(file: Path, height: Height, pixel: float, length: float | None = 
     Image.fromarray(np.asarray(height, np.float32)).save(file, tiffinfo=tags)
 
 
-def write_ply(file: Path, height: Height, pixel: float, view: View = PLAIN) -> None:
+def write_ply(file: Path, height: Height, pixel: float, view: View = PLAIN_VIEW) -> None:
     """Write the mesh of a height map (`Surface`), binary."""
     surface = Surface.of(height, pixel, view)
     sizes = {"vertices": len(surface.vertices), "faces": len(surface.faces)}

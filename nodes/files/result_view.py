@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tactograph.graph import InputError
 from tactograph.nodes.files.result_file import RESULT_FILE, read_result
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 
 
 def read_view(height: Path) -> View:

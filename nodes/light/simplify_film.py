@@ -2,7 +2,7 @@
 
 from tactograph.graph import node
 from tactograph.nodes import Film
-from tactograph.nodes.optics.film import FilmPart, matt_film
+from tactograph.nodes.optics.film import FilmPart
 
 PART_FIELDS: dict[FilmPart, tuple[str, ...]] = {
     "diffuse": ("diffuse", "gain", "wrap"),
@@ -32,6 +32,6 @@ def simplify_film(
         ``diffuse`` (with the gain of touched film), ``lobe``, ``harmonics``, ``bounce``,
         ``camera``.
     """
-    matt = matt_film(film.lights)
+    matt = Film.matt(film.lights)
     off = {name: getattr(matt, name) for part in without for name in PART_FIELDS[part]}
     return film._replace(**off)

@@ -42,7 +42,6 @@ from tactograph.nodes.optics.coat import (
     masking,
 )
 from tactograph.nodes.optics.near_light import wrapped
-from tactograph.nodes.stored import with_plain
 
 FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "camera"]
 """Parts that equation F1 adds to a matt film; a model may do without each."""
@@ -75,11 +74,6 @@ angles it is not known."""
 
 Array = NDArray[Any]
 Place = tuple[Array, Array, Array]
-
-
-def matt_film(lights: Array) -> Film:
-    """Return the simplest film: matt, nothing diffused, no harmonics, an orthographic camera."""
-    return Film(**with_plain(Film, {"lights": lights}))
 
 
 def term_count(degree: int) -> int:

@@ -55,7 +55,7 @@ class ShapeImage(NamedTuple):
         if angle_deg is None:
             return x, y
         angle = np.deg2rad(angle_deg)
-        c, s = np.cos(angle), np.sin(angle)
+        c, s = float(np.cos(angle)), float(np.sin(angle))
         return c * x + s * y, c * y - s * x
 
     def check_pixels(self) -> None:

@@ -6,9 +6,8 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import NodeCall, node
-from tactograph.nodes import F4, Height, Light, LightPositions, PixelSize
+from tactograph.nodes import F4, Film, Height, Light, LightPositions, PixelSize
 from tactograph.nodes.light.film_bounce import film_bounce
-from tactograph.nodes.optics.film import matt_film
 
 MIN_REST_LIGHT = np.float32(1e-6)
 CONVERGENCE_THRESHOLD = 1e-5
@@ -52,7 +51,7 @@ def interreflect(
         As for `render`: roughness of a coat (0 for none), its index, and height of the pupil.
     bounce : `film_bounce`, on a device if there is one
     """
-    film = matt_film(lights)._replace(
+    film = Film.matt(lights)._replace(
         base=albedo,
         albedo=albedo,
         rim=rim_mm,

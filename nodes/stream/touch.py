@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, F8, U1, Height, Light, Metrics, PixelSize
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 
 RECORDED_AGE_S = 10.0
 """Age from which a touch comes from a recording, whose clock is another."""

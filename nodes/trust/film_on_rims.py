@@ -25,10 +25,7 @@ class FilmOnRims(NamedTuple):
 
 @node
 def film_on_rims(
-    height: Height,
-    rims: Mask,
-    like: Annotated[F4, Port("K r c", "1")],
-    lens: Lens | None = None,
+    height: Height, rims: Mask, like: Annotated[F4, Port("K r c", "1")], lens: Lens | None = None
 ) -> FilmOnRims:
     """Return 1 where touched film is rim, or rims close it in; else 0.
 
@@ -41,7 +38,15 @@ def film_on_rims(
     like : K x r x c, an image at full resolution; only its size counts
     lens : length 8, as `read_lens` gives it; without it the image is not distorted
     """
-    hanging, share = _hanging(height, rims)
+    touched = height > TOUCHED_SHARE * float(height.max())
+    hanging: NDArray[np.bool_] = rims.view(np.bool_)
+    if hanging.any():
+        number, parts = cv2.connectedComponents(1 - rims, connectivity=4)
+        measured = np.zeros(number, bool)
+        measured[parts[~touched]] = True
+        measured[0] = False  # the rims
+        hanging = touched & ~measured[parts]
+    share = float(hanging.sum() / max(touched.sum(), 1))
     if not share:  # as of nearly all touches
         return FilmOnRims(np.zeros(like.shape[1:], np.uint8), 0.0)
     if lens is not None and not is_straight(lens):  # whole cells: rims are no finer
@@ -51,16 +56,3 @@ def film_on_rims(
         for size, count in zip(like.shape[1:], hanging.shape, strict=True)
     )
     return FilmOnRims(hanging[:, columns][rows].view(np.uint8), share)
-
-
-def _hanging(height: F4, rims: Mask) -> tuple[NDArray[np.bool_], float]:
-    """Which touched film is rim, or is parted by rims from all other film; and its share."""
-    if not rims.any():
-        return rims.view(np.bool_), 0.0
-    touched = height > TOUCHED_SHARE * float(height.max())
-    count, parts = cv2.connectedComponents(1 - rims, connectivity=4)
-    measured = np.zeros(count, bool)
-    measured[parts[~touched]] = True
-    measured[0] = False  # the rims
-    hanging = touched & ~measured[parts]
-    return hanging, float(hanging.sum() / max(touched.sum(), 1))

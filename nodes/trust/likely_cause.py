@@ -10,10 +10,11 @@ not.
 import math
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
 from tactograph.nodes.light.film_drift import CALM_DEPARTURES
@@ -79,7 +80,7 @@ def likely_cause(
         return alike
     if is_banded(light):
         return BANDS_WARNING
-    small, rest = few_cells(raw), _divisor(flat)
+    small, rest = few_cells(raw), np.maximum(few_cells(flat), MIN_LIGHT)
 
     def first_of(mistakes: Iterable[_Mistake]) -> str:
         """The first mistake that leaves least, if it fits."""
@@ -104,7 +105,8 @@ def matt_residual(light: CoarseLight, flat: CoarseLight, lights: LightPositions)
 
     Infinite where there is no touch, or one that goes below the film at rest.
     """
-    return _unexplained(few_cells(light * flat) / _divisor(flat), lights)
+    rest = np.maximum(few_cells(flat), MIN_LIGHT)
+    return _unexplained(few_cells(light * flat) / rest, lights)
 
 
 def _at_border(raw: F4, rest: F4) -> str:
@@ -126,7 +128,7 @@ def _at_border(raw: F4, rest: F4) -> str:
     hypotheses = {
         OTHER_CONTRAST: (touched, due),
         OTHER_FILM: (apart, alike),
-        LOCAL_CONTRAST: (local[0], local[1]),
+        LOCAL_CONTRAST: tuple(local),
     }
     for words, (change, cause) in hypotheses.items():
         times = float(explained(change, cause[None])[0])
@@ -208,7 +210,7 @@ def _without_one(raw: F4) -> Iterator[_Mistake]:
         )
 
 
-def _unexplained(light: F4, lights: LightPositions) -> float:
+def _unexplained(light: NDArray[Any], lights: LightPositions) -> float:
     """What a matt film leaves of the light: residual, length of the normal, curl, film at rest."""
     median = np.median(light, axis=(1, 2), keepdims=True)
     light = np.asarray(light / np.maximum(median, MIN_LIGHT), np.float32)
@@ -232,7 +234,3 @@ def _unexplained(light: F4, lights: LightPositions) -> float:
         return math.inf
     deviation = float(np.sqrt((residual**2).mean()))
     return deviation + float(np.median(np.abs(length - 1)) + curl + rest)
-
-
-def _divisor(flat: F4) -> F4:
-    return np.maximum(few_cells(flat), MIN_LIGHT)

@@ -5,7 +5,7 @@ from typing import Annotated, Any, NamedTuple
 from tactograph.graph import NamedPorts, Port, node
 from tactograph.nodes import F4, Height, Light, Metrics, PixelSize
 from tactograph.nodes.height.distort_height import distort_height
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.stream.layer_kinds import layer_kinds
 from tactograph.nodes.stream.touch import LiveState, Touch
 

@@ -19,7 +19,7 @@ from tactograph.nodes.files.result_file import (
     read_result,
     write_result_file,
 )
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.stream.layer_kinds import layers_of
 from tactograph.nodes.stream.touch import Touch
 

@@ -11,14 +11,8 @@ from multiprocessing import forkserver, resource_tracker
 from types import FrameType
 from typing import Any, TypeVar
 
-from tactograph.sdk.unstable import (
-    CORES_VARIABLE,
-    Graph,
-    RunOptions,
-    Terminated,
-    cores,
-    open_device,
-)
+from tactograph.sdk import Graph
+from tactograph.sdk.unstable import CORES_VARIABLE, RunOptions, Terminated, cores, open_device
 
 Answer = TypeVar("Answer")
 MIN_CAPTURES_PER_PROCESS = 256

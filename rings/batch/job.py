@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from tactograph.rings.batch.captures import absolute
-from tactograph.sdk import InputError
-from tactograph.sdk.unstable import CAPTURE_PARAM, Graph, Pipeline, RunOptions, refuse_other_names
+from tactograph.sdk import Graph, InputError, Pipeline
+from tactograph.sdk.unstable import CAPTURE_PARAM, RunOptions, refuse_other_names
 
 
 @dataclass(frozen=True)

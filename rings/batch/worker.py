@@ -16,8 +16,8 @@ from tactograph.rings.batch.entry import DONE, FAILED, Entry
 from tactograph.rings.batch.job import Job
 from tactograph.rings.batch.map_types import MapType
 from tactograph.rings.batch.store import Store, open_store
-from tactograph.sdk import InputError, NodeError, TactographError, did_you_mean
-from tactograph.sdk.unstable import CAPTURE_PARAM, Pipeline, Result
+from tactograph.sdk import InputError, NodeError, Pipeline, Result, TactographError, did_you_mean
+from tactograph.sdk.unstable import CAPTURE_PARAM
 
 PIXEL_UNIT = "mm/px"
 

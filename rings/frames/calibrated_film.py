@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.sdk import Dark, Light, LiveState
-from tactograph.sdk.unstable import Calibration, read_either
+from tactograph.sdk.unstable import read_either
 
 
 class CalibratedFilm(NamedTuple):
@@ -24,4 +24,4 @@ class CalibratedFilm(NamedTuple):
 def calibrated_film(calibration: Path) -> CalibratedFilm:
     """Return the film at rest of a calibration: see `read_either`."""
     sensor = read_either(calibration)
-    return CalibratedFilm(sensor.flat, sensor.dark, not isinstance(sensor, Calibration))
+    return CalibratedFilm(sensor.flat, sensor.dark, not hasattr(sensor, "film"))

@@ -12,8 +12,8 @@ from tactograph.rings.tune.follow import Follow
 from tactograph.rings.tune.picture_view import ScaledPicture
 from tactograph.rings.tune.pictures import draw, planes_of
 from tactograph.rings.tune.tuning import Shown, Tuning
-from tactograph.sdk import find_node
-from tactograph.sdk.unstable import Entry, Graph, describe, parse_scalar
+from tactograph.sdk import Graph, find_node
+from tactograph.sdk.unstable import Entry, describe, parse_scalar
 
 SLIDER_INTERVAL_S = 0.02
 """Time between two places of a slider that is dragged; NiceGUI's own tells 20 a second."""

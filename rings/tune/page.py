@@ -12,7 +12,7 @@ from tactograph.rings.tune.node_panel import NodePanel
 from tactograph.rings.tune.result_view import ResultView
 from tactograph.rings.tune.save_dialog import ask_where_to_save
 from tactograph.rings.tune.tuning import Shown, Tuning
-from tactograph.sdk.unstable import Result
+from tactograph.sdk import Result
 
 POLL_INTERVAL_S = 0.025
 """Time between two looks for a new result."""

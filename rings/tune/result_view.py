@@ -11,7 +11,7 @@ from tactograph.rings.tune.follow import Follow
 from tactograph.rings.tune.picture_view import Pointed, ScaledPicture
 from tactograph.rings.tune.pictures import draw, planes_of
 from tactograph.rings.tune.tuning import Tuning
-from tactograph.sdk.unstable import Result
+from tactograph.sdk import Result
 
 LINE_COLOUR = "#1f5fa8"
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tactograph.sdk import InputError, load
-from tactograph.sdk.unstable import CAPTURE_PARAM, Cache, Graph, Pipeline, Result, captures_in
+from tactograph.sdk import Graph, InputError, Pipeline, Result, load
+from tactograph.sdk.unstable import CAPTURE_PARAM, Cache, captures_in
 
 
 def captures_of(graph: Graph, params: Mapping[str, Any]) -> list[Path]:

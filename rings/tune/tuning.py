@@ -15,16 +15,8 @@ from typing import Any
 from tactograph.rings.tune.runner import Runner, captures_of
 from tactograph.rings.tune.variant import Change, changes_between, write_variant
 from tactograph.rings.tune.watch import Stamp, files_of, stamp
-from tactograph.sdk import InputError, TactographError, find_node, read_graph
-from tactograph.sdk.unstable import (
-    Cache,
-    Entry,
-    Graph,
-    Result,
-    graph_file,
-    settings_of,
-    verified,
-)
+from tactograph.sdk import Graph, InputError, Result, TactographError, find_node, read_graph
+from tactograph.sdk.unstable import Cache, Entry, graph_file, settings_of, verified
 
 RATE_WINDOW_S = 1.0
 REST_S = 0.12

@@ -8,8 +8,8 @@ from typing import Any
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.main import YAML
 
-from tactograph.sdk import InputError, atomic_file, read_graph
-from tactograph.sdk.unstable import Entry, Graph
+from tactograph.sdk import Graph, InputError, atomic_file, read_graph
+from tactograph.sdk.unstable import Entry
 
 Change = dict[str, Any]
 

@@ -4,7 +4,7 @@ from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 
-from tactograph.sdk.unstable import Graph
+from tactograph.sdk import Graph
 
 Stamp = tuple[tuple[str, int, int], ...]
 

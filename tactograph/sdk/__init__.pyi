@@ -5,7 +5,9 @@ from tactograph.graph import (
     Flips as Flips,
     GraphError as GraphError,
     InputError as InputError,
+    NodeCall as NodeCall,
     NodeError as NodeError,
+    Pipeline as Pipeline,
     Port as Port,
     Provenance as Provenance,
     Session as Session,
@@ -39,6 +41,9 @@ from tactograph.graph.errors import (
 from tactograph.graph.extras import (
     need as need,
 )
+from tactograph.graph.files.flat_graph import (
+    Graph as Graph,
+)
 from tactograph.graph.files.read_graph import (
     read_graph as read_graph,
 )
@@ -46,16 +51,22 @@ from tactograph.graph.rings import (
     bring as bring,
     brought as brought,
 )
+from tactograph.graph.run.result import (
+    Result as Result,
+)
 from tactograph.nodes import (
     F4 as F4,
     F8 as F8,
     U1 as U1,
     Contacts as Contacts,
     Dark as Dark,
+    Film as Film,
     Height as Height,
     HeightError as HeightError,
     Labels as Labels,
+    Lens as Lens,
     Light as Light,
+    LightPositions as LightPositions,
     Mask as Mask,
     Metrics as Metrics,
     PixelSize as PixelSize,
@@ -79,6 +90,9 @@ from tactograph.nodes.drawing.result_pictures import (
     draw_height as draw_height,
     draw_map as draw_map,
 )
+from tactograph.nodes.files.calibration_file import (
+    FileKind as FileKind,
+)
 from tactograph.nodes.files.height_files import (
     HeightFile as HeightFile,
     read_height_file as read_height_file,
@@ -96,13 +110,16 @@ from tactograph.nodes.files.result_file import (
     RESULT_FILE as RESULT_FILE,
     write_result_file as write_result_file,
 )
+from tactograph.nodes.optics.camera_view import (
+    View as View,
+)
 from tactograph.nodes.optics.shape import (
     Length as Length,
     Shape as Shape,
     ShapeImage as ShapeImage,
 )
-from tactograph.nodes.optics.view import (
-    View as View,
+from tactograph.nodes.stored import (
+    Stored as Stored,
 )
 from tactograph.nodes.stream.layer_kinds import (
     layer_kinds as layer_kinds,

@@ -5,8 +5,12 @@ A node is called like the NumPy function that it declares.
 
 from typing import Any
 
-from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.declare.find_node import find_node, node_names
 from tactograph.graph.errors import GraphError
+
+
+def __dir__() -> list[str]:
+    return node_names()
 
 
 def __getattr__(name: str) -> Any:

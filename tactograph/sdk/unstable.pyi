@@ -1,8 +1,6 @@
 from tactograph.graph import (
     FRACTIONS as FRACTIONS,
     Cache as Cache,
-    NodeCall as NodeCall,
-    Pipeline as Pipeline,
     Whole as Whole,
 )
 from tactograph.graph.backends.device_backend import (
@@ -27,14 +25,11 @@ from tactograph.graph.cores import (
     CORES_VARIABLE as CORES_VARIABLE,
     cores as cores,
 )
-from tactograph.graph.declare.find_node import (
-    node_names as node_names,
-)
-from tactograph.graph.declare.node import (
-    Parameter as Parameter,
-)
 from tactograph.graph.declare.node_page import (
     describe as describe,
+)
+from tactograph.graph.declare.parameter import (
+    Parameter as Parameter,
 )
 from tactograph.graph.disk.array_files import (
     load_arrays as load_arrays,
@@ -55,7 +50,6 @@ from tactograph.graph.errors import (
     collect_warnings as collect_warnings,
     missing as missing,
     one_line as one_line,
-    printable as printable,
 )
 from tactograph.graph.files.captures_in import (
     CAPTURE_PARAM as CAPTURE_PARAM,
@@ -63,7 +57,6 @@ from tactograph.graph.files.captures_in import (
 )
 from tactograph.graph.files.flat_graph import (
     Entry as Entry,
-    Graph as Graph,
     Group as Group,
 )
 from tactograph.graph.files.graph_places import (
@@ -91,12 +84,6 @@ from tactograph.graph.run.open_pipeline import (
 from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
 )
-from tactograph.graph.run.raise_warnings import (
-    warning_kind as warning_kind,
-)
-from tactograph.graph.run.result import (
-    Result as Result,
-)
 from tactograph.graph.show.colours import (
     BIT_COLOURS as BIT_COLOURS,
     SEVERAL_COLOUR as SEVERAL_COLOUR,
@@ -107,24 +94,9 @@ from tactograph.graph.show.warning_lines import (
 from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
-    I4 as I4,
-    METRES_PER_MM as METRES_PER_MM,
-    UM_PER_MM as UM_PER_MM,
-    USUAL_RIM_MM as USUAL_RIM_MM,
-    CoarseLight as CoarseLight,
-    Film as Film,
-    Lens as Lens,
-    LightPlaces as LightPlaces,
-    LightPositions as LightPositions,
-    LutLight as LutLight,
-    LutLit as LutLit,
-    LutSlope as LutSlope,
     Misfit as Misfit,
     Noise as Noise,
-    ScaleError as ScaleError,
     ShadowRises as ShadowRises,
-    SlopeVariance as SlopeVariance,
-    Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
@@ -151,13 +123,6 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
 from tactograph.nodes.calibrate.ball.find_ball import (
     refined as refined,
 )
-from tactograph.nodes.calibrate.ball.undistort_presses import (
-    ideal_circles as ideal_circles,
-)
-from tactograph.nodes.calibrate.file.calibration import (
-    NO_MISFIT as NO_MISFIT,
-    Calibration as Calibration,
-)
 from tactograph.nodes.calibrate.file.camera_lens import (
     CAMERA_KIND as CAMERA_KIND,
 )
@@ -172,11 +137,8 @@ from tactograph.nodes.calibrate.film.ball_normals import (
 )
 from tactograph.nodes.calibrate.film.ball_samples import (
     bounced_at_rest as bounced_at_rest,
-    grain as grain,
     laid_on as laid_on,
-    lights_itself as lights_itself,
     sample_balls as sample_balls,
-    thinned as thinned,
 )
 from tactograph.nodes.calibrate.film.film_at_rest import (
     MAX_INDEPENDENT_REST as MAX_INDEPENDENT_REST,
@@ -188,8 +150,6 @@ from tactograph.nodes.calibrate.film.film_fit import (
     Further as Further,
     fit as fit,
     further_step as further_step,
-    light_scale as light_scale,
-    place_deviations as place_deviations,
     start_at as start_at,
 )
 from tactograph.nodes.calibrate.film.film_misfit import (
@@ -207,14 +167,11 @@ from tactograph.nodes.calibrate.film.film_unknowns import (
 )
 from tactograph.nodes.calibrate.film.fit_film import (
     FilmEvidence as FilmEvidence,
-    pressed_slope as pressed_slope,
-    stored as stored,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
     explain as explain,
 )
 from tactograph.nodes.calibrate.lights.descend import (
-    by_differences as by_differences,
     descend as descend,
     huber as huber,
     huber_weight as huber_weight,
@@ -222,8 +179,7 @@ from tactograph.nodes.calibrate.lights.descend import (
 )
 from tactograph.nodes.calibrate.lights.light_fit import (
     LIGHT_DEVIATION as LIGHT_DEVIATION,
-    Placed as Placed,
-    inverse_places as inverse_places,
+    LedFit as LedFit,
     place_leds as place_leds,
     places_within as places_within,
     positions as positions,
@@ -232,10 +188,10 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     Object as Object,
     Press as Press,
     Rest as Rest,
-    rest_of as rest_of,
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
     LED_DRIFT as LED_DRIFT,
+    LED_DRIFT_ACROSS as LED_DRIFT_ACROSS,
     Doubts as Doubts,
 )
 from tactograph.nodes.calibrate.rating.advise_press import (
@@ -259,12 +215,14 @@ from tactograph.nodes.calibrate.rating.verdict import (
     log_odds as log_odds,
     pays as pays,
 )
+from tactograph.nodes.calibrate.tables.build_lut import (
+    TablePixels as TablePixels,
+)
 from tactograph.nodes.capture.read_balls import (
     BallPresses as BallPresses,
     Radii as Radii,
     StatedCircles as StatedCircles,
     read_presses as read_presses,
-    refuse_flat as refuse_flat,
 )
 from tactograph.nodes.capture.read_capture import (
     CaptureFile as CaptureFile,
@@ -288,7 +246,6 @@ from tactograph.nodes.drawing.sensor_picture import (
 )
 from tactograph.nodes.files.calibration_file import (
     MIN_OPTICAL_MM as MIN_OPTICAL_MM,
-    FileKind as FileKind,
     kind_of as kind_of,
 )
 from tactograph.nodes.files.height_files import (
@@ -311,7 +268,6 @@ from tactograph.nodes.files.layer_files import (
     layer_files as layer_files,
 )
 from tactograph.nodes.files.result_file import (
-    RELIEF_FIGURE as RELIEF_FIGURE,
     checksum as checksum,
     read_result as read_result,
 )
@@ -324,14 +280,10 @@ from tactograph.nodes.files.sensor_identity import (
 from tactograph.nodes.files.sensor_preset import (
     SensorPreset as SensorPreset,
 )
-from tactograph.nodes.light.film_drift import (
-    terms as terms,
-)
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
 )
 from tactograph.nodes.optics.film import (
-    matt_film as matt_film,
     predict as predict,
     rest_light as rest_light,
 )
@@ -358,17 +310,11 @@ from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
 )
 from tactograph.nodes.optics.sheet import (
-    SheetLabels as SheetLabels,
     SheetLight as SheetLight,
-    SheetMask as SheetMask,
-    SheetSlope as SheetSlope,
     cut as cut,
 )
 from tactograph.nodes.simulate.expose import (
     lens_share as lens_share,
-)
-from tactograph.nodes.stored import (
-    Stored as Stored,
 )
 from tactograph.nodes.trust.check_ranks import (
     StoredRanks as StoredRanks,

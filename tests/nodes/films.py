@@ -3,7 +3,6 @@
 import numpy as np
 
 from tactograph.nodes import F4, Film
-from tactograph.nodes.optics.film import matt_film
 
 LEDS = np.array([[21, 21, 37], [-21, 22, 36], [-22, -20, 38], [20, -21, 36]], np.float32)
 """Places of four LEDs in mm, none like another."""
@@ -17,7 +16,7 @@ def harmonics(strength: float = 0.02, seed: int = 5) -> F4:
     return made
 
 
-MATT = matt_film(LEDS)
+MATT = Film.matt(LEDS)
 FILMS: dict[str, Film] = {
     "diffuse": MATT._replace(diffuse=np.array([0.3, 0.25, 0.35, 0.3], np.float32), gain=1.05),
     "soft": MATT._replace(diffuse=np.full(4, 0.4, np.float32), wrap=0.2),

@@ -14,7 +14,7 @@ from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
 from tactograph.nodes.files.height_files import write_ply
 from tactograph.nodes.light.untouched_film import untouched_film
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
 from tests.fixtures import RIG_PIXEL_MM, Calibration, MadeOnce, Raytraced

@@ -1,5 +1,6 @@
 """Samples of balls pressed into a film, and their light by equation F1."""
 
+import math
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple, Self, cast
@@ -7,14 +8,28 @@ from typing import NamedTuple, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, F8, Film
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, Film
+from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.ball.ball_surface import ball_height, sunk
-from tactograph.nodes.calibrate.lights.light_fit import positions
+from tactograph.nodes.calibrate.lights.light_fit import (
+    HEIGHT_DEVIATION_MM,
+    LIGHT_DEVIATION,
+    positions,
+)
 from tactograph.nodes.optics.film import at_rest, predict
 from tactograph.nodes.optics.rest_shape import rest_share
 
 MIN_WEIGHT_LIGHT = 0.3
 """Light below which a sample's weight no longer grows."""
+MAX_INDEPENDENT_SAMPLES = 1500
+"""Most independent samples that the balls count as.  More have less noise, but a model's residuals
+on a real film are correlated."""
+BALL_SECTORS = 8
+"""Parts of a ball in azimuth over which errors of the normal are averaged, to suppress noise."""
+BALL_RINGS = math.ceil(BALL_SECTORS / math.pi)
+"""Parts in slant, so that parts are about as long as wide."""
+BALL_PARTS = BALL_RINGS * BALL_SECTORS
+"""Parts of a ball, and so the fewest samples that show all of it."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +99,46 @@ class Balls:
         some = {name: getattr(self, name)[..., chosen] for name in of_samples}
         beneath = None if self.beneath is None else self.beneath.only(chosen)
         return replace(self, **some, beneath=beneath)
+
+    def thinned(self, most: int = MAX_INDEPENDENT_SAMPLES) -> Self:
+        """Return about `most` samples, evenly over each ball, but one or more for each part."""
+        each = max(BALL_PARTS, most // len(self.centre))
+        first = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
+        number = np.arange(self.ball.size) - first[self.ball]
+        # A stride that does not divide the rows' length spreads the samples over all columns.
+        return self.only(number % (np.diff(first)[self.ball] // each + 1) == 0)
+
+    @property
+    def place_deviations(self) -> F8:
+        """Standard deviations of the balls' positions in x, y and z, P x 3.
+
+        For a ball smaller than 1 mm in radius, that in z shrinks with the radius.
+        """
+        lift = HEIGHT_DEVIATION_MM * np.minimum(1, self.radius)
+        return np.column_stack([np.full((len(lift), 2), self.shift_mm), lift])
+
+    @property
+    def pressed_slope(self) -> float:
+        """The steepest slope of balls within their contacts, up to the steepest of a sample."""
+        slant = math.asin(min(float((self.rim / self.radius)[self.ball].max()), 1))
+        return min(math.tan(slant), MAX_SAMPLE_SLOPE)
+
+    def scale(self, residual: F8) -> float:
+        """Return the robust standard deviation of a sample's residual."""
+        spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(residual / self.reference_light)))
+        return max(LIGHT_DEVIATION, spread)
+
+    def grain(self, residual: F8, flat: F4, noise: F4) -> float:
+        """Relative standard deviation of the light from the model, beyond the camera's noise.
+
+        It counts where it is more than the noise, whose own size is not well known.
+        """
+        level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
+        camera = (noise[0] * level * self.light + noise[1]) / level**2
+        variance = DEVIATIONS_PER_MAD**2 * np.median(np.square(residual / self.reference_light))
+        alone = np.median(camera / self.reference_light**2)
+        beyond = variance - alone
+        return float(np.sqrt(beyond)) if beyond > alone else 0.0
 
     def sized(self, size: float) -> Self:
         """Return balls of `size` times the radius, in the same contacts."""

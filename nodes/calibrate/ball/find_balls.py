@@ -13,7 +13,7 @@ from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_grid import Grid, find_grid, place_balls
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
-from tactograph.nodes.calibrate.lights.light_samples import rest_of
+from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.judge_flat import RETAKE_FLAT, is_uneven
 from tactograph.nodes.capture.read_balls import Marks, Radii, StatedCircles
 from tactograph.nodes.optics.rest_shape import RestShape
@@ -131,7 +131,7 @@ def _grids(
     marks: F4,
 ) -> FoundBalls:
     """The balls of presses that each show a grid of balls."""
-    rest = rest_of(flat, pixel)
+    rest = Rest.of(flat, pixel)
     grids = []
     if pitch_mm is not None and 2 * radius.max() > pitch_mm:
         raise InputError(

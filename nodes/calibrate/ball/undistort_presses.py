@@ -5,10 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import F4, Lens, Light
+from tactograph.nodes import Lens, Light
 from tactograph.nodes.capture.read_balls import Marks, StatedCircles
 from tactograph.nodes.light.undistort import undistort
-from tactograph.nodes.optics.lens import half_diagonal, ideal_offset, is_straight
+from tactograph.nodes.optics.camera_view import View
+from tactograph.nodes.optics.lens import is_straight
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 
@@ -39,18 +40,7 @@ def undistort_presses(
         return IdealPresses(image, first, circles, marks)
     rows, columns = first.shape[1:]
     presses = [undistort(press, lens) for press in cut(image, rows)]
-    circles = ideal_circles(circles, lens, (rows, columns))
+    circles = View(lens).ideal_circles((rows, columns), circles)
     if marks is not None:
-        marks = ideal_circles(marks, lens, (rows, columns))
+        marks = View(lens).ideal_circles((rows, columns), marks)
     return IdealPresses(np.concatenate(presses, axis=1), presses[0], circles, marks)
-
-
-def ideal_circles(circles: F4, lens: Lens, shape: tuple[int, int]) -> F4:
-    """Return circles, P x 3 in px, with their middles where they are in the ideal image."""
-    rows, columns = shape
-    half = float(half_diagonal(shape))
-    place = circles[:, :2] - np.array([(columns - 1) / 2, (rows - 1) / 2], np.float32)
-    offset = np.stack(ideal_offset(lens, place[:, 0] / half, place[:, 1] / half), axis=1)
-    circles = circles.copy()
-    circles[:, :2] += half * offset
-    return circles

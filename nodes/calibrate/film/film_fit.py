@@ -15,8 +15,9 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from tactograph.graph import InputError
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, Film
 from tactograph.nodes.calibrate.ball.balls_on_film import (
+    MAX_INDEPENDENT_SAMPLES,
     Balls,
     Fitted,
     predicted,
@@ -38,17 +39,13 @@ from tactograph.nodes.calibrate.lights.descend import (
     huber_weight,
 )
 from tactograph.nodes.calibrate.lights.light_fit import (
-    HEIGHT_DEVIATION_MM,
     LIGHT_DEVIATION,
     inverse_places,
     places_within,
 )
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.optics.film import FADE_WIDTH, matt_film, place_terms, shades, term_count
+from tactograph.nodes.optics.film import FADE_WIDTH, place_terms, shades, term_count
 
-MAX_INDEPENDENT_SAMPLES = 1500
-"""Most independent samples that the balls count as.  More have less noise, but a model's residuals
-on a real film are correlated."""
 MAX_ROUNDS = 4
 """Most rounds in which what depends on one another is found in turn: harmonics or light from film
 to film and the balls' positions, a bend and the film, or a normal and the light about it."""
@@ -121,13 +118,13 @@ class _Trial(NamedTuple):
         """Return the trial with the standard deviations of its residuals."""
         balls, rest = self.problem.balls, self.problem.rest
         certain = LIGHT_DEVIATION if rest is None else rest_spread(self.flat, rest)
-        scale = light_scale(balls, self.light)
+        scale = balls.scale(self.light)
         return self._replace(problem=self.problem._replace(scale=scale, certain=certain))
 
     def cost(self) -> float:
         """Return the cost in squared standard deviations."""
         problem = self.problem
-        deviations = place_deviations(problem.balls)
+        deviations = problem.balls.place_deviations
         balls, flat = huber(problem.normed(self.light)), huber(self.flat / problem.certain)
         priors = np.square(self.now.shifts / deviations).sum()
         priors += 2 * problem.unknowns.surprise(self.now)
@@ -155,11 +152,11 @@ class _Trial(NamedTuple):
 
         step = DERIVATIVE_STEP * float(balls.radius.min())
         moved = [now._replace(shifts=now.shifts + step * axis) for axis in np.eye(3)]
-        by_own = [(predicted(balls, each, self.view) - light) / step for each in moved]
+        lifts = [(predicted(balls, each, self.view) - light) / step for each in moved]
         by = unknowns.differences(now, UNKNOWNS_OF_FLAT_ALONE, light, other)
         by = problem.normed(by if further is None else np.concatenate([by, further.light]))
-        by_own, normed = problem.normed(np.stack(by_own)), problem.normed(self.light)
-        weight, spread = problem.each * huber_weight(normed), place_deviations(balls)
+        by_own, normed = problem.normed(np.stack(lifts)), problem.normed(self.light)
+        weight, spread = problem.each * huber_weight(normed), balls.place_deviations
         sure, away = by * weight, (weight * normed)[None]
         shared, right = summed(sure, by), -summed(by, away)[:, 0]
         mixed = np.hstack([*balls.by_ball(sure, by_own)])
@@ -278,15 +275,6 @@ def place_balls(balls: Balls, fitted: Fitted) -> Fitted:
     return descend(_Trial.of(problem, fitted), _Trial.cost, _Trial.linear).now
 
 
-def place_deviations(balls: Balls) -> F8:
-    """Return standard deviations of the balls' positions in x, y and z, P x 3.
-
-    For a ball smaller than 1 mm in radius, that in z shrinks with the radius.
-    """
-    lift = HEIGHT_DEVIATION_MM * np.minimum(1, balls.radius)
-    return np.column_stack([np.full((len(lift), 2), balls.shift_mm), lift])
-
-
 def add_harmonics(balls: Balls, fitted: Fitted, degree: int) -> Fitted:
     """Add harmonics, with coefficients of a degree in position, to a physical film.
 
@@ -320,16 +308,11 @@ def add_harmonics(balls: Balls, fitted: Fitted, degree: int) -> Fitted:
         gain = film.gain * (1 + float(change[-1]))
         now = now._replace(film=film._replace(harmonics=cast(F4, harmonics), gain=gain))
         residual = predicted(balls, now) - balls.light
-        now = place_balls(balls, now._replace(scale=light_scale(balls, residual)))
+        now = place_balls(balls, now._replace(scale=balls.scale(residual)))
         away = (balls.light - predicted(balls, now)) / balls.reference_light
         # Cauchy's weights.
         weight = 1 / (1 + (away / (3 * now.scale)) ** 2) / balls.reference_light**2
-    return now._replace(scale=light_scale(balls, predicted(balls, now) - balls.light))
-
-
-def light_scale(balls: Balls, residual: F8) -> float:
-    """Return the robust standard deviation of a sample's residual."""
-    return max(LIGHT_DEVIATION, _robust_spread(residual / balls.reference_light))
+    return now._replace(scale=balls.scale(predicted(balls, now) - balls.light))
 
 
 def _robust_spread(residual: F8) -> float:
@@ -341,5 +324,5 @@ def start_at(lights: F4, strength: F4, count: int) -> Fitted:
     emission = np.full(len(lights), EMISSION_UNKNOWN.start)
     unknowns = inverse_places(lights), np.log(np.maximum(strength, 1e-6)), emission
     leds = np.column_stack(unknowns).astype(np.float64)
-    film = matt_film(lights.astype(np.float64))
+    film = Film.matt(lights.astype(np.float64))
     return Fitted(leds, film, np.zeros((count, 3)), LIGHT_DEVIATION).with_leds(leds)

@@ -11,12 +11,7 @@ from scipy.special import log_ndtr, ndtr, stdtrit
 
 from tactograph.nodes import BAND_DEVIATIONS, F4, F8, FULL_MISFIT_SLOPE
 from tactograph.nodes.calibrate import MIN_BOUNCE_ERROR
-from tactograph.nodes.calibrate.ball.balls_on_film import (
-    MIN_WEIGHT_LIGHT,
-    Balls,
-    Fitted,
-    predicted,
-)
+from tactograph.nodes.calibrate.ball.balls_on_film import MIN_WEIGHT_LIGHT, Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.ball_normals import ball_normals
 from tactograph.nodes.light.touch_misfit import brighter
 from tactograph.nodes.optics.film import direct_share, predict, touch_gain

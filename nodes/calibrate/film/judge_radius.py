@@ -28,14 +28,13 @@ from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Film, Metrics, ScaleError
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
-from tactograph.nodes.calibrate.film.ball_samples import sample_balls, thinned
+from tactograph.nodes.calibrate.film.ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.film_at_rest import MAX_INDEPENDENT_REST, rest_residual
 from tactograph.nodes.calibrate.film.film_fit import fit, start_at
 from tactograph.nodes.calibrate.film.film_unknowns import STATED_UNKNOWNS, USUAL_NEARNESS
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
-from tactograph.nodes.calibrate.lights.light_samples import rest_of
+from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS
-from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.optics.rest_shape import RestShape
 
 MAX_SAMPLES = 600
@@ -309,7 +308,7 @@ def judge_radius(
     light, flat, circle, radius, of, is_used, lights, strength, noise, pixel, shape = evidence
     used = np.flatnonzero((is_used[of] > 0) & (circle[:, 2] > 0))
     balls = sample_balls(
-        *(light, flat, circle[used], radius[used], of[used], matt_film(lights), noise, pixel),
+        *(light, flat, circle[used], radius[used], of[used], Film.matt(lights), noise, pixel),
         most=None,
         fine=True,
         shape=shape,
@@ -363,12 +362,12 @@ def explain(
         One over the pupil's height above the film; 0: it is free.  None: the camera is far.
     coated : whether a film with a coat is tried, too, with the values told
     """
-    rest, width = rest_of(flat, pixel, shape), pixel * flat.shape[2]
+    rest, width = Rest.of(flat, pixel, shape), pixel * flat.shape[2]
     start = start_at(lights, strength, len(balls.centre))
     leds = start.leds.copy()
     leds[:, 2] = USUAL_NEARNESS / width
     start = start._replace(film=start.film._replace(camera=camera or 0.0)).with_leds(leds)
-    samples = thinned(balls, MAX_SAMPLES)
+    samples = balls.thinned(MAX_SAMPLES)
 
     def fitted(parts: frozenset[str], start: Fitted) -> Fitted:
         return fit(samples, rest, parts, start)

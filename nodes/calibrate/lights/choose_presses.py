@@ -8,14 +8,13 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, F8, U1, Light, PixelSize
-from tactograph.nodes.calibrate.lights.light_fit import Placed, place_leds, residual_of, shift_of
+from tactograph.nodes.calibrate.lights.light_fit import LedFit, place_leds, residual_of, shift_of
 from tactograph.nodes.calibrate.lights.light_samples import (
     DIM_LIGHT,
     MAX_SAMPLES_EACH,
     Object,
     Rest,
     presses_of,
-    rest_of,
     unreached,
 )
 from tactograph.nodes.optics.rest_shape import RestShape
@@ -128,7 +127,7 @@ def choose_presses(
                 + "; ".join(f"{names[i]}: {reason}" for i, reason in why.items())
             )
         agreed = _consensus(
-            [objects[i] for i in usable], rest_of(flat, pixel, shape), pixel * light.shape[2]
+            [objects[i] for i in usable], Rest.of(flat, pixel, shape), pixel * light.shape[2]
         )
         residual[usable] = agreed.residual
         why |= {usable[i]: reason for i, reason in _out_of_line(agreed)}
@@ -175,7 +174,7 @@ def _consensus(objects: list[Object], rest: Rest | None, width_mm: float) -> _Ag
     return _explain(objects, place_leds(good, rest, width_mm, alone[best]))
 
 
-def _explain(objects: list[Object], placed: Placed) -> _Agreement:
+def _explain(objects: list[Object], placed: LedFit) -> _Agreement:
     residuals, moved = [], []
     for press in objects:
         shift = shift_of(press, placed)
@@ -185,7 +184,7 @@ def _explain(objects: list[Object], placed: Placed) -> _Agreement:
     return _Agreement(np.array(residuals), np.array(moved))
 
 
-def _movement(press: Object, placed: Placed, shift: F8, error: F8) -> float:
+def _movement(press: Object, placed: LedFit, shift: F8, error: F8) -> float:
     """The largest distance in px between the object's positions under two LEDs.
 
     Zero unless a separate position for each LED explains most of the residual.

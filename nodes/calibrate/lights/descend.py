@@ -91,15 +91,22 @@ class NormalEquations(NamedTuple):
         return scale, self.normal / np.outer(scale, scale)
 
 
-def least_squares(residual: Callable[[F8], F8], jacobian: Callable[[F8], F8], start: F8) -> F8:
+def least_squares(
+    residual: Callable[[F8], F8],
+    start: F8,
+    scale: Any = 1.0,
+    jacobian: Callable[[F8], F8] | None = None,
+) -> F8:
     """Return the unknowns that minimise Huber's loss of the residual.
 
+    Without a Jacobian, derivatives are by differences, by the unknowns' `scale` (`by_differences`).
     It solves the normal equations of twenty or thirty unknowns.  SciPy's least squares
     decomposes the whole Jacobian of ten thousand rows and more, and takes ten times as long.
     """
 
     def linear(unknown: F8) -> Callable[[float], F8]:
-        residuals, slopes = residual(unknown), jacobian(unknown)
+        residuals = residual(unknown)
+        slopes = jacobian(unknown) if jacobian else by_differences(residual, unknown, scale)
         weight = huber_weight(residuals)
         normal = slopes.T @ (slopes * weight[:, None])
         equations = NormalEquations(normal, -(slopes.T @ (weight * residuals)))

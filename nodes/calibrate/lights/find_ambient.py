@@ -12,8 +12,8 @@ from tactograph.nodes import F4, Dark, Light, Metrics, PixelSize
 from tactograph.nodes.calibrate.lights.light_fit import misfit_of, place_leds
 from tactograph.nodes.calibrate.lights.light_samples import (
     MAX_SAMPLES_EACH,
+    Rest,
     presses_of,
-    rest_of,
     unreached,
 )
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
@@ -86,7 +86,7 @@ def find_ambient(
     a wrong radius or gamma looks alike.
     """
     nothing = WithoutAmbient(flat, dark, {}, [])
-    if taken is not None or rest_of(flat, pixel) is None:
+    if taken is not None or Rest.of(flat, pixel) is None:
         return nothing
     presses = presses_of(image, slope, mask, height, label_lit(image), flat.shape[1])
     presses = [press for press in presses if press.mask.any()][:MAX_PRESSES]
@@ -107,7 +107,7 @@ def find_ambient(
             objects.append(brightened.samples(pixel, MAX_SAMPLES_EACH, shape))
         if unreached(objects):
             return np.inf
-        rest = rest_of(rest_light, pixel, shape)
+        rest = Rest.of(rest_light, pixel, shape)
         placed = place_leds(objects, rest, pixel * flat.shape[2])
         return misfit_of(objects, rest, placed)
 

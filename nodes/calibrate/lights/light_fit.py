@@ -34,7 +34,7 @@ DERIVATIVE_STEP = float(np.sqrt(np.finfo(np.float64).eps))
 
 
 @dataclass(frozen=True)
-class Placed:
+class LedFit:
     """A fit: K x 4 unknowns of the LEDs, P x 3 shifts in px and mm; whether it had a flat frame."""
 
     leds: F8
@@ -107,9 +107,9 @@ def place_leds(
     objects: list[Object],
     rest: Rest | None,
     width_mm: float,
-    start: Placed | None = None,
+    start: LedFit | None = None,
     slants: F4 | None = None,
-) -> Placed:
+) -> LedFit:
     """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber).
 
     Slants K x 2, if given, are where the search for the LEDs starts.  The film at rest tells the
@@ -125,9 +125,9 @@ def place_leds(
         leds = start.leds
     shifts = np.zeros((len(objects), 3))
 
-    def placed(unknown: F8) -> Placed:
+    def placed(unknown: F8) -> LedFit:
         own = unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
-        return Placed(*own, flat)
+        return LedFit(*own, flat)
 
     def residual(unknown: F8) -> F8:
         return placed(unknown).residuals(objects, rest)
@@ -135,16 +135,16 @@ def place_leds(
     def jacobian(unknown: F8) -> F8:
         return placed(unknown).jacobian(objects, rest)
 
-    solution = least_squares(residual, jacobian, np.r_[leds.ravel(), shifts.ravel()])
+    solution = least_squares(residual, np.r_[leds.ravel(), shifts.ravel()], jacobian=jacobian)
     return placed(solution)
 
 
-def misfit_of(objects: list[Object], rest: Rest | None, placed: Placed) -> float:
+def misfit_of(objects: list[Object], rest: Rest | None, placed: LedFit) -> float:
     """The minimum of the cost that `place_leds` reaches."""
     return huber(placed.residuals(objects, rest))
 
 
-def other_places(objects: list[Object], rest: Rest | None, placed: Placed, width_mm: float) -> F4:
+def other_places(objects: list[Object], rest: Rest | None, placed: LedFit, width_mm: float) -> F4:
     """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm.
 
     The covariance of the unknowns is that of least squares, from the residuals of the objects
@@ -207,7 +207,7 @@ def inverse_places(lights: F4 | F8) -> F8:
     return np.concatenate([ends, nearness], axis=-1).astype(np.float64)
 
 
-def shift_of(press: Object, placed: Placed) -> F8:
+def shift_of(press: Object, placed: LedFit) -> F8:
     """Fit the object's shift (x, y, z) in px and mm from where it was found, under known LEDs."""
     weight = 1 / SHIFT_DEVIATIONS
 
@@ -215,7 +215,7 @@ def shift_of(press: Object, placed: Placed) -> F8:
         residuals = residual_of(press, placed.leds, shift, placed.flat)
         return np.r_[shift * weight, residuals.ravel() / LIGHT_DEVIATION]
 
-    return least_squares(residual, lambda shift: by_differences(residual, shift, 1), np.zeros(3))
+    return least_squares(residual, np.zeros(3))
 
 
 def residual_of(press: Object, leds: F8, shift: F8, flat: bool) -> F8:

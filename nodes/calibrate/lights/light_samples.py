@@ -1,7 +1,7 @@
 """Samples of known shapes under the LEDs, and the flat frame in blocks."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,6 +103,35 @@ class Rest:
     beneath: tuple[F8, F8, F8, F8] | None = None
     bounced: F8 | None = None
 
+    @classmethod
+    def of(
+        cls, flat: Light, pixel: float, shape: RestShape | None = None, bounced: Light | None = None
+    ) -> Self | None:
+        """Reduce the flat frame to blocks; None if it is uniform, because none was taken.
+
+        `shape` is that of a film that is no plane, `bounced` the light that it throws on itself.
+        """
+        if is_uniform(flat):
+            return None
+        count, rows, columns = flat.shape
+        block = max(1, min(columns // FLAT_BLOCKS, rows))
+        down, across = rows // block, columns // block
+
+        def blocks(light: Light) -> F8:
+            cut = light[:, : down * block, : across * block]
+            whole = cut.reshape(count, down, block, across, block)
+            return np.asarray(whole.mean(axis=(2, 4), dtype=np.float64))
+
+        means = np.log(np.maximum(blocks(flat), 1e-6))
+        middle = (block - 1) / 2
+        x = (np.arange(across) * block + middle - (columns - 1) / 2) * pixel
+        y = (np.arange(down) * block + middle - (rows - 1) / 2) * pixel
+        gx, gy = np.meshgrid(x, y)
+        logarithm, x, y = (means - means.mean(axis=0)).reshape(count, -1), gx.ravel(), gy.ravel()
+        thrown = None if bounced is None else blocks(bounced).reshape(count, -1)
+        beneath = None if shape is None else shape.at(x, y)
+        return cls(logarithm, x, y, block, beneath, thrown)
+
 
 def presses_of(light: F4, slope: F4, mask: U1, height: F4, lit: U1, rows: int) -> list[Press]:
     """Cut the sheets of presses, each of `rows` rows, into single presses."""
@@ -125,32 +154,3 @@ def unreached(objects: list[Object]) -> tuple[int, int] | None:
 def is_uniform(flat: Light) -> bool:
     """Return whether the light is the same everywhere: no flat frame was taken."""
     return all(np.ptp(plane) == 0 for plane in flat)
-
-
-def rest_of(
-    flat: Light, pixel: float, shape: RestShape | None = None, bounced: Light | None = None
-) -> Rest | None:
-    """Reduce the flat frame to blocks; None if it is uniform, because none was taken.
-
-    `shape` is that of a film that is no plane, and `bounced` the light that it throws on itself.
-    """
-    if is_uniform(flat):
-        return None
-    count, rows, columns = flat.shape
-    block = max(1, min(columns // FLAT_BLOCKS, rows))
-    down, across = rows // block, columns // block
-
-    def blocks(light: Light) -> F8:
-        cut = light[:, : down * block, : across * block]
-        whole = cut.reshape(count, down, block, across, block)
-        return np.asarray(whole.mean(axis=(2, 4), dtype=np.float64))
-
-    means = np.log(np.maximum(blocks(flat), 1e-6))
-    middle = (block - 1) / 2
-    x = (np.arange(across) * block + middle - (columns - 1) / 2) * pixel
-    y = (np.arange(down) * block + middle - (rows - 1) / 2) * pixel
-    gx, gy = np.meshgrid(x, y)
-    logarithm, x, y = (means - means.mean(axis=0)).reshape(count, -1), gx.ravel(), gy.ravel()
-    thrown = None if bounced is None else blocks(bounced).reshape(count, -1)
-    beneath = None if shape is None else shape.at(x, y)
-    return Rest(logarithm, x, y, block, beneath, thrown)

@@ -19,12 +19,7 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE, BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.lights.light_fit import place_leds, shift_of
-from tactograph.nodes.calibrate.lights.light_samples import (
-    Press,
-    presses_of,
-    rest_of,
-    samples_for,
-)
+from tactograph.nodes.calibrate.lights.light_samples import Press, Rest, presses_of, samples_for
 from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.calibrate.tables.build_lut import in_tables
 from tactograph.nodes.height.integrate_dct import integrate_dct
@@ -103,7 +98,7 @@ def hold_out_presses(
     quality = {"presses": float(len(used))}
     if len(used) < 2:
         return HeldOut(degrees, microns, quality)
-    rest, width_mm = rest_of(flat, pixel), pixel * flat.shape[2]
+    rest, width_mm = Rest.of(flat, pixel), pixel * flat.shape[2]
     most = samples_for(len(used) - 1)
     objects = {i: presses[i].samples(pixel, most) for i in used}
     everything = place_leds(list(objects.values()), rest, width_mm)

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import node
 from tactograph.nodes import F8, Light, LightPositions, PixelSize
-from tactograph.nodes.calibrate.lights.light_samples import Rest, rest_of
+from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rest.denoise_flat import TREND_DEGREE
 
 MAX_SLOPE = 0.008
@@ -31,7 +31,7 @@ def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[st
     lights : K x 3 in mm
     pixel : mm per px
     """
-    rest = rest_of(flat, pixel)
+    rest = Rest.of(flat, pixel)
     towards = lights[:, :2] / lights[:, 2:]
     towards = (towards - towards.mean(axis=0)).astype(np.float64)
     freedom = len(lights) - 1 - towards.shape[1]  # the mean over the LEDs is gone
@@ -52,7 +52,7 @@ def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[st
 def is_uneven(flat: Light, pixel: PixelSize) -> bool:
     """Return whether a flat frame, K x H x W, holds more than LEDs and lenses make, wherever they
     are: an LED at 45 degrees changes with the slope by as much."""
-    rest = rest_of(flat, pixel)
+    rest = Rest.of(flat, pixel)
     return rest is not None and bool(np.square(_rough_part(rest)).mean() > MAX_SLOPE**2)
 
 

@@ -6,13 +6,13 @@ Long because dots and checkerboards are found in different ways, and a user may 
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.rings.camera.nodes._checkerboard import find_corners
 from tactograph.rings.camera.nodes._dots import find_dots
 from tactograph.rings.camera.nodes._lattice import MIN_POINTS, Lattice
 from tactograph.rings.camera.nodes.read_grey import GreyImage
 from tactograph.sdk import F4, InputError, Port, node, warn
-from tactograph.sdk.unstable import I4
 
 MAX_NAMED_DOTS = 5
 """Most dots that a message names."""
@@ -25,7 +25,7 @@ class GridMarks(NamedTuple):
     """
 
     place: Annotated[F4, Port("N 2", "px")]
-    cell: Annotated[I4, Port("N 2", "lattice place")]
+    cell: Annotated[NDArray[np.int32], Port("N 2", "lattice place")]
     pattern: str
     astray: int
 

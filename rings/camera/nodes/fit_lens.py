@@ -10,12 +10,8 @@ from scipy.optimize import least_squares
 
 from tactograph.rings.camera.nodes.find_grid import GridMarks
 from tactograph.rings.camera.nodes.read_grey import GreyImage
-from tactograph.sdk import F4, InputError, Metrics, PixelSize, Port, View, node, warn
-from tactograph.sdk.unstable import (
-    LENS_TERMS,
-    Lens,
-    camera_offset,
-)
+from tactograph.sdk import F4, InputError, Lens, Metrics, PixelSize, Port, View, node, warn
+from tactograph.sdk.unstable import LENS_TERMS, camera_offset
 
 POSE_TERMS = 4
 """Parameters of the grid's pose: scale, rotation, and position of the cell 0, 0."""

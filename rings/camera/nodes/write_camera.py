@@ -7,8 +7,8 @@ import numpy as np
 from pydantic import AfterValidator
 
 from tactograph.rings.camera.nodes.read_grey import GreyImage
-from tactograph.sdk import Metrics, PixelSize, Port, Provenance, node
-from tactograph.sdk.unstable import CAMERA_KIND, Lens
+from tactograph.sdk import Lens, Metrics, PixelSize, Port, Provenance, node
+from tactograph.sdk.unstable import CAMERA_KIND
 
 
 @node

@@ -20,8 +20,8 @@ from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
 from tactograph.nodes.calibrate.file.read_lens import read_lens
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.light.undistort import undistort
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.optics.lens import half_diagonal, ideal_places
-from tactograph.nodes.optics.view import View
 from tactograph.rings.camera.nodes.find_grid import GridMarks, find_grid
 from tactograph.rings.camera.nodes.fit_lens import LensFit, fit_lens
 from tactograph.rings.camera.nodes.read_grey import read_grey

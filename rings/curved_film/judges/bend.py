@@ -10,15 +10,8 @@ from tactograph.rings.curved_film.nodes.find_rest import (
     fitted_bend,
     tried_bends,
 )
-from tactograph.sdk import Metrics
-from tactograph.sdk.unstable import (
-    MAX_LED_WIDTHS,
-    SURE_ODDS,
-    Film,
-    FilmEvidence,
-    Judged,
-    log_odds,
-)
+from tactograph.sdk import Film, Metrics
+from tactograph.sdk.unstable import MAX_LED_WIDTHS, SURE_ODDS, FilmEvidence, Judged, log_odds
 
 
 def doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]:

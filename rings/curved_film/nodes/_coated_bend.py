@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import F4, F8, InputError, Light
+from tactograph.sdk import F4, F8, Film, InputError, Light, NodeCall
 from tactograph.sdk.unstable import (
     MAX_ROUNDS,
     PART_UNKNOWNS,
@@ -21,7 +21,6 @@ from tactograph.sdk.unstable import (
     Balls,
     Fitted,
     Further,
-    NodeCall,
     Noise,
     Rest,
     RestShape,
@@ -31,9 +30,7 @@ from tactograph.sdk.unstable import (
     further_step,
     laid_on,
     log_odds,
-    matt_film,
     predicted,
-    rest_of,
     rest_residual,
     sample_balls,
     start_at,
@@ -125,7 +122,7 @@ def _round(bending: Bending, unknowns: F8, parts: frozenset[str], before: Fitted
     """Fit a model's film, LEDs and balls on a bend."""
     laid = bending.lay(unknowns)
     start = start_at(laid.lights, laid.strength, len(laid.circle))
-    film = matt_film(laid.lights)
+    film = Film.matt(laid.lights)
     if before is not None:
         film, start = before.film, before._replace(shifts=np.zeros_like(before.shifts))
     camera = laid.shape.camera
@@ -138,7 +135,7 @@ def _round(bending: Bending, unknowns: F8, parts: frozenset[str], before: Fitted
         bending.pixel, fine="bounce" not in parts, bounce=bending.bounce, shape=laid.shape,
     )  # fmt: skip
     glow = bounced_at_rest(laid.shape, film, bending.bounce) if "bounce" in parts else None
-    rest = rest_of(bending.flat, bending.pixel, laid.shape, glow)
+    rest = Rest.of(bending.flat, bending.pixel, laid.shape, glow)
     assert rest is not None  # `find_rest` refuses a uniform flat frame
     fitted = fit(balls, rest, parts, start)
     return _Round(laid, balls, rest, fitted)

@@ -17,24 +17,21 @@ from tactograph.rings.curved_film.nodes._coated_bend import (
     coated_bend,
 )
 from tactograph.rings.curved_film.nodes.read_rest import by_rays
-from tactograph.sdk import F4, F8, InputError, Light, Metrics, PixelSize, Port, node
+from tactograph.sdk import F4, F8, InputError, Light, Metrics, NodeCall, PixelSize, Port, node
 from tactograph.sdk.nodes import film_bounce, find_balls, label_lit
 from tactograph.sdk.unstable import (
-    UM_PER_MM,
     BallCircles,
     BallOnShape,
     BallPress,
     BallRadii,
     Circle,
-    NodeCall,
+    LedFit,
     Noise,
     Object,
-    Placed,
     Press,
     Radii,
     Rest,
     RestShape,
-    ScaleError,
     SheetLight,
     StatedCircles,
     cut,
@@ -44,7 +41,6 @@ from tactograph.sdk.unstable import (
     place_leds,
     places,
     refined,
-    rest_of,
 )
 
 TRIED_BENDS = (0.0, 0.25, -0.25, 0.55, -0.55)
@@ -68,7 +64,7 @@ class _Trial(NamedTuple):
     circles: list[Circle]
     objects: list[Object]
     rest: Rest | None
-    placed: Placed
+    placed: LedFit
 
 
 class Bend(NamedTuple):
@@ -107,7 +103,7 @@ class FoundRest(NamedTuple):
     height: Annotated[F4, Port("R C", "mm", low=-1, high=5)]
     shape: RestShape
     quality: Metrics
-    scale_error: ScaleError = 0.0
+    scale_error: Annotated[float, Port(unit="1")] = 0.0
 
 
 class BallPresses(NamedTuple):
@@ -182,7 +178,7 @@ def find_rest(
     """
     if stated is not None:
         return FoundRest(stated.height, stated.binned(factor), {})
-    if rest_of(flat, pixel) is None:
+    if Rest.of(flat, pixel) is None:
         raise InputError(
             "finding the film's shape needs `flat`: the untouched film's light tells it"
         )
@@ -201,7 +197,7 @@ def find_rest(
     size = even.shape[1], even.shape[2]
     whole = bent(size, even_pixel, camera, bend.unknowns)
     deviation = _deviation(bend, flat.shape[1:], pixel)
-    figures = {"rest_deviation_um": UM_PER_MM * deviation}
+    figures = {"rest_deviation_um": 1e3 * deviation}
     for axis, k in (("x", bend.unknowns[0]), ("y", bend.unknowns[2])):
         figures[f"rest_radius_{axis}_mm"] = float(1 / k) if k else math.inf
     scale = _scale_error(bend, presses.radii)
@@ -366,4 +362,4 @@ def _on(
         ball = on.slopes(circle, near)
         press = Press(light, ball.slope, near, ball.height, label_lit(light))
         objects.append(press.samples(presses.pixel, MAX_SAMPLES, shape))
-    return objects, rest_of(presses.flat, presses.pixel, shape)
+    return objects, Rest.of(presses.flat, presses.pixel, shape)

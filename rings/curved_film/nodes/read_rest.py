@@ -16,6 +16,7 @@ from tactograph.sdk import (
     F4,
     F8,
     InputError,
+    Lens,
     Light,
     Mask,
     PixelSize,
@@ -24,7 +25,7 @@ from tactograph.sdk import (
     warn,
 )
 from tactograph.sdk.nodes import undistort
-from tactograph.sdk.unstable import Lens, RestShape, places
+from tactograph.sdk.unstable import RestShape, places
 
 MESH_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb")
 SEARCH_NAME = "find"

@@ -5,13 +5,8 @@ from pathlib import Path
 
 from tactograph.rings.editor.language.cursor import Cursor
 from tactograph.rings.editor.language.scope import PATCH_VERBS, Scope, scope_at, taken_by
-from tactograph.sdk.unstable import (
-    Graph,
-    node_names,
-    shipped_groups,
-    shipped_names,
-    shipped_overlays,
-)
+from tactograph.sdk import Graph, nodes
+from tactograph.sdk.unstable import shipped_groups, shipped_names, shipped_overlays
 
 CHANGE_VERBS = ("set", "replace", "remove", "backend", "neutral")
 """The verbs that speak of a node that is there."""
@@ -28,7 +23,7 @@ def offers_at(cursor: Cursor, file: Path, graph: Graph | None) -> Offers:
         return scope.ports if cursor.path[-2:-1] == ("outputs",) else {}
     match cursor.inside:
         case ("op",):
-            return _plain(node_names())
+            return _plain(dir(nodes))
         case ("group",):
             shipped = (name.removesuffix(".group") for name in shipped_groups())
             return _plain([*(cursor.data.get("groups") or {}), *shipped])

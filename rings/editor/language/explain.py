@@ -8,8 +8,8 @@ from tactograph.rings.editor.language.complete import CHANGE_VERBS
 from tactograph.rings.editor.language.cursor import Cursor
 from tactograph.rings.editor.language.declared import of_node
 from tactograph.rings.editor.language.scope import Scope, scope_at, taken_by
-from tactograph.sdk import InputError, find_node
-from tactograph.sdk.unstable import Graph, find_file, graph_file, shipped_groups, shipped_overlays
+from tactograph.sdk import Graph, InputError, find_node
+from tactograph.sdk.unstable import find_file, graph_file, shipped_groups, shipped_overlays
 
 
 class Spot(NamedTuple):

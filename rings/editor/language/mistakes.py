@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.sdk import GraphError, TactographError
-from tactograph.sdk.unstable import Document, Graph, graphs_of, verified
+from tactograph.sdk import Graph, GraphError, TactographError
+from tactograph.sdk.unstable import Document, graphs_of, verified
 
 _MEANT_WORDS = re.compile(r"'([^']+)'[^']*; did you mean (('[^']+'(?:, | or )?)+)\?")
 _QUOTED_WORD = re.compile(r"'([^']+)'")

@@ -13,14 +13,8 @@ from tactograph.rings.editor.language.declared import (
     of_group,
     of_node,
 )
-from tactograph.sdk import InputError
-from tactograph.sdk.unstable import (
-    Document,
-    Graph,
-    find_file,
-    graphs_of,
-    shipped_groups,
-)
+from tactograph.sdk import Graph, InputError
+from tactograph.sdk.unstable import Document, find_file, graphs_of, shipped_groups
 
 PATCH_VERBS = ("set", "replace", "insert", "remove", "backend", "neutral")
 BASE_OF_OVERLAYS = "reconstruct"

@@ -12,8 +12,10 @@ from tactograph.sdk import (
     Height,
     HeightError,
     InputError,
+    Lens,
     Metrics,
     PixelSize,
+    Port,
     View,
     atomic_files,
     bring,
@@ -24,7 +26,7 @@ from tactograph.sdk import (
     write_result_file,
     write_tiff,
 )
-from tactograph.sdk.unstable import Lens, Surface, Vergence
+from tactograph.sdk.unstable import Surface
 
 MESH_FORMATS = ("ply", *MESH_WRITERS)
 OWN_FORMATS = ("npy", "tiff", *MESH_FORMATS)
@@ -41,7 +43,7 @@ def export_height(
     pixel: PixelSize,
     name: str | None = None,
     lens: Lens | None = None,
-    camera: Vergence | None = None,
+    camera: Annotated[float, Port(unit="1/mm")] | None = None,
     error: HeightError | None = None,
     metrics: Metrics | None = None,
     rest: Height | None = None,

@@ -8,7 +8,7 @@ import trimesh
 
 from tactograph.graph import InputError
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.write.read_height import read_height
 from tests.nodes.files.test_result_view import LENS, write
 

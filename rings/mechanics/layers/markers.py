@@ -5,7 +5,6 @@ from typing import Annotated, Any, NamedTuple
 
 from tactograph.rings.mechanics.nodes.marker.find_markers import Markers
 from tactograph.sdk import F4, U1, Arrows, ArrowsInImage, LayerKind, Port, Touch
-from tactograph.sdk.unstable import METRES_PER_MM
 
 Shifts = Annotated[F4, Port("M 2", "px")]
 """The shift of each marker, x and y."""
@@ -25,7 +24,7 @@ class MarkerTracks(NamedTuple):
 
 def _points(touch: Touch, tracks: MarkerTracks) -> Mapping[str, Any]:
     """Return one point per marker: its position on the untouched film, and its shift."""
-    side = touch.pixel * METRES_PER_MM
+    side = touch.pixel / 1e3
     (x, y, radius), (dx, dy) = side * tracks.markers.T, side * tracks.shift.T
     return {
         "x": x,

@@ -1,1 +1,3 @@
 """Surfaces and scans."""
+
+UM_PER_MM = 1e3

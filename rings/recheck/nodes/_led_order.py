@@ -4,7 +4,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from tactograph.sdk import F4, F8
-from tactograph.sdk.unstable import rest_of
+from tactograph.sdk.unstable import Rest
 
 MIN_CORRELATION = 0.9
 """Correlation above which two images show the light of one LED.  A new film leaves 0.99."""
@@ -16,7 +16,7 @@ def other_order(then: F4, now: F4, pixel: float) -> list[int] | None:
     """Return the LED, counted from 1, whose light each image has now; None if its own.
 
     How the light falls off over the film tells the LEDs apart: strength, albedo and vignetting
-    drop out (`rest_of`).  Of all orders the one is taken in which the images correlate best with
+    drop out (`Rest.of`).  Of all orders the one is taken in which the images correlate best with
     those of before.
 
     Parameters
@@ -24,7 +24,7 @@ def other_order(then: F4, now: F4, pixel: float) -> list[int] | None:
     then, now : K x H x W, the untouched film
     pixel : mm per px
     """
-    before, after = rest_of(then, pixel), rest_of(now, pixel)
+    before, after = Rest.of(then, pixel), Rest.of(now, pixel)
     if before is None or after is None:
         return None
     alike = _shape(after.logarithm) @ _shape(before.logarithm).T

@@ -1,39 +1,24 @@
 """Transfer the light of a calibration's tables to another film."""
 
-from typing import NamedTuple
+from typing import Annotated
 
 import numpy as np
 
-from tactograph.sdk import node
-from tactograph.sdk.unstable import (
-    Film,
-    LutLight,
-    LutLit,
-    LutSlope,
-    SheetLabels,
-    SheetLight,
-    SheetMask,
-    SheetSlope,
-    predict,
-)
+from tactograph.sdk import F4, U1, Film, Port, node
+from tactograph.sdk.unstable import TablePixels, predict
 
 MIN_PREDICTED_LIGHT = 0.05
 """Light predicted for the old film above which the ratio of both films is used."""
 
 
-class CarriedTables(NamedTuple):
-    """The pixels of the tables, as a sheet of one row."""
-
-    light: SheetLight
-    slope: SheetSlope
-    mask: SheetMask
-    lit: SheetLabels
-
-
 @node
 def carry_tables(
-    lut_light: LutLight, lut_slope: LutSlope, lut_lit: LutLit, old: Film, new: Film
-) -> CarriedTables:
+    lut_light: Annotated[F4, Port("N K", "1")],
+    lut_slope: Annotated[F4, Port("N 2", "mm/mm")],
+    lut_lit: Annotated[U1, Port("N", "LED bits")],
+    old: Film,
+    new: Film,
+) -> TablePixels:
     """Return the tables' pixels with the light that their slopes have on the new film.
 
     The light of each pixel is multiplied by the ratio of both films' predictions (`optics/film`,
@@ -55,10 +40,4 @@ def carry_tables(
     height = np.full_like(p, old.contact)
     then, now = (predict(film, normal, none, none, height) for film in (old, new))
     ratio = np.where(then > MIN_PREDICTED_LIGHT, now / np.maximum(then, MIN_PREDICTED_LIGHT), 1)
-    light = (lut_light.T * ratio).astype(np.float32)
-    return CarriedTables(
-        light[:, None],
-        np.ascontiguousarray(lut_slope.T)[:, None],
-        np.ones((1, len(lut_slope)), np.uint8),
-        lut_lit[None],
-    )
+    return TablePixels.of(lut_light.T * ratio, np.ascontiguousarray(lut_slope.T), lut_lit)

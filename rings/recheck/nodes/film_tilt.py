@@ -5,8 +5,8 @@ from typing import cast
 import numpy as np
 
 from tactograph.rings.recheck.nodes import TiltResponse
-from tactograph.sdk import F4, Light, PixelSize, node
-from tactograph.sdk.unstable import Film, places, predict
+from tactograph.sdk import F4, Film, Light, PixelSize, node
+from tactograph.sdk.unstable import places, predict
 
 SLOPE_STEP = 0.02
 """Step of the slope for the central differences."""

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
-from tactograph.sdk import F4, F8, Light, Metrics, PixelSize, SizeLimit, node, warn
+from tactograph.sdk import F4, F8, Film, Light, Metrics, NodeCall, PixelSize, SizeLimit, node, warn
 from tactograph.sdk.nodes import film_bounce
 from tactograph.sdk.unstable import (
     FINAL_SAMPLES,
@@ -21,33 +21,22 @@ from tactograph.sdk.unstable import (
     BallPress,
     BallRadii,
     Balls,
-    Film,
     Fitted,
     Held,
     Misfit,
-    NodeCall,
     Noise,
     Rest,
     SheetLight,
     Unknown,
-    by_differences,
-    grain,
     grows,
     least_squares,
-    light_scale,
-    lights_itself,
     misfit,
     normal_error,
     pays,
-    place_deviations,
     predicted,
-    pressed_slope,
     rest_light,
-    rest_of,
     rest_spread,
     sample_balls,
-    stored,
-    thinned,
     unevenness,
     within,
 )
@@ -98,7 +87,7 @@ class _Refitted(NamedTuple):
 
     def scale(self, balls: Balls) -> float:
         """Standard deviation of what the fit leaves of the balls' light."""
-        return light_scale(balls, predicted(balls, self.fitted) - balls.light)
+        return balls.scale(predicted(balls, self.fitted) - balls.light)
 
 
 @node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})
@@ -162,8 +151,8 @@ def refit_film(
         return sample_balls(*evidence, most=None, bounce=bounce, **options)
 
     whole = sampled(film)
-    balls = thinned(whole)
-    if (slope := pressed_slope(balls)) < SHALLOW_SHARE * film.pressed_slope:
+    balls = whole.thinned()
+    if (slope := balls.pressed_slope) < SHALLOW_SHARE * film.pressed_slope:
         warn(
             f"the check press has slopes of up to {slope:.2f}, the calibration's presses of up to "
             f"{film.pressed_slope:.2f}: press as deep as slopes will be, and recalibrate"
@@ -171,10 +160,10 @@ def refit_film(
     before_refit = _prior_of(precise, flat, before, pixel)
     before_error = float(np.mean(_judged(before_refit, balls, ())[1]))
     best, errors, fold_fits = _choose(before_refit, balls)
-    if best.film.albedo > 0 and not lights_itself(film):
+    if best.film.albedo > 0 and not film.lights_itself:
         # Now the light that the new film reflects from film to film is known.
-        renewed = sampled(best.film, shifts=best.shifts, rim=balls.rim, edges=True, fine=True)
-        more = thinned(renewed, FINAL_SAMPLES)
+        renewed = sampled(best.film, shifts=best.shifts, rim=balls.rim, fine=True)
+        more = renewed.thinned(FINAL_SAMPLES)
         other = _choose(before_refit, more)
         if np.mean(other[1]) < np.mean(errors):
             whole, balls, (best, errors, fold_fits) = renewed, more, other
@@ -187,7 +176,7 @@ def refit_film(
     held_out = [Held(b, fold.fitted) for b, fold in zip(parts, fold_fits, strict=True) if b.u.size]
     uneven = unevenness(held_out, pixel)
     new_misfit = misfit(held_out, film, pixel, uneven)
-    rough = grain(balls, balls.light - predicted(balls, best.fitted), flat, noise)
+    rough = balls.grain(balls.light - predicted(balls, best.fitted), flat, noise)
     figures = {"check_deg/before": before_error, "check_deg/held_out": float(np.mean(errors))}
     thicker = best.changed.get("thicker", 0.0)
     return _result(
@@ -200,7 +189,7 @@ def refit_film(
 
 
 def _result(new: Film, old: Film, residual: F4, pixel: float, figures: Metrics) -> FilmRefit:
-    film = stored(new)
+    film = new.stored()
     others = np.asarray(old.others + (film.lights - old.lights), np.float32)
     return FilmRefit(film._replace(others=others), np.asarray(residual, np.float32), pixel, figures)
 
@@ -223,7 +212,7 @@ def _changes(old: Film, new: Film, thicker: float) -> Metrics:
 
 def _prior_of(film: Film, flat: F4, before: F4, pixel: float) -> _Prior:
     """The change of the flat frame; none if either frame is uniform, because none was taken."""
-    now, then = rest_of(flat, pixel), rest_of(before, pixel)
+    now, then = Rest.of(flat, pixel), Rest.of(before, pixel)
     if now is None or then is None:
         empty = np.zeros((len(flat), 0))
         return _Prior(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty)
@@ -296,7 +285,7 @@ def _fit(prior: _Prior, balls: Balls, names: tuple[str, ...], start: dict[str, f
     film, count = prior.film, len(balls.centre)
     about = [_usual(prior, name) for name in names]
     usual = np.concatenate([np.zeros(3 * count), [each.start for each in about]])
-    places = place_deviations(balls).ravel()
+    places = balls.place_deviations.ravel()
     spread = np.concatenate([places, [each.spread for each in about]])
     samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
     # Without a change, the flat frames tell how alike they are.
@@ -322,6 +311,4 @@ def _fit(prior: _Prior, balls: Balls, names: tuple[str, ...], start: dict[str, f
 
     begin = usual.copy()
     begin[3 * count :] = [start.get(n, each.start) for n, each in zip(names, about, strict=True)]
-    return at(
-        least_squares(residuals, lambda values: by_differences(residuals, values, spread), begin)
-    )
+    return at(least_squares(residuals, begin, spread))

@@ -6,8 +6,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4
-from tactograph.nodes.optics.film import matt_film
+from tactograph.nodes import F4, Film
 from tactograph.rings.recheck.nodes._led_order import other_order
 from tactograph.rings.recheck.nodes.film_change import FilmChange, film_change
 from tactograph.rings.recheck.nodes.film_tilt import film_tilt
@@ -15,7 +14,7 @@ from tactograph.rings.recheck.nodes.judge_film import Verdicts, judge_film
 from tests.nodes.gels import FLASHED, PIXEL_MM, Gel, X, Y, bump
 
 GEL = Gel()
-TILT = film_tilt(GEL.rest, matt_film(FLASHED), PIXEL_MM)
+TILT = film_tilt(GEL.rest, Film.matt(FLASHED), PIXEL_MM)
 SCRATCH = (1 - 0.4 * ((np.abs(X - Y - 2) < 0.2) & (np.abs(X) < 4))).astype(np.float32)
 
 

@@ -12,7 +12,7 @@ from mcap_ros2.decoder import DecoderFactory
 from tactograph.graph import Provenance, Session
 from tactograph.nodes.contact.measure_contact import measure_contact
 from tactograph.nodes.files.height_files import Surface
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.recording.files.mcap_log import log_files
@@ -137,9 +137,7 @@ def points(cloud: Any) -> dict[str, np.ndarray]:
     return {each.name: column for each, column in zip(cloud.fields, values.T, strict=True)}
 
 
-def test_a_contact_is_a_point_with_figures_in_metres_and_radians(
-    messages: dict[str, Any],
-) -> None:
+def test_a_contact_is_a_point_with_figures_in_metres_and_radians(messages: dict[str, Any]) -> None:
     found = points(messages["/contacts"][0][2])
     np.testing.assert_allclose(found["x"], [3 * 5e-5, 6 * 5e-5], rtol=1e-6)
     np.testing.assert_allclose(found["y"], [2 * 5e-5, 4 * 5e-5], rtol=1e-6)

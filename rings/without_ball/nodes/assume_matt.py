@@ -4,15 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import node
-from tactograph.sdk.unstable import (
-    NO_MISFIT,
-    Film,
-    LightPlaces,
-    LightPositions,
-    Misfit,
-    matt_film,
-)
+from tactograph.rings.without_ball.nodes import LightPlaces
+from tactograph.sdk import Film, LightPositions, node
+from tactograph.sdk.unstable import Misfit
 
 
 class MattFilm(NamedTuple):
@@ -30,4 +24,6 @@ def assume_matt(lights: LightPositions, others: LightPlaces) -> MattFilm:
     ----------
     lights, others : K x 3 and 8 x K x 3 in mm, as `calibrate_lights` gives them
     """
-    return MattFilm(matt_film(lights)._replace(others=others), np.array(NO_MISFIT, np.float32))
+    # Level and its width, light, light from film to film, and tilt: only noise remains.
+    misfit = np.array([0, 1, 0, 0, 0], np.float32)
+    return MattFilm(Film.matt(lights)._replace(others=others), misfit)

@@ -16,30 +16,34 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
-from tactograph.sdk import F8, InputError, Light, Metrics, PixelSize, SizeLimit, node
+from tactograph.sdk import (
+    F8,
+    Film,
+    InputError,
+    Light,
+    Metrics,
+    NodeCall,
+    PixelSize,
+    Port,
+    SizeLimit,
+    node,
+)
 from tactograph.sdk.nodes import film_bounce, integrate_dct
 from tactograph.sdk.unstable import (
     EMISSION_UNKNOWN,
     MIN_BOUNCE_ERROR,
     SHARED_UNKNOWNS,
     USUAL_NEARNESS,
-    USUAL_RIM_MM,
-    Film,
     Fitted,
     Misfit,
-    NodeCall,
     Rest,
-    ScaleError,
     SheetLight,
     cut,
-    matt_film,
     places,
     places_within,
     positions,
     predict,
-    rest_of,
     rest_residual,
-    stored,
 )
 
 CELLS_ACROSS = 40
@@ -74,7 +78,7 @@ class FilmOfObjects(NamedTuple):
 
     film: Film
     misfit: Misfit
-    scale_error: ScaleError
+    scale_error: Annotated[float, Port(unit="1")]
     quality: Metrics
     doubts: list[str]
 
@@ -142,7 +146,7 @@ def film_of_objects(
         If there is no flat frame.
     """
     factor = max(1, round(flat.shape[2] / CELLS_ACROSS))
-    rest = rest_of(flat, pixel)
+    rest = Rest.of(flat, pixel)
     if rest is None:
         raise InputError("`flat` is needed: the untouched film's light tells how far LEDs are")
     presses = [_cells(press, factor) for press in cut(light, flat.shape[1])]
@@ -180,8 +184,8 @@ def _units(scene: _Scene, unknowns: F8) -> F8:
 def _film(scene: _Scene, unknowns: F8) -> Film:
     count = len(scene.presses[0])
     coat = unknowns[3 * count + 1 :].tolist()
-    film = matt_film(positions(unknowns[: 3 * count].reshape(count, 3)).astype(np.float32))
-    film = film._replace(camera=scene.camera, rim=USUAL_RIM_MM)
+    film = Film.matt(positions(unknowns[: 3 * count].reshape(count, 3)).astype(np.float32))
+    film = film._replace(camera=scene.camera)
     if coat:
         film = film._replace(base=coat[0], **dict(zip(COAT_LIMITS, coat, strict=True)))
     return film
@@ -271,7 +275,7 @@ def _bounced(scene: _Scene, press: F8, z: F8, film: Film) -> F8:
     if film.albedo == 0:
         return np.zeros_like(press)
     apparent = (z / (1 - scene.camera * z)).astype(np.float32)
-    light = scene.bounce(press.astype(np.float32), apparent, stored(film), np.float32(scene.pixel))
+    light = scene.bounce(press.astype(np.float32), apparent, film.stored(), np.float32(scene.pixel))
     return np.asarray(light, np.float64) / film.albedo
 
 
@@ -325,5 +329,5 @@ def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
         figures |= {"film_albedo": film.albedo, "coat_roughness": film.roughness}
         figures |= {"coat_index": film.refraction}
     misfit = np.array([level, 4 * scene.pixel, LIGHT_ERROR, MIN_BOUNCE_ERROR, 0], np.float32)
-    film = stored(film)._replace(others=others)
+    film = film.stored()._replace(others=others)
     return FilmOfObjects(film, misfit, scale, figures, doubts)

@@ -5,14 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.sdk import F8, InputError, Light, Metrics, PixelSize, node, warn
-from tactograph.sdk.unstable import (
-    LightPlaces,
-    LightPositions,
-    inverse_places,
-    places_within,
-    rest_of,
-)
+from tactograph.rings.without_ball.nodes import LightPlaces
+from tactograph.sdk import F8, InputError, Light, LightPositions, Metrics, PixelSize, node, warn
+from tactograph.sdk.unstable import Rest, places_within
 
 DIRECTION_DEVIATION = 0.01
 """Standard deviation of a lamp's direction in radians, and of its distance as a share of it."""
@@ -52,7 +47,7 @@ def lamp_lights(lamps: LightPositions, flat: Light, pixel: PixelSize) -> LampLig
     """
     quality: Metrics = {}
     doubts: list[str] = []
-    rest = rest_of(flat, pixel)
+    rest = Rest.of(flat, pixel)
     if rest is not None:
         places = lamps.astype(np.float64)[:, :, None]
         square = (places[:, 0] - rest.x) ** 2 + (places[:, 1] - rest.y) ** 2 + places[:, 2] ** 2
@@ -83,7 +78,8 @@ def _less_mean(logarithm: F8) -> F8:
 
 def _other_places(lamps: LightPositions, width_mm: float) -> LightPlaces:
     """Eight sets of places that the lamps may have."""
-    leds = inverse_places(lamps.astype(np.float64))
+    ends = lamps.astype(np.float64)
+    leds = np.column_stack([ends[:, :2], np.ones(len(ends))]) / ends[:, 2:]
     # 1 / L_z of a lamp within 1 % of its distance, and ends of directions within 0.01.
     deviation = DIRECTION_DEVIATION * np.column_stack([1 + leds[:, :2] ** 2, leds[:, 2]])
     return places_within(leds, np.diag(deviation.ravel() ** 2), width_mm)

@@ -1,21 +1,12 @@
 """The pixels of the tables by a film's model, where no object was pressed."""
 
-from typing import NamedTuple
+from typing import Annotated
 
 import numpy as np
 
-from tactograph.sdk import node
+from tactograph.sdk import F4, Film, Port, node
 from tactograph.sdk.nodes import light_noise
-from tactograph.sdk.unstable import (
-    CoarseLight,
-    Film,
-    Noise,
-    SheetLabels,
-    SheetLight,
-    SheetMask,
-    SheetSlope,
-    predict,
-)
+from tactograph.sdk.unstable import Noise, TablePixels, predict
 
 TABLE_SIDE = 121
 """Rows and columns of the hemisphere of normals."""
@@ -25,17 +16,8 @@ MIN_LIGHT = 0.02
 """Light up to which a lamp does not reach a slope."""
 
 
-class ModelTables(NamedTuple):
-    """The pixels of the tables, as a sheet of one row."""
-
-    light: SheetLight
-    slope: SheetSlope
-    mask: SheetMask
-    lit: SheetLabels
-
-
 @node
-def model_tables(film: Film, flat: CoarseLight, noise: Noise) -> ModelTables:
+def model_tables(film: Film, flat: Annotated[F4, Port("K h w", "1")], noise: Noise) -> TablePixels:
     """Return the light that a film's model gives slopes in all directions, with a camera's noise.
 
     Parameters
@@ -59,9 +41,4 @@ def model_tables(film: Film, flat: CoarseLight, noise: Noise) -> ModelTables:
     deviation = light_noise(level, level, noise, floor=1e-3)[:, 0]
     lit = (light > MIN_LIGHT) << np.arange(len(light))[:, None]
     light = light + np.random.default_rng(0).normal(size=light.shape) * deviation
-    return ModelTables(
-        light.astype(np.float32)[:, None],
-        (-normal[:2] / normal[2]).astype(np.float32)[:, None],
-        np.ones((1, none.size), np.uint8),
-        lit.sum(axis=0).astype(np.uint8)[None],
-    )
+    return TablePixels.of(light, -normal[:2] / normal[2], lit.sum(axis=0))

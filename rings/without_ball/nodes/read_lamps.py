@@ -5,11 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.sdk import F8, InputError, node, warn
-from tactograph.sdk.unstable import (
-    Layout,
-    LightPositions,
-)
+from tactograph.sdk import F8, InputError, LightPositions, node, warn
+from tactograph.sdk.unstable import Layout
 
 FAR_MM = 1e5
 """Distance of a lamp of which only the direction is known."""

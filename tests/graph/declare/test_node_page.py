@@ -8,8 +8,8 @@ import pytest
 from annotated_types import Ge, Gt, Interval, Lt
 
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
-from tactograph.graph.declare.node import Parameter
 from tactograph.graph.declare.node_page import describe, node_page
+from tactograph.graph.declare.parameter import Parameter
 from tests.each import each
 
 

@@ -7,7 +7,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import Height
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.contact.measure_contact import measure_contact
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 
 PIXEL = 0.02
 ROWS, COLUMNS = 240, 320

@@ -6,12 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from tactograph.nodes import F4, ShadowRises
+from tactograph.nodes import F4, Film, ShadowRises
 from tactograph.nodes.error.doubt_rest import doubt_rest
 from tactograph.nodes.error.height_error import height_error
 from tactograph.nodes.height.height_equations import HeightSystem
 from tactograph.nodes.height.integrate_weighted import integrate_weighted
-from tactograph.nodes.optics.film import matt_film
 from tests.nodes.height.test_precise_nodes import (
     PIXEL,
     SHAPE,
@@ -43,7 +42,7 @@ def stated_error(
 ) -> F4:
     """The error that is stated of a height whose slopes four LEDs of this noise have told."""
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
-    film = matt_film(lights)._replace(
+    film = Film.matt(lights)._replace(
         others=exact(lights) if others is None else others,
         uneven=UNEVEN,
         refraction=refraction,

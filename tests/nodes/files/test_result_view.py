@@ -9,7 +9,7 @@ import pytest
 from tactograph.graph import InputError, Provenance
 from tactograph.nodes import F4
 from tactograph.nodes.files.result_view import read_view
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.write.read_height import read_height
 from tactograph.nodes.write.write_result import write_result
 from tests.nodes.touches import touch_of

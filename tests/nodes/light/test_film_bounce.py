@@ -13,7 +13,6 @@ from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.ball.ball_surface import ball_height
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.coat import let_in
-from tactograph.nodes.optics.film import matt_film
 
 RAYTRACED = Path(__file__).resolve().parents[3].parent / "shared/data/raytraced"
 PIXEL = 0.1
@@ -22,7 +21,7 @@ FAR = np.float32([[0, 0, 1e5], [2e4, 0, 1e5], [0, -3e4, 1e5]])
 
 
 def film(albedo: float, lights: F4 = FAR, **coat: float) -> Film:
-    return matt_film(lights)._replace(albedo=albedo, **coat)
+    return Film.matt(lights)._replace(albedo=albedo, **coat)
 
 
 def ones(height: F4) -> F4:

@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from tactograph.graph import Provenance, load
-from tactograph.nodes import F4
+from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.file.calibration import NO_MISFIT
 from tactograph.nodes.calibrate.file.write_calibration import write_calibration
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_drift import film_drift, terms
 from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.light.level_light import level_light
-from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.render import render
 
@@ -157,7 +156,7 @@ def calibration(scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_calibration(
         0.7 * scene[0], np.zeros(SENSOR, np.float32), PIXEL, np.ones((1, 4), np.float32),
         np.zeros((1, 2), np.float32), np.full(1, 15, np.uint8), nothing, nothing[:, 0],
-        nothing[:, 0], 0.004, matt_film(LIGHTS), np.array([0, SIGMA**2 / 4], np.float32), 1.0,
+        nothing[:, 0], 0.004, Film.matt(LIGHTS), np.array([0, SIGMA**2 / 4], np.float32), 1.0,
         np.zeros(8, np.float32), np.array(NO_MISFIT, np.float32), {}, [], np.ones(SENSOR, np.uint8),
         file=file, provenance=Provenance({}, None, [], {}, {}, [], []),
     )  # fmt: skip

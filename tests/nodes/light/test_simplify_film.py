@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from tactograph.nodes import Film
 from tactograph.nodes.light.simplify_film import PART_FIELDS, simplify_film
-from tactograph.nodes.optics.film import matt_film
 from tests.nodes.films import FILMS
 
 FILM = FILMS["all"]._replace(albedo=0.6, grain=0.01)
@@ -12,7 +12,7 @@ FILM = FILMS["all"]._replace(albedo=0.6, grain=0.01)
 
 @pytest.mark.parametrize("part", PART_FIELDS)
 def test_what_is_switched_off_is_that_of_a_matt_film(part: str) -> None:
-    found, matt = simplify_film(FILM, without=(part,)), matt_film(FILM.lights)
+    found, matt = simplify_film(FILM, without=(part,)), Film.matt(FILM.lights)
     for name, value in found._asdict().items():
         kept = matt if name in PART_FIELDS[part] else FILM
         assert np.array_equal(value, getattr(kept, name)), name

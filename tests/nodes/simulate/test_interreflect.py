@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, Film
 from tactograph.nodes.light.film_bounce import film_bounce
-from tactograph.nodes.optics.film import matt_film
 from tactograph.nodes.simulate.interreflect import interreflect
 
 PIXEL = 0.1
@@ -33,7 +32,7 @@ def test_bounces_inside_a_sphere_add_up_to_a_geometric_series() -> None:
     assert found[0, 30, 30] / 0.6 == pytest.approx(1 / (1 - share), rel=0.01)
 
 
-FILM = matt_film(FAR)._replace(albedo=0.7, base=0.7)
+FILM = Film.matt(FAR)._replace(albedo=0.7, base=0.7)
 
 
 def test_a_film_that_is_flat_or_reflects_nothing_keeps_its_light() -> None:

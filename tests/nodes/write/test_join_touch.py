@@ -8,7 +8,7 @@ from tactograph.graph import GraphError
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.draft import Draft, Value
 from tactograph.graph.plan.names import bind
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.join_touch import CapturedFrames, join_touch
 

@@ -24,7 +24,7 @@ from tactograph.nodes.drawing.result_pictures import (
 )
 from tactograph.nodes.files.image_files import read_image
 from tactograph.nodes.layers.error import ERROR_MAP
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.stream.touch import ColourMap, Touch
 from tactograph.nodes.write.read_height import read_height
 from tactograph.nodes.write.write_result import write_result

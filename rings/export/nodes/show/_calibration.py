@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from tactograph.rings.export.shown import Shown, figures, first, origin, section, sentences
-from tactograph.sdk import InputError
-from tactograph.sdk.unstable import FileKind, kind_of
+from tactograph.sdk import FileKind, InputError
+from tactograph.sdk.unstable import kind_of
 
 MAX_NUMBERS = 8
 """Most numbers of an array that are printed one by one."""

@@ -8,14 +8,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import center_of_mass
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.sdk import F4, F8, Contacts, Metrics, PixelSize, Port, View, node
-from tactograph.sdk.unstable import (
-    MAX_CONTACTS,
-    MAX_MEASURED,
-    Lens,
-    Most,
-    largest_contacts,
-)
+from tactograph.sdk import F4, F8, Contacts, Lens, Metrics, PixelSize, Port, View, node
+from tactograph.sdk.unstable import MAX_CONTACTS, MAX_MEASURED, Most, largest_contacts
 
 COLUMN_AGE, COLUMN_UNSEEN, COLUMN_X, COLUMN_Y, COLUMN_VX, COLUMN_VY = range(6)
 """Columns of the tracks: frames since it began, frames since it was last seen, centre in px,

@@ -1,6 +1,7 @@
 """Read the height maps of many touches: results of a stream or batch, or a recording's."""
 
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -26,10 +27,8 @@ from tactograph.sdk.unstable import (
     MAX_PIXEL_MM,
     MAX_SIZE_DIFFERENCE,
     MIN_PIXEL_MM,
-    RELIEF_FIGURE,
     check_heights,
     load_arrays,
-    warning_kind,
 )
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
@@ -104,7 +103,7 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     heights = [read_height_file(file).height for file in files]
     pixels = [read_pixel_size(height=file, mm=pixel) for file in files]
     for result in results:
-        if RELIEF_FIGURE in json.loads((result / RESULT_FILE).read_text()).get("metrics", {}):
+        if "rest_relief_mm" in json.loads((result / RESULT_FILE).read_text()).get("metrics", {}):
             raise InputError(
                 f"{result}: its film is no plane at rest; touches of planes alone are put together"
             )
@@ -162,7 +161,7 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
     with load(graph, params, outputs=["height", "pixel"]) as pipeline:
         for number, result in enumerate(pipeline.items()):
             for line in result.warnings:
-                warnings_by_kind.setdefault(warning_kind(line), line)
+                warnings_by_kind.setdefault(re.sub(r"\d[\d.]*", "", line), line)
             if number % stride == 0:
                 apparent, pixel = result["height"].copy(), float(result["pixel"])
                 heights[number], _ = view.on_even_grid(apparent, [])

@@ -20,7 +20,7 @@ from rings.mechanics.tests.motion.moved_objects import (
     shift_and_turn,
 )
 from tactograph.nodes import Metrics
-from tactograph.nodes.optics.view import View
+from tactograph.nodes.optics.camera_view import View
 from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.mechanics.nodes.motion.find_slip import Slip, find_slip

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tactograph.sdk import F4, InputError, Light
-from tactograph.sdk.unstable import Calibration, read_either
+from tactograph.sdk.unstable import read_either
 
 
 class CertifiedSensor(NamedTuple):
@@ -30,7 +30,7 @@ def certified_sensor(calibration: Path) -> CertifiedSensor:
     """
     sensor = read_either(calibration)
     film = sensor.flat, float(sensor.pixel_size), sensor.lens
-    if isinstance(sensor, Calibration):
+    if hasattr(sensor, "film"):
         if sensor.rest is not None and sensor.rest.any():
             raise InputError(
                 f"{calibration}: its film is no plane at rest; balls, grids and ripples are "

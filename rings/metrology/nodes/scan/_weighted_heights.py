@@ -5,13 +5,12 @@ from collections.abc import Callable
 import numpy as np
 
 from tactograph.sdk import F4, F8
-from tactograph.sdk.unstable import SlopeVariance
 
 GROUND_STIFFNESS = 1e-9
 """Stiffness that holds all heights at zero, relative to the stiffest step."""
 
 
-def weighted_heights(variance: SlopeVariance, pixel: float) -> Callable[[F4], F8]:
+def weighted_heights(variance: F4, pixel: float) -> Callable[[F4], F8]:
     """Return what integrates slopes 2 x H x W, a step of height weighing one over its variance.
 
     The equations are those of `integrate_dct`, but slopes of large variance bend no others.  A

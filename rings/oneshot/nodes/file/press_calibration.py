@@ -8,15 +8,8 @@ from pydantic import AfterValidator
 from tactograph.rings.oneshot.nodes.map.raise_walls import WallGain
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import MattDeviation
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.sdk import Dark, Light, Mask, Metrics, PixelSize
-from tactograph.sdk.unstable import (
-    MIN_OPTICAL_MM,
-    FileKind,
-    Lens,
-    Misfit,
-    Stored,
-    StoredRanks,
-)
+from tactograph.sdk import Dark, FileKind, Lens, Light, Mask, Metrics, PixelSize, Stored
+from tactograph.sdk.unstable import MIN_OPTICAL_MM, Misfit, StoredRanks
 
 
 class PressCalibration(NamedTuple):

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
-from tactograph.sdk import Light, node
+from tactograph.sdk import Lens, Light, View, node
 from tactograph.sdk.nodes import undistort
-from tactograph.sdk.unstable import Lens, StatedCircles, ideal_circles
+from tactograph.sdk.unstable import StatedCircles
 
 
 class EvenPresses(NamedTuple):
@@ -31,5 +31,5 @@ def even_presses(image: PressImages, flat: Light, circle: StatedCircles, lens: L
     if not lens.any():
         return EvenPresses(image, flat, circle)
     presses = np.stack([undistort(press, lens) for press in image])
-    circle = ideal_circles(circle, lens, flat.shape[1:])
+    circle = View(lens).ideal_circles(flat.shape[1:], circle)
     return EvenPresses(presses, undistort(flat, lens), circle)

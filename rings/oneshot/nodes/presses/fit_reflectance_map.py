@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Interval
+from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     NO_LIGHT,
@@ -39,7 +40,6 @@ from tactograph.sdk.nodes import (
 )
 from tactograph.sdk.unstable import (
     DEVIATIONS_PER_MAD,
-    I4,
     MIN_FLAT_LIGHT,
     BallCircles,
     BallPress,
@@ -169,7 +169,12 @@ def degree_for(presses: int) -> int:
 
 
 def make_bench(
-    image: F4, flat: F4, radius_mm: float, pixel: float, degree: int, of: I4 | None = None
+    image: F4,
+    flat: F4,
+    radius_mm: float,
+    pixel: float,
+    degree: int,
+    of: NDArray[np.int32] | None = None,
 ) -> Bench:
     """Return the inputs of the fit's steps; the light is relative to the film at rest."""
     light = [press / np.maximum(flat, MIN_FLAT_LIGHT) for press in image]

@@ -7,7 +7,7 @@ from annotated_types import Gt
 from scipy.special import chdtri
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
-from tactograph.sdk import F4, U1, Light, PixelSize, Port, node
+from tactograph.sdk import F4, U1, Film, Light, PixelSize, Port, node
 from tactograph.sdk.unstable import (
     DEVIATIONS_PER_MAD,
     FALSE_ALARMS,
@@ -18,7 +18,6 @@ from tactograph.sdk.unstable import (
     Balls,
     Judged,
     explain,
-    matt_film,
     sample_balls,
 )
 
@@ -61,7 +60,7 @@ def judge_press_radius(
     sheet = np.concatenate(list(press_image / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
     radius = np.full(used.size, radius_mm, np.float32)
     # A matt film throws no light on itself, wherever its lights are.
-    matt = matt_film(np.ones((len(flat), 3), np.float32))
+    matt = Film.matt(np.ones((len(flat), 3), np.float32))
     every, no_noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
     balls = sample_balls(
         *(sheet, flat, circle[used], radius, every, matt, no_noise, pixel), most=None, fine=True

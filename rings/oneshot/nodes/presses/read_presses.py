@@ -9,8 +9,13 @@ from scipy.ndimage import gaussian_filter
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import F4, Crop, InputError, Light, node
-from tactograph.sdk.nodes import read_capture
-from tactograph.sdk.unstable import CaptureFile, Layout, StatedCircles, read_images, refuse_flat
+from tactograph.sdk.unstable import (
+    CaptureFile,
+    Layout,
+    StatedCircles,
+    read_images,
+    read_presses as read_presses_of,
+)
 
 
 class Presses(NamedTuple):
@@ -60,17 +65,15 @@ def read_presses(
     film = read_film(flat, lights, smooth_px, crop)
     if folder is None:
         return Presses(film[None], film, [], np.full((1, 3), np.nan, np.float32))
-    refuse_flat(flat, folder)
-    captures = list(read_capture(folder=folder, lights=lights, crop=crop))
-    for capture in captures:
-        if capture.image.shape != film.shape:
-            raise InputError(
-                f"{folder / capture.name}: {capture.image.shape[2]} x {capture.image.shape[1]} "
-                f"pixels, but the untouched film {flat} has {film.shape[2]} x {film.shape[1]}"
-            )
+    captures = read_presses_of(folder, Layout(lights, crop=crop), flat)
     names = [capture.name for capture in captures]
     circles = [CaptureFile.read(folder / name).circle() for name in names]
     images = np.stack([capture.image for capture in captures])
+    if images.shape[1:] != film.shape:
+        raise InputError(
+            f"{folder / names[0]}: {images.shape[3]} x {images.shape[2]} pixels, but the untouched "
+            f"film {flat} has {film.shape[2]} x {film.shape[1]}"
+        )
     return Presses(images, film, names, np.asarray(circles, np.float32))
 
 

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from tactograph.nodes import Film
 from tactograph.nodes.calibrate.film._contact_edge import contact_edge
-from tactograph.nodes.optics.film import matt_film, predict
+from tactograph.nodes.optics.film import predict
 
 RADIUS, RIM, PIXEL = 6.0, 5.0, 0.07
 LIGHTS = np.array([(21, 21, 36), (-21, 21, 36), (-21, -21, 36), (21, -21, 36)], np.float32)
-MATT = matt_film(LIGHTS)
+MATT = Film.matt(LIGHTS)
 COATED = MATT._replace(base=0.7, roughness=0.2, refraction=1.5)
 
 

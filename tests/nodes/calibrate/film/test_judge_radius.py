@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.film.ball_samples import sample_balls
 from tactograph.nodes.calibrate.film.judge_radius import (
@@ -22,7 +22,6 @@ from tactograph.nodes.calibrate.film.judge_radius import (
     explain,
 )
 from tactograph.nodes.capture.read_capture import read_capture
-from tactograph.nodes.optics.film import matt_film
 from tests.fixtures import RIG_PIXEL_MM, Raytraced
 
 BALL = 7.0
@@ -45,7 +44,7 @@ def sampled(rig: Path, factor: float, gamma: float = 1.0) -> tuple[Balls, F4, fl
     circle = np.array([[*centre, 0.95 * min(radius, BALL) / pixel]], np.float32)
     one = np.array([radius], np.float32)
     balls = sample_balls(
-        light, flat, circle, one, np.zeros(1, np.int32), matt_film(DISTANT), NOISE, pixel,
+        light, flat, circle, one, np.zeros(1, np.int32), Film.matt(DISTANT), NOISE, pixel,
         most=None, fine=True,
     )  # fmt: skip
     return balls, flat, pixel

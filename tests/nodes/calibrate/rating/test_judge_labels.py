@@ -10,7 +10,7 @@ from tactograph.nodes.calibrate.rating.judge_labels import (
     LabelGain,
     judge_labels,
 )
-from tactograph.nodes.optics.film import matt_film, predict
+from tactograph.nodes.optics.film import predict
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.slope.height_slopes import height_slopes
@@ -49,7 +49,7 @@ def light_on(film: Film) -> F4:
 def judged(lights: F4 = LIGHTS, diffused: float = 0.4, wrap: float = 0.0) -> LabelGain:
     """What is found with `wrap` of the light behind the terminator."""
     share = np.full(4, diffused, np.float32)
-    film = matt_film(lights)._replace(diffuse=share, wrap=wrap, uneven=0.02, grain=0.002)
+    film = Film.matt(lights)._replace(diffuse=share, wrap=wrap, uneven=0.02, grain=0.002)
     if wrap:
         matt = light_on(film._replace(diffuse=0 * share))
     else:

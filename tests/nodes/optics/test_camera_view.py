@@ -10,8 +10,8 @@ import trimesh
 from tactograph.graph import InputError, Provenance
 from tactograph.nodes import F4
 from tactograph.nodes.files.height_files import write_ply
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.optics.lens import ideal_places
-from tactograph.nodes.optics.view import View
 from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
 

@@ -71,7 +71,7 @@ class View(NamedTuple):
         a = 0.0 if self.lens is None else float(self.lens[LENS_TERMS.index("a")])
         return pixel / (1 + a), pixel / (1 - a)
 
-    def ideal(self, shape: tuple[int, int], x: Places, y: Places) -> tuple[Places, Places]:
+    def ideal(self, shape: tuple[int, int], x: Any, y: Any) -> tuple[Places, Places]:
         """Return where on the ideal grid pixels at columns x and rows y of an image look."""
         rows, columns = shape
         half = float(half_diagonal(shape))
@@ -80,6 +80,12 @@ class View(NamedTuple):
             return half * u, half * v
         du, dv = ideal_offset(self.lens.astype(np.float64), u, v)
         return half * (u + du), half * (v + dv)
+
+    def ideal_circles(self, shape: tuple[int, int], circles: F4) -> F4:
+        """Return circles, P x 3 in px, with their middles where they are in the ideal image."""
+        moved, middle = circles.copy(), (np.array(shape[::-1]) - 1) / 2
+        moved[:, :2] = np.stack(self.ideal(shape, *circles[:, :2].T), axis=1) + middle
+        return moved
 
     def ideal_steps(self, shape: tuple[int, int], x: float, y: float) -> Places:
         """Return how `ideal` changes by a pixel along x and along y, 2 x 2."""
