@@ -1,20 +1,20 @@
 """Errors of a film's model on held-out presses, and their correlation length."""
 
-import math
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import fftfreq, irfft2, next_fast_len, rfft2
 from scipy.optimize import isotonic_regression
-from scipy.special import log_ndtr, ndtr, stdtrit
+from scipy.special import ndtr, stdtrit
 
-from tactograph.nodes import BAND_DEVIATIONS, F4, F8, FULL_MISFIT_SLOPE
+from tactograph.nodes import BAND_DEVIATIONS, F4, F8, FULL_MISFIT_SLOPE, Film
 from tactograph.nodes.calibrate import MIN_BOUNCE_ERROR
 from tactograph.nodes.calibrate.ball.balls_on_film import MIN_WEIGHT_LIGHT, Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.ball_normals import ball_normals
+from tactograph.nodes.calibrate.lights.light_fit import inverse_places, positions
 from tactograph.nodes.light.touch_misfit import brighter
-from tactograph.nodes.optics.film import direct_share, predict, touch_gain
+from tactograph.nodes.optics.film import direct_share, predict, touch_gain, turned
 
 MIN_LAG_PX = 2
 """Distance from which the noise of pixels is independent, even after undistortion."""
@@ -30,15 +30,16 @@ class Held(NamedTuple):
     fitted: Fitted
 
 
-def misfit(held_out: list[Held], pixel: float, uneven: float) -> F4:
+def misfit(held_out: list[Held], film: Film, pixel: float, uneven: float) -> F4:
     """Return the (level, width, light, bounce, tilt) of a `Misfit`.
 
     Products of the errors of two pixels contain no noise, because noise is independent.  Their
     mean by distance is the covariance of the model's errors.  The common tilt of all normals of
-    a ball is removed first and measured separately.  Level and width include what chance may hide,
-    which is the less the farther pixels are apart, because more pairs are.  All figures are for
-    one further press: the finite number n of presses adds 1/n to the variance; a tilt known from
-    n presses and an albedo from n parts follow Student's distribution instead of a normal one.
+    a ball is removed first and measured separately.  Level and width include what chance may have
+    hidden, which is the less the farther pixels are apart, because more pairs are.  All figures
+    are for one further press: the finite number n of presses adds 1/n to the variance; a tilt
+    known from n presses and an albedo from n parts follow Student's distribution instead of a
+    normal one; and errors of the level cause a common tilt by chance, by 1/n of their variance.
     Of two presses or more the tilt is one part of a height's error beside the level, which many
     pixels tell: the sum has more degrees of freedom (Satterthwaite, "An approximate distribution
     of estimates of variance components", 1946).  Over a contact a tilt adds up, the level's
@@ -47,6 +48,7 @@ def misfit(held_out: list[Held], pixel: float, uneven: float) -> F4:
     Parameters
     ----------
     held_out : every held-out pixel, fold by fold
+    film : what was fitted to all samples; the error of its LEDs is accounted for separately
     pixel : mm per px
     """
     rim = float(np.median(np.concatenate([h.balls.rim for h in held_out])))
@@ -65,17 +67,23 @@ def misfit(held_out: list[Held], pixel: float, uneven: float) -> F4:
     pairs = np.maximum(total[0], 1)
     normal, light = total[1:] / pairs
     chance = spread / (2 * max(count, 1)) / np.sqrt(pairs)
-    possible = _likely(normal, chance)
+    possible = np.maximum(normal, 0) + chance
     # Covariance falls with distance: where it has fallen to one half.
     falling = isotonic_regression(possible, weights=pairs, increasing=False).x
     reach = float(np.interp(-falling[0] / 2, -falling, lags)) * pixel
     near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
-    tilt = _root(float(np.square(tilts).mean()) * (1 + 1 / len(tilts)))
+    sure = _root(normal[0] - chance[0])
+    away = inverse_places(film.others) - inverse_places(film.lights)
+    common = np.mean([_led_tilt(part, away, uneven) for part in held_out])
+    tilt = _root(
+        float(np.square(tilts).mean() - common * len(held_out) / max(len(held_out) - 1, 1))
+    )
     level = _root(possible[0]) * float(np.sqrt(1 + 1 / len(held_out)))
     presses = np.unique(np.concatenate([part.balls.ball for part in held_out])).size
     alone = tilt * tilt * rim / max(tilt * tilt * rim + 2 * level * level * reach, 1e-30)
     freedom = len(tilts) / max(alone, 1e-3) ** 2 if presses > 1 else len(tilts)
     tilt *= _wider(freedom)
+    tilt = float(np.hypot(tilt, sure / np.sqrt(presses)))
     return np.asarray([level, reach, _root(light[near]), _doubt(held_out), tilt], np.float32)
 
 
@@ -106,6 +114,19 @@ def unevenness(held_out: list[Held], pixel: float) -> float:
         (more,), _, (product,) = _products(one, balls, pixel, nothing, brightness[None])
         pairs, square = pairs + more, square + product
     return BRIGHTENING_FACTOR * _root(float(square / max(pairs, 1)))
+
+
+def _led_tilt(part: Held, away: F8, uneven: float) -> float:
+    """Mean square effect on `tilt` of LEDs that lie `away`, 8 x K x 3 of `inverse_places`."""
+    film, some = part.fitted.film, part.balls.thinned()
+    truth, place, lift = some.touched_place(part.fitted.shifts, film)
+    light, outward = predict(film, truth, *place, None, lift), _outward(truth)
+    tilts = []
+    for moved in inverse_places(film.lights) + away:
+        other = film._replace(lights=cast(F4, positions(moved)))
+        n = turned(other, light, truth, place, uneven, None, lift)
+        tilts.append(((n - truth) * outward).sum() / np.square(outward).sum())
+    return float(np.square(tilts).mean())
 
 
 def _outward(normal: F8) -> F8:
@@ -166,15 +187,6 @@ def _doubt(held_out: list[Held]) -> float:
 def _wider(freedom: float) -> float:
     """Student's quantile over the normal one that replaces it, at the end of the 90 % band."""
     return float(stdtrit(freedom, float(ndtr(BAND_DEVIATIONS))) / BAND_DEVIATIONS)
-
-
-def _likely(found: F8, chance: F8) -> F8:
-    """The mean of what a variance may be that is found with the standard error `chance`.
-
-    No variance is negative: of a normal distribution about `found` the part above zero counts.
-    """
-    sure = found / np.maximum(chance, 1e-30)
-    return found + chance * np.exp(-sure * sure / 2 - log_ndtr(sure)) / math.sqrt(2 * math.pi)
 
 
 def _root(square: float) -> float:

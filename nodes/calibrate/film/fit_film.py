@@ -168,7 +168,7 @@ def fit_film(
     rough, slope = balls.grain(residual, flat, noise), balls.pressed_slope
     return FilmFit(
         film.stored()._replace(uneven=uneven, grain=rough, pressed_slope=slope),
-        misfit=misfit(held_out, pixel, uneven),
+        misfit=misfit(held_out, film, pixel, uneven),
         residual=np.sqrt(np.square(residual).mean(axis=1)).astype(np.float32),
         quality=trial.figures | _properties(best, film, rest),
         evidence=evidence,

@@ -1,11 +1,12 @@
 """What a film's model leaves on a ball that it was not fitted to."""
 
+import warnings
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.film_fit import start_at
 from tactograph.nodes.calibrate.film.film_misfit import (
@@ -19,6 +20,8 @@ from tests.nodes.scenes import LIGHTS
 PIXEL, RADIUS, RIM = 0.1, 6.0, 5.0
 LEDS = 60 * LIGHTS
 """In mm."""
+SURE = Film.matt(cast(F4, LEDS))._replace(others=cast(F4, np.stack([LEDS] * 8)))
+"""A film whose LEDs may be nowhere else."""
 
 
 def held(noise: float = 0.0, **changed: Any) -> Held:
@@ -39,7 +42,7 @@ def held(noise: float = 0.0, **changed: Any) -> Held:
 
 
 def test_noise_is_no_more_of_a_misfit_than_chance_may_hide() -> None:
-    level, _, light, bounce, tilt = misfit([held(0.01)], PIXEL, 0.0)
+    level, _, light, bounce, tilt = misfit([held(0.01)], SURE, PIXEL, 0.0)
     assert level < 2e-3
     assert light < 1e-3
     assert tilt < 1e-3
@@ -48,8 +51,8 @@ def test_noise_is_no_more_of_a_misfit_than_chance_may_hide() -> None:
 
 def test_diffused_light_that_the_model_does_not_know_makes_all_tilts_too_small() -> None:
     diffuse = np.full(len(LIGHTS), 0.05)
-    *_, tilt = misfit([held(0.01, diffuse=diffuse)], PIXEL, 0.0)
-    *_, twice = misfit([held(0.01, diffuse=2 * diffuse)], PIXEL, 0.0)
+    *_, tilt = misfit([held(0.01, diffuse=diffuse)], SURE, PIXEL, 0.0)
+    *_, twice = misfit([held(0.01, diffuse=2 * diffuse)], SURE, PIXEL, 0.0)
     assert tilt > 0.01
     assert twice == pytest.approx(2 * tilt, rel=0.2)
 
@@ -64,20 +67,30 @@ def test_presses_say_by_how_much_they_leave_the_albedo_open_even_where_they_agre
         parts.append(part._replace(fitted=part.fitted._replace(film=film)))
     # Of two values, the mean's standard deviation and Student's quantile over the normal one.
     doubt = np.hypot(apart / 2 / (0.6 + apart / 2) * 6.3138 / 1.6449, MIN_BOUNCE_ERROR)
-    assert misfit(parts, PIXEL, 0.0)[3] == pytest.approx(doubt, rel=1e-3)
+    assert misfit(parts, SURE, PIXEL, 0.0)[3] == pytest.approx(doubt, rel=1e-3)
+
+
+def test_another_place_of_an_led_stays_above_the_film() -> None:
+    others = 5 * SURE.others
+    others[:, 0, 2] -= 2 * LEDS[0, 2]
+    whole = SURE._replace(lights=5 * SURE.lights, others=others)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = misfit([held(0.01, diffuse=np.zeros(len(LIGHTS)))], whole, PIXEL, 0.0)
+    assert np.isfinite(found).all()
 
 
 def test_chance_hides_only_what_is_narrow() -> None:
     """Many pairs of pixels lie far apart, so that wide errors would show."""
-    _, width, *_ = misfit([held(0.01)], PIXEL, 0.0)
+    _, width, *_ = misfit([held(0.01)], SURE, PIXEL, 0.0)
     assert width < 0.2 * RIM
 
 
 def test_few_presses_state_more_than_many() -> None:
     """What a model leaves on one press tells little of what it will leave on the next."""
     part = held(0.01, diffuse=np.full(len(LIGHTS), 0.05))
-    *_, one = misfit([part], PIXEL, 0.0)
-    *_, many = misfit([part] * 12, PIXEL, 0.0)
+    *_, one = misfit([part], SURE, PIXEL, 0.0)
+    *_, many = misfit([part] * 12, SURE, PIXEL, 0.0)
     assert one > 3 * many
 
 
