@@ -65,9 +65,9 @@ def _formats(device: str) -> str:
     return "\n".join(f"{name}: {' '.join(each)}" for name, each in sizes.items())
 
 
-def _pixel_formats(camera: str) -> str:
+def _pixel_formats(device: str) -> str:
     """The pixel formats of a GenICam camera, and the size that it is set to."""
-    capture = GenicamCapture(camera, colour=False)
+    capture = GenicamCapture(device, colour=False)
     try:
         if not capture.isOpened():
             return f"cannot be opened: {capture.reason}"
