@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import hadamard
-from scipy.special import ndtr, stdtrit
 
-from tactograph.nodes import BAND_DEVIATIONS, F4, OTHER_PLACES as ERROR_COUNT
+from tactograph.nodes import F4, OTHER_PLACES as ERROR_COUNT
 
 LED_SIGNS = hadamard(ERROR_COUNT).astype(np.float32)
 """Signs of an error that every LED has alone, by error and LED."""
@@ -20,9 +19,6 @@ of the fourth LED and the bounced light are alike."""
 WAVE_LENGTHS = 4.0, 12.0
 """Lengths of the waves, relative to the width of the model's errors: at that width the correlation
 of the first has fallen to a half."""
-STUDENT_FACTOR = np.float32(stdtrit(ERROR_COUNT, ndtr(BAND_DEVIATIONS)) / BAND_DEVIATIONS)
-"""Student's quantile over the normal one that it replaces, at the end of the 90 % band: a variance
-that draws tell has as many degrees of freedom as there are draws."""
 
 
 class Wave(NamedTuple):

@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import cv2
 import numpy as np
 from annotated_types import Ge, Interval
+from scipy.special import ndtr, stdtrit
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.cores import cores
 from tactograph.nodes import (
+    BAND_DEVIATIONS,
     F4,
     Blur,
     Film,
@@ -30,14 +32,7 @@ from tactograph.nodes import (
     Slope,
 )
 from tactograph.nodes.error._edge_errors import blurred, edge_deviation_px
-from tactograph.nodes.error._random_errors import (
-    ERROR_COUNT,
-    RISE_SIGNS,
-    STUDENT_FACTOR,
-    drawn,
-    key_of,
-    kinds,
-)
+from tactograph.nodes.error._random_errors import ERROR_COUNT, RISE_SIGNS, drawn, key_of, kinds
 from tactograph.nodes.error._slope_errors import Causes, Unperturbed, slope_errors
 from tactograph.nodes.height.height_equations import STATE_FREE, HeightSystem
 from tactograph.nodes.height.height_levels import levels_of
@@ -58,6 +53,9 @@ SPREAD_PX = 3.0
 """The Gaussian by which the variance is averaged over neighbours."""
 MIN_ENERGY_SHARE = 1e-6
 """Stop when less than this share of the steps' energy is left to gain."""
+STUDENT_FACTOR = np.float32(stdtrit(ERROR_COUNT, ndtr(BAND_DEVIATIONS)) / BAND_DEVIATIONS)
+"""Student's quantile over the normal one that it replaces, at the end of the 90 % band: a variance
+that draws tell has as many degrees of freedom as there are draws."""
 Wants = tuple[F4, F4, F4]
 """The steps to the right and down and the rises that the springs aim at, in mm."""
 
