@@ -170,14 +170,14 @@ typedef struct {
 // the lights' noise; errors that all pixels of an LED share, of the LEDs' positions and light and of
 // the bounced light; of the mean of a pixel's slopes; and normals that lean in waves because the film's model is wrong.
 LANED __kernel void err_slopes(
-    __global const float *restrict light, __global const float *restrict sigma,
+    __global const float *restrict sigma,
     __global const float *restrict height, __global const float *restrict slope,
     __global const uchar *restrict state, __global const uchar *restrict used,
     __global const float *restrict lights, __global const float *restrict others,
     __global const float *restrict diffuse, __global const float *let_in_curve, const float base,
     const float roughness, const float camera, __global float *restrict out, const int K, const int frame_height, const int frame_width,
     const int top, const int left, const int H, const int W, const float pixel,
-    const float flat_noise, const float shared, const float uneven, const float refraction,
+    const float shared, const float uneven, const float refraction,
     __global const float *restrict kinds,
     __global const uint *restrict keys, __global const float *misfit,
     __global const float *bounced, __global const float *earlier, __global const float *tilt,
@@ -212,8 +212,7 @@ LANED __kernel void err_slopes(
     for (int n = 0; n < ERROR_COUNT; ++n) p[n] = q[n] = 0.0f;
     EACH_LED(k) {
         const int at = k * frame_size + from;
-        const floats flat = flat_noise * load_floats(light + at, count);
-        const floats noisy = shared * noise[k] * sqrt(1.0f + flat * flat);
+        const floats noisy = shared * noise[k];
         const floats to_p = response.by_p[k], to_q = response.by_q[k];
         const floats apparent_p = to_p * blunt, apparent_q = to_q * blunt;
         const floats noise_p = apparent_p * noisy, noise_q = apparent_q * noisy;

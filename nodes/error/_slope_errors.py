@@ -43,9 +43,8 @@ MAX_SLOPE = np.float32(3)
 class Unperturbed(NamedTuple):
     """Values without error, inside the window."""
 
-    light: F4
-    """K x h x w."""
     sigma: F4
+    """K x h x w."""
     slope: F4
     """2 x h x w."""
     height: F4
@@ -78,10 +77,8 @@ class Causes(NamedTuple):
     film: Film
     """Positions of the LEDs, other positions that are possible, and unevenness of the film."""
     misfit: Misfit
-    flat_noise: np.float32
-    """Noise of the flat frame, relative to a touch's."""
     shared: np.float32
-    """Factor on the noise of pixels that accounts for correlated neighbours."""
+    """Factor on a touch's noise: what neighbours share, the flat frame's, and few draws."""
     pixel: np.float32
 
 
@@ -97,7 +94,7 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
             causes.film.lights, inside.x, inside.y, inside.height, inside.slope
         )
         by_apparent = by_light / _sharpness(inside, causes.film)
-        root = _root_of_noise(inside, by_apparent, causes)
+        root = _root_of_noise(by_apparent * (causes.shared * inside.sigma))
         first = part.start * columns
         for number, other in enumerate(causes.film.others):
             elsewhere = (other - causes.film.lights)[:, :, None, None]
@@ -164,7 +161,7 @@ def _sharpness(unperturbed: Unperturbed, film: Film) -> F4 | np.float32:
         for along in (unperturbed.x, unperturbed.y)
     )
     normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
-    lit = unperturbed.used >> np.arange(len(unperturbed.light), dtype=np.uint8)[:, None, None] & 1
+    lit = unperturbed.used >> np.arange(len(unperturbed.sigma), dtype=np.uint8)[:, None, None] & 1
     weight = (lit / np.maximum(unperturbed.sigma * unperturbed.sigma, MIN_DIVISOR)).reshape(
         len(lit), -1
     )
@@ -174,13 +171,11 @@ def _sharpness(unperturbed: Unperturbed, film: Film) -> F4 | np.float32:
     )
 
 
-def _root_of_noise(unperturbed: Unperturbed, by_light: F4, causes: Causes) -> tuple[F4, F4, F4]:
-    """A root of the covariance of p and q by the noise of the lights and of the flat frame.
+def _root_of_noise(noise: F4) -> tuple[F4, F4, F4]:
+    """A root of the covariance of p and q by the noise of the lights, 2 x K x h x w.
 
     The noise of p, the noise of q that is correlated with it, and that which is independent.
     """
-    flat = causes.flat_noise * unperturbed.light
-    noise = by_light * (causes.shared * unperturbed.sigma * np.sqrt(1 + flat * flat))
     alone = np.sqrt((noise[0] * noise[0]).sum(axis=0))
     along = (noise[0] * noise[1]).sum(axis=0) / np.maximum(alone, MIN_DIVISOR)
     rest = (noise[1] * noise[1]).sum(axis=0) - along * along

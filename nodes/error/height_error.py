@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import cv2
 import numpy as np
 from annotated_types import Ge, Interval
+from scipy.special import ndtr, stdtrit
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.cores import cores
 from tactograph.nodes import (
+    BAND_DEVIATIONS,
     F4,
     Blur,
     Film,
@@ -51,6 +53,9 @@ SPREAD_PX = 3.0
 """The Gaussian by which the variance is averaged over neighbours."""
 MIN_ENERGY_SHARE = 1e-6
 """Stop when less than this share of the steps' energy is left to gain."""
+STUDENT_FACTOR = np.float32(stdtrit(ERROR_COUNT, ndtr(BAND_DEVIATIONS)) / BAND_DEVIATIONS)
+"""Student's quantile over the normal one that it replaces, at the end of the 90 % band: a variance
+that draws tell has as many degrees of freedom as there are draws."""
 Wants = tuple[F4, F4, F4]
 """The steps to the right and down and the rises that the springs aim at, in mm."""
 
@@ -68,7 +73,6 @@ def height_error(
     height: Height,
     slope: Slope,
     system: HeightSystem,
-    light: Light,
     sigma: Light,
     used: Labels,
     film: Film,
@@ -80,7 +84,6 @@ def height_error(
     blur: Blur | None = None,
     tilt: Slope | None = None,
     *,
-    flat_noise: Annotated[float, Ge(0)] = 0.6,
     steps: Annotated[int, Interval(ge=8, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
@@ -91,9 +94,10 @@ def height_error(
     neighbours, is the variance.  They are integrated on cells of 2 x 2 pixels (`spring_cells`).
     The errors are
 
-    - the noise of each LED's light, and of the flat frame that it was divided by, independent
-      from pixel to pixel.  Where neighbours share noise, it is increased by the same factor as
-      the noise of a mean over pixels, because a height is a sum of slopes;
+    - the noise of each LED's light, independent from pixel to pixel.  A height is a sum of slopes,
+      so the noise of a mean over pixels counts, as a calibration measures it on light over the
+      flat frame (`noise_correlation`): what neighbours share, and the flat frame's own noise.  So
+      few draws tell its variance by chance, and Student's distribution is wider than a normal one;
     - an error of the calibration, common to all pixels: the first-order change of the film's
       light if the LEDs were at other positions that the calibration allows (on the film at rest
       the flat frame cancels it);
@@ -126,8 +130,8 @@ def height_error(
     height : H x W in mm, as integrated
     slope : 2 x H x W, as given to `height_system`
     system : the equations from which the height was integrated
-    light, sigma
-        K x H x W, and its standard deviation.
+    sigma
+        K x H x W, the standard deviation of the light.
     used
         H x W, the LEDs the slope was found with.
     film
@@ -137,7 +141,7 @@ def height_error(
     apparent
         2 x H x W, the slopes of the pixels' mean normals (`pixel_mean_slope`).
     bounced, earlier
-        K x H x W, the light that the film throws on itself, already subtracted from `light`; and
+        K x H x W, the light that the film throws on itself, already subtracted from the light; and
         the same in the previous pass.
     correlation
         Correlation of the noise of neighbours, as `noise_correlation` gives it; without it the
@@ -146,9 +150,6 @@ def height_error(
         Of the camera; without it the camera is sharp.
     tilt
         2 x H x W, slopes of the film at rest; None: a plane.
-    flat_noise
-        Noise of the flat frame relative to a touch's: 1 for a single raw frame, 0.6 if a
-        calibration has smoothed it (`denoise_flat`), 1 / sqrt(n) of that for the mean of n.
     steps
         Conjugate-gradient steps per error.
     seed
@@ -160,9 +161,8 @@ def height_error(
     """
     window, (rows, columns) = system.window, height.shape
     _, rise_error, robust, pixel = (np.float32(number) for number in system.scales)
-    thrown = np.zeros_like(light) if bounced is None else bounced
+    thrown = np.zeros_like(sigma) if bounced is None else bounced
     plain = Unperturbed(
-        window.of(light),
         window.of(sigma),
         window.of(slope),
         window.of(height),
@@ -178,8 +178,8 @@ def height_error(
     inside = system.cut(height)
     *_, residual = system.residuals(inside)
     residual *= not film.diffuse.any()
-    shared = np.float32(math.sqrt(correlation or 1.0))
-    causes = Causes(film, misfit, np.float32(flat_noise), shared, pixel)
+    shared = STUDENT_FACTOR * np.float32(math.sqrt(correlation or 1.0))
+    causes = Causes(film, misfit, shared, pixel)
     slopes = slope_errors(plain, causes, seed)
 
     def random_load(number: int) -> Wants:
@@ -265,18 +265,18 @@ def _launch(run: Launch) -> None:
 
 def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32]) -> DeviceArray:
     """All errors of the slopes inside the window: ERROR_COUNT x 2 x rows x columns."""
-    inputs, settings = run.inputs, run.settings
+    inputs = run.inputs
     frame = tuple(run.sizes[symbol] for symbol in "KHW")
     slopes = run.scratch((ERROR_COUNT, 2, *networks.shape))
     signs = run.keep("kinds", lambda: run.put(kinds()))
     run.kernel(
         "err_slopes", run.in_row_lanes(*networks.shape),
-        *(inputs[name] for name in ("light", "sigma", "height", "slope")), networks.state,
+        *(inputs[name] for name in ("sigma", "height", "slope")), networks.state,
         *(inputs[name] for name in ("used", "film.lights", "film.others", "film.diffuse")),
         upload_curve(run, inputs["film.roughness"], inputs["film.refraction"]),
         *(inputs[f"film.{name}"] for name in ("base", "roughness", "camera")), slopes,
-        *frame, *networks.place, networks.pixel, settings["flat_noise"],
-        math.sqrt(inputs.get("correlation") or 1.0),
+        *frame, *networks.place, networks.pixel,
+        float(STUDENT_FACTOR) * math.sqrt(inputs.get("correlation") or 1.0),
         inputs["film.uneven"], inputs["film.refraction"],
         signs, run.put(np.array(keys)),
         inputs["misfit"], *(inputs.get(name) for name in ("bounced", "earlier", "tilt")),

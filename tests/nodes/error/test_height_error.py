@@ -49,20 +49,15 @@ def stated_error(
         diffuse=np.full(4, diffuse, np.float32),
     )
     system = system or equations(slope, 1e-4, at_rest(z))
-    light, used = np.ones((4, *SHAPE), np.float32), np.full(SHAPE, 15, np.uint8)
-    noisy = np.float32(noise) * light
+    noisy, used = np.full((4, *SHAPE), noise, np.float32), np.full(SHAPE, 15, np.uint8)
     given = {"misfit": np.zeros(5, np.float32), "apparent": slope} | given
-    return np.asarray(height_error(z, slope, system, light, noisy, used, film, **given))
-
-
-LIGHT_ALONE = {"flat_noise": 0.0}
-"""Settings without the error of the flat frame."""
+    return np.asarray(height_error(z, slope, system, noisy, used, film, **given))
 
 
 def error_of(z: F4, slope: F4, brightness: float, correlation: float | None = None) -> F4:
     """The error of a dome's height when `brightness` times more photons arrive."""
     noise, system = 0.01 / np.sqrt(brightness), equations(slope, 1e-4, at_rest(z), bend=0.0)
-    return stated_error(z, slope, noise, system=system, correlation=correlation, **LIGHT_ALONE)
+    return stated_error(z, slope, noise, system=system, correlation=correlation)
 
 
 def test_the_error_shrinks_with_the_root_of_the_light() -> None:
@@ -81,14 +76,14 @@ def test_the_error_grows_with_the_noise_that_neighbours_share() -> None:
 
 def test_blur_spreads_the_error_of_an_edge() -> None:
     z, slope = plateau(), np.zeros((2, *SHAPE), np.float32)
-    sharp, blurred = (stated_error(z, slope, 1e-6, blur=blur, **LIGHT_ALONE) for blur in (0, 1.0))
+    sharp, blurred = (stated_error(z, slope, 1e-6, blur=blur) for blur in (0, 1.0))
     rim = sharp > 0.5 * sharp.max()
     assert np.allclose(blurred[rim], np.sqrt(13) * sharp[rim], rtol=0.05)
 
 
 def test_blur_flattens_by_half_its_variance_times_the_laplacian() -> None:
     z, slope = dome()
-    sharp, blurred = (stated_error(z, slope, 1e-6, blur=blur, **LIGHT_ALONE) for blur in (0, 0.8))
+    sharp, blurred = (stated_error(z, slope, 1e-6, blur=blur) for blur in (0, 0.8))
     lost = z - cv2.GaussianBlur(z, (0, 0), 0.8, borderType=cv2.BORDER_REPLICATE)
     inside = at_rest(z) == 0
     assert np.abs(np.sqrt(blurred**2 - sharp**2) - np.abs(lost))[inside].max() < 0.1 * lost.max()
@@ -102,7 +97,7 @@ def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest()
         others = exact(lights)
         others[::2, 0, 0] *= 1 + share
         others[1::2, 0, 0] *= 1 - share
-        found.append(stated_error(z, slope, 1e-6, others, **LIGHT_ALONE))
+        found.append(stated_error(z, slope, 1e-6, others))
     inside = at_rest(z) == 0
     assert found[1][inside].min() > 10 * found[0][inside].max()
     assert np.allclose(found[2][inside], 2 * found[1][inside], rtol=0.05)
@@ -117,7 +112,7 @@ def test_what_a_film_model_leaves_is_an_error_in_proportion(part: int) -> None:
     found = []
     for level in (0.0, 0.01, 0.02):
         misfit[part] = level
-        found.append(stated_error(z, slope, 1e-6, misfit=misfit, **LIGHT_ALONE))
+        found.append(stated_error(z, slope, 1e-6, misfit=misfit))
     none, some, more = found
     inside = at_rest(z) == 0
     assert some[inside].min() > 10 * none[inside].max()
@@ -189,9 +184,7 @@ def test_an_edge_may_lie_anywhere_in_its_pixel() -> None:
 def test_all_that_a_rim_carries_shares_its_error() -> None:
     """No slope on the top of a table errs, but all of it stands on the steps of its rim."""
     z, slope = (0.08 * part for part in table())
-    bent, known = (
-        stated_error(z, slope, 1e-6, apparent=k * slope, **LIGHT_ALONE) for k in (0.8, 1)
-    )
+    bent, known = (stated_error(z, slope, 1e-6, apparent=k * slope) for k in (0.8, 1))
     assert bent[TOP].min() > 2 * known[TOP].max()
     assert np.ptp(bent[TOP]) < 0.3 * bent[TOP].mean()
 
