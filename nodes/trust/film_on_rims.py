@@ -4,7 +4,6 @@ from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, U1, Height, Lens, Mask
@@ -41,7 +40,15 @@ def film_on_rims(
     like : K x r x c, an image at full resolution; only its size counts
     lens : length 8, as `read_lens` gives it; without it the image is not distorted
     """
-    hanging, share = _hanging(height, rims)
+    touched = height > TOUCHED_SHARE * float(height.max())
+    hanging = np.zeros(rims.shape, bool)
+    if rims.any():
+        count, parts = cv2.connectedComponents(1 - rims, connectivity=4)
+        measured = np.zeros(count, bool)
+        measured[parts[~touched]] = True
+        measured[0] = False  # the rims
+        hanging = touched & ~measured[parts]
+    share = float(hanging.sum() / max(touched.sum(), 1))
     if not share:  # as of nearly all touches
         return FilmOnRims(np.zeros(like.shape[1:], np.uint8), 0.0)
     if lens is not None and not is_straight(lens):  # whole cells: rims are no finer
@@ -51,16 +58,3 @@ def film_on_rims(
         for size, count in zip(like.shape[1:], hanging.shape, strict=True)
     )
     return FilmOnRims(hanging[:, columns][rows].view(np.uint8), share)
-
-
-def _hanging(height: F4, rims: Mask) -> tuple[NDArray[np.bool_], float]:
-    """Which touched film is rim, or is parted by rims from all other film; and its share."""
-    if not rims.any():
-        return rims.view(np.bool_), 0.0
-    touched = height > TOUCHED_SHARE * float(height.max())
-    count, parts = cv2.connectedComponents(1 - rims, connectivity=4)
-    measured = np.zeros(count, bool)
-    measured[parts[~touched]] = True
-    measured[0] = False  # the rims
-    hanging = touched & ~measured[parts]
-    return hanging, float(hanging.sum() / max(touched.sum(), 1))

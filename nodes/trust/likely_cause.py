@@ -79,7 +79,7 @@ def likely_cause(
         return alike
     if is_banded(light):
         return BANDS_WARNING
-    small, rest = few_cells(raw), _divisor(flat)
+    small, rest = few_cells(raw), np.maximum(few_cells(flat), MIN_LIGHT)
 
     def first_of(mistakes: Iterable[_Mistake]) -> str:
         """The first mistake that leaves least, if it fits."""
@@ -104,7 +104,8 @@ def matt_residual(light: CoarseLight, flat: CoarseLight, lights: LightPositions)
 
     Infinite where there is no touch, or one that goes below the film at rest.
     """
-    return _unexplained(few_cells(light * flat) / _divisor(flat), lights)
+    rest = np.maximum(few_cells(flat), MIN_LIGHT)
+    return _unexplained(few_cells(light * flat) / rest, lights)
 
 
 def _at_border(raw: F4, rest: F4) -> str:
@@ -126,7 +127,7 @@ def _at_border(raw: F4, rest: F4) -> str:
     hypotheses = {
         OTHER_CONTRAST: (touched, due),
         OTHER_FILM: (apart, alike),
-        LOCAL_CONTRAST: (local[0], local[1]),
+        LOCAL_CONTRAST: tuple(local),
     }
     for words, (change, cause) in hypotheses.items():
         times = float(explained(change, cause[None])[0])
@@ -232,7 +233,3 @@ def _unexplained(light: F4, lights: LightPositions) -> float:
         return math.inf
     deviation = float(np.sqrt((residual**2).mean()))
     return deviation + float(np.median(np.abs(length - 1)) + curl + rest)
-
-
-def _divisor(flat: F4) -> F4:
-    return np.maximum(few_cells(flat), MIN_LIGHT)

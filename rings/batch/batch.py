@@ -28,17 +28,13 @@ class Workers(Protocol):
 
 
 def open_batch(
-    job: Job,
-    origin: Mapping[str, Any],
-    captures: Sequence[str],
-    workers: Workers,
-    chunk: int | None = None,
+    job: Job, origin: Mapping[str, Any], captures: Sequence[str], workers: Workers
 ) -> Store:
     """Make the store, or continue one of the same job; add new captures.
 
-    Without `chunk`, the size of the maps, which `workers` find out, decides how many captures are
-    written together.  A store without a finished capture, as a mistake in the first command leaves
-    it, is made anew for another job or other captures.  The batch's own folder is not a capture.
+    The size of the maps, which `workers` find out, decides how many captures are written together.
+    A store without a finished capture, as a mistake in the first command leaves it, is made anew
+    for another job or other captures.  The batch's own folder is not a capture.
 
     Raises InputError if the store was made by another graph, other values or another calibration,
     or cannot be written; or if none of the first captures can be done.
@@ -47,17 +43,15 @@ def open_batch(
     if not to_do:
         raise InputError(f"--over: it holds nothing but --out {job.folders or job.place}")
     store, identity = open_store(job.place), job.identity(origin)
-    if store is None or _holds_nothing_for(store, identity, to_do, chunk or store.chunk):
+    if store is None or _holds_nothing_for(store, identity, to_do):
         types = {} if job.folders else _map_types(to_do, workers)
-        together = chunk or captures_together(types.values())
+        together = captures_together(types.values())
         store = create_store(job, origin, types, together, overwrite=store is not None)
     elif store.identity != identity:
         raise InputError(
             f"{job.place}: was made with {_differences(store.identity, identity)}"
             f"{_other_sensors(store.inputs, identity['inputs'])}; give another --out, or remove it"
         )
-    elif chunk and chunk != store.chunk:
-        raise InputError(f"{job.place}: was made with --chunk {store.chunk}; leave --chunk out")
     stored = set(store.captures)
     added = [capture for capture in to_do if capture not in stored]
     # Else their results would lie outside the folder of the first ones.
@@ -81,14 +75,11 @@ def table_of(job: Job) -> str:
     return f"{job.folders or job.place.removesuffix('.zarr')}{'/captures' * bool(job.folders)}.csv"
 
 
-def _holds_nothing_for(
-    store: Store, identity: Mapping[str, Any], captures: Sequence[str], chunk: int
-) -> bool:
+def _holds_nothing_for(store: Store, identity: Mapping[str, Any], captures: Sequence[str]) -> bool:
     """Return whether the store differs from what is wanted, and holds no finished capture."""
     if store.statuses.any():
         return False
-    differs = store.identity != identity or store.chunk != chunk
-    return differs or set(store.captures).isdisjoint(captures)
+    return store.identity != identity or set(store.captures).isdisjoint(captures)
 
 
 def reopen_damaged(store: Store) -> int:
@@ -133,26 +124,15 @@ def _other_sensors(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
 
 
 def _differences(then: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    words = {
-        "hash": "another graph",
-        "inputs": "another content of",
-        "arguments": "other values of",
-        "code": "other code of",
-        "versions": "another version of",
-        "device": f"another device ({then['device'] or 'none'})",
-        "backend": f"another --backend ({then['backend'] or 'none'})",
-        "maps": f"other maps ({', '.join(then['maps'] or ['all'])})",
-        "folders": f"another folder of results ({then['folders'] or 'none'})",
-    }
+    """What differs: of mappings the keys, of all else what it was."""
     differences = []
-    for name in then:
-        if then[name] == now[name]:
+    for name, was in then.items():
+        if was == now[name]:
             continue
-        if isinstance(then[name], dict):
-            keys = sorted(
-                k for k in {*then[name], *now[name]} if then[name].get(k) != now[name].get(k)
-            )
-            differences.append(f"{words[name]} {', '.join(keys)}")
-        else:
-            differences.append(words[name])
+        parts = ["not given" if was is None else str(was or "none")]
+        if isinstance(was, dict):
+            keys = {*was, *now[name]}
+            parts = sorted(key for key in keys if was.get(key) != now[name].get(key))
+        named = "graph" if name == "hash" else name
+        differences.append(f"other {named} ({', '.join(parts)})")
     return " and ".join(differences)

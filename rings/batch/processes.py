@@ -1,11 +1,10 @@
 """Workers on this machine: a pool of processes that survives the death of any of them."""
 
-from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from functools import partial
-from itertools import chain, islice
+from itertools import islice
 from typing import Any, Self, TypeVar
 
 from tactograph.rings.batch.entry import FAILED, Entry
@@ -17,8 +16,6 @@ from tactograph.rings.batch.worker import Chunk, Tally, Worker
 from tactograph.sdk import InputError
 
 Answer = TypeVar("Answer")
-MAX_LONE_TRIES = 2
-"""Times that a chunk is done alone before it is blamed for the death of its process."""
 PROCESS_DEATHS = (BrokenProcessPool, SystemExit)
 """Errors of a chunk whose process was killed or ended by itself."""
 RUN_ALONE_HINT = "run this capture alone to see why"
@@ -99,29 +96,17 @@ class Processes:
         """Do every chunk, and yield the tally of each.
 
         When a process dies, every chunk that was under way is done again, alone.  A chunk that
-        kills its process every time is so found and recorded as failed; the rest goes on.
+        kills its process is so found and recorded as failed; the rest goes on.
         """
         waiting = iter(chunks)
-        suspects: list[Chunk] = []
-        while True:
-            suspects = yield from self._until_death(waiting, self._number)
-            if not suspects:
-                return
-            yield from self._one_by_one(suspects)
-
-    def _one_by_one(self, suspects: list[Chunk]) -> Iterator[Tally]:
-        """Do chunks alone; give up one that ends its process every time."""
-        waiting, deaths = iter(suspects), Counter[Chunk]()
-        while died := (yield from self._until_death(waiting, 1)):
-            deaths.update(died)
-            if deaths[died[0]] < MAX_LONE_TRIES:
-                waiting = chain(died, waiting)
-            else:
-                yield self._give_up(died[0])
+        while suspects := (yield from self._until_death(waiting, self._number)):
+            for suspect in suspects:
+                if (yield from self._until_death(iter([suspect]), 1)):
+                    yield self._give_up(suspect)
 
     def _give_up(self, chunk: Chunk) -> Tally:
         """Record that a chunk's captures could not be done."""
-        reason = f"its process died {MAX_LONE_TRIES + 1} times; {RUN_ALONE_HINT}"
+        reason = f"its process died, alone as well; {RUN_ALONE_HINT}"
         store = open_store(self._job.place)
         assert store is not None
         store.write({number: Entry(FAILED, reason) for number, _ in chunk.captures})

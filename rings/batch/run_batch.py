@@ -36,9 +36,7 @@ MAX_FAILURES = 10
 """Failed captures that are printed; the table has all."""
 
 
-def run_batch(
-    job: Job, captures: Captures, chunk: int | None, number: int | None, *, retry_failed: bool
-) -> int:
+def run_batch(job: Job, captures: Captures, number: int | None, *, retry_failed: bool) -> int:
     """Do what is still to do of a batch by `number` workers, and return how many captures failed.
 
     Raises what `open_batch` raises, or if the place is one that is read.
@@ -60,7 +58,7 @@ def run_batch(
         if files:
             say(f"passed over, as it is no folder: {a_few(files, 3)}", err=True)
         closing.enter_context(alone_in(job.place))
-        store = open_batch(job, origin, captures.captures, workers, chunk)
+        store = open_batch(job, origin, captures.captures, workers)
         if damaged := reopen_damaged(store):
             plural = "s" if damaged > 1 else ""
             say(f"{damaged} finished capture{plural} damaged: done again", err=True)

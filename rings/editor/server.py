@@ -11,16 +11,15 @@ from pygls.uris import from_fs_path, to_fs_path
 from tactograph.rings.editor.language.complete import offers_at
 from tactograph.rings.editor.language.cursor import Cursor, find_cursor
 from tactograph.rings.editor.language.explain import definition_at, words_at
-from tactograph.rings.editor.language.last_times import times_beside
-from tactograph.rings.editor.language.mistakes import Checked, Mistake, check
+from tactograph.rings.editor.language.mistakes import Mistake, check
 from tactograph.sdk import Graph
 
 PAUSE_S = 0.3
 """Time without a key before a text is checked."""
 server = LanguageServer("tactograph", version("tactograph"))
 Asked = types.CompletionParams | types.HoverParams | types.DefinitionParams
-_checked: dict[str, Checked] = {}
-"""What was found by the last check of each open file."""
+_graphs: dict[str, Graph] = {}
+"""The graph of each open file as it was last right."""
 
 
 @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
@@ -34,20 +33,17 @@ async def check_soon(params: types.DidOpenTextDocumentParams) -> None:
     if document.version != before:
         return
     result = await asyncio.to_thread(check, document.source, _file(uri))
-    _checked[uri] = result._replace(graph=result.graph or _graph(uri))
+    if result.graph is not None:
+        _graphs[uri] = result.graph
     if document.version == before:
         shown = [_diagnostic(each) for each in result.mistakes]
         server.text_document_publish_diagnostics(
             types.PublishDiagnosticsParams(uri, shown, document.version)
         )
-        can = server.client_capabilities.workspace
-        if can and can.inlay_hint and can.inlay_hint.refresh_support:
-            server.workspace_inlay_hint_refresh(None)
 
 
 @server.feature(
-    types.TEXT_DOCUMENT_COMPLETION,
-    types.CompletionOptions(trigger_characters=[".", "$", "{", " "]),
+    types.TEXT_DOCUMENT_COMPLETION, types.CompletionOptions(trigger_characters=[".", "$", "{", " "])
 )
 def complete(params: types.CompletionParams) -> list[types.CompletionItem]:
     """The words that fit at the cursor."""
@@ -60,7 +56,7 @@ def complete(params: types.CompletionParams) -> list[types.CompletionItem]:
         types.CompletionItem(
             word, documentation=about or None, text_edit=types.TextEdit(typed, word)
         )
-        for word, about in offers_at(cursor, _file(uri), _graph(uri)).items()
+        for word, about in offers_at(cursor, _file(uri), _graphs.get(uri)).items()
     ]
 
 
@@ -68,7 +64,7 @@ def complete(params: types.CompletionParams) -> list[types.CompletionItem]:
 def explain(params: types.HoverParams) -> types.Hover | None:
     """What the word at the cursor means."""
     cursor, uri = _cursor(params), params.text_document.uri
-    words = words_at(cursor, _file(uri), _graph(uri)) if cursor else ""
+    words = words_at(cursor, _file(uri), _graphs.get(uri)) if cursor else ""
     return types.Hover(types.MarkupContent(types.MarkupKind.Markdown, words)) if words else None
 
 
@@ -76,7 +72,7 @@ def explain(params: types.HoverParams) -> types.Hover | None:
 def define(params: types.DefinitionParams) -> types.Location | None:
     """Where the word at the cursor is defined."""
     cursor, uri = _cursor(params), params.text_document.uri
-    spot = definition_at(cursor, _file(uri), _graph(uri)) if cursor else None
+    spot = definition_at(cursor, _file(uri), _graphs.get(uri)) if cursor else None
     file = from_fs_path(str(spot.file.resolve())) if spot else None
     return types.Location(file, _range(spot.line, 0, 0)) if spot and file else None
 
@@ -96,29 +92,6 @@ def mend(params: types.CodeActionParams) -> list[types.CodeAction]:
         for diagnostic in params.context.diagnostics
         for word in (diagnostic.data or {}).get("meant", ())
     ]
-
-
-@server.feature(types.TEXT_DOCUMENT_INLAY_HINT)
-def tell_times(params: types.InlayHintParams) -> list[types.InlayHint]:
-    """The milliseconds that each node took in the last run."""
-    uri = params.text_document.uri
-    checked, document = _checked.get(uri), server.workspace.get_text_document(uri)
-    if checked is None or checked.graph is None or checked.mistakes:
-        return []
-    folders = [_file(uri).parent, *map(Path, filter(None, [server.workspace.root_path]))]
-    return [
-        types.InlayHint(
-            types.Position(line, len(document.lines[line].rstrip())), words, padding_left=True
-        )
-        for line, words in times_beside(document.source, checked.graph, folders)
-        if params.range.start.line <= line <= params.range.end.line
-    ]
-
-
-def _graph(uri: str) -> Graph | None:
-    """The graph of a file as it was last right."""
-    checked = _checked.get(uri)
-    return checked.graph if checked else None
 
 
 def _file(uri: str) -> Path:

@@ -14,7 +14,7 @@ class Shown(NamedTuple):
     """Lines to print, and functions that draw a picture into a file of that name."""
 
     lines: list[str]
-    pictures: Mapping[str, Callable[[Path], None]]
+    pictures: Mapping[str, Callable[[Path], None]] = {}
 
 
 def figures(values: Mapping[str, float]) -> list[str]:

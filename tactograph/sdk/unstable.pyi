@@ -191,6 +191,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
     LED_DRIFT as LED_DRIFT,
+    LED_DRIFT_ACROSS as LED_DRIFT_ACROSS,
     Doubts as Doubts,
 )
 from tactograph.nodes.calibrate.rating.advise_press import (

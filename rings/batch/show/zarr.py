@@ -38,4 +38,4 @@ def show(file: Path) -> Shown:
         *section("failed", first(reasons)),
         *section("warnings", first([f"  {n} x {text}" for text, n in warned.most_common()])),
     ]
-    return Shown(lines, {})
+    return Shown(lines)

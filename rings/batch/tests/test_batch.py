@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 from unittest.mock import MagicMock
@@ -27,6 +28,7 @@ from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.cache.result_origin import find_origin
 from tactograph.graph.command import run_command
 from tactograph.graph.files.read_graph import read_graph
+from tactograph.rings.batch import map_types
 from tactograph.rings.batch.batch import Workers, open_batch, open_chunks
 from tactograph.rings.batch.captures import _common_start, find_captures
 from tactograph.rings.batch.entry import DONE, FAILED, PENDING, Entry
@@ -104,6 +106,14 @@ def opened(place: Path | str) -> Store:
     return store
 
 
+@contextmanager
+def written_together(captures: int) -> Iterator[None]:
+    """Let so many captures be written together."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(map_types, "MAX_CHUNK_CAPTURES", captures)
+        yield
+
+
 class Batch(NamedTuple):
     """Runs a graph over captures, or what else is said; returns exit code and what is told."""
 
@@ -115,8 +125,9 @@ class Batch(NamedTuple):
 
     def __call__(self, *more: object, **other: object) -> tuple[int, str]:
         said = {"graph": self.graph, "over": self.over, "out": self.place} | other
-        words = (said["graph"], "--over", said["over"], "--out", said["out"], "--chunk", 3)
-        outcome = self.tactograph("batch", *words, *more)
+        words = (said["graph"], "--over", said["over"], "--out", said["out"])
+        with written_together(3):
+            outcome = self.tactograph("batch", *words, *more)
         return outcome.code, outcome.err
 
     @property
@@ -137,12 +148,13 @@ def refusal(outcome: tuple[int, str]) -> str:
 
 
 def begin(
-    graph: str, over: str, out: str, workers: Workers | None = None, chunk: int | None = None
+    graph: str, over: str, out: str, workers: Workers | None = None, together: int = 32
 ) -> Store:
     """A store for captures of which none is done."""
     job = job_of(read_graph(graph), out=out)
     found = find_captures([over]).captures
-    return open_batch(job, find_origin(job.graph, {}), found, workers or Worker(job), chunk)
+    with written_together(together):
+        return open_batch(job, find_origin(job.graph, {}), found, workers or Worker(job))
 
 
 def go_on(store: Store, workers: Workers) -> Iterator[Tally]:
@@ -327,7 +339,7 @@ def test_the_next_capture_is_read_while_one_is_computed(
 
     monkeypatch.setattr(Worker, "_read", note)
     monkeypatch.setattr(Worker, "_attempt", wait)
-    assert batch("--chunk", "3")[0] == 0
+    assert batch()[0] == 0
 
 
 def test_a_chunk_is_written_while_the_next_is_computed(
@@ -348,7 +360,7 @@ def test_a_chunk_is_written_while_the_next_is_computed(
 
     monkeypatch.setattr(Worker, "_attempt", note)
     monkeypatch.setattr(Store, "write", wait)
-    assert batch("--chunk", "3")[0] == 0
+    assert batch()[0] == 0
     assert batch.store.statuses.tolist() == [DONE] * len(batch.captures)
 
 
@@ -426,9 +438,9 @@ def test_captures_lie_below_what_their_patterns_begin_with(patterns: list[str], 
 @pytest.mark.parametrize(
     ("more", "what"),
     [
-        (["level=0.25"], "other values of level"),
-        (["--set", "lit.black=0.25"], "another graph"),
-        (["--maps", "image"], r"was made with other maps \(all\); give"),
+        (["level=0.25"], r"other arguments \(level\)"),
+        (["--set", "lit.black=0.25"], r"other graph \("),
+        (["--maps", "image"], r"was made with other maps \(not given\); give"),
     ],
 )
 def test_a_store_takes_captures_of_one_kind(batch: Batch, more: list[str], what: str) -> None:
@@ -440,20 +452,10 @@ def test_a_store_keeps_how_its_captures_are_cut_up(
     batch: Batch, tactograph: Command, graph: str, over: str, tmp_path: Path
 ) -> None:
     batch()
-    assert "was made with --chunk 3; leave --chunk out" in refusal(batch("--chunk", 4))
     make_capture(tmp_path / "day" / "capture_99", 99)
     outcome = tactograph("batch", graph, "--over", over, "--out", batch.place)
     assert (outcome.code, batch.store.chunk) == (0, 3)
     assert list(batch.store.statuses) == [DONE] * 8
-
-
-def test_a_store_in_which_nothing_is_done_may_be_cut_up_anew(
-    graph: str, over: str, captures: list[Path], tmp_path: Path
-) -> None:
-    out = str(tmp_path / "out.zarr")
-    begin(graph, over, out, chunk=3)
-    assert begin(graph, over, out, chunk=4).chunk == 4
-    assert begin(graph, over, out).chunk == 4
 
 
 def test_a_store_of_another_format_is_refused(batch: Batch) -> None:
@@ -486,7 +488,7 @@ def test_a_chunk_that_was_half_written_is_done_again(
         merge(self, name, values)
 
     out = str(tmp_path / "out.zarr")
-    store = begin(graph, over, out, chunk=3)
+    store = begin(graph, over, out, together=3)
     monkeypatch.setattr(Store, "_merge", dies)
     with pytest.raises(KeyboardInterrupt):
         list(go_on(store, Worker(job_of(read_graph(graph), out=out))))
@@ -575,7 +577,6 @@ def test_a_batch_does_not_take_its_own_store_for_a_capture(batch: Batch, tmp_pat
         (["--over", ""], "--over is empty"),
         (["--over", "none*"], "--over none*: nothing is there"),
         (["--out", " "], "--out is empty"),
-        (["--chunk", "1000000000"], "is not in the range"),
     ],
 )
 def test_what_a_batch_cannot_mean_is_refused_before_a_store_is_made(
@@ -611,7 +612,7 @@ def test_captures_survive_dead_processes(graph: str, tmp_path: Path, killer: lis
     made = [make_capture(tmp_path / "many" / f"{n:03}", n) for n in range(60)]
     out = str(tmp_path / "out.zarr")
     workers = Processes(job_of(read_graph(graph), out=out), 2)
-    store = begin(graph, str(tmp_path / "many" / "*"), out, workers, chunk=2)
+    store = begin(graph, str(tmp_path / "many" / "*"), out, workers, together=2)
     start = time.monotonic()
     done = 0
     for tally in go_on(store, workers):
@@ -683,7 +684,7 @@ def test_a_capture_that_kills_its_process_is_found_out(
 ) -> None:
     out = str(tmp_path / "out.zarr")
     workers = Processes(job_of(read_graph(graph), out=out), 2, poisoned)
-    store = begin(graph, over, out, workers, chunk=1)
+    store = begin(graph, over, out, workers, together=1)
     list(go_on(store, workers))
     assert list(store.statuses) == [DONE, DONE, DONE, FAILED, DONE, DONE, DONE]
     assert "its process died" in store.read_all()[3].reason

@@ -23,9 +23,9 @@ __all__ = ["calibrated", "plug_in"]
 @pytest.mark.parametrize(
     ("what", "said"),
     [
-        ("code", "other code of felt"),
-        ("version", "another version of scipy"),
-        ("file", "another content of made.text"),
+        ("code", r"other code \(felt\)"),
+        ("version", r"other versions \(scipy\)"),
+        ("file", r"other inputs \(made\.text\)"),
     ],
 )
 def test_a_batch_goes_on_only_with_what_began_it(
@@ -74,4 +74,4 @@ def test_a_store_of_another_sensor_is_refused_by_both_names(
     assert "sensor left, date 20" in shown
     calibrated("right").replace(used)
     said = one_line(tactograph(*words))
-    assert "another content of calibration, for sensor 'left' and not 'right'" in said
+    assert "other inputs (calibration), for sensor 'left' and not 'right'" in said

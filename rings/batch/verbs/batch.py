@@ -19,10 +19,6 @@ from tactograph.sdk.unstable import RunOptions, graph_command, run_options
 )  # fmt: skip
 @click.option("--maps", metavar="A,B", help="Outputs to store.  [default: all H x W maps]")
 @click.option(
-    "--chunk", type=click.IntRange(1, 4096),
-    help="Captures that are written together.  [default: 64 MiB of maps, at most 32 captures]",
-)  # fmt: skip
-@click.option(
     "--workers", type=click.IntRange(1),
     help="Processes on this machine.  [default: one a core, if each has enough to do]",
 )  # fmt: skip
@@ -34,7 +30,6 @@ def command(
     over: tuple[str, ...],
     out: str,
     maps: str | None,
-    chunk: int | None,
     workers: int | None,
     retry_failed: bool,
     options: RunOptions,
@@ -66,5 +61,5 @@ def command(
     job = make_job(read, arguments, options, out=out, maps=wanted, below=captures.below)
     from tactograph.rings.batch.run_batch import run_batch
 
-    if run_batch(job, captures, chunk, workers, retry_failed=retry_failed):
+    if run_batch(job, captures, workers, retry_failed=retry_failed):
         raise SystemExit(1)

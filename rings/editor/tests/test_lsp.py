@@ -1,11 +1,9 @@
 """`tactograph lsp` as an editor meets it: a client that starts it and talks to it over stdio."""
 
 import asyncio
-import json
 import sys
 from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from lsprotocol import types
@@ -96,12 +94,6 @@ class Editor:
         params = types.CodeActionParams(self.document, mistake.range, context)
         found = await self.client.text_document_code_action_async(params)
         return [e.edit.changes[self.uri][0] for e in found or [] if e.edit and e.edit.changes]  # type: ignore[union-attr]
-
-    async def times(self) -> dict[int, Any]:
-        whole = types.Range(types.Position(0, 0), types.Position(999, 0))
-        params = types.InlayHintParams(self.document, whole)
-        found = await self.client.text_document_inlay_hint_async(params)
-        return {hint.position.line: hint.label for hint in found or []}
 
 
 Talk = Callable[[Editor], Awaitable[None]]
@@ -196,24 +188,3 @@ def test_mistakes_are_shown_while_typing_and_mended(talk: Callable[[Talk], None]
         assert "there is no node 'labl'" in of_variant.message
 
     talk(mistaken)
-
-
-def test_the_times_of_the_last_run_stand_beside_nodes(
-    talk: Callable[[Talk], None], tmp_path: Path
-) -> None:
-    nodes = [("label", 3.0), ("take.frames", 1.0), ("take.cal", 0.5)]
-    run = {
-        "graph": {"name": "mine"},
-        "nodes": [{"node": name, "backend": "numpy", "ms": ms} for name, ms in nodes],
-    }
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "result.json").write_text(json.dumps(run))
-
-    async def timed(editor: Editor) -> None:
-        text = (
-            HEAD + "  - {set: label, with: {steepest: 4}}\n  - {set: cal, with: {filled: true}}\n"
-        )
-        assert await editor.mistakes(text) == []
-        assert await editor.times() == {4: "3 ms", 5: "0.5 ms"}
-
-    talk(timed)

@@ -190,10 +190,7 @@ def test_any_height_survives_a_tmd(tmp_path_factory: pytest.TempPathFactory, hei
     np.testing.assert_array_equal(tmd.read(file).height, height)
 
 
-@pytest.mark.parametrize(
-    ("suffix", "ends"),
-    [("tmd", (0, 10, 31, 40, 60, 79, 90, -1))],
-)
+@pytest.mark.parametrize(("suffix", "ends"), [("tmd", (0, 10, 31, 40, 60, 79, 90, -1))])
 def test_a_damaged_file_is_refused_wherever_it_ends(
     exported: Path, suffix: str, ends: tuple[int, ...]
 ) -> None:

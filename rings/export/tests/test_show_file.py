@@ -83,16 +83,15 @@ def test_a_reader_that_has_gone_is_no_error_of_the_node(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (SIGPIPE_EXIT_CODE, "")
 
 
-def test_a_result_shows_figures_and_warnings(result: Path, tmp_path: Path, shown: Shown) -> None:
+def test_a_result_shows_figures_and_warnings(result: Path, shown: Shown) -> None:
     told = shown(result)
     assert "made by: graph toy [f00], version 0\nparams: lights=bgr\n" in told
     assert "warnings:\n  too bright\n" in told
     assert "calibration: hash c0ffee\n" in told
     assert "contacts  0" in told
-    assert (tmp_path / "drawn" / "height.png").is_file()
 
 
-def test_captures_show_their_light_and_images(tmp_path: Path, shown: Shown) -> None:
+def test_captures_show_their_light(tmp_path: Path, shown: Shown) -> None:
     images = np.full((4, 24, 32), 102, np.uint8)
     images[:, 0, 0] = 204
     for touch in "a", "b":
@@ -102,7 +101,6 @@ def test_captures_show_their_light_and_images(tmp_path: Path, shown: Shown) -> N
     told = shown(tmp_path / "touches" / "a")
     assert "images: 4 lights of 32 x 24 pixels" in told
     assert "  4: median 0.400, brightest 0.800" in told
-    assert (tmp_path / "drawn" / "capture.png").is_file()
     assert "2 captures; the first:" in shown(tmp_path / "touches")
 
 
@@ -152,23 +150,12 @@ def test_a_result_tells_which_files_are_not_as_written(result: Path, shown: Show
     assert "not as they were written:\n  height.tiff: changed\n  shadow.png: missing\n" in told
 
 
-@pytest.mark.parametrize(
-    "height", [np.full((3, 4), np.nan), np.full((3, 4), np.inf), np.zeros((0, 4))]
-)
-def test_what_is_no_height_is_not_drawn(result: Path, tmp_path: Path, height: np.ndarray) -> None:
-    said = json.loads((result / "result.json").read_text())
-    (result / "result.json").write_text(json.dumps(said | {"checksums": {}}))
-    np.save(result / "height.npy", height)
-    with pytest.raises(InputError, match=r"height\.npy"):
-        run_command(["show", str(result), "--out", str(tmp_path / "drawn")])
-    assert not [*(tmp_path / "drawn").glob("*")]
-
-
 @pytest.mark.parametrize("out", ["taken/drawn", "a" * 300])
-def test_pictures_that_cannot_be_written_are_told(result: Path, tmp_path: Path, out: str) -> None:
+def test_pictures_that_cannot_be_written_are_told(tmp_path: Path, out: str) -> None:
     (tmp_path / "taken").write_text("")
+    write_flashed(tmp_path / "cal.npz")
     with pytest.raises(WriteError, match="cannot be written"):
-        run_command(["show", str(result), "--out", str(tmp_path / out)])
+        run_command(["show", str(tmp_path / "cal.npz"), "--out", str(tmp_path / out)])
 
 
 @pytest.mark.parametrize("name", ["none.npz", "a" * 5000])

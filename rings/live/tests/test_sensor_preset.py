@@ -11,7 +11,7 @@ from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
 from tactograph.nodes.files.sensor_preset import SensorPreset, shipped_presets
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import View
-from tactograph.rings.live.nodes.camera.sensor_kind import preset_of, with_preset
+from tactograph.rings.live.nodes.camera.sensor_kind import camera_settings, preset_of
 from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor, open_rig
 
 
@@ -69,10 +69,11 @@ def test_a_preset_says_how_leds_that_flash_are_seen(tmp_path: Path) -> None:
     file.write_text(FLASHING)
     preset = preset_of(str(file), flashing=True)
     assert preset is not None
-    rig = open_rig(CameraParams("simulated"), "none", (None, None), leds=4, preset=preset)
+    driver = CameraParams("simulated", sensor=str(file))
+    rig = open_rig(driver, "none", (None, None), leds=4)
     with closing(rig):
         assert rig.camera.shots(2.0)[0].data.shape == (120, 160)
-    wanted = with_preset(CameraParams(0).settings_for(160, 120), preset)
+    wanted = camera_settings(driver, (160, 120), preset, colour=False)
     assert (wanted.gain, wanted.view) == (3, View(0, (0, 0, 1, 1), (160, 120)))
 
 
@@ -102,15 +103,11 @@ def test_a_picture_is_turned_cut_and_shrunk_or_stays_as_it_is() -> None:
 
 def test_a_calibration_of_another_size_is_refused() -> None:
     with pytest.raises(InputError, match=r"gives 320 x 240 pixels, but the calibration is for 64"):
-        open_colour_sensor(
-            CameraParams("/dev/video99"), (64, 48), preset=SensorPreset.read("gelsight_mini")
-        )
+        open_colour_sensor(CameraParams("/dev/video99", sensor="gelsight_mini"), (64, 48))
 
 
 def test_a_simulated_sensor_has_the_presets_size() -> None:
-    sensor = open_colour_sensor(
-        CameraParams("simulated"), (None, None), preset=SensorPreset.read("digit")
-    )
+    sensor = open_colour_sensor(CameraParams("simulated", sensor="digit"), (None, None))
     try:
         (shot, *_) = sensor.camera.shots(2.0)
         assert shot.data.shape == (320, 240, 3)

@@ -12,14 +12,18 @@ from scipy.special import ndtri
 
 from tactograph.rings.recheck.nodes.film_change import FilmChange
 from tactograph.sdk import F4, Metrics, PixelSize, node
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, FALSE_ALARMS, LED_DRIFT, SHIFT_DEVIATION_PX
+from tactograph.sdk.unstable import (
+    DEVIATIONS_PER_MAD,
+    FALSE_ALARMS,
+    LED_DRIFT,
+    LED_DRIFT_ACROSS,
+    SHIFT_DEVIATION_PX,
+)
 
 MAX_AMBIENT = 0.004
 """Tolerated light that comes from no LED, as a fraction of full scale: one 8-bit step."""
 MAX_BLACK_LEVEL = 0.1
 """Highest black level of a camera, as a fraction of full scale."""
-MIN_DENT_SLOPE = 0.01
-"""Smallest slope of a dent: LEDs that drift turn film by less."""
 MIN_MARK_CHANGE = 0.015
 """Smallest change of albedo of a mark."""
 SHARP_GRADIENT = 0.125
@@ -145,7 +149,8 @@ def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
     """
     by_y, by_x = np.gradient(dent, pixel)
     slopes = np.stack([by_y, by_x])
-    if np.abs(slopes).max() < max(_noise(slopes), MIN_DENT_SLOPE):
+    # LEDs that drift across the image turn film by as much.
+    if np.abs(slopes).max() < max(_noise(slopes), LED_DRIFT_ACROSS):
         return 0.0, (0, 0)
     y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)
     return float(dent[y, x]), (int(x), int(y))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import os
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, cast
@@ -26,7 +25,6 @@ class McapFile:
         self.path = path
         self.handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         self.size = self.synced = self.messages = 0
-        self._began = time.monotonic()
         self._pending = _Pending()
         # Chunks of size 0: each message ends its chunk.
         self._writer = Writer(cast(IO[Any], self._pending), chunk_size=0)
@@ -44,10 +42,6 @@ class McapFile:
     @property
     def is_empty(self) -> bool:
         return self.messages == 0
-
-    @property
-    def age_s(self) -> float:
-        return time.monotonic() - self._began
 
     def write(self, messages: Sequence[Message]) -> None:
         for message in messages:

@@ -22,6 +22,7 @@ from annotated_types import Gt, Interval
 
 from tactograph.rings.recording.files.mcap_file import McapFile
 from tactograph.rings.recording.files.ros_messages import Message
+from tactograph.rings.recording.files.stamps import TouchStamps
 from tactograph.sdk import InputError, need, warn
 
 WhenFull = Literal["stop", "oldest"]
@@ -33,6 +34,8 @@ already."""
 RETRY_S = 1.0
 """Pause before a failed disk is tried again."""
 CLOSING_S = 10.0
+MAX_WAITING_BYTES = 64_000_000
+"""Memory for messages that wait for the disk."""
 MIN_FILES = 4
 """Fewest files into which the disk space is divided, so that one can be deleted."""
 
@@ -42,24 +45,21 @@ class Limits(NamedTuple):
 
     Parameters
     ----------
-    file_mb, file_minutes : size and duration after which a new file begins
+    file_mb : size after which a new file begins
     total_gb : largest total size of all files in the folder
     when_full : at that limit, "stop" writing or delete the "oldest" file
     sync_ms
         Shortest time between two syncs of the disk: what a power cut may cost.  0: after each
         touch, or as often as the disk manages.
-    queue_mb : memory for touches that wait for the disk
     wait
         Let the stream wait for a slow disk instead of leaving touches out; for streams that are
         not live.
     """
 
     file_mb: Annotated[float, Gt(0)] = 512.0
-    file_minutes: Annotated[float, Gt(0)] = 10.0
     total_gb: Annotated[float, Gt(0)] = 50.0
     when_full: WhenFull = "stop"
     sync_ms: Annotated[float, Interval(ge=0, le=60_000)] = 0.0
-    queue_mb: Annotated[float, Gt(0)] = 64.0
     wait: bool = False
 
     @property
@@ -70,7 +70,7 @@ class Limits(NamedTuple):
     def ends(self, file: McapFile) -> bool:
         """Return whether the next message belongs into another file."""
         full = min(1e6 * self.file_mb, self.total_bytes / MIN_FILES)
-        return not file.is_empty and (file.size >= full or file.age_s >= 60 * self.file_minutes)
+        return not file.is_empty and file.size >= full
 
 
 def need_mcap() -> None:
@@ -94,6 +94,7 @@ class McapLog:
 
     Attributes
     ----------
+    stamps : of its messages
     dropped
         Number of calls whose messages are not in the log, because the disk was too slow, full or
         absent.
@@ -106,6 +107,7 @@ class McapLog:
 
     def __init__(self, folder: Path, about: Mapping[str, str], limits: Limits) -> None:
         need_mcap()
+        self.stamps = TouchStamps()
         self._folder, self._about, self._limits = folder, dict(about), limits
         self._queue: deque[tuple[Sequence[Message], int]] = deque()
         self._waiting = 0
@@ -138,15 +140,19 @@ class McapLog:
     def put(self, messages: Sequence[Message]) -> bool:
         """Hand over messages that belong together; return whether they were accepted.
 
-        Returns once the system has them in the file.  If the disk takes longer than
-        `PATIENCE_S`, they and later ones wait in the queue.  If the queue is full and the limits
-        do not say `wait`, they are dropped.
+        Returns once the system has them in the file, and warns of what has happened since the last
+        call.  If the disk takes longer than `PATIENCE_S`, they and later ones wait in the queue.
+        If the queue is full and the limits do not say `wait`, they are dropped.
         """
-        size = sum(message.size for message in messages)
+        accepted = self._accept(messages, sum(message.size for message in messages))
+        self._tell()
+        return accepted
+
+    def _accept(self, messages: Sequence[Message], size: int) -> bool:
         with self._changed:
             if self._limits.wait:
                 self._changed.wait_for(lambda: not self._queue)
-            if self._waiting + size > 1e6 * self._limits.queue_mb and self._queue:
+            if self._waiting + size > MAX_WAITING_BYTES and self._queue:
                 self._drop()
                 self._say("the disk is too slow for the recording; some touches are left out")
                 return False
@@ -159,8 +165,7 @@ class McapLog:
                 self._changed.wait_for(lambda: self._done == self._taken, PATIENCE_S)
         return True
 
-    def tell(self) -> None:
-        """Warn the user of the events since the last call."""
+    def _tell(self) -> None:
         while self._lines:
             warn(self._lines.popleft())
 
@@ -171,7 +176,7 @@ class McapLog:
             self._changed.notify_all()
         for thread in self._threads:
             thread.join(CLOSING_S)
-        self.tell()
+        self._tell()
 
     def _run(self) -> None:
         """Write the queue to files; this is fast, because the system buffers it in memory."""

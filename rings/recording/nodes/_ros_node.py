@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from tactograph.rings.recording.files.ros_messages import Message
+from tactograph.rings.recording.files.stamps import TouchStamps
 from tactograph.sdk import InputError
 
 QUEUE_MESSAGES = 8
@@ -20,6 +21,10 @@ class RosNode:
     ----------
     name, namespace : of the node; topics without a leading slash are below the namespace
 
+    Attributes
+    ----------
+    stamps : of its messages
+
     Raises
     ------
     InputError
@@ -27,6 +32,7 @@ class RosNode:
     """
 
     def __init__(self, name: str, namespace: str) -> None:
+        self.stamps = TouchStamps(follow=True)
         ros = _rclpy()
         # The default context would take Ctrl-C from the pipeline.
         self._context = ros.Context()

@@ -5,7 +5,6 @@ the first pixel of an even grid: x right, y down, z towards the camera.  Points,
 and poses lie where they are on the film; images are as the camera sees them.
 """
 
-import time as clock
 from collections.abc import Mapping
 from typing import Any
 
@@ -25,32 +24,6 @@ from tactograph.sdk import Placed, Provenance, Touch, layers_of
 
 METRES_PER_MM = 1e-3
 MAX_BYTE = 255
-
-
-class TouchStamps:
-    """Converts the camera's clock, ``time.monotonic()``, to nanoseconds since 1970.
-
-    Parameters
-    ----------
-    follow
-        Whether stamps follow a time of day that is set while they are given, as on a computer
-        that learns it from the network.  If not, as in a recording, they go on as they began.
-    """
-
-    def __init__(self, *, follow: bool = False) -> None:
-        self._follow = follow
-        self._offset = _day_offset()
-
-    def of(self, time: float | None) -> int:
-        """The stamp of an exposure; the present time if the exposure's is unknown."""
-        if self._follow:
-            self._offset = _day_offset()
-        exposed = clock.monotonic_ns() if time is None else round(1e9 * time)
-        return exposed + self._offset
-
-
-def _day_offset() -> int:
-    return clock.time_ns() - clock.monotonic_ns()
 
 
 def touch_messages(

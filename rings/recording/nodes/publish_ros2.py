@@ -5,7 +5,7 @@ from typing import Annotated
 from annotated_types import Ge
 
 from tactograph.rings.recording.nodes._ros_node import RosNode
-from tactograph.rings.recording.nodes._touch_messages import TouchStamps, touch_messages
+from tactograph.rings.recording.nodes._touch_messages import touch_messages
 from tactograph.sdk import Provenance, Session, Touch, node
 
 
@@ -36,16 +36,6 @@ def publish_ros2(
     InputError
         If ROS is not installed or rejects the name.
     """
-    sensor = session.keep(lambda: _Sensor(RosNode(node_name, namespace)))
-    stamp = sensor.stamps.of(touch.time)
-    sensor.ros.publish(touch_messages(stamp, touch, points_step, provenance))
-
-
-class _Sensor:
-    """The node, and the clock of its stamps."""
-
-    def __init__(self, ros: RosNode) -> None:
-        self.ros, self.stamps = ros, TouchStamps(follow=True)
-
-    def close(self) -> None:
-        self.ros.close()
+    ros = session.keep(lambda: RosNode(node_name, namespace))
+    stamp = ros.stamps.of(touch.time)
+    ros.publish(touch_messages(stamp, touch, points_step, provenance))

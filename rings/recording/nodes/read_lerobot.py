@@ -19,10 +19,7 @@ from tactograph.rings.recording.files.lerobot_rows import (
 )
 from tactograph.rings.recording.files.level_pictures import picture_levels
 from tactograph.sdk import U1, Height, InputError, Labels, Light, Port, Slope, node
-from tactograph.sdk.unstable import (
-    SensorIdentity,
-    check_handed_in,
-)
+from tactograph.sdk.unstable import SensorIdentity, check_handed_in
 
 
 class DatasetTouch(NamedTuple):

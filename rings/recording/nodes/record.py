@@ -1,7 +1,6 @@
 """Record the camera's raw frames, so that they can be replayed through any graph."""
 
 import json
-import time
 from pathlib import Path
 
 from tactograph.rings.frames.live_frames import ALL_LIT, RawFrame
@@ -55,53 +54,36 @@ def record(
         If the folder cannot be written when the recording begins, or the ``mcap`` libraries
         are not installed.
     """
-    recording = session.keep(lambda: _Recording(folder, limits, len(image), state, provenance))
-    recording.put(new, name, state)
-    recording.log.tell()
+    log = session.keep(lambda: _opened(folder, limits, len(image), state, provenance))
+    messages = [_frame(frame, log.stamps.of(frame.time)) for frame in new]
+    text = json.dumps(
+        {
+            "name": name,
+            "frames": [frame.number for frame in new],
+            "state": vars(state) if state is not None else None,
+        },
+        default=str,
+    )
+    now = messages[-1].time if messages else log.stamps.of(None)
+    log.put([*messages, text_message("/touch", now, text)])
 
 
-class _Recording:
-    """The log, and the offset from the camera's clock to the time of day."""
+def _opened(
+    folder: Path, limits: Limits, leds: int, state: LiveState | None, provenance: Provenance
+) -> McapLog:
+    about = {
+        "format": RECORDING_FORMAT,
+        "leds": str(leds),
+        "graph": json.dumps(provenance.graph),
+        "versions": json.dumps(provenance.versions),
+        **_sensor(state, provenance),
+    }
+    return McapLog(folder, about, limits)
 
-    def __init__(
-        self,
-        folder: Path,
-        limits: Limits,
-        leds: int,
-        state: LiveState | None,
-        provenance: Provenance,
-    ) -> None:
-        self._offset = time.time_ns() - time.monotonic_ns()
-        about = {
-            "format": RECORDING_FORMAT,
-            "leds": str(leds),
-            "clock_offset_ns": str(self._offset),
-            "graph": json.dumps(provenance.graph),
-            "versions": json.dumps(provenance.versions),
-            **_sensor(state, provenance),
-        }
-        self.log = McapLog(folder, about, limits)
 
-    def put(self, frames: list[RawFrame], name: str, state: LiveState | None) -> None:
-        messages = [self._frame(frame) for frame in frames]
-        text = json.dumps(
-            {
-                "name": name,
-                "frames": [frame.number for frame in frames],
-                "state": vars(state) if state is not None else None,
-            },
-            default=str,
-        )
-        now = messages[-1].time if messages else time.monotonic_ns() + self._offset
-        self.log.put([*messages, text_message("/touch", now, text)])
-
-    def _frame(self, frame: RawFrame) -> Message:
-        source = {0: "off", ALL_LIT: "colour"}.get(frame.led, f"led{frame.led}")
-        when = round(1e9 * frame.time) + self._offset
-        return image_message(f"/{source}/image_raw", when, frame.data, source, frame.number)
-
-    def close(self) -> None:
-        self.log.close()
+def _frame(frame: RawFrame, stamp: int) -> Message:
+    source = {0: "off", ALL_LIT: "colour"}.get(frame.led, f"led{frame.led}")
+    return image_message(f"/{source}/image_raw", stamp, frame.data, source, frame.number)
 
 
 def _sensor(state: LiveState | None, provenance: Provenance) -> dict[str, str]:

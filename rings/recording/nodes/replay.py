@@ -229,14 +229,11 @@ class _Recording:
         except InputError as error:
             raise InputError(f"{path}: {error}") from None
         led = ALL_LIT if topic[2] else int(topic[1] or 0)
-        if (data.ndim > 2) != (led == ALL_LIT):
-            raise InputError(f"{path}: {message.topic} holds {data.ndim - 1} planes of an image")
-        if led > self.leds:
-            raise InputError(f"{path}: holds frames of LED {led}, but is of {self.leds} LEDs")
-        if data.dtype.kind != "u" or not 0 < data.size <= MAX_PIXELS:
+        is_of_kind = (data.ndim > 2) == (led == ALL_LIT) and led <= self.leds
+        if not is_of_kind or data.dtype.kind != "u" or not 0 < data.size <= MAX_PIXELS:
             raise InputError(
-                f"{path}: holds a frame of {data.shape[1]} x {data.shape[0]} {data.dtype} pixels, "
-                "which no camera gives"
+                f"{path}: {message.topic} holds {data.dtype} numbers of shape {data.shape}, which "
+                f"no camera above {self.leds} LEDs gives"
             )
         return RawFrame(message.sequence, led, 1e-9 * (message.time - self._offset), data)
 

@@ -14,7 +14,7 @@ from tactograph.rings.recording.files.lerobot_rows import (
     open_lerobot,
     touch_columns,
 )
-from tactograph.rings.recording.nodes._touch_messages import TouchStamps
+from tactograph.rings.recording.files.stamps import TouchStamps
 from tactograph.sdk import InputError, Provenance, Session, Touch, node, warn
 from tactograph.sdk.unstable import SensorIdentity
 

@@ -7,7 +7,7 @@ from typing import Annotated
 from annotated_types import Ge
 
 from tactograph.rings.recording.files.mcap_log import Limits, McapLog
-from tactograph.rings.recording.nodes._touch_messages import TouchStamps, touch_messages
+from tactograph.rings.recording.nodes._touch_messages import touch_messages
 from tactograph.sdk import Provenance, Session, Touch, node
 
 
@@ -50,17 +50,5 @@ def write_mcap(
     about = {"format": "1", "graph": json.dumps(provenance.graph)}
     about |= {"inputs": json.dumps(provenance.inputs)}
     about |= {"view": json.dumps(touch.view.stated())}
-    export = session.keep(lambda: _Export(McapLog(folder, about, limits)))
-    stamp = export.stamps.of(touch.time)
-    export.log.put(touch_messages(stamp, touch, points_step, provenance))
-    export.log.tell()
-
-
-class _Export:
-    """The log, and the clock of its stamps."""
-
-    def __init__(self, log: McapLog) -> None:
-        self.log, self.stamps = log, TouchStamps()
-
-    def close(self) -> None:
-        self.log.close()
+    log = session.keep(lambda: McapLog(folder, about, limits))
+    log.put(touch_messages(log.stamps.of(touch.time), touch, points_step, provenance))

@@ -29,4 +29,4 @@ def show(file: Path) -> Shown:
     ]
     if source.lost:
         lines.append(f"damaged: {source.lost} bytes cannot be read")
-    return Shown(lines, {})
+    return Shown(lines)

@@ -11,12 +11,7 @@ from tactograph.graph import InputError, Provenance, Session
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.contact.measure_contact import measure_contact
 from tactograph.nodes.stream.touch import Touch
-from tactograph.rings.export.height_levels import (
-    OFFSET_MM,
-    STEP_MM,
-    height_levels,
-    level_height,
-)
+from tactograph.rings.export.height_levels import OFFSET_MM, STEP_MM, height_levels, level_height
 from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.recording.files.lerobot_rows import Column, touch_columns
 from tactograph.rings.recording.files.level_pictures import levels_picture, picture_levels

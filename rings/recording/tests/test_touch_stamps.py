@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from tactograph.rings.recording.nodes._touch_messages import TouchStamps
+from tactograph.rings.recording.files.stamps import TouchStamps
 
 YEAR_NS = 365 * 24 * 3600 * 10**9
 

@@ -137,9 +137,7 @@ def points(cloud: Any) -> dict[str, np.ndarray]:
     return {each.name: column for each, column in zip(cloud.fields, values.T, strict=True)}
 
 
-def test_a_contact_is_a_point_with_figures_in_metres_and_radians(
-    messages: dict[str, Any],
-) -> None:
+def test_a_contact_is_a_point_with_figures_in_metres_and_radians(messages: dict[str, Any]) -> None:
     found = points(messages["/contacts"][0][2])
     np.testing.assert_allclose(found["x"], [3 * 5e-5, 6 * 5e-5], rtol=1e-6)
     np.testing.assert_allclose(found["y"], [2 * 5e-5, 4 * 5e-5], rtol=1e-6)

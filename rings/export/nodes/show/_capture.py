@@ -1,6 +1,5 @@
 """The content of captures: a folder of images of LEDs or colours, a scan, or a folder of such."""
 
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -8,17 +7,16 @@ from typing import Any
 import numpy as np
 
 from tactograph.rings.export.shown import Shown, section
-from tactograph.sdk import Light, write_image
+from tactograph.sdk import Light
 from tactograph.sdk.nodes import read_capture
 from tactograph.sdk.unstable import Layout
 
 MAX_LISTED = 20
 """Most captures of a stream that are listed."""
-MAX_BYTE = 255
 
 
 def show_capture(folder: Path) -> Shown:
-    """Return size and light of each image, what is known besides, and the images to draw.
+    """Return size and light of each image, and what is known besides.
 
     Raises
     ------
@@ -37,15 +35,11 @@ def show_capture(folder: Path) -> Shown:
         lines = [f"{folder}: {count}; the first:", *_lines(first), *section("names", names)]
     else:
         lines = [f"{folder}: capture", *_lines(first)]
-    return Shown(lines, {"capture.png": partial(_draw, first.image)})
+    return Shown(lines)
 
 
 def _lines(capture: Any) -> list[str]:
-    truths = {
-        "height": capture.truth,
-        "slope": capture.truth_slope,
-        "shadow": capture.truth_shadow,
-    }
+    truths = {"height": capture.truth, "slope": capture.truth_slope, "shadow": capture.truth_shadow}
     names = [name for name, truth in truths.items() if truth is not None]
     count, rows, columns = capture.image.shape
     stated = [] if capture.pixel_size is None else [f"pixel: {capture.pixel_size:.4g} mm"]
@@ -62,12 +56,3 @@ def _light(image: Light) -> list[str]:
         f"  {number}: median {np.median(plane):.3f}, brightest {plane.max():.3f}"
         for number, plane in enumerate(image, start=1)
     ]
-
-
-def _draw(image: Light, file: Path) -> None:
-    """The lights side by side, two or more in a row."""
-    across = int(np.ceil(np.sqrt(len(image))))
-    blank = [np.zeros_like(image[0])] * (-len(image) % across)
-    planes = [*image, *blank]
-    rows = [np.hstack(planes[at : at + across]) for at in range(0, len(planes), across)]
-    write_image(file, np.rint(np.clip(np.vstack(rows), 0, 1) * MAX_BYTE).astype(np.uint8))

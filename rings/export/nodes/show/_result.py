@@ -1,30 +1,18 @@
 """The content of a result's folder."""
 
 import json
-from collections.abc import Callable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from tactograph.rings.export.nodes.read_pixel_size import read_pixel_size
 from tactograph.rings.export.shown import Shown, figures, first, origin, section, sentences
-from tactograph.sdk import (
-    ColourMap,
-    InputError,
-    draw_height,
-    draw_map,
-    layer_kinds,
-    read_height_file,
-)
-from tactograph.sdk.unstable import check_heights, checksum, layer_files, read_numbers
-
-HEIGHT_FILE = "height.npy"
+from tactograph.sdk import InputError
+from tactograph.sdk.unstable import checksum, layer_files
 
 
 def show_result(file: Path) -> Shown:
-    """Return origin, figures and warnings of a ``result.json``; height and maps to draw.
+    """Return origin, figures and warnings of a ``result.json``.
 
     Raises
     ------
@@ -50,28 +38,7 @@ def show_result(file: Path) -> Shown:
         *section("layers", [f"  {name}: {', '.join(files)}" for name, files in layers.items()]),
         *section("not as they were written", first(_not_as_written(file, result.get("checksums")))),
     ]
-    height = file.parent / HEIGHT_FILE
-    if not height.is_file():
-        return Shown(lines, {})
-    return Shown(lines, {"height.png": partial(_draw, height), **_maps(height, layers)})
-
-
-def _maps(height: Path, layers: Mapping[str, list[str]]) -> dict[str, Callable[[Path], None]]:
-    """How to draw the layers of a result that are maps, by file."""
-    drawn: dict[str, Callable[[Path], None]] = {}
-    for name, files in layers.items():
-        if (array := f"{name}.npy") in files:
-            how = layer_kinds()[name].drawn
-            if isinstance(how, ColourMap):
-                drawn[f"{name}.png"] = partial(_draw_map, height, height.parent / array, how)
-    return drawn
-
-
-def _draw_map(height: Path, array: Path, how: ColourMap, target: Path) -> None:
-    plane = read_numbers(array)
-    if plane.ndim != 2 or not plane.size:
-        raise InputError(f"{array}: a map H x W is needed, not {plane.shape}")
-    draw_map(plane, how, read_pixel_size(height=height), target)
+    return Shown(lines)
 
 
 def _not_as_written(result: Path, checksums: Any) -> list[str]:
@@ -87,9 +54,3 @@ def _not_as_written(result: Path, checksums: Any) -> list[str]:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and bool(np.isfinite(value))
-
-
-def _draw(height: Path, target: Path) -> None:
-    height_mm, pixel = read_height_file(height).height, read_pixel_size(height=height)
-    check_heights(height_mm, height, unknown=True)
-    draw_height(height_mm, None, pixel, target)

@@ -18,7 +18,7 @@ from tactograph.sdk.unstable import missing, one_line
 
 @node
 def show_file(*, file: Path, folder: Path | None = None) -> None:
-    """Print a file's contents; draw those that have a picture.
+    """Print a file's contents; draw a calibration or a lens.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def _look(file: Path) -> Shown:
             if parts := sorted(file.glob(f"*.{suffix}")):
                 reader: Any = bring("show", suffix)
                 shows = [reader.show(part) for part in parts]
-                return Shown([line for each in shows for line in each.lines], {})
+                return Shown([line for each in shows for line in each.lines])
         return show_capture(file)
     others = "".join(f", a .{name}" for name in brought("show"))
     raise InputError(

@@ -6,7 +6,7 @@ from typing import Annotated, Any, NamedTuple
 from annotated_types import Gt, Interval
 
 from tactograph.rings.live.nodes.camera._camera_names import serial_of
-from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, Library
+from tactograph.rings.live.nodes.camera.open_camera import Library
 from tactograph.sdk.unstable import SensorIdentity
 
 SIMULATED_NAME = "simulated"
@@ -59,14 +59,6 @@ class CameraParams(NamedTuple):
     bits: Annotated[int, Interval(ge=8, le=16)] | None = None
     timeout_s: Annotated[float, Interval(gt=0, le=10)] = 0.5
     sensor: str | None = None
-
-    def settings_for(
-        self, width: int | None, height: int | None, *, colour: bool = False
-    ) -> CameraSettings:
-        """Return the size to request for frames of a size; None keeps the driver's."""
-        return CameraSettings(
-            width, height, self.rate, self.exposure, self.gain, self.white_balance, colour=colour
-        )
 
     @property
     def is_simulated(self) -> bool:

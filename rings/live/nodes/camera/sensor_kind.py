@@ -1,10 +1,14 @@
 """What a kind of sensor asks of its camera."""
 
-from dataclasses import replace
+from typing import Any
 
+from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, View
 from tactograph.sdk import InputError
 from tactograph.sdk.unstable import SensorPreset
+
+Size = tuple[int | None, int | None]
+"""Width and height of frames in px; None: the driver's."""
 
 
 def preset_of(sensor: str | None, *, flashing: bool) -> SensorPreset | None:
@@ -39,31 +43,33 @@ def film_of(preset: SensorPreset | None) -> dict[str, float]:
     return {"width_px": width, "height_px": height, "pixel_size_mm": preset.pixel_size_mm}
 
 
-def with_preset(settings: CameraSettings, preset: SensorPreset) -> CameraSettings:
+def camera_settings(
+    driver: CameraParams, size: Size, preset: SensorPreset | None, *, colour: bool
+) -> CameraSettings:
     """The settings to request from the driver, and the view of its pictures.
+
+    Parameters
+    ----------
+    driver : what it states goes before the preset's settings
+    size : width and height of the frames; None keeps the driver's, or the preset's
+    preset, colour : of a real camera, if any; whether its colours count
 
     Raises
     ------
     InputError
         If the requested size differs from the preset's.
     """
-    size = settings.width or preset.size[0], settings.height or preset.size[1]
-    if size != preset.size:
-        raise InputError(
-            f"sensor: gives {preset.size[0]} x {preset.size[1]} pixels, but the calibration is for "
-            f"{size[0]} x {size[1]}; calibrate with this `sensor` or change its file"
-        )
-    usual = preset.camera
-    return replace(
-        settings,
-        width=usual.width,
-        height=usual.height,
-        rate=usual.rate or settings.rate,
-        format=usual.format,
-        exposure=usual.exposure if settings.exposure is None else settings.exposure,
-        gain=usual.gain if settings.gain is None else settings.gain,
-        white_balance=usual.white_balance
-        if settings.white_balance is None
-        else settings.white_balance,
-        view=View(preset.turn_deg, preset.crop, size),
-    )
+    settings: dict[str, Any] = {"width": size[0], "height": size[1], "rate": driver.rate}
+    if preset is not None:
+        frame = size[0] or preset.size[0], size[1] or preset.size[1]
+        if frame != preset.size:
+            raise InputError(
+                f"sensor: gives {preset.size[0]} x {preset.size[1]} pixels, but the calibration is "
+                f"for {frame[0]} x {frame[1]}; calibrate with this `sensor` or change its file"
+            )
+        view = View(preset.turn_deg, preset.crop, frame)
+        usual = preset.camera.model_dump()
+        settings = {**usual, "rate": usual["rate"] or driver.rate, "view": view}
+    stated = {name: getattr(driver, name) for name in ("exposure", "gain", "white_balance")}
+    settings |= {name: value for name, value in stated.items() if value is not None}
+    return CameraSettings(**settings, colour=colour)

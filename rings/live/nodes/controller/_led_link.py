@@ -9,12 +9,7 @@ from dataclasses import dataclass
 import serial
 
 from tactograph.rings.live.firmware.protocol import Lines, frame
-from tactograph.rings.live.nodes.controller._led_line import (
-    MAX_ANSWER_BYTES,
-    Answer,
-    Event,
-    parse,
-)
+from tactograph.rings.live.nodes.controller._led_line import MAX_ANSWER_BYTES, Answer, Event, parse
 from tactograph.sdk import InputError, TactographError
 
 MAX_ATTEMPTS = 4

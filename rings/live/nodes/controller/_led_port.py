@@ -1,9 +1,6 @@
 """Find the LED controller's port, and explain why a port cannot be opened."""
 
 import errno
-import getpass
-import os
-from pathlib import Path
 
 import serial
 from serial.tools import list_ports
@@ -54,42 +51,17 @@ def no_controller() -> InputError:
     return InputError(f"no LED controller found; {ports}; {hint}")
 
 
-def holder(port: str) -> str | None:
-    """The program that has `port` open, such as "minicom (pid 812)"; None if unknown."""
-    device = os.path.realpath(port)
-    for folder in Path("/proc").glob("[0-9]*"):
-        if int(folder.name) == os.getpid():
-            continue
-        try:
-            if any(os.path.realpath(fd) == device for fd in (folder / "fd").iterdir()):
-                return f"{(folder / 'comm').read_text().strip()} (pid {folder.name})"
-        except OSError:
-            continue
-    return None
-
-
 def _why_not(port: str, error: Exception) -> str:
     number = getattr(error, "errno", None)
     if number in (errno.EACCES, errno.EPERM):
-        return f"{port}: no permission to open it; {_remedy(port)}"
+        return (
+            f"{port}: no permission to open it; join its group ('sudo usermod -aG dialout $USER') "
+            "and log in again; if it belongs to root, see rings/live/docs/hardware.md"
+        )
     if number in (errno.EBUSY, errno.EAGAIN):
-        return f"{port}: taken by {holder(port) or 'another program'}; close that first"
+        return f"{port}: taken by another program; close that first"
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
         ports = ", ".join(find_ports())
         hint = f"there is a controller at {ports}" if ports else "is the controller plugged in?"
         return f"{port}: there is no such port; {hint}"
     return f"{port}: cannot be opened: {error}"
-
-
-def _remedy(port: str) -> str:
-    """Say how to join the group that may open the port."""
-    try:
-        import grp
-
-        group = grp.getgrgid(Path(port).stat().st_gid).gr_name
-    except (ImportError, KeyError, OSError):
-        return "ask the administrator of this computer"
-    if group == "root":
-        return "it belongs to root; docs/hardware.md has the rule that gives it to dialout"
-    user = getpass.getuser()
-    return f"join its group: sudo usermod -aG {group} {user}, then log out and in again"

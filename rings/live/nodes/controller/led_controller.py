@@ -25,12 +25,7 @@ from tactograph.rings.live.nodes.controller._led_link import (
     Link,
     Reply,
 )
-from tactograph.rings.live.nodes.controller._led_port import (
-    find_ports,
-    holder,
-    no_controller,
-    open_port,
-)
+from tactograph.rings.live.nodes.controller._led_port import find_ports, no_controller, open_port
 from tactograph.sdk import InputError, TactographError
 
 __all__ = [
@@ -74,7 +69,6 @@ class Status:
     last_step_us, time_us
         Start of that step, and present time, on the controller's clock in microseconds.
     bad_lines : number of damaged lines that the controller received
-    watchdog : how often it switched off because the host was silent
     round_trip_s : time from request to answer
     """
 
@@ -85,16 +79,11 @@ class Status:
     last_step_us: int
     time_us: int
     bad_lines: int
-    watchdog: int
     round_trip_s: float
 
 
 def open_controller(
-    port: str | None = None,
-    *,
-    timeout_s: float = 0.4,
-    leds: int = 4,
-    watchdog_s: float = 2.0,
+    port: str | None = None, *, timeout_s: float = 0.4, leds: int = 4, watchdog_s: float = 2.0
 ) -> LedController:
     """Find the LED controller, check its protocol, and switch its LEDs off.
 
@@ -218,11 +207,7 @@ class LedController:
         self._do(f"set {led}", (led,))
 
     def start_cycle(
-        self,
-        order: Sequence[int],
-        *,
-        step_s: float,
-        on_s: float | None = None,
+        self, order: Sequence[int], *, step_s: float, on_s: float | None = None
     ) -> None:
         """Let the LEDs take turns, timed by the controller's hardware.
 
@@ -482,9 +467,6 @@ def _no_answer(link: Link, port: str, timeout_s: float) -> str:
             f"{port}: what answers there is no LED controller, or has no firmware yet "
             "(rings/live/docs/hardware.md says how to put it on)"
         )
-    other = holder(port)
-    if other:
-        return f"{port}: no answer within {timeout_s:g} s; {other} has it open too, close that"
     return f"{port}: no answer within {timeout_s:g} s; is it an LED controller? unplug and replug"
 
 
@@ -498,6 +480,5 @@ def _status(reply: Reply) -> Status:
         last_step_us=whole_number(value["last"]),
         time_us=whole_number(value["t"]),
         bad_lines=whole_number(value["bad"]),
-        watchdog=whole_number(value["bitten"]),
         round_trip_s=reply.received - reply.sent,
     )

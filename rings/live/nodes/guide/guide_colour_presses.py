@@ -91,7 +91,7 @@ def guide_colour_presses(
     folder = new_folder(guide.file)
     preset = preset_of(driver.sensor, flashing=False)
     pixel = pixel_size(mm=pixel_size_mm, sensor=driver.sensor)
-    source = open_colour_sensor(driver, (guide.width_px, guide.height_px), preset=preset)
+    source = open_colour_sensor(driver, (guide.width_px, guide.height_px))
     with closing(source):
         if warm_up_s is None:
             warm_up_s = preset.warm_up_s if preset is not None and source.table is None else 0.0

@@ -89,7 +89,7 @@ def guide_presses(
     pixel = pixel_size(mm=pixel_size_mm, sensor=driver.sensor)
     leds = leds or (preset.leds if preset else None) or USUAL_LEDS
     size = guide.width_px, guide.height_px
-    rig = open_rig(driver, port, size, leds=leds, preset=preset)
+    rig = open_rig(driver, port, size, leds=leds)
     with closing(rig):
         tell("Take everything off the film, and leave it alone.")
         image, black = film_at_rest(rig, driver.bits, guide.patience_s)

@@ -63,8 +63,6 @@ class CalibratedSensor(SimulatedSensor):
 
     def image(self, shares: Any, moment: float, number: int) -> NDArray[np.uint8]:
         """The camera's image under flashing LEDs; see `SimulatedSensor.image`."""
-        if self.covered or self.flooded:
-            return super().image(shares, moment, number)
         light = sum(
             share[:, None] * strength * (one - self._black)
             for share, strength, one in zip(

@@ -3,7 +3,6 @@
 import math
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -50,13 +49,11 @@ class SimulatedCamera:
     _open: bool = field(default=True)
     _time: float = 0.0
     _released: threading.Event = field(default_factory=threading.Event)
-    _held: deque[tuple[float, NDArray[np.uint8]]] = field(default_factory=deque)
-    _last: tuple[float, NDArray[np.uint8]] | None = None
     _current: NDArray[np.uint8] | None = None
 
     def isOpened(self) -> bool:  # noqa: N802  (OpenCV's names)
         """Tell if frames can be expected."""
-        return self._open and self.sensor.plugged
+        return self._open
 
     def getBackendName(self) -> str:  # noqa: N802
         """Name of the simulation."""
@@ -79,10 +76,9 @@ class SimulatedCamera:
     def get(self, prop: int) -> float:
         """Size, rate and the end of the last frame's exposure in ms of time.monotonic()."""
         scene = self.sensor.scene
-        width, height = self.sensor.size or (scene.width_px, scene.height_px)
         values = {
-            cv2.CAP_PROP_FRAME_WIDTH: float(width),
-            cv2.CAP_PROP_FRAME_HEIGHT: float(height),
+            cv2.CAP_PROP_FRAME_WIDTH: float(scene.width_px),
+            cv2.CAP_PROP_FRAME_HEIGHT: float(scene.height_px),
             cv2.CAP_PROP_FPS: self.rate,
             cv2.CAP_PROP_POS_MSEC: 1e3 * self._time,
         }
@@ -90,50 +86,26 @@ class SimulatedCamera:
 
     def grab(self) -> bool:
         """Wait for the next frame to be exposed and read out; False if there will be none."""
-        while self.sensor.frozen and not self._released.wait(0.01):
-            pass
-        fault = self.sensor.faults.popleft() if self.sensor.faults else "none"
-        frames = {"lose": 2, "swap": 2, "double": 0 if self._last else 1}.get(fault, 1)
-        for _ in range(frames if fault != "none" or not self._held else 0):
-            if not self._expose():
-                return False
-        if fault == "swap":
-            (first, one), (second, two) = self._held.pop(), self._held.pop()
-            self._held += [(second, one), (first, two)]
-        elif fault == "lose":
-            self._held.popleft()
-        elif fault == "double" and self._last is not None:
-            self._held.append(self._last)
-        self._time, self._current = self._held.popleft()
-        if fault == "late":
-            self._released.wait(1 / self.rate)
-            self._time += 1 / self.rate
+        now = time.monotonic()
+        # A camera does not wait: frames that were not fetched in time are lost.
+        self.number = max(self.number + 1, math.floor((now - self.sensor.start) * self.rate))
+        end = self.sensor.start + (self.number + 1) / self.rate
+        if self._released.wait(max(end - now, 0)) or not self.isOpened():
+            return False
+        self._time, self._current = end, self._image(end)
         return self.isOpened()
 
     def retrieve(self) -> tuple[bool, NDArray[np.uint8] | None]:
         """The frame that `grab` took: H x W, 8 bit."""
         return self._current is not None, self._current
 
-    def _expose(self) -> bool:
-        """Wait until the next frame's end and make it."""
-        scene, start = self.sensor.scene, self.sensor.start
-        now = time.monotonic()
-        # A camera does not wait: frames that were not fetched in time are lost.
-        self.number = max(self.number + 1, math.floor((now - start) * self.rate))
-        end = start + (self.number + 1) / self.rate
-        if self._released.wait(max(end - now, 0)) or not self.isOpened():
-            return False
-        middle = end - 0.5 * (self.sensor.exposure_s + scene.readout_s)
+    def _image(self, end: float) -> NDArray[np.uint8]:
+        """What an exposure that ended at `end` has recorded."""
+        middle = end - 0.5 * (self.sensor.exposure_s + self.sensor.scene.readout_s)
         if self.lit_between is None:
             assert isinstance(self.sensor, SimulatedColourSensor | CalibratedSensor)
-            image = self.sensor.picture(middle, self.number)
-        else:
-            image = self.sensor.image(self._shares(end), middle, self.number)
-        if self.sensor.size is not None:
-            image = np.asarray(cv2.resize(image, self.sensor.size), np.uint8)
-        self._last = end, image
-        self._held.append(self._last)
-        return True
+            return self.sensor.picture(middle, self.number)
+        return self.sensor.image(self._shares(end), middle, self.number)
 
     def _shares(self, end: float) -> list[F4]:
         """The share of every LED's light that each row receives."""

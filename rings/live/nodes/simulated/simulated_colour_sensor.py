@@ -7,10 +7,7 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from tactograph.rings.live.nodes.simulated.simulated_sensor import (
-    Scene,
-    SimulatedSensor,
-)
+from tactograph.rings.live.nodes.simulated.simulated_sensor import Scene, SimulatedSensor
 from tactograph.sdk import LightPositions
 from tactograph.sdk.nodes import light_ring
 
@@ -57,7 +54,7 @@ class ColourScene(Scene):
 
 
 class SimulatedColourSensor(SimulatedSensor):
-    """Film, coloured LEDs and ball, with all faults except those of single LEDs."""
+    """Film, coloured LEDs and ball."""
 
     scene: ColourScene
 
@@ -70,17 +67,13 @@ class SimulatedColourSensor(SimulatedSensor):
 
     def picture(self, moment: float, number: int) -> NDArray[np.uint8]:
         """The camera's picture at a time: H x W x 3; `number` selects the noise."""
-        light = np.zeros_like(self._bare)
-        if self.flooded:
-            light += 2
-        elif not self.covered:
-            # The LEDs' brightness, 1 when warm.
-            pace = FADING_PACES * max(moment - self.start, 0.0) / self.scene.warm_s
-            warmth = self.strength * (1 + self.scene.warm_up * np.exp(-pace))
-            light = np.stack([self._light(k, moment) for k in range(COLOUR_COUNT)])
-            diffused = self._bare * self._film(moment).bright
-            light += np.float32(self.scene.diffuse) * (diffused - light)
-            light *= np.asarray(warmth, np.float32)[:, None, None]
+        # The LEDs' brightness, 1 when warm.
+        pace = FADING_PACES * max(moment - self.start, 0.0) / self.scene.warm_s
+        warmth = self.strength * (1 + self.scene.warm_up * np.exp(-pace))
+        light = np.stack([self._light(k, moment) for k in range(COLOUR_COUNT)])
+        diffused = self._bare * self._film(moment).bright
+        light += np.float32(self.scene.diffuse) * (diffused - light)
+        light *= np.asarray(warmth, np.float32)[:, None, None]
         channels = np.tensordot(self._mix, light, axes=1)
         developed = [self._recorded(plane, number + c) for c, plane in enumerate(channels)]
         return np.stack(developed, axis=-1)

@@ -2,7 +2,6 @@
 
 import math
 import time
-from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, NamedTuple, TypeVar
 from urllib.parse import parse_qsl
@@ -115,29 +114,18 @@ class Pressed(NamedTuple):
 
 
 class SimulatedSensor:
-    """Film, LEDs and ball, and faults that tests can trigger.
+    """Film, LEDs and ball.
 
     Attributes
     ----------
-    plugged : whether its cable is in; if not, no camera can be opened, and an open one fails
-    covered, flooded : the lens is covered; stray light saturates the camera
-    frozen : the driver hangs: a fetch does not return
     strength : brightness of each LED, 1 as calibrated; 0 is burnt out
-    size : width and height that the camera delivers, whatever is requested; None: the scene's
     exposure_s : the scene's exposure, or what its camera's rate allows
-    faults : faults of the next frames, one each: "double", "lose", "swap", "late" or "none"
     """
 
     def __init__(self, scene: Scene, start: float | None = None) -> None:
         self.scene = scene
         self.start = time.monotonic() if start is None else start
-        self.plugged = True
-        self.covered = False
-        self.flooded = False
-        self.frozen = False
-        self.size: tuple[int, int] | None = None
         self.exposure_s = scene.exposure_s or EXPOSURE_S
-        self.faults: deque[str] = deque()
         pixel, shape = scene.pixel_size_mm, (scene.height_px, scene.width_px)
         self._x = places(scene.width_px, np.float32(pixel))
         self._y = places(scene.height_px, np.float32(pixel))
@@ -188,12 +176,9 @@ class SimulatedSensor:
         number : selects the noise
         """
         total = np.zeros_like(self._lens)
-        if self.flooded:
-            total += 2
-        elif not self.covered:
-            for k, share in enumerate(shares):
-                if share.any() and self.strength[k]:
-                    total += self._light(k, moment) * (self.strength[k] * share[:, None])
+        for k, share in enumerate(shares):
+            if share.any() and self.strength[k]:
+                total += self._light(k, moment) * (self.strength[k] * share[:, None])
         return self._recorded(total, number)
 
     def _film(self, moment: float) -> Pressed:

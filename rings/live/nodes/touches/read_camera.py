@@ -90,14 +90,12 @@ def read_camera(
             yield from colours.touches(driver.timeout_s / 2, seconds, items)
         return
     height, width = dark.shape
-    preset = preset_of(driver.sensor, flashing=True)
     rig = open_rig(
         driver,
         port,
         (width, height),
         leds=len(flat),
         ambient=ambient,
-        preset=preset,
         queue=queue,
         calibration=used.calibration,
     )
@@ -134,7 +132,7 @@ def _colour_stream(
         )
     height, width = film.size
     sensor = open_colour_sensor(
-        driver, (width, height), preset=preset, queue=queue, calibration=calibration, order=order
+        driver, (width, height), queue=queue, calibration=calibration, order=order
     )
     state = LiveState(settings=driver.stored | {"lights": order})
     return ColourStream(sensor, film, order, driver.full_scale, state)

@@ -1,7 +1,6 @@
 """A live sensor, real or simulated: its camera and its LEDs."""
 
 import math
-import shutil
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -10,7 +9,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from tempfile import mkdtemp
 
 from tactograph.rings.frames.colour_planes import Order
 from tactograph.rings.live.nodes.camera.camera import Camera
@@ -21,7 +19,7 @@ from tactograph.rings.live.nodes.camera.open_camera import (
     check_camera,
     open_capture,
 )
-from tactograph.rings.live.nodes.camera.sensor_kind import film_of, with_preset
+from tactograph.rings.live.nodes.camera.sensor_kind import Size, camera_settings, film_of, preset_of
 from tactograph.rings.live.nodes.controller.led_controller import (
     ControllerLostError,
     ControllerRefusedError,
@@ -199,11 +197,10 @@ def steady(cycle: Sequence[int], rate: float, start: float) -> LitBetween:
 def open_rig(
     driver: CameraParams,
     port: str | None,
-    size: tuple[int | None, int | None],
+    size: Size,
     *,
     leds: int,
     ambient: bool = False,
-    preset: SensorPreset | None = None,
     queue: int = 8,
     calibration: Path | None = None,
 ) -> Rig:
@@ -212,17 +209,18 @@ def open_rig(
     Parameters
     ----------
     driver, port : as for `read_camera`
-    size : width and height to request from the camera; None keeps the driver's
+    size : of the frames to request
     leds : number of LEDs
     ambient : whether the cycle has a step with all LEDs off
-    preset, queue, calibration : as for `open_colour_sensor`
+    queue, calibration : as for `open_colour_sensor`
 
     Raises
     ------
     InputError
-        If the camera or the controller cannot be opened, or the preset's frames have another
+        If the camera or the controller cannot be opened, or the preset is of another kind or
         size.
     """
+    preset = preset_of(driver.sensor, flashing=True)
     cycle = (*range(1, leds + 1), *((0,) if ambient else ()))
     board: SimulatedController | None = None
     lit_between: LitBetween | None = None
@@ -236,25 +234,21 @@ def open_rig(
         if port == SIMULATED_NAME:
             if table is None:
                 raise InputError("`port`=simulated goes with `camera`=simulated")
-            # A replugged controller has another port; a link points to it, as udev's do.
-            link = Path(mkdtemp()) / "controller"
-            undo.callback(shutil.rmtree, link.parent, ignore_errors=True)
-            board = SimulatedController(leds=leds, link=link)
+            board = SimulatedController(leds)
             undo.callback(board.close)
-            port, lit_between = str(link), board.lit_between
+            port, lit_between = board.port, board.lit_between
         lamps = open_lamps(port, cycle, driver.rate)
         undo.callback(lamps.close)
-        settings = driver.settings_for(*size)
-        camera = _open_camera(driver, settings, preset, queue, table, lit_between, once=once)
+        settings = camera_settings(driver, size, None if table else preset, colour=False)
+        camera = _open_camera(driver, settings, queue, table, lit_between, once=once)
         undo.callback(camera.close)
         return Rig(camera, table, lamps, cycle, driver.rate, board, undo.pop_all())
 
 
 def open_colour_sensor(
     driver: CameraParams,
-    size: tuple[int | None, int | None],
+    size: Size,
     *,
-    preset: SensorPreset | None = None,
     queue: int = 8,
     calibration: Path | None = None,
     order: Order = "bgr",
@@ -263,11 +257,10 @@ def open_colour_sensor(
 
     Parameters
     ----------
-    driver : as for `read_camera`
-    size : width and height to request from the camera; None keeps the driver's
-    preset
-        Completes the settings, and the size where that is None.  Its view is applied to a real
-        camera's pictures; a simulated one delivers frames to which it is already applied.
+    driver
+        As for `read_camera`.  The view of its preset is applied to a real camera's pictures; a
+        simulated one delivers frames to which it is already applied.
+    size : of the frames to request
     queue : as for `Camera`
     calibration : of the film that a simulated camera sees, unless its scene states a rig
     order : of the colours in that calibration
@@ -276,12 +269,13 @@ def open_colour_sensor(
     ------
     InputError
         If the camera cannot be opened, or delivers nothing, another size, or grey pictures; if
-        the preset's frames have another size.
+        the preset is of another kind or size.
     """
+    preset = preset_of(driver.sensor, flashing=False)
     table = _simulated(driver, preset, calibration, order)
-    settings = driver.settings_for(*size, colour=True)
+    settings = camera_settings(driver, size, None if table else preset, colour=True)
     once = table is None and check_camera(driver.camera, driver.library)
-    return Sensor(_open_camera(driver, settings, preset, queue, table, once=once), table)
+    return Sensor(_open_camera(driver, settings, queue, table, once=once), table)
 
 
 def _simulated(
@@ -305,7 +299,6 @@ def _simulated(
 def _open_camera(
     driver: CameraParams,
     settings: CameraSettings,
-    preset: SensorPreset | None,
     queue: int,
     table: SimulatedSensor | None,
     lit_between: LitBetween | None = None,
@@ -318,7 +311,6 @@ def _open_camera(
         connect = partial(SimulatedCamera, table, lit_between)
     else:
         connect = partial(open_capture, driver.camera, driver.library, colour=settings.colour)
-        settings = settings if preset is None else with_preset(settings, preset)
     camera = Camera(connect, settings, queue=queue, timeout=driver.timeout_s, once=once)
     try:
         camera.check(START_S, driver.camera)

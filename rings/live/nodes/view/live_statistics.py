@@ -1,7 +1,4 @@
-"""Statistics of a stream of heights: rate, latency, faults, error, memory.
-
-Long because its line tells of all that a graph may know: contacts, forces, slip, pose, trust.
-"""
+"""Statistics of a stream of heights: rate, latency, faults, error, memory."""
 
 import json
 import resource
@@ -159,24 +156,10 @@ class Statistics:
         if "rmse_um" in figures:
             parts.append(f"rmse {figures['rmse_um']:.1f} um")
         if depths := _of_all(self._contact, "contact_depth_mm"):
-            area = sum(_of_all(self._contact, "contact_area_mm2"))
             count = int(self._contact["contacts"])
-            counted = f"{count} contact{'s' if count > 1 else ''}"
-            if count > len(depths):
-                counted = f"the {len(depths)} largest of {counted},"
-            cut = sum(_of_all(self._contact, "contact_cut"))
-            more = f" or more, {cut:.0f} cut by the frame" if cut else ""
-            parts.append(f"{counted} of {area:.1f} mm2, {max(depths):.2f} mm deep{more}")
+            parts.append(f"{count} contact{'s' * (count > 1)}, {max(depths):.2f} mm deep")
         if forces := _of_all(self._contact, "contact_force_n"):
-            x, y = (sum(_of_all(self._contact, f"contact_shear_{axis}_n")) for axis in "xy")
-            shear = f", {np.hypot(x, y):.2f} N in shear" if x or y else ""
-            parts.append(f"{sum(forces):.2f} N{shear}")
-        if slips := _of_all(self._contact, "contact_slip"):
-            parts.append(("stuck", "partly slipping", "slipping")[int(max(slips))])
-        if self._contact.get("pose_frames"):
-            way = " ".join(f"{self._contact[f'pose_{axis}_mm']:.2f}" for axis in "xyz")
-            turn = np.hypot.reduce([self._contact[f"pose_turn_{axis}_deg"] for axis in "xyz"])
-            parts.append(f"moved {way} mm, turned {turn:.1f} deg")
+            parts.append(f"{sum(forces):.2f} N")
         if self._contact.get("trust", 1.0) < MIN_TRUST:
             parts.append(f"doubtful (trust {self._contact['trust']:.2g})")
         faults = sum(self._state.faults.values())

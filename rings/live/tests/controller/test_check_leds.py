@@ -8,16 +8,16 @@ import time
 
 import pytest
 
+from rings.live.tests.faulty import FaultyController
 from tactograph.graph import TactographError
 from tactograph.rings.live.nodes.controller.check_leds import check_leds
-from tactograph.rings.live.nodes.simulated.simulated_controller import SimulatedController
 from tests.graph.conftest import Command, one_line, tactograph  # noqa: F401
 
 pytestmark = pytest.mark.realtime
 
 
 def test_every_led_is_lit_in_turn_and_the_cycle_is_timed() -> None:
-    with SimulatedController() as board:
+    with FaultyController() as board:
         board.burnt_out.add(2)
         start = time.monotonic()
         found = check_leds(port=board.port, seconds_each=0.05, rate_hz=200, cycles=10)
@@ -32,7 +32,7 @@ def test_every_led_is_lit_in_turn_and_the_cycle_is_timed() -> None:
 
 
 def test_a_controller_lost_meanwhile_is_an_error() -> None:
-    with SimulatedController() as board:
+    with FaultyController() as board:
         threading.Timer(0.2, board.unplug).start()
         with pytest.raises(TactographError, match="LED controller"):
             check_leds(port=board.port, seconds_each=0.2, rate_hz=200)
@@ -44,7 +44,7 @@ def test_ctrl_c_switches_the_leds_off() -> None:
         assert now < end, "hangs"
         return bool(board.lit_between(now - 1e-3, now))
 
-    with SimulatedController() as board:
+    with FaultyController() as board:
         command = ["run", "check_leds", f"port={board.port}", "seconds_each=60"]
         end = time.monotonic() + 60
         with subprocess.Popen([sys.executable, "-m", "tactograph.graph.command", *command]) as run:
@@ -56,7 +56,7 @@ def test_ctrl_c_switches_the_leds_off() -> None:
 
 
 def test_it_is_a_command(tactograph: Command) -> None:  # noqa: F811
-    with SimulatedController() as board:
+    with FaultyController() as board:
         words = f"port={board.port}", "seconds_each=0.01", "--figures"
         done = tactograph("run", "check_leds", *words)
         assert done.code == 0, done.err

@@ -1,22 +1,19 @@
 """The LED controller behind a pseudo-terminal: what it is told, and what happens to it."""
 
-import grp
 import itertools
 import os
 import re
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import serial
 
+from rings.live.tests.faulty import FaultyController, on_usb
 from tactograph.graph import InputError
 from tactograph.rings.live.firmware.protocol import frame
 from tactograph.rings.live.nodes.controller._led_port import open_port
@@ -25,7 +22,6 @@ from tactograph.rings.live.nodes.controller.led_controller import (
     LedController,
     open_controller,
 )
-from tactograph.rings.live.nodes.simulated.simulated_controller import SimulatedController
 
 pytestmark = pytest.mark.realtime
 
@@ -33,24 +29,24 @@ STEP = 0.02
 
 
 @pytest.fixture
-def board(tmp_path: Path) -> Iterator[SimulatedController]:
-    with SimulatedController(link=tmp_path / "led") as board:
+def board(tmp_path: Path) -> Iterator[FaultyController]:
+    with FaultyController(link=tmp_path / "led") as board:
         yield board
 
 
 @pytest.fixture
-def controller(board: SimulatedController, tmp_path: Path) -> Iterator[LedController]:
+def controller(board: FaultyController, tmp_path: Path) -> Iterator[LedController]:
     with open_controller(str(tmp_path / "led")) as controller:
         yield controller
 
 
-def lit(board: SimulatedController) -> list[int]:
+def lit(board: FaultyController) -> list[int]:
     """The LEDs that are lit now."""
     now = time.monotonic()
     return [led for led, _ in board.lit_between(now - 1e-4, now)]
 
 
-def test_one_led_is_lit_at_a_time(board: SimulatedController, controller: LedController) -> None:
+def test_one_led_is_lit_at_a_time(board: FaultyController, controller: LedController) -> None:
     for led in (1, 2, 3, 4):
         controller.set(led)
         time.sleep(0.001)
@@ -61,7 +57,7 @@ def test_one_led_is_lit_at_a_time(board: SimulatedController, controller: LedCon
 
 
 def test_the_host_knows_which_led_is_lit_when(
-    board: SimulatedController, controller: LedController
+    board: FaultyController, controller: LedController
 ) -> None:
     controller.start_cycle([1, 2, 3, 4, 0], step_s=STEP)
     time.sleep(20 * STEP)
@@ -88,20 +84,8 @@ def refusal(port: str | None, **more: float) -> str:
     return str(caught.value)
 
 
-def on_usb(monkeypatch: pytest.MonkeyPatch, *boards: SimulatedController) -> None:
-    """Let boards be found by their USB id."""
-
-    def comports() -> list[SimpleNamespace]:
-        pico = {"vid": 0x2E8A, "pid": 0x0005, "description": "Board in FS mode"}
-        mouse = SimpleNamespace(device="/dev/ttyUSB9", vid=0x1234, pid=1, description="Mouse")
-        plugged = [b for b in boards if Path(b.port).exists()]
-        return [mouse, *(SimpleNamespace(device=b.port, **pico) for b in plugged)]
-
-    monkeypatch.setattr("serial.tools.list_ports.comports", comports)
-
-
 def test_a_controller_is_found_by_its_usb_id(
-    monkeypatch: pytest.MonkeyPatch, board: SimulatedController
+    monkeypatch: pytest.MonkeyPatch, board: FaultyController
 ) -> None:
     on_usb(monkeypatch, board)
     with open_controller() as controller:
@@ -110,9 +94,9 @@ def test_a_controller_is_found_by_its_usb_id(
 
 
 def test_of_two_boards_the_one_with_the_firmware_is_taken(
-    monkeypatch: pytest.MonkeyPatch, board: SimulatedController
+    monkeypatch: pytest.MonkeyPatch, board: FaultyController
 ) -> None:
-    with SimulatedController(protocol=7) as other:
+    with FaultyController(protocol=7) as other:
         on_usb(monkeypatch, other, board)
         with open_controller(timeout_s=0.2) as controller:
             assert controller.port == board.port
@@ -126,40 +110,19 @@ def test_without_a_controller_the_ports_are_listed(monkeypatch: pytest.MonkeyPat
     assert "/dev/ttyUSB9 (Mouse)" in said
 
 
-def test_a_missing_port(monkeypatch: pytest.MonkeyPatch, board: SimulatedController) -> None:
+def test_a_missing_port(monkeypatch: pytest.MonkeyPatch, board: FaultyController) -> None:
     on_usb(monkeypatch, board)
     said = refusal("/dev/ttyACM77")
     assert "no such port" in said
     assert f"there is a controller at {board.port}" in said
 
 
-def test_a_port_that_is_taken_is_named_with_the_program(board: SimulatedController) -> None:
-    hold = (
-        "import fcntl, os, sys, time; f = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY);"
-        "fcntl.flock(f, fcntl.LOCK_EX); print('held', flush=True); sys.stdin.read()"
-    )
-    command = [sys.executable, "-S", "-c", hold, board.port]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as other:
-        assert other.stdout.readline() == "held\n"
-        said = refusal(board.port)
-        name = Path(f"/proc/{other.pid}/comm").read_text().strip()
-        other.communicate()
-    assert f"taken by {name} (pid {other.pid})" in said
-    with open_controller(board.port):
-        pass
-
-
-def test_no_two_hosts_have_one_board(board: SimulatedController, controller: LedController) -> None:
+def test_no_two_hosts_have_one_board(board: FaultyController, controller: LedController) -> None:
     assert "taken by another program" in refusal(board.port)
 
 
-def test_without_permission_the_group_is_named(board: SimulatedController) -> None:
+def test_without_permission_the_way_to_it_is_named(board: FaultyController) -> None:
     Path(board.port).chmod(0o000)
-    if os.getuid() == 0:
-        os.chown(board.port, -1, grp.getgrnam("dialout").gr_gid)
-    group = grp.getgrgid(Path(board.port).stat().st_gid).gr_name
     read, write = os.pipe()
     child = os.fork()
     if child == 0:
@@ -178,7 +141,7 @@ def test_without_permission_the_group_is_named(board: SimulatedController) -> No
         said = pipe.read().decode()
     os.waitpid(child, 0)
     assert said.startswith(f"InputError: {board.port}: no permission to open it")
-    assert f"sudo usermod -aG {group} " in said
+    assert "sudo usermod -aG dialout " in said
 
 
 @pytest.mark.parametrize(
@@ -194,7 +157,7 @@ def test_without_permission_the_group_is_named(board: SimulatedController) -> No
 def test_a_board_that_does_not_suit_is_refused(
     board: dict[str, Any], answer: bytes | None, told: str
 ) -> None:
-    with SimulatedController(**board) as made:
+    with FaultyController(**board) as made:
         made.garble = None if answer is None else lambda line: answer
         assert re.search(told, refusal(made.port))
 
@@ -210,7 +173,7 @@ def wait_until(true: Callable[[], bool], seconds: float = 5.0) -> None:
         time.sleep(0.005)
 
 
-def in_step(board: SimulatedController, controller: LedController) -> bool:
+def in_step(board: FaultyController, controller: LedController) -> bool:
     """Whether the LEDs flash, and the host knows which."""
     now = time.monotonic()
     shares = board.lit_between(now - 1e-4, now)
@@ -224,9 +187,7 @@ def flashing(controller: LedController) -> LedController:
     return controller
 
 
-def recovered(
-    board: SimulatedController, flashing: LedController, since: float, record: Any
-) -> float:
+def recovered(board: FaultyController, flashing: LedController, since: float, record: Any) -> float:
     """Seconds from `since` until LEDs flash as before and the host is in step with them.
 
     They have to do so for two cycles on end.
@@ -249,7 +210,7 @@ def recovered(
 
 
 def test_a_cable_pulled_and_put_back(
-    board: SimulatedController, flashing: LedController, record_property: Any
+    board: FaultyController, flashing: LedController, record_property: Any
 ) -> None:
     board.unplug()
     wait_until(lambda: not flashing.connected)
@@ -267,9 +228,9 @@ def test_a_cable_pulled_and_put_back(
 
 
 def test_it_is_found_again_on_another_port_by_its_unique_id(
-    monkeypatch: pytest.MonkeyPatch, board: SimulatedController, record_property: Any
+    monkeypatch: pytest.MonkeyPatch, board: FaultyController, record_property: Any
 ) -> None:
-    with SimulatedController(uid="another") as other:
+    with FaultyController(uid="another") as other:
         on_usb(monkeypatch, other, board)
         before = board.port
         with open_controller(before) as flashing:
@@ -284,7 +245,7 @@ def test_it_is_found_again_on_another_port_by_its_unique_id(
 
 @pytest.mark.parametrize("is_told", [True, False])
 def test_a_reset_in_the_middle_of_a_cycle(
-    board: SimulatedController, flashing: LedController, record_property: Any, is_told: bool
+    board: FaultyController, flashing: LedController, record_property: Any, is_told: bool
 ) -> None:
     board.garble = lambda line: line if is_told or b"ready" not in line else b""
     board.reset()
@@ -293,7 +254,7 @@ def test_a_reset_in_the_middle_of_a_cycle(
 
 
 def test_garbage_and_lines_cut_off(
-    board: SimulatedController, flashing: LedController, record_property: Any
+    board: FaultyController, flashing: LedController, record_property: Any
 ) -> None:
     lines = itertools.count()
 
@@ -317,7 +278,7 @@ HUGE = b"9" * 330
 @pytest.mark.parametrize("word", [HUGE, b"-1", b"1_0", b"1e3", b""])
 @pytest.mark.parametrize("event", [b"! cycle 1 ", b"! watchdog ", b"! cycle "])
 def test_an_event_whose_number_is_none_is_a_bad_line(
-    board: SimulatedController, flashing: LedController, event: bytes, word: bytes
+    board: FaultyController, flashing: LedController, event: bytes, word: bytes
 ) -> None:
     board.noise(frame((event + word).decode()))
     wait_until(lambda: flashing.faults["bad line"] == 1)
@@ -326,7 +287,7 @@ def test_an_event_whose_number_is_none_is_a_bad_line(
 
 
 def test_an_answer_whose_number_is_none_is_no_answer(
-    board: SimulatedController, controller: LedController
+    board: FaultyController, controller: LedController
 ) -> None:
     def garble(line: bytes) -> bytes:
         start, is_time, _ = line.partition(b" t=")
@@ -343,7 +304,7 @@ def test_an_answer_whose_number_is_none_is_no_answer(
 
 
 def test_a_time_that_contradicts_those_before_moves_no_clock(
-    board: SimulatedController, flashing: LedController
+    board: FaultyController, flashing: LedController
 ) -> None:
     wait_until(lambda: flashing.clock_error_s < 0.1)
     soon = flashing.status().time_us + 957_000
@@ -355,7 +316,7 @@ def test_a_time_that_contradicts_those_before_moves_no_clock(
 
 
 def test_a_controller_that_hangs_for_a_while(
-    board: SimulatedController, flashing: LedController, record_property: Any
+    board: FaultyController, flashing: LedController, record_property: Any
 ) -> None:
     board.freeze(0.7)
     end = time.monotonic() + 0.7
@@ -366,7 +327,7 @@ def test_a_controller_that_hangs_for_a_while(
 
 
 def test_a_cycle_that_was_asked_of_a_controller_that_hung_runs_once_it_is_back(
-    board: SimulatedController, flashing: LedController
+    board: FaultyController, flashing: LedController
 ) -> None:
     flashing.set(0)
     board.freeze(1.5)
@@ -376,14 +337,14 @@ def test_a_cycle_that_was_asked_of_a_controller_that_hung_runs_once_it_is_back(
 
 
 def test_a_host_that_was_silent_finds_its_cycle_again(tmp_path: Path) -> None:
-    with SimulatedController() as board, open_controller(board.port, watchdog_s=0.1) as slow:
+    with FaultyController() as board, open_controller(board.port, watchdog_s=0.1) as slow:
         # The host looks after it less often than this watchdog wants.
         slow.start_cycle([1, 2], step_s=STEP)
         wait_until(lambda: slow.faults["host silent"] > 0)
         wait_until(lambda: in_step(board, slow))
 
 
-def test_leds_go_off_by_themselves_when_the_host_dies(board: SimulatedController) -> None:
+def test_leds_go_off_by_themselves_when_the_host_dies(board: FaultyController) -> None:
     with serial.serial_for_url(board.port, timeout=1) as port:
         port.write(frame("1 watchdog 200") + frame("2 set 3"))
         port.read_until(b"\n")
@@ -391,7 +352,7 @@ def test_leds_go_off_by_themselves_when_the_host_dies(board: SimulatedController
         wait_until(lambda: lit(board) == [])
 
 
-def test_closing_switches_the_leds_off(board: SimulatedController, tmp_path: Path) -> None:
+def test_closing_switches_the_leds_off(board: FaultyController, tmp_path: Path) -> None:
     with open_controller(board.port) as controller:
         controller.start_cycle([1, 2, 3, 4], step_s=STEP)
         wait_until(lambda: lit(board) != [])
@@ -399,7 +360,7 @@ def test_closing_switches_the_leds_off(board: SimulatedController, tmp_path: Pat
 
 
 def test_closing_after_the_cable_was_pulled_does_not_wait_for_it(
-    board: SimulatedController, controller: LedController
+    board: FaultyController, controller: LedController
 ) -> None:
     board.unplug()
     closing = threading.Thread(target=lambda: (controller.close(), controller.close()), daemon=True)

@@ -5,9 +5,9 @@ import subprocess
 import time
 from pathlib import Path
 
+from rings.live.tests.faulty import FaultyController
 from tactograph.rings.live.firmware.protocol import unframe
 from tactograph.rings.live.nodes.controller._led_line import parse
-from tactograph.rings.live.nodes.simulated.simulated_controller import SimulatedController
 
 TEXT = (Path(__file__).parents[2] / "docs" / "hardware.md").read_text()
 
@@ -23,7 +23,7 @@ def test_every_line_shown_is_a_right_one_and_every_answer_can_be_parsed() -> Non
 
 def test_the_command_that_ends_the_firmware_does() -> None:
     (command,) = re.findall(r"^stty .*$", TEXT, re.MULTILINE)
-    with SimulatedController() as board:
+    with FaultyController() as board:
         subprocess.run(["sh", "-c", command.replace("/dev/ttyACM0", board.port)], check=True)
         end = time.monotonic() + 5
         while not board.asked_to_quit:

@@ -162,10 +162,7 @@ class Pico:
 
         poll = SimpleNamespace(register=lambda *_: None, poll=lambda wait_ms: wait_ms)
         return {
-            "machine": SimpleNamespace(
-                Pin=Pin,
-                unique_id=lambda: b"\xe6\x61",
-            ),
+            "machine": SimpleNamespace(Pin=Pin, unique_id=lambda: b"\xe6\x61"),
             "micropython": SimpleNamespace(
                 alloc_emergency_exception_buf=lambda size: None, kbd_intr=lambda byte: None
             ),

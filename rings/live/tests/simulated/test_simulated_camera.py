@@ -113,13 +113,12 @@ def test_frames_come_at_the_cameras_rate_whether_they_are_fetched_or_not() -> No
     assert frames >= 7
 
 
-def test_what_is_unplugged_delivers_nothing() -> None:
-    sensor = SimulatedSensor(SCENE)
-    camera = SimulatedCamera(sensor, lambda begin, end: [(1, 1.0)])
+def test_what_is_closed_delivers_nothing() -> None:
+    camera = SimulatedCamera(SimulatedSensor(SCENE), lambda begin, end: [(1, 1.0)])
     assert camera.grab()
-    sensor.plugged = False
+    camera.release()
     assert not camera.grab()
-    assert not SimulatedCamera(sensor, lambda begin, end: []).isOpened()
+    assert not camera.isOpened()
 
 
 def test_a_scene_is_told_behind_a_question_mark() -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rings.live.tests.faulty import Faults, faults_of, let_fail
 from rings.live.tests.oneshot import MOVING, calibrated
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
@@ -33,7 +34,8 @@ FLAT = planes_of(np.mean([FILM.picture(0.0, n) for n in range(8)], axis=0), "bgr
 
 
 @pytest.fixture
-def stream() -> Iterator[ColourStream]:
+def stream(monkeypatch: pytest.MonkeyPatch) -> Iterator[ColourStream]:
+    let_fail(monkeypatch)
     sensor = open_colour_sensor(DRIVER, SIZE)
     yield ColourStream(sensor, make_film(FLAT))
     sensor.close()
@@ -91,21 +93,21 @@ def test_red_comes_first_where_the_calibration_counts_so(mini: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "fault", "says"),
     [
-        (lambda film: setattr(film, "flooded", True), "saturated", "saturated"),
-        (lambda film: setattr(film, "covered", True), "covered", "is the lens covered"),
-        (lambda film: setattr(film, "size", (48, 36)), "wrong size", "another size"),
-        (lambda film: film.faults.extend(["double"]), "doubled", "twice"),
+        (lambda faults: setattr(faults, "flooded", True), "saturated", "saturated"),
+        (lambda faults: setattr(faults, "covered", True), "covered", "is the lens covered"),
+        (lambda faults: setattr(faults, "size", (48, 36)), "wrong size", "another size"),
+        (lambda faults: faults.frames.extend(["double"]), "doubled", "twice"),
     ],
 )
 def test_what_shows_no_film_is_discarded_and_told(
-    stream: ColourStream, spoil: Callable[[SimulatedColourSensor], None], fault: str, says: str
+    stream: ColourStream, spoil: Callable[[Faults], None], fault: str, says: str
 ) -> None:
     told(stream)
-    spoil(table(stream))
+    faults = faults_of(stream.sensor.table)
+    spoil(faults)
     with collect_warnings([]) as lines:
         list(stream.touches(timeout=0.1, seconds=0.4))
-        film = table(stream)
-        film.flooded, film.covered, film.size = False, False, None
+        faults.flooded, faults.covered, faults.size = False, False, None
         assert list(stream.touches(items=stream.state.touches + 3, seconds=5))
     assert stream.state.faults[fault]
     assert any(says in line for line in lines)
@@ -113,9 +115,9 @@ def test_what_shows_no_film_is_discarded_and_told(
 
 def test_it_goes_on_when_the_camera_is_back(stream: ColourStream) -> None:
     told(stream)
-    table(stream).plugged = False
+    faults_of(stream.sensor.table).plugged = False
     time.sleep(0.4)
-    table(stream).plugged = True
+    faults_of(stream.sensor.table).plugged = True
     assert len(list(stream.touches(items=stream.state.touches + 3, seconds=5))) == 3
     assert stream.state.faults["camera lost"]
 

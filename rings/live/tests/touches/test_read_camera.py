@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pytest
 
+from rings.live.tests.faulty import FaultyController, faults_of, let_fail, on_usb
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.rings.frames.live_frames import LiveFrames
@@ -60,8 +61,9 @@ class Running:
 
     def __init__(self, sensor: Rig) -> None:
         assert sensor.table is not None
-        assert sensor.board is not None
-        self.sensor, self.table, self.board = sensor, sensor.table, sensor.board
+        assert isinstance(sensor.board, FaultyController)
+        self.sensor, self.board = sensor, sensor.board
+        self.faults = faults_of(sensor.table)
         self.stream = stream_of(sensor)
         self.touches: list[tuple[float, LiveFrames]] = []
         self.lines: list[str] = []
@@ -110,11 +112,13 @@ class Running:
 
 @pytest.fixture(scope="module")
 def running() -> Iterator[Running]:
-    sensor = opened("simulated", timeout_s=0.3)
-    running = Running(sensor)
-    running.back_after(time.monotonic())
-    yield running
-    running.stop()
+    with pytest.MonkeyPatch.context() as patch:
+        let_fail(patch)
+        running = Running(opened("simulated", timeout_s=0.3))
+        on_usb(patch, running.board)
+        running.back_after(time.monotonic())
+        yield running
+        running.stop()
 
 
 @pytest.fixture(autouse=True)
@@ -133,7 +137,7 @@ LASTING: dict[str, tuple[str, object, object]] = {
     "covered": ("covered", True, False),
     "saturated": ("flooded", True, False),
 }
-"""What of the simulated film changes for a while, and how it is mended."""
+"""What of the simulated camera changes for a while, and how it is mended."""
 
 
 @pytest.mark.parametrize("fault", [*LASTING, "controller lost"])
@@ -144,13 +148,13 @@ def test_what_fails_for_a_while_is_back_soon_after(
     before = running.count(name)
     if fault in LASTING:
         what, wrong, right = LASTING[fault]
-        setattr(running.table, what, wrong)
+        setattr(running.faults, what, wrong)
     else:
         running.board.unplug()
     time.sleep(0.8)
     mended = time.monotonic()
     if fault in LASTING:
-        setattr(running.table, what, right)
+        setattr(running.faults, what, right)
     else:
         running.board.replug()
     record_property("recovery_s", round(running.back_after(mended), 3))
@@ -169,10 +173,10 @@ def _overlap(running: Running) -> None:
 
 
 TROUBLES: dict[str, Callable[[Running], None]] = {
-    "doubled": lambda running: running.table.faults.append("double"),
-    "lost": lambda running: running.table.faults.append("lose"),
-    "swapped": lambda running: running.table.faults.append("swap"),
-    "late": lambda running: running.table.faults.append("late"),
+    "doubled": lambda running: running.faults.frames.append("double"),
+    "lost": lambda running: running.faults.frames.append("lose"),
+    "swapped": lambda running: running.faults.frames.append("swap"),
+    "late": lambda running: running.faults.frames.append("late"),
     "controller reset": lambda running: running.board.reset(),
     "bad line": lambda running: running.board.noise(b"\xff\x00$! cycle 5 99*0000\n$12 ok t="),
     "mixed": _overlap,
@@ -365,20 +369,15 @@ def test_a_camera_of_another_size_is_refused_at_the_start() -> None:
     ],
 )
 def test_nothing_stays_open_when_opening_is_broken_off(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, where: str, stop: type[BaseException]
+    monkeypatch: pytest.MonkeyPatch, where: str, stop: type[BaseException]
 ) -> None:
     def broken_off(*_: object) -> None:
         raise stop("stopped")
 
-    folder = tmp_path / "link"
-    monkeypatch.setattr(
-        "tactograph.rings.live.nodes.touches.sensor.mkdtemp", lambda: folder.mkdir() or folder
-    )
     monkeypatch.setattr(f"tactograph.rings.live.nodes.{where}", broken_off)
     before = set(threading.enumerate())
     with pytest.raises(stop):
         opened("simulated")
-    assert not folder.exists()
     left = [thread for thread in threading.enumerate() if thread not in before]
     for thread in left:
         thread.join(2)

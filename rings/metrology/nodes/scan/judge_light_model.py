@@ -52,22 +52,25 @@ def judge_light_model(
     """
     bright = float(np.median(fit.brightness))
     residual = _unexplained(fit)
+    doubts: list[str] = []
     if light is not None and model is not None and residual > TRIED_RESIDUAL:
-        _compare_orders(light, model, force)
-    usual = 1 / MAX_BRIGHTNESS_RATIO < bright < MAX_BRIGHTNESS_RATIO
+        doubts += _of_order(light, model)
+    usual, is_sure = 1 / MAX_BRIGHTNESS_RATIO < bright < MAX_BRIGHTNESS_RATIO, bool(doubts)
     if residual > MAX_RESIDUAL:
-        doubt = (
+        is_sure |= residual > REFUSED_RESIDUAL or not usual
+        doubts.append(
             f"the light model leaves {residual:.1%} of the light unexplained at half of the "
             "surface: is it this sensor's, and are the images in the order of its LEDs?"
         )
-        if not force and (residual > REFUSED_RESIDUAL or not usual):
-            raise InputError(f"{doubt} `force`=true goes on all the same")
-        warn(doubt)
     elif not usual:
-        warn(
+        doubts.append(
             f"the film is {bright:.2g} times as bright as when the light model was made: is it "
             "this sensor's, with the same exposure?"
         )
+    if is_sure and not force:
+        raise InputError(f"{doubts[0]} `force`=true goes on all the same")
+    for doubt in doubts:
+        warn(doubt)
     return {"model_residual": residual, "model_brightness": bright}
 
 
@@ -75,27 +78,22 @@ def _unexplained(fit: ModelSlope) -> float:
     return float(np.median(fit.residual)) / max(float(np.median(fit.brightness)), 1e-6)
 
 
-def _compare_orders(light: Light, model: LightModel, force: bool) -> None:
-    """Refuse images whose order is turned or reversed, if another one is likelier (`SURE_ODDS`).
+def _of_order(light: Light, model: LightModel) -> list[str]:
+    """A doubt of images whose order is turned or reversed, if another is likelier (`SURE_ODDS`).
 
     What an order leaves of the light, times the curl of its slopes, counts as a deviation.
     """
-    stated_order = np.arange(len(light))
-    orders = [
-        np.roll(each, by) for each in (stated_order, stated_order[::-1]) for by in stated_order
-    ]
+    ring = np.arange(len(light))
+    orders = [np.roll(each, by) for each in (ring, ring[::-1]) for by in ring]
     slopes_by_order = (light_model_slope(light[each], model) for each in orders)
     misfits = [(_unexplained(fit), _curl(fit.slope)) for fit in slopes_by_order]
     product = np.prod(misfits, axis=1)
     best = int(np.argmin(product))
-    values = MAX_INDEPENDENT_REST * len(light)
-    odds = log_odds(product[0], product[best], 0, values)
-    if odds > math.log(SURE_ODDS) and misfits[best][0] < MAX_RESIDUAL:
-        order = ", ".join(str(led + 1) for led in orders[best])
-        doubt = f"the images fit the light model in the order {order} of those listed: sort them"
-        if not force:
-            raise InputError(f"{doubt}, or `force`=true goes on all the same")
-        warn(doubt)
+    odds = log_odds(product[0], product[best], 0, MAX_INDEPENDENT_REST * len(light))
+    if odds <= math.log(SURE_ODDS) or misfits[best][0] >= MAX_RESIDUAL:
+        return []
+    order = ", ".join(str(led + 1) for led in orders[best])
+    return [f"the images fit the light model in the order {order} of those listed: sort them."]
 
 
 def _curl(slope: Slope) -> float:
