@@ -31,13 +31,13 @@ def ball_height(u: F8, v: F8, centre: tuple[Any, Any, Any], radius: Any, camera:
 def away_on(
     u: F8,
     v: F8,
-    beneath: F8,
+    beneath: F8 | float,
     base: float,
     centre: tuple[float, float, float],
     radius: float,
     camera: float,
 ) -> F8:
-    """Return how far in mm samples count as from a ball's middle, on film that is no plane.
+    """Return how far in mm samples count as from a ball's middle, on film of any shape.
 
     As far as on a plane the ball rises as high above the film; film that rays beside the ball see
     lies at least its radius away.

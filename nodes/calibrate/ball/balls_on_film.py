@@ -24,8 +24,12 @@ MIN_WEIGHT_LIGHT = 0.3
 MAX_INDEPENDENT_SAMPLES = 1500
 """Most independent samples that the balls count as.  More have less noise, but a model's residuals
 on a real film are correlated."""
-MIN_SAMPLES = 30
-"""Fewest samples of each ball."""
+BALL_SECTORS = 8
+"""Parts of a ball in azimuth over which errors of the normal are averaged, to suppress noise."""
+BALL_RINGS = math.ceil(BALL_SECTORS / math.pi)
+"""Parts in slant, so that parts are about as long as wide."""
+BALL_PARTS = BALL_RINGS * BALL_SECTORS
+"""Parts of a ball, and so the fewest samples that show all of it."""
 
 
 @dataclass(frozen=True)
@@ -97,8 +101,8 @@ class Balls:
         return replace(self, **some, beneath=beneath)
 
     def thinned(self, most: int = MAX_INDEPENDENT_SAMPLES) -> Self:
-        """Return about `most` samples evenly over the balls, and at least `MIN_SAMPLES` of each."""
-        each = max(MIN_SAMPLES, most // len(self.centre))
+        """Return about `most` samples evenly over each ball, and one or more of each of its parts."""
+        each = max(BALL_PARTS, most // len(self.centre))
         first = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
         number = np.arange(self.ball.size) - first[self.ball]
         # A stride that does not divide the rows' length spreads the samples over all columns.
@@ -116,10 +120,8 @@ class Balls:
     @property
     def pressed_slope(self) -> float:
         """The steepest slope of balls within their contacts, up to the steepest of a sample."""
-        sine = float((self.rim / self.radius)[self.ball].max())
-        return (
-            min(sine / math.sqrt(1 - sine**2), MAX_SAMPLE_SLOPE) if sine < 1 else MAX_SAMPLE_SLOPE
-        )
+        slant = math.asin(min((self.rim / self.radius)[self.ball].max(), 1))
+        return min(math.tan(slant), MAX_SAMPLE_SLOPE)
 
     def scale(self, residual: F8) -> float:
         """Return the robust standard deviation of a sample's residual."""

@@ -43,9 +43,8 @@ def contact_edge(
     beneath : the film at rest if it is no plane; the light is relative to a plane
     """
     cx, cy, cz = centre
-    away = np.hypot(u - cx, v - cy)
-    if beneath is not None:
-        away = away_on(u, v, beneath.z, float(beneath.base[0]), centre, radius, film.camera)
+    low, base = (0.0, 0.0) if beneath is None else (beneath.z, float(beneath.base[0]))
+    away = away_on(u, v, low, base, centre, radius, film.camera)
     least = rim / MAX_EDGE_RATIO
     ring = (away > least) & (away < min(MAX_EDGE_RATIO * rim, radius))
     u, v, away, light, thrown = u[ring], v[ring], away[ring], light[:, ring], thrown[:, ring]
@@ -55,13 +54,12 @@ def contact_edge(
     if beneath is not None:
         below = beneath.only(ring)
         at_rest = rest_share(film, below.n, below.x, below.y, below.z)
-    lift = None if beneath is None else np.full_like(u, film.contact)
     z = ball_height(u, v, (cx, cy, cz), radius, film.camera)
     x, y = u * (1 - film.camera * z), v * (1 - film.camera * z)
     n = np.stack([x - cx, y - cy, np.maximum(z - cz, 0)])
     n /= np.sqrt((n * n).sum(0))
     high = np.maximum(z, film.contact) if beneath is None else z
-    on_ball = predict(film, n, x, y, high, None, lift) + thrown
+    on_ball = predict(film, n, x, y, high, None, np.full_like(z, film.contact)) + thrown
     # Both the far side of a ball and its shadow are dark.
     lit = light > MIN_WEIGHT_LIGHT
     inside, outside = (_departure(light - model, lit) for model in (on_ball, at_rest + thrown))

@@ -25,6 +25,8 @@ from tactograph.nodes.calibrate.film.film_fit import (
 )
 from tactograph.nodes.calibrate.film.film_misfit import Held
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, Unknowns
+from tactograph.nodes.calibrate.lights.descend import HUBER_DEVIATIONS
+from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.verdict import grows, pays
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
@@ -32,11 +34,6 @@ from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
 FINAL_SAMPLES = 15000
 """Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
 a ball's height, the coat's index and the albedo uncertain by some per cent."""
-MAX_CHANGE = 0.004
-"""Relative change of albedo and contact radius below which rounds end (`MAX_ROUNDS`)."""
-MIN_BALLS_TO_REJECT, MAX_RESIDUAL_RATIO = 8, 2.0
-"""Number of balls from which on, and multiple of the median residual above which, a ball is left
-out."""
 SHINING_PARTS = frozenset(("lobe", "bounce"))
 """Parts that may help only together: a coat changes how a film lights itself."""
 TOUCHED_PARTS = frozenset({"touched"})
@@ -65,8 +62,7 @@ class Trial(NamedTuple):
         fitted = fit(balls, self.rest, parts, start)
         if "diffuse" not in parts or len(balls.centre) > 1:
             return fitted
-        film = fitted.film
-        direct = balls.direct(fitted.shifts, film)
+        film, direct = fitted.film, balls.direct(fitted.shifts, fitted.film)
         weight = lit_share(film, direct, np.array(film.contact))
         return fit(balls, self.rest, TOUCHED_PARTS, fitted, start.film.uneven, weight)
 
@@ -128,11 +124,18 @@ def judge(
     return model
 
 
-def held_out_of(trial: Trial, best: Model, whole: Balls, good: Balls) -> list[Held]:
-    """Every pixel of each fold, of good balls, with the film fitted to the other folds."""
-    good = whole.only(np.isin(whole.ball, good.ball))
+def choose(trial: Trial, start: Fitted, parts: set[str]) -> tuple[Model, Balls, list[Held]]:
+    """Return the film that presses support, of these parts, and the samples of balls that agree.
+
+    Also every pixel of each fold of these, with the film fitted to the other folds.
+    """
+    trial, best, whole = search(trial, start, [part for part in PART_UNKNOWNS if part in parts])
+    if "harmonics" in parts and may_grow(best):
+        best = bend(trial, best)
+    best, balls = without_bad(trial, best)
+    good = whole.only(np.isin(whole.ball, balls.ball))
     held_out = zip(map(good.only, trial.splits(good)), best.splits, strict=True)
-    return [Held(b, place_balls(b, f)) for b, f in held_out if b.u.size]
+    return best, balls, [Held(b, place_balls(b, f)) for b, f in held_out if b.u.size]
 
 
 def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls]:
@@ -185,10 +188,8 @@ def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Tr
 
 def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial, Fitted]:
     """Sample again with a better-known film, up to where it leaves the balls."""
-    before, film = trial.balls, fitted.film
-    balls = trial.samples(
-        film, shifts=fitted.shifts, rim=before.rim, edges=film.lights_itself, **options
-    )
+    before = trial.balls
+    balls = trial.samples(fitted.film, shifts=fitted.shifts, rim=before.rim, **options)
     shifts = moved_with(fitted.shifts, balls.radius, before.rim, balls.rim)
     return trial._replace(balls=balls), fitted._replace(shifts=shifts)
 
@@ -196,6 +197,8 @@ def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial,
 def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
     """Fit the chosen parts to more samples until the light from film to film converges.
 
+    That is no more than the film's own light: a smaller share of it than light departs by by
+    itself is not seen.
     Also returns every pixel of the balls.
     """
     for _ in range(MAX_ROUNDS):
@@ -206,7 +209,7 @@ def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
         best = best._replace(fitted=trial.fit(best.parts, placed))
         moved = np.abs(whole.rim / rim - 1).max()
         changed = abs(best.fitted.film.albedo - film.albedo)
-        if film.albedo == 0 or (changed < MAX_CHANGE * film.albedo and moved < MAX_CHANGE):
+        if film.albedo == 0 or (max(changed / film.albedo, moved) < LIGHT_DEVIATION):
             break
     return trial, judge(trial, best.parts, best.fitted), whole
 
@@ -235,8 +238,9 @@ def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls]:
     balls, count = trial.balls, len(trial.balls.centre)
     squares = np.square(balls.light - predicted(balls, best.fitted)).mean(axis=0)
     by_ball = np.sqrt(np.bincount(balls.ball, squares, count) / np.bincount(balls.ball))
-    bad = by_ball > MAX_RESIDUAL_RATIO * np.median(by_ball)
-    if count < MIN_BALLS_TO_REJECT or not bad.any():
+    bad = by_ball > HUBER_DEVIATIONS * np.median(by_ball)
+    # Each fold has another ball that tells which one departs.
+    if count < 2 * FOLD_COUNT or not bad.any():
         return best, balls
     where = ", ".join(f"({x:.2f}, {y:.2f})" for x, y in balls.centre[bad])
     warn(f"{bad.sum()} of {count} balls depart from the others and are left out: at {where} mm")

@@ -1,20 +1,14 @@
 """The true normals of balls, and those found from their light by a film's model."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F8
-from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
+from tactograph.nodes.calibrate.ball.balls_on_film import BALL_RINGS, BALL_SECTORS, Balls, Fitted
 from tactograph.nodes.calibrate.film.film_fit import MAX_ROUNDS
 from tactograph.nodes.optics.film import rest_below, turned
-
-BALL_SECTORS = 8
-"""Parts of a ball in azimuth over which errors of the normal are averaged, to suppress noise."""
-BALL_RINGS = math.ceil(BALL_SECTORS / math.pi)
-"""Parts in slant, so that parts are about as long as wide."""
 
 
 class BallNormals(NamedTuple):

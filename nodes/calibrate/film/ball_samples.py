@@ -29,7 +29,6 @@ from tactograph.nodes.calibrate.ball.ball_surface import (
 from tactograph.nodes.calibrate.ball.balls_on_film import MAX_INDEPENDENT_SAMPLES, Balls, Beneath
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
 from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO
-from tactograph.nodes.calibrate.lights.light_fit import HEIGHT_DEVIATION_MM
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain, film_drift
@@ -43,6 +42,8 @@ FITTED_RADIUS_SHARE = 0.95
 FINE_CELLS = 4 * DEFAULT_MAX_CELLS
 """Cells of `film_bounce` on a matt film, and in the last fit on one with a coat, which takes seven
 times as long.  With coarser cells the light changes in steps with a ball's height or the rim."""
+LIFT_SHARE = 0.02
+"""Share of a ball's radius by which it is lifted, to differentiate a bounce by its height."""
 BOUNCED_ALBEDO, RIM_STEP_MM = USUAL_ALBEDO.start, SHARED_UNKNOWNS["rim"].spread
 """Albedo of the film for which a bounce is computed, and mm by which the film is widened, to
 differentiate it by the film's rim."""
@@ -134,7 +135,7 @@ class _Scene(NamedTuple):
     """What the light from film to film depends on beside the balls.
 
     `sigma` is the noise of cells, `fine` and `bounce` as `sample_balls` takes them, `at_rest` the
-    light of the film at rest by the number of cells.
+    light of the film at rest by its coat's index and the number of cells.
     """
 
     film: Film
@@ -142,7 +143,7 @@ class _Scene(NamedTuple):
     sigma: F4
     fine: bool
     bounce: NodeCall
-    at_rest: Callable[[int], _AtRest]
+    at_rest: Callable[[float, int], _AtRest]
 
     @property
     def cells(self) -> int:
@@ -152,7 +153,7 @@ class _Scene(NamedTuple):
     @property
     def resting(self) -> _AtRest:
         """The light of the film at rest that samples get."""
-        return self.at_rest(self.cells)
+        return self.at_rest(self.film.refraction, self.cells)
 
 
 def sample_balls(
@@ -168,7 +169,6 @@ def sample_balls(
     bare: U1 | None = None,
     shifts: F8 | None = None,
     rim: F8 | None = None,
-    edges: bool = False,
     fine: bool = False,
     bounce: NodeCall = film_bounce,
     shape: RestShape | None = None,
@@ -182,17 +182,17 @@ def sample_balls(
     circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
     film : the film, whose LEDs and coat determine the light from film to film
     noise, pixel : (shot, read), mm per px
-    most : most samples of all balls together, but at least `MIN_SAMPLES` of each; None: all pixels
+    most : most samples of all balls together, but at least one for each of a
+        ball's parts (`BALL_PARTS`); None: all pixels
     bare
         S x W, 0 on pixels that are left out.  None: no pixel is left out.
     shifts
         B x 3 in mm, by which a fit has moved the balls; they reflect light from there.  The
         light from film to film grows with the height of their flanks; `by_lift` tells the fit
         how much.
-    rim : B contact radii in mm; None: those of `circle`
-    edges
-        Whether the light around a ball then determines where the film leaves it
-        (`contact_edge`).
+    rim
+        B contact radii in mm; None: those of `circle`.  On a film that lights itself, the light
+        around a ball then determines where the film leaves it (`contact_edge`).
     fine
         Whether the film is the final one.  Then the light that its coat reflects is computed on
         fine cells, and a film without albedo reflects none onto itself.
@@ -215,8 +215,9 @@ def sample_balls(
         circle = np.column_stack([circle[:, :2], rim / scale])
 
     @cache
-    def at_rest(cells: int) -> _AtRest:
-        return _AtRest() if shape is None else _rest_of(shape, film, cells, fine, throw)
+    def at_rest(refraction: float, cells: int) -> _AtRest:
+        kind = film._replace(refraction=refraction)
+        return _AtRest() if shape is None else _rest_of(shape, kind, cells, fine, throw)
 
     scene = _Scene(film, frame, sigma, fine, throw, at_rest)
     thrown = {
@@ -225,7 +226,7 @@ def sample_balls(
     }
     resting = scene.resting
     masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
-    if edges:
+    if rim is not None and film.lights_itself:
         edge = np.empty(len(of))
         for number, i in enumerate(of):
             on_plane = thrown[i].light * resting.share(film.albedo)
@@ -239,14 +240,13 @@ def sample_balls(
     for number, reach in enumerate(np.minimum(FITTED_RADIUS_SHARE * circle[:, 2], steep)):
         at = frame.around(circle[number], reach)
         u, v = frame.place(*at)
-        away = np.hypot(*(at[::-1].T - circle[number, :2]).T)
+        away = np.hypot(*(at[::-1].T - circle[number, :2]).T) * scale[number]
         if shape is not None:
-            base = float(frame.beneath(circle[number])[2][0])
-            centre = frame.centre(circle[number], float(radius[number]), moved[number])
-            beneath = shape.at(u, v)[3]
-            away = away_on(u, v, beneath, base, centre, float(radius[number]), film.camera)
-            away /= scale[number]
-        pixels.append(at[:, (away < reach) & (masks[of[number]][tuple(at)] > 0)])
+            base, size = float(frame.beneath(circle[number])[2][0]), float(radius[number])
+            centre = frame.centre(circle[number], size, moved[number])
+            away = away_on(u, v, shape.at(u, v)[3], base, centre, size, film.camera)
+        inside = away < reach * scale[number]
+        pixels.append(at[:, inside & (masks[of[number]][tuple(at)] > 0)])
     fields = (
         np.concatenate([field[:, *at] for field, at in zip(each, pixels, strict=True)], axis=1)
         for each in zip(*(thrown[i] for i in of), strict=True)
@@ -302,7 +302,7 @@ def _edge(press: F4, thrown: F4, circle: F4 | F8, radius: float, shift: F8, scen
     film, frame, *_ = scene
     at = frame.around(circle, MAX_EDGE_RATIO * circle[2])
     u, v = frame.place(*at)
-    light, bounced = press[:, *at].astype(np.float64), film.albedo * thrown[:, *at]
+    light, bounced = (plane[:, *at].astype(np.float64) for plane in (press, film.albedo * thrown))
     beneath = None
     if frame.shape is not None:
         beneath = Beneath(*frame.shape.at(u, v), bounced, frame.beneath(circle)[2])
@@ -335,7 +335,8 @@ def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene
 
     def thrown(film: Film, cells: int, lift: float = 0) -> _Thrown:
         """The light that a film of albedo 1, with the balls in it, reflects onto itself."""
-        height, resting = np.zeros(size) if shape is None else shape.height, at_rest(cells)
+        height = np.zeros(size) if shape is None else shape.height
+        resting = at_rest(film.refraction, cells)
         for each, r, shift in zip(circle, radius, shifts + np.array([0, 0, lift]), strict=True):
             cx, cy, cz = scene.frame.centre(each, r, shift)
             z = ball_height(u, v, (cx, cy, cz), r, film.camera)
@@ -354,12 +355,15 @@ def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene
         whole, removed = light / np.float32(BOUNCED_ALBEDO), level / np.float32(BOUNCED_ALBEDO)
         return _Thrown(whole, whole - removed)
 
-    # Lifted by as much as its height is uncertain by, and widened in the same way.
-    lift = HEIGHT_DEVIATION_MM * min(1.0, float(radius.min()))
+    lift = LIFT_SHARE * float(radius.min())
     wider = film._replace(rim=film.rim + RIM_STEP_MM)
-    rough = DEFAULT_MAX_CELLS if film.refraction > 1 else FINE_CELLS
-    bounced = thrown(film, rough)
-    by_lift = (thrown(film, rough, lift).remaining - bounced.remaining) / np.float32(lift)
+    # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
+    matt = film._replace(refraction=1.0)
+    rough = FINE_CELLS if film.refraction == 1 else DEFAULT_MAX_CELLS
+    on_matt = thrown(matt, FINE_CELLS)
+    bounced = on_matt if rough == FINE_CELLS else thrown(film, rough)
+    more = bounced.remaining.mean() / (on_matt.remaining.mean() or 1) / lift
+    by_lift = (thrown(matt, FINE_CELLS, lift).remaining - on_matt.remaining) * np.float32(more)
     by_rim = thrown(wider, rough).remaining - bounced.remaining if shape is None else nothing
     bounced = bounced if rough == scene.cells else thrown(film, scene.cells)
     light = press if film.albedo == 0 else _levelled(press, bounced, scene)

@@ -152,10 +152,10 @@ class _Trial(NamedTuple):
 
         step = DERIVATIVE_STEP * float(balls.radius.min())
         moved = [now._replace(shifts=now.shifts + step * axis) for axis in np.eye(3)]
-        by_own = [(predicted(balls, each, self.view) - light) / step for each in moved]
+        lifts = [(predicted(balls, each, self.view) - light) / step for each in moved]
         by = unknowns.differences(now, UNKNOWNS_OF_FLAT_ALONE, light, other)
         by = problem.normed(by if further is None else np.concatenate([by, further.light]))
-        by_own, normed = problem.normed(np.stack(by_own)), problem.normed(self.light)
+        by_own, normed = problem.normed(np.stack(lifts)), problem.normed(self.light)
         weight, spread = problem.each * huber_weight(normed), balls.place_deviations
         sure, away = by * weight, (weight * normed)[None]
         shared, right = summed(sure, by), -summed(by, away)[:, 0]

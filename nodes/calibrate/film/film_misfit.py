@@ -10,12 +10,7 @@ from scipy.special import ndtr, stdtrit
 
 from tactograph.nodes import BAND_DEVIATIONS, F4, F8, FULL_MISFIT_SLOPE, Film
 from tactograph.nodes.calibrate import MIN_BOUNCE_ERROR
-from tactograph.nodes.calibrate.ball.balls_on_film import (
-    MIN_WEIGHT_LIGHT,
-    Balls,
-    Fitted,
-    predicted,
-)
+from tactograph.nodes.calibrate.ball.balls_on_film import MIN_WEIGHT_LIGHT, Balls, Fitted, predicted
 from tactograph.nodes.calibrate.film.ball_normals import ball_normals
 from tactograph.nodes.calibrate.lights.light_fit import inverse_places, positions
 from tactograph.nodes.light.touch_misfit import brighter

@@ -17,41 +17,42 @@ from tactograph.nodes.stored import stored_values
 class Unknown(NamedTuple):
     """A parameter of a usual sensor, where the fit starts, and its standard deviation."""
 
-    start: float
-    spread: float
+    start: float = 0.0
+    spread: float = math.inf
 
 
 STATED_UNKNOWNS = "size", "power"
 """Unknowns of what was stated, not of the film: the balls' radius and the camera's gamma."""
-PLAIN: dict[str, Any] = {name: stored.plain for name, (_, stored) in stored_values(Film).items()}
+PLAIN_FILM: dict[str, Any] = {
+    name: stored.plain for name, (_, stored) in stored_values(Film).items()
+}
 """The values that switch parts off."""
 USUAL_ALBEDO = Unknown(0.5, 0.4)
 """Of the film, and of the base under its coat: one value, found by both."""
-EMISSION_UNKNOWN = Unknown(PLAIN["emission"], 0.7)
+EMISSION_UNKNOWN = Unknown(PLAIN_FILM["emission"], 0.7)
 """m: an LED that faces the middle of the film emits as cos^m of the angle from its axis.  It is
 fitted to the flat frame only: ignoring it would give a wrong distance there, while touched film,
 relative to the flat frame, hardly depends on it."""
 USUAL_NEARNESS = 0.2
 """Widths of the image over the distance of an LED."""
-FREE = Unknown(0.0, math.inf)
 LED_UNKNOWNS = {
-    "x": FREE,
-    "y": FREE,
+    "x": Unknown(),
+    "y": Unknown(),
     "nearness": Unknown(USUAL_NEARNESS, USUAL_NEARNESS),
-    "strength": Unknown(0.0, 1.0),
+    "strength": Unknown(spread=1.0),
     "emission": EMISSION_UNKNOWN,
 }
 """An LED's own, in the order of `Fitted.leds`.  The film at rest leaves the strengths' common
 factor free, and without a flat frame all of them, so that a prior holds them."""
 SHARED_UNKNOWNS = {
-    "gain": Unknown(PLAIN["gain"], 0.1),
-    "wrap": Unknown(PLAIN["wrap"], 0.2),
+    "gain": Unknown(PLAIN_FILM["gain"], 0.1),
+    "wrap": Unknown(PLAIN_FILM["wrap"], 0.2),
     "base": USUAL_ALBEDO,
     "roughness": Unknown(0.25, 0.15),
     "refraction": Unknown(1.5, 0.05),
     "albedo": USUAL_ALBEDO,
-    "rim": Unknown(PLAIN["rim"], 1.0),
-    "camera": Unknown(PLAIN["camera"], 0.01),
+    "rim": Unknown(PLAIN_FILM["rim"], 1.0),
+    "camera": Unknown(PLAIN_FILM["camera"], 0.01),
     "diffuse": Unknown(0.2, 0.3),
 }
 """By name; `diffuse` is one for each LED.  Their limits are those of a `Film`."""
@@ -109,7 +110,7 @@ class Unknowns(NamedTuple):
 
     def with_values(self, now: Fitted, values: F8) -> Fitted:
         """Return a fit with other values, U; a coat's base has the albedo."""
-        leds, stated, film = now.leds.copy(), {}, dict[str, Any]()
+        leds, stated, film = now.leds.copy(), dict[str, Any](), dict[str, Any]()
         for name, at in self.numbers(now).items():
             if name in LED_UNKNOWNS:
                 leds[:, list(LED_UNKNOWNS).index(name)] = values[at]
@@ -125,9 +126,7 @@ class Unknowns(NamedTuple):
         """Move newly freed parameters away from the values that switch them off."""
         values = self.values(start)
         for name, at in self.numbers(start).items():
-            if name in LED_UNKNOWNS or name in STATED_UNKNOWNS:
-                continue
-            if np.all(values[at] == PLAIN[name]):
+            if name not in LED_UNKNOWNS and np.all(values[at] == PLAIN_FILM.get(name)):
                 values[at] = SHARED_UNKNOWNS[name].start
         return self.with_values(start, values)
 

@@ -6,7 +6,8 @@ The model grows part by part, then by harmonics, each judged on held-out balls
 Long because its search decides in steps: on parts, samples, harmonics and bad balls.
 """
 
-from typing import Annotated, Any, NamedTuple
+import math
+from typing import Annotated, Any, NamedTuple, get_args
 
 import numpy as np
 from annotated_types import Gt
@@ -24,27 +25,13 @@ from tactograph.nodes import (
     Noise,
     PixelSize,
 )
-from tactograph.nodes.calibrate import (
-    BallCircles,
-    BallPress,
-    BallRadii,
-)
-from tactograph.nodes.calibrate.ball.ball_surface import sunk
+from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, predicted
-from tactograph.nodes.calibrate.film._film_search import (
-    Model,
-    Trial,
-    bend,
-    held_out_of,
-    may_grow,
-    search,
-    without_bad,
-)
+from tactograph.nodes.calibrate.film._film_search import Model, Trial, choose
 from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, sample_balls
 from tactograph.nodes.calibrate.film.film_at_rest import rest_residual
 from tactograph.nodes.calibrate.film.film_fit import certainty, start_at
 from tactograph.nodes.calibrate.film.film_misfit import misfit, unevenness
-from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
 from tactograph.nodes.optics.film import FilmPart
@@ -52,8 +39,6 @@ from tactograph.nodes.optics.radiosity import cell_grid
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask
 
-MIN_CAP_SHARE = 0.02
-"""Height of a ball's cap, relative to the film's width, from which it shows the pupil's height."""
 MIN_CONTACT_CELLS = 4
 """Contact radius in cells from which `film_bounce` resolves how a ball lights the film beside it.
 On coarser cells its albedo would absorb residuals of other parts of the model."""
@@ -157,22 +142,17 @@ def fit_film(
     rest = Rest.of(flat, pixel, shape, glow)
     trial = Trial(balls, rest, samples, {})
     start = start_at(lights, strength, len(balls.centre))
-    if camera_mm is not None:
-        start = start._replace(film=start.film._replace(camera=1 / camera_mm))
-    tall = balls.radius - sunk(balls.radius, balls.rim)
-    if camera_mm is not None or len(tall) < 2 or tall.max() < MIN_CAP_SHARE * balls.width_mm:
+    start = start._replace(film=start.film._replace(camera=1 / (camera_mm or math.inf)))
+    if camera_mm is not None or len(balls.rim) < 2:
         closed.add("camera")
     cell = cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
     if np.median(balls.rim) < MIN_CONTACT_CELLS * cell:
         closed.add("bounce")
-    trial, best, whole = search(trial, start, [p for p in PART_UNKNOWNS if p not in closed])
-    if "harmonics" not in closed and may_grow(best):
-        best = bend(trial, best)
-    best, balls = without_bad(trial, best)
+    best, balls, held_out = choose(trial, start, {*get_args(FilmPart)} - closed)
     sure = certainty(balls, rest, best.parts, best.fitted)
-    hidden = {name: 0.0 for name in ("wrap", "emission") if not sure.shows(name)}
+    hidden: dict[str, Any] = {name: 0.0 for name in ("wrap", "emission") if not sure.shows(name)}
     # Film that is no plane ends with the frame.
-    film = best.fitted.film._replace(**hidden, **({} if shape is None else {"rim": 0.0}))
+    film = best.fitted.film._replace(**hidden | ({} if shape is None else {"rim": 0.0}))
     plain = not best.parts and best.degree is None and camera_mm is None
     if plain and not film.emission:
         # A matt film under points keeps the LED positions that were fitted to all pixels.
@@ -181,7 +161,6 @@ def fit_film(
         others = sure.other_places()
     film = film._replace(others=others)
     residual = balls.light - predicted(balls, best.fitted)
-    held_out = held_out_of(trial, best, whole, balls)
     uneven = unevenness(held_out, pixel)
     if len(balls.centre) == 1 and "diffuse" in best.parts:
         # One ball does not tell by how much the gain of touched film varies.

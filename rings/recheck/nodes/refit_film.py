@@ -162,7 +162,7 @@ def refit_film(
     best, errors, fold_fits = _choose(before_refit, balls)
     if best.film.albedo > 0 and not film.lights_itself:
         # Now the light that the new film reflects from film to film is known.
-        renewed = sampled(best.film, shifts=best.shifts, rim=balls.rim, edges=True, fine=True)
+        renewed = sampled(best.film, shifts=best.shifts, rim=balls.rim, fine=True)
         more = renewed.thinned(FINAL_SAMPLES)
         other = _choose(before_refit, more)
         if np.mean(other[1]) < np.mean(errors):
