@@ -14,12 +14,16 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import cv2
 import numpy as np
 
 from tactograph.graph import load
+from tactograph.graph.run.pipeline import Pipeline
+from tactograph.graph.run.result import Result
+from tactograph.nodes import BAND_DEVIATIONS
+from tactograph.nodes.files.height_files import write_tiff
 from tactograph.nodes.simulate.expose import expose
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.press import press
@@ -33,6 +37,7 @@ from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
 from tactograph.rings.live.nodes.simulated.simulated_sensor import Pressed, read_scene
 from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.rings.mechanics.layers.pose import ObjectPose
+from tactograph.rings.mechanics.nodes.force.calibrate_force import calibrate_force
 from tactograph.rings.mechanics.nodes.force.drag_to_shear import drag_to_shear
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
 from tactograph.rings.mechanics.nodes.motion.find_slip import find_slip
@@ -43,6 +48,7 @@ from tactograph.rings.mechanics.nodes.motion.track_pose import track_pose
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from rings.live.tests import oneshot
+from rings.mechanics.tests.force import presses as gel_presses
 from rings.mechanics.tests.force.test_drag_to_shear import random_presses
 from rings.mechanics.tests.motion import (
     moved_objects,
@@ -75,6 +81,15 @@ BAND_STREAMS, BAND_FRAMES, WRONG_MM = 24, 6, 0.02
 SIZE, PIXEL = (240, 320), 0.05
 REAL, GRAIN_PX = Path(__file__).resolve().parents[1] / "../shared/data/real", 40
 SURE_RESPONSE = 0.5
+FAMILIES = {"chosen on": 5, "judged by": 105}
+HANGING_POSES, HANGING_MM, HANGING_WAY = 40, 0.5, np.array([0.5, 0.5, 0.02, 1, 1, 4])
+STITCHES, PRESSES, WEIGHED = 6, 14, 3
+"""Surfaces, presses of each gel, and parts of these that a modulus is found from."""
+PRESSED_GELS = (
+    ((4.0, 0.48), (2.0, 0.48), (8.0, 0.48)),
+    ((3.0, 0.45), (1.5, 0.5), (6.0, 0.48)),
+)
+"""Of both families: thickness in mm, and Poisson's ratio."""
 
 
 def contacts() -> Iterator[Row]:
@@ -257,6 +272,98 @@ def tight() -> Iterator[Row]:
         )
 
 
+def hanging() -> Iterator[Row]:
+    """Film that hangs 0.5 mm over; poses by the film's stated slopes."""
+    for family, seed in FAMILIES.items():
+        rng, inside, off = np.random.default_rng(seed), [], []
+        for _ in range(HANGING_POSES):
+            motions = [moved(*(rng.uniform(-1, 1, 6) * HANGING_WAY)) for _ in range(2)]
+            found = pose_of_film(motions, rng, STATED, HANGING_MM)
+            off.append(astray(found, motions[1] @ np.linalg.inv(motions[0])))
+            inside.append(np.abs(off[-1]) < BAND_DEVIATIONS * np.sqrt(np.diag(found.covariance)))
+        shares = " ".join(f"{100 * share:.0f}" for share in np.mean(inside, axis=0))
+        value = f"{shares} %, all {100 * np.mean(inside):.0f} %; {largest(off)}"
+        yield f"pose, film hangs {HANGING_MM} mm over, {family}: x, y, z, turns in the band", value
+
+
+def tilted() -> Iterator[Row]:
+    """Five touches of a plate, tilted by about a degree."""
+    for family, seed in FAMILIES.items():
+        stitched = [test_stitch.tilted_parts(seed + n) for n in range(STITCHES)]
+        shares = [test_stitch.held(*each) for each in stitched]
+        off = [np.sqrt(np.nanmean(test_stitch.departure(*each) ** 2)) for each in stitched]
+        each = " ".join(f"{100 * share:.0f}" for share in shares)
+        yield (
+            f"surface of five tilted touches, {family}: in the band",
+            f"{each} %, all {100 * np.mean(shares):.0f} %; {1e3 * min(off):.1f} to "
+            f"{1e3 * max(off):.1f} um off",
+        )
+
+
+def presses() -> Iterator[Row]:
+    """Forces from images of balls on gels, and the gels' moduli from their heights."""
+    with tempfile.TemporaryDirectory() as folder:
+        rig = Rig(folder)
+        pipeline = load("precise", calibration=rig.calibration)
+        for (family, seed), gels in zip(FAMILIES.items(), PRESSED_GELS, strict=True):
+            forces, moduli = [], []
+            for number, gel in enumerate(gels):
+                rng = np.random.default_rng(seed + number)
+                pressed = [pressed_ball(pipeline, rig, gel, rng) for _ in range(PRESSES)]
+                forces.append([each.force() for each in pressed])
+                yield in_band(f"force from images, gel {gel[0]:g} mm, {family}", forces[-1])
+                moduli += [weighed(pressed[n::WEIGHED], Path(folder)) for n in range(WEIGHED)]
+            yield in_band(f"force from images, {family}", np.concatenate(forces))
+            yield in_band(f"modulus without thickness, {family}", moduli)
+
+
+class PressedBall(NamedTuple):
+    """A ball's press on a gel of a thickness in mm and a Poisson's ratio."""
+
+    gel: tuple[float, float]
+    newtons: float
+    found: Result
+
+    def force(self) -> tuple[float, float]:
+        """By how much the force is off, and its deviation, as shares of it."""
+        maps = (self.found[name] for name in ("height", "contact"))
+        gel = {"thickness_mm": self.gel[0], "poisson": self.gel[1]}
+        given = {"modulus_kpa": gel_presses.MODULUS, "error": self.found["error"], **gel}
+        figures = press_to_pressure(*maps, PIXEL, **given).figures
+        force, deviation = (figures[f"contact_force_{each}/c1"] for each in ("n", "sd_n"))
+        return force / self.newtons - 1, deviation / self.newtons
+
+
+def pressed_ball(
+    pipeline: Pipeline, rig: Rig, gel: tuple[float, float], rng: np.random.Generator
+) -> PressedBall:
+    radius, peak = rng.uniform(0.8, 2.4), rng.uniform(20, 50)
+    film = gel_presses.height(*gel, radius, peak, SIZE, PIXEL)
+    image = expose(render(film, PIXEL, rig.lights).light, seed=int(rng.integers(2**31))).image
+    newtons = gel_presses.FORCE * (radius / gel_presses.RADIUS) ** 2 * peak / gel_presses.PEAK
+    return PressedBall(gel, newtons, pipeline(frames=image))
+
+
+def weighed(pressed: list[PressedBall], folder: Path) -> tuple[float, float]:
+    """By how much a modulus without a thickness is off, and its stated error."""
+    with tempfile.TemporaryDirectory(dir=folder) as results:
+        for number, each in enumerate(pressed):
+            (Path(results) / f"{number}").mkdir()
+            write_tiff(Path(results) / f"{number}" / "height.tiff", each.found["height"], PIXEL)
+        forces = tuple(each.newtons for each in pressed)
+        settings = {"force_n": forces, "poisson": pressed[0].gel[1]}
+        figures = calibrate_force(results=Path(results), **settings)
+    return figures["modulus_kpa"] / gel_presses.MODULUS - 1, figures["modulus_error"]
+
+
+def in_band(what: str, rows: list[tuple[float, float]]) -> Row:
+    off, stated = np.transpose(rows)
+    inside = np.mean(np.abs(off) < BAND_DEVIATIONS * stated)
+    value = f"{100 * inside:.0f} % of {len(off)}; off {100 * off.min():+.1f} to "
+    value += f"{100 * off.max():+.1f} %, stated {100 * np.median(stated):.1f} %"
+    return f"{what}: in the band", value
+
+
 def grain() -> Iterator[Row]:
     """Whether the texture of real bare film tells where film at rest is, by phase correlation."""
     mini, six = REAL / "gelsight_mini_balls", REAL / "gelsight_six_led"
@@ -344,6 +451,7 @@ def milliseconds(call: Callable[..., object], *given: object) -> str:
 
 
 KINDS = contacts, poses, slips, surfaces, forces, times, streams, bands, tight, grain, one_shot
+KINDS += presses, hanging, tilted
 PARTS = {part.__name__: part for part in KINDS}
 
 

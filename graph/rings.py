@@ -33,8 +33,6 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 
-from packaging.requirements import InvalidRequirement, Requirement
-
 from tactograph.graph.errors import NodeError, message_of
 
 ENTRY_POINT_GROUP = "tactograph.rings"
@@ -133,7 +131,7 @@ def _readable(points: list[EntryPoint]) -> Iterator[Ring]:
                 "install it again, or uninstall it",
                 stacklevel=2,
             )
-        elif needs := _other_version(point):
+        elif distribution != CORE_PACKAGE and (needs := _other_version(point)):
             warnings.warn(
                 f"ring '{point.name}' of {distribution} takes {needs}, not the installed version; "
                 "install one of them",
@@ -157,6 +155,8 @@ def _folder(package: str) -> Path | None:
 
 def _other_version(point: EntryPoint) -> str:
     """What a ring's distribution requires of tactograph, if the installed version is another."""
+    from packaging.requirements import InvalidRequirement, Requirement
+
     from tactograph import __version__
 
     for text in (point.dist and point.dist.requires) or ():

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -17,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tactograph.graph.backends import intel_runtime, pocl_cache
+from tactograph.graph.disk.disk_cache import cache_folder
 from tactograph.graph.errors import InputError, did_you_mean
 
 if TYPE_CHECKING:
@@ -98,11 +100,16 @@ def choose_device(text: str | None = None) -> tuple[Device | None, str]:
 
 
 def is_new() -> bool:
-    """Return whether no program is built yet for the device that comes first."""
+    """Return whether no program is built yet for the first device, and one can be kept."""
     from tactograph.graph.backends.programs import is_ready
 
     first = next((h for h in _handles() if not _is_simulator(h)), None)
-    return first is not None and not is_ready(first, _PROBE_KERNEL, ())
+    folder = cache_folder()
+    if first is None or folder is None or is_ready(first, _PROBE_KERNEL, ()):
+        return False
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    return os.access(folder, os.W_OK)
 
 
 def how_to_get_one() -> str:

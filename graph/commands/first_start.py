@@ -11,8 +11,12 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
+from importlib import import_module
+from threading import Thread
 from typing import TYPE_CHECKING, Self
 
+from tactograph.graph.backends import PREFERRED_ORDER
+from tactograph.graph.backends.devices import is_new
 from tactograph.graph.commands import RunOptions
 
 if TYPE_CHECKING:
@@ -20,6 +24,8 @@ if TYPE_CHECKING:
     from tactograph.graph.run.pipeline import Pipeline
 
 NO_KERNELS = "no kernel is built for it yet"
+LOWEST_PRIORITY = 19
+"""That of POSIX."""
 
 
 class _KernelsAreBuilt(Exception):  # noqa: N818  (no error)
@@ -28,11 +34,9 @@ class _KernelsAreBuilt(Exception):  # noqa: N818  (no error)
 
 def has_no_kernels(options: RunOptions, graph: Graph) -> bool:
     """Return whether the device has no kernel yet, and neither user nor graph insist on it."""
-    if options.backend or options.device or options.strict or graph.backends != ["opencl", "numpy"]:
-        return False
-    from tactograph.graph.backends.devices import is_new
-
-    return is_new()
+    insists = options.backend or options.device or options.strict
+    bound = any(entry.backend for entry in graph.nodes.values())
+    return not insists and not bound and graph.prefer == PREFERRED_ORDER and is_new()
 
 
 def yields_one(pipeline: Pipeline) -> bool:
@@ -43,6 +47,11 @@ def yields_one(pipeline: Pipeline) -> bool:
         return not stream.reads_two()
     finally:
         stream.close()
+
+
+def import_pictures() -> None:
+    """Import what draws, while the main thread waits for those of NumPy."""
+    Thread(target=import_module, args=("tactograph.graph.show.pictures",), daemon=True).start()
 
 
 class KernelBuilder:
@@ -58,8 +67,8 @@ class KernelBuilder:
             stderr=subprocess.STDOUT,
             text=True,
             env={**os.environ, "PYTHONSAFEPATH": "1"},
-            preexec_fn=lambda: os.nice(19),
         )
+        os.setpriority(os.PRIO_PROCESS, self._process.pid, LOWEST_PRIORITY)
 
     def raise_if_done(self) -> None:
         """Leave the block if the kernels are built."""

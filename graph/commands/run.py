@@ -89,10 +89,11 @@ def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
         if first_start.yields_one(pipeline):
             with first_start.KernelBuilder(wanted.graph, wanted.values, options) as builder:
                 pipeline.before_steps(builder.raise_if_done)
+                first_start.import_pictures()
                 _run_pipeline(pipeline, wanted, line, selection)
-                if not wanted.quiet:
-                    say(f"{read.name}: kernels are being built for later runs; Ctrl-C is safe")
-                    say(builder.last_line())
+                tell = (lambda _: None) if wanted.quiet else say
+                tell(f"{read.name}: kernels are being built for later runs; Ctrl-C is safe")
+                tell(builder.last_line())
                 return
     _run_pipeline(open_it(), wanted, line, selection)
 

@@ -48,7 +48,8 @@ LANED __kernel void lay_out(
     means_of(height, column, down, W, w, rim, factor, 0.0f, heights);
     for (int l = 0; l < LANES; ++l) {
         const Side across = side(column + l, W, w, rim, factor, pixel);
-        const int inside = across.pixels > 0 && down.pixels > 0;
+        const int partial = across.aside > 0.0f || down.aside > 0.0f;
+        const int inside = across.pixels > 0 && down.pixels > 0 && (!slope || partial);
         rises[l] = inside ? mean_slope(height, across, down, W, 1, W) / pixel : 0.0f;
         falls[l] = inside ? mean_slope(height, down, across, H, W, 1) / pixel : 0.0f;
         heights[l] += across.aside * rises[l] + down.aside * falls[l];

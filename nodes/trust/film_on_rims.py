@@ -4,6 +4,7 @@ from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, U1, Height, Lens, Mask
@@ -24,10 +25,7 @@ class FilmOnRims(NamedTuple):
 
 @node
 def film_on_rims(
-    height: Height,
-    rims: Mask,
-    like: Annotated[F4, Port("K r c", "1")],
-    lens: Lens | None = None,
+    height: Height, rims: Mask, like: Annotated[F4, Port("K r c", "1")], lens: Lens | None = None
 ) -> FilmOnRims:
     """Return 1 where touched film is rim, or rims close it in; else 0.
 
@@ -41,10 +39,10 @@ def film_on_rims(
     lens : length 8, as `read_lens` gives it; without it the image is not distorted
     """
     touched = height > TOUCHED_SHARE * float(height.max())
-    hanging = np.zeros(rims.shape, bool)
-    if rims.any():
-        count, parts = cv2.connectedComponents(1 - rims, connectivity=4)
-        measured = np.zeros(count, bool)
+    hanging: NDArray[np.bool_] = rims.view(np.bool_)
+    if hanging.any():
+        number, parts = cv2.connectedComponents(1 - rims, connectivity=4)
+        measured = np.zeros(number, bool)
         measured[parts[~touched]] = True
         measured[0] = False  # the rims
         hanging = touched & ~measured[parts]

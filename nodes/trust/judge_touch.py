@@ -132,10 +132,7 @@ def judge_touch(
 
 
 def _sentence(
-    causes: list[str],
-    evidence: TouchEvidence,
-    motion: FilmMotion | None,
-    on_rims: bool,
+    causes: list[str], evidence: TouchEvidence, motion: FilmMotion | None, on_rims: bool
 ) -> str:
     """The causes with the facts of this touch."""
     brighter, change = evidence.read().brighter, evidence.level.astype(np.float64) - 1

@@ -18,11 +18,7 @@ from tactograph.nodes import (
     Slope,
     Uneven,
 )
-from tactograph.nodes.optics.near_light import (
-    brightness_share,
-    expected_light,
-    light_vectors,
-)
+from tactograph.nodes.optics.near_light import brightness_share, expected_light, light_vectors
 from tactograph.nodes.trust.checked_cells import DARK_LIGHT, MIN_LIGHT, NOT_TESTED
 
 Departure = Annotated[F4, Port("H W", "1", low=-1, high=25)]

@@ -10,10 +10,11 @@ not.
 import math
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, combinations
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.nodes import F4, CoarseLight, LightPositions
 from tactograph.nodes.light.film_drift import CALM_DEPARTURES
@@ -209,7 +210,7 @@ def _without_one(raw: F4) -> Iterator[_Mistake]:
         )
 
 
-def _unexplained(light: F4, lights: LightPositions) -> float:
+def _unexplained(light: NDArray[Any], lights: LightPositions) -> float:
     """What a matt film leaves of the light: residual, length of the normal, curl, film at rest."""
     median = np.median(light, axis=(1, 2), keepdims=True)
     light = np.asarray(light / np.maximum(median, MIN_LIGHT), np.float32)

@@ -62,7 +62,4 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     """Noise on ripples, every third row of it moved, and some pixels that show no film."""
     light = 1 + 0.2 * np.sin(np.arange(W) / 5) + rng.normal(0, 0.01, (K, H, W))
     light[:, ::3] += 0.1
-    return {
-        "light": light.astype(np.float32),
-        "area": (rng.random((H, W)) < 0.98).astype(np.uint8),
-    }
+    return {"light": light.astype(np.float32), "area": (rng.random((H, W)) < 0.98).astype(np.uint8)}

@@ -112,7 +112,7 @@ def touch_evidence(
     matt : K x H x W, the light as of a matt film
     max_dimming : share of the light that film may lack under all LEDs
     """
-    of_light = 0.0, 0.0, 0.0, 0.0, -1.0
+    of_light: tuple[float, ...] = 0.0, 0.0, 0.0, 0.0, -1.0
     if departure is not None and slope is not None:
         of_light = _of_light(departure, slope, brighter, used, matt, shadow, max_dimming)
     level, of_film = _of_film(light, height, drift)

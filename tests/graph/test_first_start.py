@@ -1,5 +1,6 @@
 """The first run on a device: NumPy computes a single touch while its kernels are built."""
 
+import os
 import signal
 import subprocess
 from pathlib import Path
@@ -35,9 +36,9 @@ def run(about: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Comm
     monkeypatch.delenv("PYOPENCL_NO_CACHE")
     build.cache_clear()
 
-    def run_graph(*words: str, capture: Path = CAPTURES / "cat_film") -> Outcome:
+    def run_graph(*words: str, capture: Path = CAPTURES / "cat_film", text: str = GRAPH) -> Outcome:
         places = f"capture={capture}", f"out={tmp_path}"
-        done = about("run", GRAPH, *places, "--keep", "small", *words)
+        done = about("run", text, *places, "--keep", "small", *words)
         assert done.code == 0, done.err
         return done
 
@@ -76,6 +77,26 @@ def test_whoever_chooses_a_back_end_gets_it(run: Command, words: tuple[str, ...]
     assert "built" not in done.out
 
 
+def test_a_quiet_first_run_builds_the_kernels_too(run: Command, tmp_path: Path) -> None:
+    first = run("--quiet")
+    assert first.out == ""
+    assert first.err.startswith("fallback: ")
+    assert run().err == ""
+
+
+def test_a_node_that_is_bound_to_the_device_runs_there(run: Command) -> None:
+    assert (
+        "fallback" not in run(text=GRAPH.replace("factor: 8}", "factor: 8}, backend: opencl")).err
+    )
+
+
+def test_what_no_folder_can_keep_is_built_for_the_run_alone(
+    run: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path / "graph.yaml" / "cache"))
+    assert "fallback" not in run().err
+
+
 def test_a_stream_of_several_touches_runs_on_the_device(run: Command, tmp_path: Path) -> None:
     for name in ("a", "b"):
         (tmp_path / "touches" / name).parent.mkdir(exist_ok=True)
@@ -93,7 +114,7 @@ def test_the_device_computes_a_touch_whose_kernels_are_there_before_numpy_is_don
     def begin_and_wait(*words: object, **more: object) -> object:
         process = begin(*words, **more)
         if "warm" in words[0]:
-            process.wait()
+            os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
         return process
 
     monkeypatch.setattr(first_start.subprocess, "Popen", begin_and_wait)
@@ -107,3 +128,11 @@ def test_nothing_is_built_any_more_once_a_run_has_failed() -> None:
     with pytest.raises(KeyError), first_start.KernelBuilder("reconstruct", (), options) as builder:
         raise KeyError
     assert builder._process.returncode == -signal.SIGTERM
+
+
+def test_ctrl_c_after_the_result_ends_the_building_alone(
+    run: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stopped = Mock(side_effect=[KeyboardInterrupt, ("", "")])
+    monkeypatch.setattr(first_start.subprocess.Popen, "communicate", stopped)
+    assert run().out.endswith("stopped; the next run builds the rest\n")

@@ -101,7 +101,7 @@ class Balls:
         return replace(self, **some, beneath=beneath)
 
     def thinned(self, most: int = MAX_INDEPENDENT_SAMPLES) -> Self:
-        """Return about `most` samples evenly over each ball, and one or more of each of its parts."""
+        """Return about `most` samples, evenly over each ball, but one or more for each part."""
         each = max(BALL_PARTS, most // len(self.centre))
         first = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
         number = np.arange(self.ball.size) - first[self.ball]
@@ -120,7 +120,7 @@ class Balls:
     @property
     def pressed_slope(self) -> float:
         """The steepest slope of balls within their contacts, up to the steepest of a sample."""
-        slant = math.asin(min((self.rim / self.radius)[self.ball].max(), 1))
+        slant = math.asin(min(float((self.rim / self.radius)[self.ball].max()), 1))
         return min(math.tan(slant), MAX_SAMPLE_SLOPE)
 
     def scale(self, residual: F8) -> float:

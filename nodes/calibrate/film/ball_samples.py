@@ -183,7 +183,7 @@ def sample_balls(
     film : the film, whose LEDs and coat determine the light from film to film
     noise, pixel : (shot, read), mm per px
     most : most samples of all balls together, but at least one for each of a
-        ball's parts (`BALL_PARTS`); None: all pixels
+        ball's parts (`Balls.thinned`); None: all pixels
     bare
         S x W, 0 on pixels that are left out.  None: no pixel is left out.
     shifts

@@ -10,6 +10,7 @@ from tactograph.graph import node
 from tactograph.nodes import Film, LabelTurn, Light, Metrics, Noise, PixelSize
 from tactograph.nodes.calibrate.rating.hold_out_presses import BallPlaces
 from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
+from tactograph.nodes.calibrate.rating.verdict import pays
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.film import direct_share
@@ -20,8 +21,6 @@ from tactograph.nodes.slope.height_slopes import height_slopes
 
 CAUTIOUS_TURN_RAD = 0.8
 """Angle by which leaving LEDs out must turn a normal where labels cost: as at a crack."""
-MAX_COST_DEG = 0.003
-"""Loss up to which labels stand: presses without shadows give no evidence on labels."""
 MIN_DIFFUSED_SHARE = 0.1
 """Mean share of diffused light from which shadows are bright; a clear gel has 0.25 to 0.4."""
 MAX_JUDGED_BALLS = 12
@@ -54,9 +53,9 @@ def judge_labels(
     In a gel that diffuses light shadows are bright, and an LED that is left out takes what it
     tells along: slopes around a ball no longer fit together, which bends the height inside.  So
     balls are measured with labels, and with those alone that turn a normal by
-    `CAUTIOUS_TURN_RAD`.  Where labels cost more than `MAX_COST_DEG`, only the latter are given.
-    No label is fitted to a press, so all presses are held out.  Where film diffuses hardly any
-    light, shadows are dark, and labels stand; so they do where no ball is in shadow.
+    `CAUTIOUS_TURN_RAD`.  Where that `pays`, only these are given; one ball alone has no standard
+    error.  No label is fitted to a press, so all presses are held out.  Where film diffuses hardly
+    any light, shadows are dark, and labels stand; so they do where no ball is in shadow.
 
     Parameters
     ----------
@@ -79,13 +78,16 @@ def judge_labels(
     if film.diffuse.mean() < MIN_DIFFUSED_SHARE or not used.size:
         return LabelGain(0.0, {})
     sheets = [cut(sheet, flat.shape[1]) for sheet in (image, light, matt, height)]
-    gains = []
-    for ball in used[:: -(-used.size // MAX_JUDGED_BALLS)]:
-        press = [sheet[balls.of[ball]] for sheet in sheets]
-        errors = list(_errors(press, flat, film, balls, ball, noise, pixel))
-        gains.append(errors[1] - errors[0])
-    gain = float(np.median(gains))
-    return LabelGain(0.0 if gain > -MAX_COST_DEG else CAUTIOUS_TURN_RAD, {"labels_gain_deg": gain})
+    errors = np.array(
+        [
+            [*_errors([s[balls.of[ball]] for s in sheets], flat, film, balls, ball, noise, pixel)]
+            for ball in used[:: -(-used.size // MAX_JUDGED_BALLS)]
+        ]
+    )
+    every, cautious = errors.T
+    cost = pays([*every], [*cautious]) if len(errors) > 1 else cautious[0] < every[0]
+    gain = {"labels_gain_deg": float(np.median(cautious - every))}
+    return LabelGain(CAUTIOUS_TURN_RAD if cost else 0.0, gain)
 
 
 def _errors(
@@ -97,7 +99,7 @@ def _errors(
     noise: Noise,
     pixel: float,
 ) -> Iterator[float]:
-    """Mean angles between normals of a ball and of its height, with labels and without."""
+    """Mean angles between normals of a ball and of its height, with all labels and with few."""
     circle, radius = balls.circle[ball].astype(np.float64), float(balls.radius[ball]) / pixel
     rows, columns = (
         slice(max(0, int(at - REACH_RADII * radius)), int(at + REACH_RADII * radius) + 2)

@@ -44,10 +44,7 @@ class Verdicts(NamedTuple):
 
 
 @node
-def judge_film(
-    change: FilmChange,
-    pixel: PixelSize,
-) -> Verdicts:
+def judge_film(change: FilmChange, pixel: PixelSize) -> Verdicts:
     """Return a verdict on the LEDs, the film, the lens, ambient light and the camera.
 
     Parameters

@@ -5,7 +5,7 @@ import sys
 
 import cv2
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
 from tactograph.rings.live.nodes.camera._camera_names import named_cameras
 from tactograph.rings.live.nodes.camera._genicam_camera import (
@@ -35,41 +35,35 @@ def list_cameras() -> None:
     industrial = genicam_cameras() if os.environ.get(PRODUCER_VARIABLE) else []
     if sys.platform != "linux" and not industrial:
         raise InputError("cameras are listed on Linux only; elsewhere try the indices 0, 1, ...")
-    cameras = named_cameras()
-    table = Table(box=None, pad_edge=False)
-    for title in ("device", "name", "serial", "formats, sizes and frames per second"):
-        table.add_column(title, overflow="fold")
-    hint = ""
-    for camera in cameras:
+    cameras = [(camera, _formats) for camera in named_cameras()]
+    cameras += [(camera, _pixel_formats) for camera in industrial]
+    titles = "device", "name", "serial", "formats, sizes and frames per second"
+    table = Table(*(Column(title, overflow="fold") for title in titles), box=None, pad_edge=False)
+    hint = "" if cameras else "no camera is plugged in, or the kernel knows none"
+    for camera, formats_of in cameras:
         try:
-            formats = "\n".join(_formats(camera.device))
+            formats = formats_of(camera.device)
         except InputError as error:
-            formats, hint = "", str(error)
+            formats, hint = "", f"formats are not listed: {error}"
         table.add_row(camera.device, camera.name, camera.serial or "-", formats)
-    for camera in industrial:
-        table.add_row(camera.device, camera.name, camera.serial, _pixel_formats(camera.device))
-    if not cameras and not industrial:
-        print("no camera is plugged in, or the kernel knows none")
-        return
-    Console(width=None if sys.stdout.isatty() else 120).print(table)
+    if cameras:
+        Console(width=None if sys.stdout.isatty() else 120).print(table)
     if hint:
-        print(f"formats are not listed: {hint}")
+        print(hint)
 
 
-def _formats(device: str) -> list[str]:
+def _formats(device: str) -> str:
     """One line per pixel format: sizes, and the fastest rate of each."""
     video = linuxpy()
-    lines: dict[str, list[str]] = {}
+    sizes: dict[str, dict[str, None]] = {}
     try:
         with video.Device(device) as opened:
             for kind in opened.info.frame_types:
                 size = f"{kind.width}x{kind.height}@{float(kind.max_fps):g}"
-                lines.setdefault(kind.pixel_format.name, [])
-                if size not in lines[kind.pixel_format.name]:
-                    lines[kind.pixel_format.name].append(size)
+                sizes.setdefault(kind.pixel_format.name, {})[size] = None
     except OSError as error:
-        return [f"cannot be opened: {error.strerror or error}"]
-    return [f"{name}: {' '.join(sizes)}" for name, sizes in lines.items()]
+        return f"cannot be opened: {error.strerror or error}"
+    return "\n".join(f"{name}: {' '.join(each)}" for name, each in sizes.items())
 
 
 def _pixel_formats(camera: str) -> str:

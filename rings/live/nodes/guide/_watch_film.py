@@ -3,7 +3,7 @@
 import sys
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Literal, TypeVar
 
@@ -76,28 +76,22 @@ def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, 
     InputError
         If an LED gives no light; if something moves for longer than `patience_s`.
     """
-    end = time.monotonic() + patience_s
     leds = sorted(led for led in rig.cycle if led)
-    while time.monotonic() < end:
+
+    def means() -> Iterator[F4 | None]:
         # The first LED is captured again at the end, to detect a touch in between.
-        means = []
-        for led in (0, *leds, leds[0]):
+        for led in (*leds, 0, leds[0]):
             rig.lamps.hold(led)
-            means.append(_mean_of_frames(rig.camera, time.monotonic() + SETTLE_S, bits))
-        frames = [mean for mean in means if mean is not None]
-        if len(frames) < len(means):
-            continue
-        dark, image = frames[0], np.stack(frames[1:-1])
-        for led, plane in zip(leds, image, strict=True):
-            if float((plane - dark).mean()) < MIN_LED_LIGHT:
-                raise InputError(
-                    f"LED {led} gives no light on the film; look at its wires and at the "
-                    "exposure ('tactograph run check_leds' lights each in turn)"
-                )
-        one, later = (cells(plane) - cells(dark) for plane in (image[0], frames[-1]))
-        if _change(one, later, one) < MIN_MOTION:
-            return image, dark
-    raise InputError(_restless(patience_s))
+            yield _mean_of_frames(rig.camera, time.monotonic() + SETTLE_S, bits)
+
+    *image, dark, _ = _at_rest(means, patience_s)
+    for led, plane in zip(leds, image, strict=True):
+        if float((plane - dark).mean()) < MIN_LED_LIGHT:
+            raise InputError(
+                f"LED {led} gives no light on the film; look at its wires and at the "
+                "exposure ('tactograph run check_leds' lights each in turn)"
+            )
+    return np.stack(image), dark
 
 
 def colours_at_rest(camera: Camera, bits: int | None, patience_s: float) -> F4:
@@ -108,25 +102,31 @@ def colours_at_rest(camera: Camera, bits: int | None, patience_s: float) -> F4:
     InputError
         If a colour gives no light; if something moves for longer than `patience_s`.
     """
+
+    def means() -> Iterator[F4 | None]:
+        for _ in range(2):
+            yield _mean_of_frames(camera, time.monotonic(), bits)
+
+    one, later = _at_rest(means, patience_s)
+    for colour, plane in zip(("blue", "green", "red"), np.moveaxis(one, -1, 0), strict=True):
+        if float(plane.mean()) < MIN_LED_LIGHT:
+            raise InputError(
+                f"{colour} gives no light on the film; look at the sensor's LEDs and the exposure"
+            )
+    return (one + later) * np.float32(0.5)
+
+
+def _at_rest(means: Callable[[], Iterable[F4 | None]], patience_s: float) -> list[F4]:
+    """Capture again and again until the last of the images shows what the first does."""
     end = time.monotonic() + patience_s
     while time.monotonic() < end:
-        one, later = (_mean_of_frames(camera, time.monotonic(), bits) for _ in range(2))
-        if one is None or later is None:
-            continue
-        if _change(cells(one), cells(later), cells(one)) > MIN_MOTION:
-            continue
-        for colour, plane in zip(("blue", "green", "red"), np.moveaxis(one, -1, 0), strict=True):
-            if float(plane.mean()) < MIN_LED_LIGHT:
-                raise InputError(
-                    f"{colour} gives no light on the film; look at the sensor's LEDs and at the "
-                    "exposure"
-                )
-        return (one + later) * np.float32(0.5)
-    raise InputError(_restless(patience_s))
-
-
-def _restless(patience_s: float) -> str:
-    return (
+        images = [*means()]
+        still = [image for image in images if image is not None]
+        if len(still) == len(images):
+            first, last = cells(still[0]), cells(still[-1])
+            if _change(first, last, first) < MIN_MOTION:
+                return still
+    raise InputError(
         f"the film does not come to rest within {patience_s:g} s; take everything off it, keep "
         "other light out, and turn the camera's automatic exposure off"
     )

@@ -14,11 +14,25 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
     wave_numbers,
 )
 from tactograph.sdk import F4, F8
+from tactograph.sdk.nodes import integrate_dct
 from tactograph.sdk.unstable import cores
 
 ENOUGH_SHARE = 1e-6
 """Share of the load that is left when conjugate gradients end early."""
 MAX_STEPS = 8
+EDGE_CELLS = 2.0
+"""Over which pressures are smoothed to find where they end; they reach three times as far."""
+
+
+class Pressed(NamedTuple):
+    """What presses on H x W cells."""
+
+    pressure: F4
+    """kPa."""
+    inside: F4
+    """Share of each cell that is pressed."""
+    misfit: F4
+    """mm, by how much the height is too low where the layer is right about film that hangs."""
 
 
 class PressedLayer(NamedTuple):
@@ -26,37 +40,52 @@ class PressedLayer(NamedTuple):
 
     k: F8
     answer: Compliance
-    wider: F8
-    """The normal answer to the waves of as many cells, each twice as wide."""
     side: int
     """Of a cell in pixels."""
     cell_mm: float
 
-    def pressure(self, height: F4, inside: F4) -> F4:
-        """The pressure in kPa on each cell's share of contact, by least squares of slopes."""
-        return self._solved(inside * filtered(height, self._to_load()), inside)
+    def pressed(self, height: F4, inside: F4) -> Pressed:
+        """The pressure by least squares of slopes, inside the contacts as far as they push.
+
+        Film that hangs beside an object is raised and pulls at nothing.  So pressures below zero
+        are errors, which push as often as they pull: what is within their size is no contact.
+
+        A pressure also moves film aside, and a height is seen where the film has moved to: to
+        first order that is the way aside times the slope.
+        """
+        first = self._pressure(height, inside)
+        pulls, smooth = first[first < 0], cv2.GaussianBlur(first, (0, 0), EDGE_CELLS)
+        least = float(np.sqrt(np.mean(pulls**2))) if pulls.size else 0.0
+        pushed = np.where(smooth > min(least, float(smooth.max()) / 2), inside, np.float32(0))
+        answer = self.answer.coupled / np.maximum(self.k, self.k[0, 1])
+        ways, slopes = np.gradient(filtered(first * pushed, answer)), np.gradient(height)
+        moved = sum(way * slope for way, slope in zip(ways, slopes, strict=True))
+        height = height + moved / self.cell_mm**2
+        pressure = self._pressure(height, pushed)
+        apart = filtered(pressure * pushed, self.answer.normal) - height
+        return Pressed(pressure, pushed, self._misfit(apart, pushed))
 
     def sensitivity(self, inside: F4, part: F4) -> F4:
         """The derivative by the height of all pressure on a part of the contact."""
         return filtered(inside * self._solved(part, inside), self._to_load())
 
-    def strayed(self, height: F4, pressure: F4) -> tuple[F4, F4]:
-        """By how much the linear layer's height may be another than the one seen, in mm.
+    def _misfit(self, apart: F4, pushed: F4) -> F4:
+        """By how much a height is too low that is `apart` from the layer's where film hangs.
 
-        A pressure also moves film aside, and a height is seen where the film has moved to: to
-        first order that is the way aside times the slope.  The cosine transform mirrors every press
-        at the frame's border; in a frame twice as wide its mirror images are farther away.
+        A sensor holds film at zero that it takes for film at rest, and takes the light of its
+        slopes, which change over the frame, for LEDs that have drifted, also where film is pushed.
         """
-        potential = filtered(pressure, self.answer.coupled / np.maximum(self.k, self.k[0, 1]))
-        slopes = zip(np.gradient(potential), np.gradient(height), strict=True)
-        aside = sum(way * slope for way, slope in slopes) / self.cell_mm**2
-        size = (rows, columns) = pressure.shape
-        half = -(-columns // 2), -(-rows // 2)
-        top, left = (rows - half[1]) // 2, (columns - half[0]) // 2
-        within, lone = np.s_[top : top + half[1], left : left + half[0]], np.zeros(size, np.float32)
-        lone[within] = cv2.resize(pressure, half, interpolation=cv2.INTER_AREA)
-        alone = cv2.resize(filtered(lone, self.wider)[within], (columns, rows))
-        return np.asarray(aside, np.float32), filtered(pressure, self.answer.normal) - alone
+        away = cv2.distanceTransform((pushed == 0).view(np.uint8), cv2.DIST_L2, 3)
+        beside = away > 3 * EDGE_CELLS
+        slopes = np.stack(np.gradient(apart, self.cell_mm)[::-1])
+        y, x = np.indices(apart.shape, np.float32)
+        terms = np.stack([np.ones_like(x), x, y], axis=-1)
+        drift, *_ = np.linalg.lstsq(terms[beside], slopes[:, beside].T, rcond=None)
+        both = np.where(beside, slopes, np.moveaxis(terms @ drift, -1, 0))
+        return integrate_dct(both.astype(np.float32), self.cell_mm)
+
+    def _pressure(self, height: F4, inside: F4) -> F4:
+        return self._solved(inside * filtered(height, self._to_load()), inside)
 
     def _weight(self) -> F8:
         return (self.answer.normal * self.k) ** 2
@@ -87,9 +116,8 @@ def pressed_layer(
     """Return the layer under a frame of H x W pixels, on cells of `side` pixels."""
     rows, columns = (-(-size // side) for size in shape)
     k = wave_numbers((rows, columns), side * pixel)
-    answers = (layer_compliance(each, thickness, poisson) for each in (k, k / 2))
-    answer, wider = (Compliance(*(each / modulus for each in answer)) for answer in answers)
-    return PressedLayer(k, answer, wider.normal, side, side * pixel)
+    answer = Compliance(*(each / modulus for each in layer_compliance(k, thickness, poisson)))
+    return PressedLayer(k, answer, side, side * pixel)
 
 
 def in_cells(plane: NDArray[Any], side: int) -> F4:

@@ -3,12 +3,12 @@
 import csv
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
-import cv2
 import numpy as np
 from annotated_types import Ge, Gt
 from scipy.optimize import minimize_scalar
+from scipy.special import ndtri, stdtrit
 
 from tactograph.rings.mechanics.nodes.force.elastic_layer import (
     MODULUS_RANGE_KPA,
@@ -20,8 +20,11 @@ from tactograph.sdk import F4, F8, Contacts, InputError, Metrics, node, read_hei
 from tactograph.sdk.nodes import find_contact, read_height
 from tactograph.sdk.unstable import MAX_CONTACTS
 
+BAND_TAIL = 0.95
+"""Share of values below the upper end of a band of 90 per cent, in which errors are stated."""
 THICKNESS_RANGE_MM = 0.3, 30.0
-"""Range in mm that a thickness is looked for in."""
+THICKNESS_COUNT = 12
+"""Range in mm that a thickness is looked for in, and on how many it begins: by halves more each."""
 MIN_PRESSES = 3
 """Fewest presses that tell modulus and thickness apart."""
 LEAST_SPREAD = 0.05
@@ -30,8 +33,6 @@ THICKNESS_STEP = 1.01
 """Thickness, over that which is found, at which the modulus's dependence on it is taken."""
 MAX_SPREAD = 0.1
 """Relative spread of the modulus over the presses that causes a warning."""
-CELL_PX = 2
-"""Side in px of the cells of pressure, as in `press_to_pressure`."""
 FORCE_COLUMN = "force_n"
 Newtons = Annotated[float, Gt(0)]
 
@@ -69,9 +70,8 @@ def calibrate_force(
     Returns
     -------
     dict
-        ``modulus_kpa``, ``thickness_mm``; ``edge_percent``, what force a contact's edge a cell
-        farther out would add (root mean square); ``thickness_percent``, what the thickness's error
-        does to the modulus.  From two presses on ``held_out_n`` and ``held_out_percent``, root mean
+        ``modulus_kpa``, ``thickness_mm``; ``thickness_percent``, what the thickness's error does to
+        the modulus.  From two presses on ``held_out_n`` and ``held_out_percent``, root mean
         square distance of a press's force from that by the modulus of the others (and the thickness
         of all), and ``modulus_error``, its relative standard deviation: by what moduli differ by,
         by what the presses' forces err by (`press_to_pressure`), and by the thickness.
@@ -91,21 +91,24 @@ def calibrate_force(
         )
 
     def moduli(thickness: float) -> F8:
-        return newtons / np.array([_force(press, thickness, poisson).newtons for press in presses])
+        return newtons / np.array([_force(press, thickness, poisson)[0] for press in presses])
 
     def spread_at(log: float) -> float:
         return float(np.std(np.log(moduli(float(np.exp(log))))))
 
     gel_mm = thickness_mm
     if gel_mm is None:
-        low, high = (float(np.log(end)) for end in THICKNESS_RANGE_MM)
-        if max(spread_at(low), spread_at(high)) < LEAST_SPREAD:
+        logs = np.linspace(*np.log(THICKNESS_RANGE_MM), THICKNESS_COUNT)
+        spreads = [spread_at(float(log)) for log in logs]
+        if max(spreads) < LEAST_SPREAD:
             raise InputError(
                 f"{results}: the presses are too alike to tell the thickness: press balls of "
                 "different radii, or measure `thickness_mm`"
             )
+        # Layers far too thin fit alike again: of several minima the lowest counts.
+        bounds = logs[np.argmin(spreads)] + (logs[1] - logs[0]) * np.array([-1, 1])
         minimum = minimize_scalar(
-            spread_at, bounds=(low, high), method="bounded", options={"xatol": 0.01}
+            spread_at, bounds=bounds, method="bounded", options={"xatol": 0.01}
         )
         gel_mm = float(np.exp(minimum.x))
     each = moduli(gel_mm)
@@ -121,15 +124,12 @@ def calibrate_force(
             f"{results}: the modulus would be {modulus:.3g} kPa, which no gel has: are forces in "
             "newtons, and the thickness in mm?"
         )
-    at = [_force(press, gel_mm, poisson) for press in presses]
     thicker = moduli(gel_mm * THICKNESS_STEP)
     by_thickness = float(np.mean(np.log(thicker / each)) / np.log(THICKNESS_STEP))
     unsure = abs(by_thickness) * thickness_error_mm / gel_mm if thickness_mm is not None else 0.0
-    edges = np.array([force.edge / force.newtons for force in at])
     figures = {
         "modulus_kpa": modulus,
         "thickness_mm": gel_mm,
-        "edge_percent": 100 * float(np.sqrt(np.mean(edges**2))),
         "thickness_percent": 100 * unsure,
     }
     if len(each) > 1:
@@ -137,7 +137,8 @@ def calibrate_force(
         off = others / each - 1
         figures["held_out_n"] = float(np.sqrt(np.mean((off * newtons) ** 2)))
         figures["held_out_percent"] = 100 * float(np.sqrt(np.mean(off**2)))
-        errs = np.array([force.deviation / force.newtons for force in at])
+        at = np.array([_force(press, gel_mm, poisson) for press in presses])
+        errs = at[:, 1] / at[:, 0]
         fitted = thickness_mm is None
         chance = _relative_error(each, thicker if fitted else each, errs, fitted=fitted)
         figures["modulus_error"] = float(np.hypot(chance, unsure))
@@ -151,8 +152,10 @@ def _relative_error(moduli: F8, thicker: F8, errs: F8, fitted: bool) -> float:
     that their mean error stays in the modulus.  `thicker` are the moduli of a thicker gel: where
     the thickness is fitted, it is a second unknown.
     """
-    unknowns = 1 + fitted
-    spread = np.std(moduli) / np.mean(moduli) * np.sqrt(len(moduli) / (len(moduli) - unknowns))
+    unknowns, count = 1 + fitted, len(moduli)
+    spread = np.std(moduli) / np.mean(moduli) * np.sqrt(count / (count - unknowns))
+    # So few tell a deviation badly: Student's band is wider than that of a known one.
+    spread *= stdtrit(count - unknowns, BAND_TAIL) / ndtri(BAND_TAIL)
     by = np.stack([np.ones_like(moduli), np.log(thicker / moduli)], axis=1)[:, :unknowns]
     weighted = by / np.hypot(errs, spread)[:, None]
     chance = np.linalg.inv(weighted.T @ weighted)[0, 0]
@@ -221,24 +224,15 @@ def _presses(results: Path, names: Iterable[str]) -> Sequence[tuple[F4, Contacts
     return presses
 
 
-class _Force(NamedTuple):
-    """Of all contacts at a modulus of 1 kPa, its standard deviation, and what the edge adds."""
-
-    newtons: float
-    deviation: float
-    edge: float
-
-
-def _force(press: tuple[F4, Contacts, float], thickness: float, poisson: float) -> _Force:
+def _force(
+    press: tuple[F4, Contacts, float], thickness: float, poisson: float
+) -> tuple[float, float]:
+    """The force of all contacts at a modulus of 1 kPa, and its standard deviation."""
     height, contact, pixel = press
     gel = {"modulus_kpa": 1.0, "thickness_mm": thickness, "poisson": poisson}
-    wider = cv2.dilate(contact, np.ones((2 * CELL_PX + 1,) * 2, np.uint8))
     exact = np.zeros_like(height)
-    settings = {"cell_px": CELL_PX, "most": MAX_CONTACTS}
-    figures = press_to_pressure(height, contact, pixel, exact, **gel, **settings).figures
-    farther = press_to_pressure(height, wider, pixel, **gel, **settings).figures
-    total, deviation = (_total(figures, each) for each in ("n", "sd_n"))
-    return _Force(total, deviation, _total(farther, "n") - total)
+    figures = press_to_pressure(height, contact, pixel, exact, **gel, most=MAX_CONTACTS).figures
+    return _total(figures, "n"), _total(figures, "sd_n")
 
 
 def _total(figures: Metrics, what: str) -> float:

@@ -8,7 +8,6 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 
 from tactograph.rings.mechanics.nodes.force._pressed_layer import (
-    PressedLayer,
     force_deviation,
     in_cells,
     pressed_layer,
@@ -81,8 +80,8 @@ def press_to_pressure(
     pixel : mm per px
     error
         H x W, the height's standard deviation in mm; without it forces have no deviation.  With
-        it they have that of the height, of the contact's edge (a cell), of film that moves aside,
-        of presses that the frame mirrors, and of the modulus.
+        it they have that of the height, of what it departs from the layer's where film hangs free,
+        and of the modulus.
     view : the calibration, for the lens and the camera's height; None: an even grid
     modulus_kpa : Young's modulus of the gel
     thickness_mm : of the gel, between film and window
@@ -101,15 +100,26 @@ def press_to_pressure(
     numbers = largest_contacts(contact, most)
     layer = pressed_layer(height.shape, pixel, cell_px, modulus_kpa, thickness_mm, poisson)
     place = _Place(height, view or View())
-    by_cell = layer.pressure(place.cells(height, cell_px), place.cells(contact > 0, cell_px))
-    size = by_cell.shape[1] * cell_px, by_cell.shape[0] * cell_px
-    enlarged = np.asarray(cv2.resize(by_cell, size, interpolation=cv2.INTER_LINEAR), np.float32)
+    touched = place.cells(contact > 0, cell_px)
+    cells = layer.pressed(place.cells(height, cell_px), touched)
+    size = touched.shape[1] * cell_px, touched.shape[0] * cell_px
+    enlarged = cv2.resize(cells.pressure, size, interpolation=cv2.INTER_LINEAR)
     apparent = place.apparent(enlarged[: height.shape[0], : height.shape[1]])
     pressure = np.where(contact > 0, apparent, np.float32(0))
     figures = _figures(pressure, contact, numbers, pixel**2 * place.areas)
     if error is not None:
-        cells = place.cells(height, cell_px), by_cell, place.cells(error, cell_px)
-        figures |= _deviations(layer, place, contact, *cells, figures, modulus_error)
+        stated = place.cells(error, cell_px)
+        for name in [name for name in figures if name.startswith("contact_force_n/")]:
+            number = int(name.rpartition("/c")[2])
+            part = cells.inside * place.cells(contact == number, cell_px)
+            by_height = layer.sensitivity(cells.inside, part)
+            causes = (
+                force_deviation(by_height * stated, layer.k),
+                float((by_height * cells.misfit).sum()),
+            )
+            by_causes = NEWTONS_PER_KPA_MM2 * layer.cell_mm**2 * np.hypot(*causes)
+            of_modulus = modulus_error * figures[name]
+            figures[f"contact_force_sd_n/c{number}"] = float(np.hypot(by_causes, of_modulus))
     return PressForce(pressure, figures)
 
 
@@ -141,40 +151,6 @@ class _Place:
             for place, size in zip(self._places, (columns, rows), strict=True)
         )
         return np.asarray(cv2.remap(plane, x, y, cv2.INTER_LINEAR))
-
-
-def _deviations(
-    layer: PressedLayer,
-    place: _Place,
-    contact: Contacts,
-    height: F4,
-    pressure: F4,
-    stated: F4,
-    figures: Metrics,
-    modulus_error: float,
-) -> Metrics:
-    """The forces' standard deviations; height, pressure and stated error are those of cells.
-
-    A contact's edge may lie a cell farther out: what force that adds is an error as well.
-    """
-    side, cell_n = layer.side, NEWTONS_PER_KPA_MM2 * layer.cell_mm**2
-    wider = cv2.dilate(contact, np.ones((2 * side + 1,) * 2, np.uint8))
-    inside, wide_in = place.cells(contact > 0, side), place.cells(wider > 0, side)
-    wide = layer.pressure(height, wide_in)
-    strayed = layer.strayed(height, inside * pressure)
-    deviations: Metrics = {}
-    for name in [name for name in figures if name.startswith("contact_force_n/")]:
-        number = int(name.rpartition("/c")[2])
-        part = place.cells(contact == number, side)
-        edge = float((place.cells(wider == number, side) * wide).sum() - (part * pressure).sum())
-        by_height = layer.sensitivity(inside, part)
-        chance = force_deviation(by_height * stated, layer.k)
-        causes = [edge, chance, *(float((by_height * each).sum()) for each in strayed)]
-        of_modulus = modulus_error * figures[name]
-        deviations[f"contact_force_sd_n/c{number}"] = float(
-            np.hypot(cell_n * np.linalg.norm(causes), of_modulus)
-        )
-    return deviations
 
 
 def _figures(

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.fft import dctn, idctn
-from scipy.special import j0
+from scipy.special import j0, j1
 
 from tactograph.nodes import F4, F8, U1
 from tactograph.rings.mechanics.nodes.force.elastic_layer import layer_compliance, wave_numbers
@@ -20,25 +20,23 @@ FORCE = 2e-3 / 3 * np.pi * RADIUS**2 * PEAK
 """Of a ball's pressure p0 sqrt(1 - r^2 / a^2), N."""
 
 
-def distance() -> F8:
+def distance(shape: tuple[int, int] = SHAPE, pixel: float = PIXEL) -> F8:
     """From the middle of the frame, mm."""
-    rows, columns = SHAPE
-    y, x = PIXEL * (
-        np.indices(SHAPE) - np.array([(rows - 1) / 2, (columns - 1) / 2])[:, None, None]
-    )
+    y, x = (pixel * (i - (n - 1) / 2) for i, n in zip(np.indices(shape), shape, strict=True))
     return np.asarray(np.hypot(x, y))
 
 
-def displacement(
-    thickness: float, poisson: float, r: F8 | None = None, radius: float = RADIUS
-) -> F8:
-    """Of the layer's face under that pressure: its Hankel transform times the compliance."""
-    k = np.linspace(1e-3, 150 / radius, 60_001)
-    load = PEAK * (np.sin(k * radius) - k * radius * np.cos(k * radius)) / (k**3 * radius)
-    waves = load * layer_compliance(k, thickness, poisson).normal / MODULUS * k
-    places = np.linspace(0, distance().max(), 300)
-    along = np.array([np.trapezoid(waves * j0(k * place), k) for place in places])
-    return np.asarray(np.interp(distance() if r is None else r, places, along))
+def displaced(
+    thickness: float, poisson: float, places: F8, radius: float = RADIUS, peak: float = PEAK
+) -> tuple[F8, F8]:
+    """How far that pressure moves the layer's face in and outwards, at N distances from its middle;
+    mm: its Hankel transform times the compliance."""
+    k = np.linspace(1e-3, 150 / radius, 20_001)
+    load = peak * (np.sin(k * radius) - k * radius * np.cos(k * radius)) / (k**3 * radius)
+    answer, waves = layer_compliance(k, thickness, poisson), load / MODULUS * k
+    inwards = [np.trapezoid(waves * answer.normal * j0(k * place), k) for place in places]
+    outwards = [-np.trapezoid(waves * answer.coupled * j1(k * place), k) for place in places]
+    return np.array(inwards), np.array(outwards)
 
 
 def noise(rng: np.random.Generator, deviation: float) -> F8:
@@ -55,8 +53,15 @@ def contact() -> U1:
     return (distance() < 1.2 * RADIUS).astype(np.uint8)
 
 
-def height(thickness: float, poisson: float) -> F4:
-    return displacement(thickness, poisson).astype(np.float32)
+def height(
+    thickness: float, poisson: float, radius: float = RADIUS, peak: float = PEAK,
+    shape: tuple[int, int] = SHAPE, pixel: float = PIXEL,
+) -> F4:  # fmt: skip
+    """The film as a camera sees it: each point where the press has moved it to."""
+    away = distance(shape, pixel)
+    places = np.linspace(0, 1.2 * away.max(), 400)
+    inwards, outwards = displaced(thickness, poisson, places, radius, peak)
+    return np.float32(np.interp(away, places + outwards, inwards))
 
 
 class Face(NamedTuple):

@@ -12,7 +12,7 @@ from rings.mechanics.tests.force.presses import (
     RADIUS,
     SHAPE,
     contact,
-    displacement,
+    displaced,
     distance,
     height,
     noise,
@@ -33,7 +33,7 @@ def test_a_thick_layer_is_pressed_in_as_hertz_says() -> None:
     r = np.linspace(0, 0.9 * RADIUS, 10)
     poisson = 0.3
     ball = np.pi * PEAK * (1 - poisson**2) / (4 * MODULUS * RADIUS) * (2 * RADIUS**2 - r**2)
-    np.testing.assert_allclose(displacement(2000 * RADIUS, poisson, r), ball, rtol=0.01)
+    np.testing.assert_allclose(displaced(2000 * RADIUS, poisson, r)[0], ball, rtol=0.01)
 
 
 def found(
@@ -102,7 +102,7 @@ def test_the_deviation_holds_of_contacts_as_they_are_found() -> None:
     rng, held, shares = np.random.default_rng(0), [], []
     for gel in ((1.0, 0.48), (1.5, 0.5), (2.5, 0.48), (4.0, 0.48), (8.0, 0.48)):
         for radius in (0.8, 1.6, 2.4):
-            z = displacement(*gel, radius=radius) + noise(rng, 0.001)
+            z = height(*gel, radius) + noise(rng, 0.001)
             figures = found(z, find_contact(z.astype(np.float32)), 0.001, gel).figures
             force, sd = (figures[f"contact_force_{each}/c1"] for each in ("n", "sd_n"))
             held.append(abs(force - FORCE * (radius / RADIUS) ** 2) < 1.645 * sd)

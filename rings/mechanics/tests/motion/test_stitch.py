@@ -68,20 +68,30 @@ def whole(touches: tuple[F4, F4]) -> StitchedSurface:
     return stitch(*touches, PIXEL, NAMES)
 
 
+def tilted_parts(seed: int) -> tuple[StitchedSurface, list[F8]]:
+    """Five touches in a cross, tilted by about a degree, and the object's motions."""
+    rng, ways = np.random.default_rng(seed), [(0, 0), (-6, -4), (6, -4), (-6, 4), (6, 4)]
+    motions = [moved(*way, 0, *(rng.normal(0, 1, 3) * [1, 1, 3])) for way in ways]
+    true = np.array([pressed(plate, motion) for motion in motions])
+    heights = np.array([seen(z, rng)[0] for z in true])
+    errors = np.full_like(heights, np.sqrt(np.square(heights - true).mean()))
+    return stitch(heights, errors, PIXEL, NAMES[: len(ways)]), motions
+
+
 def root_of(whole: StitchedSurface) -> int:
     """The touch in whose coordinates the surface is."""
-    zeros = [name for name in NAMES if not whole.figures[f"stitched_x_mm/{name}"]]
-    return int(zeros[0])
+    zeros = [n for n in range(COUNT) if whole.figures.get(f"stitched_x_mm/{n}") == 0]
+    return zeros[0]
 
 
-def departure(whole: StitchedSurface) -> F8:
+def departure(whole: StitchedSurface, places: list[F8] | None = None) -> F8:
     """Height less truth, in the coordinates of the root."""
     root = root_of(whole)
     rows, columns = whole.height.shape
     # The grid begins where the object's touched part does, in the root's coordinates.
     y, x = np.indices((rows, columns)) * PIXEL
     x, y = x + whole.figures["stitched_left_mm"], y + whole.figures["stitched_top_mm"]
-    return np.asarray(whole.height - height_at(plate, motions()[root], x, y))
+    return np.asarray(whole.height - height_at(plate, (places or motions())[root], x, y))
 
 
 def levelled(whole: StitchedSurface) -> F8:
@@ -92,9 +102,9 @@ def levelled(whole: StitchedSurface) -> F8:
     return np.asarray(apart[known] - plane @ np.linalg.lstsq(plane, apart[known], rcond=None)[0])
 
 
-def held(whole: StitchedSurface) -> float:
+def held(whole: StitchedSurface, places: list[F8] | None = None) -> float:
     """Share of the surface in its 90 % band."""
-    apart = departure(whole)
+    apart = departure(whole, places)
     known = np.isfinite(apart)
     return float(np.mean(np.abs(apart[known]) < 1.645 * whole.error[known]))
 
