@@ -18,7 +18,11 @@ ROOMS = {
     "Right touches that are drawn": ("nodes/calibrate/ranks/*.py",),
     "Stated errors": ("nodes/error/*.py", "rings/*/nodes/**/doubt_*.py"),
     "Doubts of a calibration": ("nodes/**/judge_*.py", "rings/*/nodes/**/judge_*.py"),
-    "The fit of a film": ("nodes/calibrate/film/*.py", "rings/*/nodes/refit_film.py"),
+    "The fit of a film": (
+        "nodes/calibrate/film/*.py",
+        "nodes/calibrate/ball/balls_on_film.py",
+        "rings/*/nodes/refit_film.py",
+    ),
 }
 HEAD = """# Numbers that are set
 

@@ -7,8 +7,10 @@
 Balls: two grids on GelSight's OEM sensor, by the vendor's file alone and by a calibration that
 starts from it and is fitted to the other grid.  Coin: on a handheld sensor; its field is what lies
 flat, found by the height.  Grooves: rendered through the models of three sensors, and of two whose
-coefficients differ from theirs by 5 %, with 1 % of noise.  Models: what each of three sensors of
-one frame size leaves of the others' light.  The captures belong to GelSight (sdkdemo, gssim).
+coefficients differ from theirs by 5 %, with 1 % of noise.  Maps: how much of whole height maps lies
+in the 90 % band where edges are sharp, rendered three times finer than pixels, and where a step
+covers a part of the frame.  Models: what each of three sensors of one frame size leaves of the
+others' light.  The captures belong to GelSight (sdkdemo, gssim).
 """
 
 import argparse
@@ -27,7 +29,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from benchmarks.real_film import PIXEL_MM, RADIUS_MM, ROOT, measure, row, run
-from rings.metrology.tests.scan.scans import groove_shape, seen, write_scan
+from rings.metrology.tests.scan.scans import groove_shape, lit, seen, write_scan
 from tactograph.graph import load
 from tactograph.graph.run.result import Result
 from tactograph.nodes import BAND_DEVIATIONS, Light, Metrics
@@ -51,9 +53,12 @@ FIELD_MM, FIELD_RADIUS_MM = 0.015, 6.3
 """How far the coin's field lies from its plane at most, and how far it reaches."""
 DEVICES = "series1_1587_M6G0", "series2_2EF6_4JNW", "modulus1600_570C_TRLJ"
 CELL_PX = 16
+Plane = NDArray[np.float64]
 WARM_ROUNDS, ROUNDS = 3, 11
 KNOWN_UM, UNKNOWN_UM, SMALLER = 507, 246, 4
 GROOVE_CROP, GROOVE_MM, WALL_DEG = (32, 900, 2432, 1060), 0.5, 30
+MAP_CROP, FINE, MAP_PIXEL_MM = (900, 700, 1500, 1100), 3, 0.007
+"""Sensors of other pixels show a surface of as many pixels."""
 GROOVES, GROOVE_DEPTHS_MM, GROOVE_WALLS_DEG = 6, (0.1, 0.5), (20, 45)
 """Grooves of each sensor, and between what their depths and walls are drawn."""
 
@@ -132,6 +137,64 @@ def show_grooves(pictures: Path | None) -> None:
     if pictures:
         found, figures, _ = groove(files[0], 0, GROOVE_MM, WALL_DEG)
         plot_step(found["height"], found["pixel"], figures, file=pictures / "step_profile.png")
+
+
+def show_maps(_: Path | None) -> None:
+    """Grooves, a cap and steps by the models of three sensors, with 1 % of noise."""
+    head("surface", "off / um", "film at rest off / um", "stated / um", "in the 90 % band")
+    surfaces: dict[str, tuple[str, Callable[[Plane, Plane], Plane]]] = {
+        "groove of 100 um, walls of 30 degrees": (
+            "flat",
+            lambda x, _: -ramp(0.1, 30, 0.4 - abs(x)),
+        ),
+        "groove of 300 um, walls of 45 degrees": (
+            "flat",
+            lambda x, _: -ramp(0.3, 45, 0.4 - abs(x)),
+        ),
+        "cap of 200 um": ("flat", lambda x, y: np.maximum(ball(1.3, x, y) - 1.1, 0)),
+    }
+    for level, share in product(("flat", "plane"), (0.25, 0.4)):
+        edge = (share - 0.5) * MAP_PIXEL_MM * (MAP_CROP[2] - MAP_CROP[0])
+        name = f"step of 300 um over {share:.0%}, `level={level}`"
+        surfaces[name] = level, lambda x, _, edge=edge: ramp(0.3, 30, edge - x)
+    for name, (level, surface) in surfaces.items():
+        maps = [rendered(SCANS / f"devices/{device}.yaml", surface, level) for device in DEVICES]
+        *numbers, inside = np.transpose(maps)
+        spans = [f"{each.min():.2f} to {each.max():.2f}" for each in numbers]
+        row(name, *spans, " ".join(f"{share:.0%}" for share in inside))
+
+
+def ramp(height: float, wall_deg: float, beyond: Plane) -> Plane:
+    """A step with sharp edges, by the way in mm beyond its middle."""
+    return height * np.clip(0.5 + beyond * np.tan(np.radians(wall_deg)) / height, 0, 1)
+
+
+def ball(radius: float, x: Plane, y: Plane) -> Plane:
+    return np.sqrt(np.maximum(radius**2 - x * x - y * y, 0))
+
+
+def rendered(
+    file: Path, surface: Callable[[Plane, Plane], Plane], level: str
+) -> tuple[float, float, float, float]:
+    """By how much a map and its film at rest are off, what is stated, and what lies in the band."""
+    sensor = read_light_model(file=file, crop=MAP_CROP)
+    model, pixel, images = sensor.model, MAP_PIXEL_MM, 0.0
+    size = len(model.v), len(model.u)
+    y, x = (pixel * (i - (n - 1) / 2) for i, n in zip(np.indices(size), size, strict=True))
+    # A pixel's light is the mean over the pixel, whose normals are those of the surface there.
+    for down, right in product(np.arange(1 - FINE, FINE, 2) / (2 * FINE), repeat=2):
+        u, v, half = x + right * pixel, y + down * pixel, pixel / FINE / 2
+        p = (surface(u + half, v) - surface(u - half, v)) / (2 * half)
+        q = (surface(u, v + half) - surface(u, v - half)) / (2 * half)
+        images = images + lit(p, q, model) / FINE**2
+    noise = 1 + 0.01 * np.random.default_rng(1).normal(size=images.shape)
+    frames = np.clip(images * noise, 0, 1).astype(np.float32)
+    found = load("reconstruct_scan", model=file, crop=list(MAP_CROP), level=level)(frames=frames)
+    z = surface(x, y) * (sensor.pixel_size / pixel)
+    off, at_rest = 1e3 * (found["height"] - z), z == z[0, -1]
+    stated = 1e3 * found["error"]
+    sizes = (float(np.sqrt(np.mean(each**2))) for each in (off, off[at_rest], stated))
+    return (*sizes, float(np.mean(np.abs(off) < BAND_DEVIATIONS * stated)))
 
 
 def groove_row(sensor: str, grooves: list[tuple[float, ...]]) -> None:
@@ -314,6 +377,7 @@ PARTS = {
     "coin": show_coin,
     "grooves": show_grooves,
     "known": show_known,
+    "maps": show_maps,
     "models": show_models,
     "speed": show_speed,
 }

@@ -88,7 +88,6 @@ def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
         pipeline = open_it(no_device=first_start.NO_KERNELS)
         if first_start.yields_one(pipeline):
             with first_start.KernelBuilder(wanted.graph, wanted.values, options) as builder:
-                pipeline.before_steps(builder.raise_if_done)
                 first_start.import_pictures()
                 _run_pipeline(pipeline, wanted, line, selection)
                 tell = (lambda _: None) if wanted.quiet else say

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from tactograph.graph.before import Before, find_cycle, in_order, with_all_before
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
@@ -24,6 +23,7 @@ from tactograph.graph.files.flat_graph import (
     split_reference,
 )
 from tactograph.graph.files.groups import flat_reference
+from tactograph.graph.plan.before import Before, find_cycle, in_order, with_all_before
 from tactograph.graph.plan.draft import Draft, Task, Value
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from tactograph.graph.before import Before, in_order
+from tactograph.graph.plan.before import Before, in_order
 from tactograph.graph.plan.draft import Draft, Value
 from tactograph.graph.plan.plan import Step
 

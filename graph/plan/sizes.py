@@ -10,6 +10,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
+from networkx.utils import UnionFind
+
 from tactograph.graph.declare.ports import IMAGE_SIZES, Dim
 from tactograph.graph.declare.size_rules import SizeLimit
 from tactograph.graph.errors import GraphError, InputError
@@ -160,7 +162,7 @@ def unify(draft: Draft) -> SizeClasses:
     node does not accept.
     """
     symbols = [(task.id, symbol) for task in draft.tasks.values() for symbol in task.node.symbols]
-    classes = _Classes()
+    classes: UnionFind[Any] = UnionFind(symbols)
     joints = _united(classes, _joints(draft, "reads"))
     free = {classes[symbol] for symbol in _free_sizes(draft)}
     # A size that depends on the data may differ from that of the item before.
@@ -179,22 +181,6 @@ def unify(draft: Draft) -> SizeClasses:
                 where = draft.tasks[who].entry.where("in")
                 raise GraphError(f"{where}: {bound.by} has size {bound.size}: {limit.why}")
     return SizeClasses(root, fixed, limits)
-
-
-class _Classes:
-    """Symbols in classes, each named by one of its members."""
-
-    def __init__(self) -> None:
-        self._above: dict[Any, Any] = {}
-
-    def __getitem__(self, symbol: Any) -> Any:
-        while symbol in self._above:
-            symbol = self._above[symbol]
-        return symbol
-
-    def join(self, one: Any, other: Any) -> None:
-        if self[one] != self[other]:
-            self._above[self[one]] = self[other]
 
 
 class _Joint(NamedTuple):
@@ -216,12 +202,12 @@ def _joints(draft: Draft, edges: Literal["reads", "recalls"]) -> Iterator[_Joint
                     yield _Joint((task.id, one), (value.node, other), name, value)
 
 
-def _united(classes: _Classes, joints: Iterable[_Joint]) -> list[_Joint]:
+def _united(classes: UnionFind[Any], joints: Iterable[_Joint]) -> list[_Joint]:
     """Make one class of the symbols at the ends of each joint."""
     listed = list(joints)
     for each in listed:
         if isinstance(each.reader[1], str) and isinstance(each.maker[1], str):
-            classes.join(each.reader, each.maker)
+            classes.union(each.reader, each.maker)
     return listed
 
 

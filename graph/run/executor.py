@@ -81,7 +81,6 @@ class Executor:
             side.forget()
 
     def _run(self, step: Step, bounds: Bounds, *, yields: Mapping[str, Any]) -> Bounds:
-        self._runner.before_step()
         bounds = self._runner.execute(step, bounds, yields)
         self._runner.release(step)
         return bounds

@@ -143,10 +143,6 @@ class Pipeline:
         self._has_run = True
         return result
 
-    def before_steps(self, call: Callable[[], None]) -> None:
-        """Have `call` called before each step; what it raises ends an item before it is written."""
-        self._runner.before_step = call
-
     def items(self, repeats: int = 1, stream: SourceStream | None = None) -> Iterator[Result]:
         """Run every item of the graph's stream, sinks included.
 

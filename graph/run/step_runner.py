@@ -20,8 +20,7 @@ class StepRunner:
     """Runs steps over the present item's values, on `host` and, where the plan has one, `device`.
 
     `times` has milliseconds by step, also of steps that ran once; `notes` the warnings, theirs
-    first.  `stage` is the step that runs now, for another thread to show; "" between items.  What
-    `before_step` raises ends an item before it is written.
+    first.  `stage` is the step that runs now, for another thread to show; "" between items.
     """
 
     def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
@@ -35,7 +34,6 @@ class StepRunner:
         self.times: dict[str, float] = {}
         self.notes: list[str] = []
         self.stage = ""
-        self.before_step: Callable[[], None] = lambda: None
         self._sized: dict[str, Sized] = {}
 
     @property

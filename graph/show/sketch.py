@@ -3,7 +3,7 @@
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from tactograph.graph.before import find_cycle, in_order
+import networkx as nx
 
 Edge = tuple[str, str, str]
 """A box, a box that reads it, and the ports of the values, separated by commas."""
@@ -39,15 +39,15 @@ def fold(sketch: Sketch, opened: Iterable[str] = ()) -> Sketch:
         members: dict[str, list[Box]] = {}
         for box in sketch.boxes:
             members.setdefault(box_of[box.name], []).append(box)
-        before: dict[str, set[str]] = {name: set() for name in members}
-        for first, name, _ in edges:
-            before[name].add(first)
-        if not (loop := find_cycle(before)):
+        graph = nx.DiGraph((a, b) for a, b, _ in edges)
+        graph.add_nodes_from(members)
+        if nx.is_directed_acyclic_graph(graph):
             break
+        loop = [a for a, _ in nx.find_cycle(graph)]
         # Opened, a use is at least one box more, so this ends.
         opened |= {box for box in loop if box in sketch.groups}
-    ordered = in_order(before, lambda name: place[members[name][0].name])
-    boxes = [_folded(sketch, name, members[name]) for name in ordered]
+    in_order = nx.lexicographical_topological_sort(graph, lambda n: place[members[n][0].name])
+    boxes = [_folded(sketch, name, members[name]) for name in in_order]
     recalls = _renamed(sketch.recalls, box_of, loops=True)
     return Sketch(sketch.title, boxes, edges, recalls, sketch.groups)
 

@@ -51,7 +51,7 @@ class ShapeImage(NamedTuple):
         self.check_pixels()
         sides = zip((self.width_px, self.height_px), self.offset_mm, strict=True)
         x, y = ((np.arange(n) - (n - 1) / 2) * self.pixel_size_mm - middle for n, middle in sides)
-        x, y = np.asarray(x[None, :], float), np.asarray(y[:, None], float)
+        x, y = x.astype(np.float64)[None, :], y.astype(np.float64)[:, None]
         if angle_deg is None:
             return x, y
         angle = np.deg2rad(angle_deg)

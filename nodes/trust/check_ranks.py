@@ -83,7 +83,8 @@ CHECK_FIGURES = {
     ),
     "level": Figure(
         "rest",
-        "{led} {sense} than in the calibration (check exposure, gain, LED; keep other light out)",
+        "{led} {sense} than in the calibration (check exposure, gain and LED, and that other light "
+        "is kept out)",
     ),
     "moved": Figure(
         "rest",

@@ -606,7 +606,7 @@ def after_help(told: str, **more: str) -> str:
 
 
 def test_help_loads_neither_numpy_nor_the_planner() -> None:
-    slow = {"pydantic", "pyopencl", "cv2"}
+    slow = {"networkx", "pydantic", "pyopencl", "cv2"}
     assert after_help(f"print(sorted({slow} & set(sys.modules)))") == "[]"
 
 

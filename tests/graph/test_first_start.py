@@ -1,8 +1,6 @@
 """The first run on a device: NumPy computes a single touch while its kernels are built."""
 
-import os
 import signal
-import subprocess
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -13,7 +11,7 @@ from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.programs import POCL_PLATFORM, build
 from tactograph.graph.commands import RunOptions, first_start
 from tactograph.graph.disk import disk_cache
-from tests.graph.conftest import Command, Outcome
+from tests.graph.conftest import Command, Outcome, one_line
 
 CAPTURES = Path(__file__).parents[1] / "data" / "far28"
 GRAPH = """
@@ -106,21 +104,16 @@ def test_a_stream_of_several_touches_runs_on_the_device(run: Command, tmp_path: 
     assert "on opencl" in done.out
 
 
-def test_the_device_computes_a_touch_whose_kernels_are_there_before_numpy_is_done(
-    run: Command, monkeypatch: pytest.MonkeyPatch
+def test_a_large_image_is_left_to_the_device(run: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(first_start, "MAX_NUMPY_VALUES", 4 * 320 * 240 - 1)
+    assert "on opencl" in run().out
+
+
+def test_what_cannot_be_read_begins_no_process(
+    about: Command, run: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    begin = subprocess.Popen
-
-    def begin_and_wait(*words: object, **more: object) -> object:
-        process = begin(*words, **more)
-        if "warm" in words[0]:
-            os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
-        return process
-
-    monkeypatch.setattr(first_start.subprocess, "Popen", begin_and_wait)
-    done = run()
-    assert "on opencl" in done.out
-    assert "later runs" not in done.out
+    monkeypatch.setattr(first_start.subprocess, "Popen", Mock(side_effect=AssertionError))
+    one_line(about("run", GRAPH, f"capture={tmp_path}", f"out={tmp_path}"))
 
 
 def test_nothing_is_built_any_more_once_a_run_has_failed() -> None:

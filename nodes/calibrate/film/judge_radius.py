@@ -146,7 +146,7 @@ class Alternatives(NamedTuple):
         likely = [
             name
             for name in STATED_VALUES
-            if self._is_other(name)
+            if self.is_other(name)
             and self.odds(name) > SURE_ODDS
             and self.odds(name, misfit) > 1 / SURE_ODDS
         ]
@@ -237,14 +237,14 @@ class Alternatives(NamedTuple):
         return [
             name
             for name, least in from_odds.items()
-            if self._is_other(name)
+            if self.is_other(name)
             and self.odds(name) > least
             and self.odds(name, misfit) > 1 / SURE_ODDS
             and not self.is_excluded(name)
         ]
 
-    def _is_other(self, name: str) -> bool:
-        """Whether an alternative is there, and has another value than that told."""
+    def is_other(self, name: str) -> bool:
+        """Return whether an alternative is there, and has another value than that told."""
         each, camera = self.by_name.get(name), self.by_name[AS_STATED].camera
         return each is not None and (
             max(abs(each.size - 1), abs(each.power - 1)) > SAME_SIZE or each.camera != camera
@@ -288,8 +288,8 @@ def judge_radius(
     rest_error
         Relative error of the heights by a film at rest that is not well known; a plane is.
     led_distance_mm
-        Mean distance of the LEDs from the middle of the film, where a drawing of the sensor
-        gives it.
+        Mean distance of the LEDs from the middle of the film, by a ruler or a drawing of the
+        sensor.
     force : whether a radius that the light contradicts is doubted instead of refused
 
     Returns
@@ -337,7 +337,7 @@ def judge_radius(
         "scale_error_percent": 100 * scale,
     }
     if fits.odds(OTHER_SIZE, percent) > 1 / SURE_ODDS:
-        likelier = fits._is_other(OTHER_SIZE) and fits.odds(OTHER_SIZE) > SURE_ODDS
+        likelier = fits.is_other(OTHER_SIZE) and fits.odds(OTHER_SIZE) > SURE_ODDS
         quality["light_radius_mm"] = first * (fits.by_name[OTHER_SIZE].size if likelier else 1)
     return JudgedRadius(quality, doubts, is_open, scale)
 
@@ -430,7 +430,7 @@ def _of_distance(fits: Alternatives, radius: float) -> list[str]:
         f"{RADIUS_INPUTS}; or `led_distance_mm` is wrong"
     )
     for name in (CLEAR_GEL, OTHER_SIZE):
-        if fits._is_other(name) and not fits.is_excluded(name):
+        if fits.is_other(name) and not fits.is_excluded(name):
             agree = f"`evidence.radius`={radius * fits.by_name[name].size:.3g} would agree"
     return [
         f"the LEDs are found {mean:.4g} mm from the film's middle, not {fits.ruler_mm:.4g} mm: "

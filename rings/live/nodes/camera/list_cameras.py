@@ -35,14 +35,13 @@ def list_cameras() -> None:
     industrial = genicam_cameras() if os.environ.get(PRODUCER_VARIABLE) else []
     if sys.platform != "linux" and not industrial:
         raise InputError("cameras are listed on Linux only; elsewhere try the indices 0, 1, ...")
-    cameras = [(camera, _formats) for camera in named_cameras()]
-    cameras += [(camera, _pixel_formats) for camera in industrial]
+    cameras = [*named_cameras(), *industrial]
     titles = "device", "name", "serial", "formats, sizes and frames per second"
     table = Table(*(Column(title, overflow="fold") for title in titles), box=None, pad_edge=False)
     hint = "" if cameras else "no camera is plugged in, or the kernel knows none"
-    for camera, formats_of in cameras:
+    for camera in cameras:
         try:
-            formats = formats_of(camera.device)
+            formats = (_pixel_formats if camera in industrial else _formats)(camera.device)
         except InputError as error:
             formats, hint = "", f"formats are not listed: {error}"
         table.add_row(camera.device, camera.name, camera.serial or "-", formats)
@@ -66,9 +65,9 @@ def _formats(device: str) -> str:
     return "\n".join(f"{name}: {' '.join(each)}" for name, each in sizes.items())
 
 
-def _pixel_formats(camera: str) -> str:
+def _pixel_formats(device: str) -> str:
     """The pixel formats of a GenICam camera, and the size that it is set to."""
-    capture = GenicamCapture(camera, colour=False)
+    capture = GenicamCapture(device, colour=False)
     try:
         if not capture.isOpened():
             return f"cannot be opened: {capture.reason}"

@@ -77,7 +77,7 @@ class PressedLayer(NamedTuple):
         """
         away = cv2.distanceTransform((pushed == 0).view(np.uint8), cv2.DIST_L2, 3)
         beside = away > 3 * EDGE_CELLS
-        slopes = np.stack(np.gradient(apart, self.cell_mm)[::-1])
+        slopes = np.stack([np.gradient(apart, self.cell_mm, axis=axis) for axis in (1, 0)])
         y, x = np.indices(apart.shape, np.float32)
         terms = np.stack([np.ones_like(x), x, y], axis=-1)
         drift, *_ = np.linalg.lstsq(terms[beside], slopes[:, beside].T, rcond=None)

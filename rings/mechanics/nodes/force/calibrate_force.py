@@ -20,8 +20,6 @@ from tactograph.sdk import F4, F8, Contacts, InputError, Metrics, node, read_hei
 from tactograph.sdk.nodes import find_contact, read_height
 from tactograph.sdk.unstable import MAX_CONTACTS
 
-BAND_TAIL = 0.95
-"""Share of values below the upper end of a band of 90 per cent, in which errors are stated."""
 THICKNESS_RANGE_MM = 0.3, 30.0
 THICKNESS_COUNT = 12
 """Range in mm that a thickness is looked for in, and on how many it begins: by halves more each."""
@@ -98,7 +96,7 @@ def calibrate_force(
 
     gel_mm = thickness_mm
     if gel_mm is None:
-        logs = np.linspace(*np.log(THICKNESS_RANGE_MM), THICKNESS_COUNT)
+        logs = np.log(np.geomspace(*THICKNESS_RANGE_MM, THICKNESS_COUNT))
         spreads = [spread_at(float(log)) for log in logs]
         if max(spreads) < LEAST_SPREAD:
             raise InputError(
@@ -154,8 +152,8 @@ def _relative_error(moduli: F8, thicker: F8, errs: F8, fitted: bool) -> float:
     """
     unknowns, count = 1 + fitted, len(moduli)
     spread = np.std(moduli) / np.mean(moduli) * np.sqrt(count / (count - unknowns))
-    # So few tell a deviation badly: Student's band is wider than that of a known one.
-    spread *= stdtrit(count - unknowns, BAND_TAIL) / ndtri(BAND_TAIL)
+    # Few presses determine a deviation badly: Student's 90 % band is wider than the normal one.
+    spread *= stdtrit(count - unknowns, 0.95) / ndtri(0.95)
     by = np.stack([np.ones_like(moduli), np.log(thicker / moduli)], axis=1)[:, :unknowns]
     weighted = by / np.hypot(errs, spread)[:, None]
     chance = np.linalg.inv(weighted.T @ weighted)[0, 0]

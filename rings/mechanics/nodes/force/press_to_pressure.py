@@ -103,7 +103,9 @@ def press_to_pressure(
     touched = place.cells(contact > 0, cell_px)
     cells = layer.pressed(place.cells(height, cell_px), touched)
     size = touched.shape[1] * cell_px, touched.shape[0] * cell_px
-    enlarged = cv2.resize(cells.pressure, size, interpolation=cv2.INTER_LINEAR)
+    enlarged = np.asarray(
+        cv2.resize(cells.pressure, size, interpolation=cv2.INTER_LINEAR), np.float32
+    )
     apparent = place.apparent(enlarged[: height.shape[0], : height.shape[1]])
     pressure = np.where(contact > 0, apparent, np.float32(0))
     figures = _figures(pressure, contact, numbers, pixel**2 * place.areas)

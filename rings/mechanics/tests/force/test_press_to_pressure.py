@@ -21,6 +21,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F8, U1
 from tactograph.nodes.contact.find_contact import find_contact
 from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
+from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.optics.camera_view import View
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import PressForce, press_to_pressure
 from tests.nodes.contact.test_largest_contacts import CONTACT, HEIGHT, SMALL
@@ -84,6 +85,19 @@ def test_a_lens_and_a_near_camera_leave_force_and_pressure() -> None:
 def test_a_wrong_zero_and_tilt_hardly_matter() -> None:
     told = found(height(*GELS[2]) + 0.01 + 2e-4 * np.arange(160), contact())
     assert told.figures["contact_force_n/c1"] == pytest.approx(FORCE, rel=0.02)
+
+
+@pytest.mark.parametrize("gel", [(2.5, 0.48), (4.0, 0.48), (8.0, 0.48)])
+def test_film_that_is_held_at_rest_pulls_at_nothing(gel: Gel) -> None:
+    """A sensor sees no slope of film that is nearly at rest, which hangs beside the object."""
+    z = height(*gel)
+    slope = np.stack(np.gradient(z, PIXEL)[::-1]) * (distance() < 2.5 * RADIUS)
+    seen = integrate_dct(slope.astype(np.float32), PIXEL)
+    seen -= np.median(seen[[0, -1]])
+    figures = found(seen, (distance() < 2 * RADIUS).astype(np.uint8), 1e-6, gel).figures
+    off = figures["contact_force_n/c1"] - FORCE
+    assert abs(off) < 0.03 * FORCE
+    assert abs(off) < 2 * figures["contact_force_sd_n/c1"]
 
 
 @pytest.mark.parametrize("gel", GELS[1:3])

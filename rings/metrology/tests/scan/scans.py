@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tactograph.nodes import F4, Light
+from tactograph.nodes import F4, F8, Light
 from tactograph.rings.metrology.nodes.scan.light_model import (
     LightModel,
     coefficients,
@@ -61,7 +61,11 @@ def write_scan(folder: Path, light: Light, calib: str = '""', pixel: float = PIX
 
 def seen(height: F4, model: LightModel, pixel: float = PIXEL) -> Light:
     """The images of a height by the model, the flat field not yet corrected."""
-    q, p = np.gradient(height.astype(float) / pixel)
+    return lit(*np.gradient(height.astype(float) / pixel)[::-1], model)
+
+
+def lit(p: F8, q: F8, model: LightModel) -> Light:
+    """The images of film of these slopes, H x W."""
     w = 1 / np.sqrt(1 + p * p + q * q)
     powers = monomials(*np.meshgrid(model.u, model.v), int(model.degree))
     light, _ = modelled_light(coefficients(model.quadratic, powers), np.stack([-p * w, -q * w, w]))

@@ -1,5 +1,6 @@
 """Levelled heights of scans, and the error that is stated: it grows with what the model misses."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -7,9 +8,10 @@ import numpy as np
 import pytest
 
 from benchmarks.real_film import measure
+from benchmarks.scans import ramp, rendered
 from rings.metrology.tests.scan.scans import HEIGHT, PIXEL, WIDTH, cap, seen
 from tactograph.graph import InputError, load
-from tactograph.nodes import BAND_DEVIATIONS, F4
+from tactograph.nodes import BAND_DEVIATIONS, F4, F8
 from tactograph.rings.metrology.nodes.scan._scan_error import _parts
 from tactograph.rings.metrology.nodes.scan.read_light_model import read_light_model
 from tests.fixtures import real_data
@@ -123,3 +125,19 @@ def test_film_between_balls_is_flat_by_the_sensors_own_model() -> None:
     assert grid.normal_deg < 1.45
     assert grid.cap_um < 1.6
     assert grid.film_um < 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "surface",
+    [
+        pytest.param(lambda x, _: -ramp(0.3, 45, 0.4 - abs(x)), id="groove"),
+        pytest.param(lambda x, _: ramp(0.3, 30, -0.4 - x), id="step"),
+    ],
+)
+def test_sharp_edges_stay_in_the_band(surface: Callable[[F8, F8], F8]) -> None:
+    """Pixels that see two slopes, and a step over a third of the frame."""
+    file = real_data("gelsight_scans") / "devices/series2_2EF6_4JNW.yaml"
+    off, _, _, inside = rendered(file, surface, "flat")
+    assert off < 1
+    assert 0.75 < inside < 0.97

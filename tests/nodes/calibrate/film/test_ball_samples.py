@@ -8,7 +8,7 @@ from tactograph.graph.backends.opencl import OpenCL
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.ball.level_touches import level_touches
-from tactograph.nodes.calibrate.film.ball_samples import sample_balls, thinned
+from tactograph.nodes.calibrate.film.ball_samples import sample_balls
 from tactograph.nodes.light.film_bounce import film_bounce
 from tests.nodes.calibrate.film.test_fit_film import NOISE, PIXEL, RADIUS, RIM, SIZE, press
 from tests.nodes.films import LEDS, MATT
@@ -84,7 +84,7 @@ def test_some_of_many_samples_lie_evenly_over_each_ball() -> None:
     one = press(MATT, (0.0, 0.0), seed=1)
     sheet = np.concatenate([one, one], axis=1)
     every = sampled(sheet, 0.0, presses=2, most=None, fine=True)
-    some = thinned(every, most=200)
+    some = every.thinned(200)
     for ball in (0, 1):
         of, whole = some.ball == ball, every.ball == ball
         assert 50 < of.sum() <= 100 < whole.sum()
