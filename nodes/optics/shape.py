@@ -56,7 +56,7 @@ class ShapeImage(NamedTuple):
             return x, y
         angle = np.deg2rad(angle_deg)
         c, s = float(np.cos(angle)), float(np.sin(angle))
-        return c * x + s * y, c * y - s * x
+        return np.asarray(c * x + s * y, np.float64), np.asarray(c * y - s * x, np.float64)
 
     def check_pixels(self) -> None:
         """Refuse an image that is larger than any camera's."""
