@@ -73,7 +73,8 @@ class KernelBuilder:
             text=True,
             env={**os.environ, "PYTHONSAFEPATH": "1"},
         )
-        os.setpriority(os.PRIO_PROCESS, self._process.pid, LOWEST_PRIORITY)
+        if sys.platform != "win32":
+            os.setpriority(os.PRIO_PROCESS, self._process.pid, LOWEST_PRIORITY)
 
     def last_line(self) -> str:
         """Wait for the end, and return what it says."""
