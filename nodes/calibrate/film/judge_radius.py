@@ -70,7 +70,7 @@ STATED_VALUES = {
         "{or_camera}? Measure radius and pixel size{which}",
     ),
     OTHER_CAMERA: (
-        "a camera {camera_mm:.3g} mm above the film",
+        "a camera {above_mm:.3g} mm above the film",
         "one far away",
         "give its height (`film.camera`=MM), or a lens",
     ),
@@ -162,7 +162,7 @@ class Alternatives(NamedTuple):
                 "other_mm": radius * size,
                 "stated_mm": radius,
                 "power": self.by_name[OTHER_POWER].power,
-                "camera_mm": 1 / self.by_name[OTHER_CAMERA].camera
+                "above_mm": 1 / self.by_name[OTHER_CAMERA].camera
                 if OTHER_CAMERA in likely
                 else 0.0,
                 "wrong": "its diameter" if size < FIRST_SIZES[0] ** 0.5 else wrong,

@@ -20,5 +20,5 @@ def test_a_step_beyond_all_numbers_is_refused_without_a_word() -> None:
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = least_squares(residual, slope, np.array([0.0]))
+        found = least_squares(residual, np.array([0.0]), jacobian=slope)
     assert found == pytest.approx(1, abs=1e-3)
