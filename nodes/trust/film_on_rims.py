@@ -38,17 +38,18 @@ def film_on_rims(
     like : K x r x c, an image at full resolution; only its size counts
     lens : length 8, as `read_lens` gives it; without it the image is not distorted
     """
+    nowhere = FilmOnRims(np.zeros(like.shape[1:], np.uint8), 0.0)
+    if not rims.any():  # as of nearly all touches
+        return nowhere
     touched = height > TOUCHED_SHARE * float(height.max())
-    hanging: NDArray[np.bool_] = rims.view(np.bool_)
-    if hanging.any():
-        number, parts = cv2.connectedComponents(1 - rims, connectivity=4)
-        measured = np.zeros(number, bool)
-        measured[parts[~touched]] = True
-        measured[0] = False  # the rims
-        hanging = touched & ~measured[parts]
+    number, parts = cv2.connectedComponents(1 - rims, connectivity=4)
+    measured = np.zeros(number, bool)
+    measured[parts[~touched]] = True
+    measured[0] = False  # the rims
+    hanging: NDArray[np.bool_] = touched & ~measured[parts]
     share = float(hanging.sum() / max(touched.sum(), 1))
-    if not share:  # as of nearly all touches
-        return FilmOnRims(np.zeros(like.shape[1:], np.uint8), 0.0)
+    if not share:
+        return nowhere
     if lens is not None and not is_straight(lens):  # whole cells: rims are no finer
         hanging = hanging[nearest_ideal(lens, hanging.shape)]
     rows, columns = (

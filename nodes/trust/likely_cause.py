@@ -121,21 +121,21 @@ def _at_border(raw: F4, rest: F4) -> str:
     if not ring.any():
         return ""
     logged = np.log(np.maximum(np.stack([raw, rest]), MIN_LIGHT))
-    means = [[cv2.GaussianBlur(plane, (0, 0), RING_CELLS) for plane in planes] for planes in logged]
-    (touched, due), local = logged[:, :, ring], (logged - means)[:, :, ring]
+    touched, due = logged[:, :, ring]
+    if times := _contrast(touched, due):
+        return OTHER_CONTRAST.format(times=times)
     apart = touched - due
-    alike = np.broadcast_to(apart.mean(axis=0), apart.shape)
-    hypotheses = {
-        OTHER_CONTRAST: (touched, due),
-        OTHER_FILM: (apart, alike),
-        LOCAL_CONTRAST: tuple(local),
-    }
-    for words, (change, cause) in hypotheses.items():
-        times = float(explained(change, cause[None])[0])
-        is_contrast = times > 0 and abs(math.log(times)) >= math.log(USUAL_GAMMA) / 2
-        if is_contrast or (times and words == OTHER_FILM):
-            return words.format(times=times)
-    return ""
+    if explained(apart, np.broadcast_to(apart.mean(axis=0), (1, *apart.shape))).any():
+        return OTHER_FILM
+    means = [[cv2.GaussianBlur(plane, (0, 0), RING_CELLS) for plane in planes] for planes in logged]
+    times = _contrast(*(logged - means)[:, :, ring])
+    return LOCAL_CONTRAST.format(times=times) if times else ""
+
+
+def _contrast(touched: F4, due: F4) -> float:
+    """The contrast of the light over that of the flat frame's, both K x N in logarithms; or 0."""
+    times = float(explained(touched, due[None])[0])
+    return times if times > 0 and abs(math.log(times)) >= math.log(USUAL_GAMMA) / 2 else 0.0
 
 
 def _alike(raw: F4) -> str:

@@ -227,10 +227,11 @@ def sample_balls(
     resting = scene.resting
     masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
     if rim is not None and film.lights_itself:
-        edge = np.empty(len(of))
+        edge, share = np.empty(len(of)), resting.share(film.albedo)
+        # Whole frames: once a press, of which each may show dozens of balls.
+        on_plane = {i: press.light * share * masks[i] for i, press in thrown.items()}
         for number, i in enumerate(of):
-            on_plane = thrown[i].light * resting.share(film.albedo)
-            evidence = on_plane * masks[i], thrown[i].bounced
+            evidence = on_plane[i], thrown[i].bounced
             edge[number] = _edge(*evidence, circle[number], radius[number], moved[number], scene)
         moved = moved_with(moved, radius, circle[:, 2] * scale, edge)
         circle = np.column_stack([circle[:, :2], edge / scale])
@@ -302,7 +303,8 @@ def _edge(press: F4, thrown: F4, circle: F4 | F8, radius: float, shift: F8, scen
     film, frame, *_ = scene
     at = frame.around(circle, MAX_EDGE_RATIO * circle[2])
     u, v = frame.place(*at)
-    light, bounced = (plane[:, *at].astype(np.float64) for plane in (press, film.albedo * thrown))
+    light = press[:, *at].astype(np.float64)
+    bounced = (film.albedo * thrown[:, *at]).astype(np.float64)
     beneath = None
     if frame.shape is not None:
         beneath = Beneath(*frame.shape.at(u, v), bounced, frame.beneath(circle)[2])
