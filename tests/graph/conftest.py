@@ -8,8 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from tactograph.graph.backends.devices import choose_device
+from tactograph.graph.backends.programs import POCL_PLATFORM, build
 from tactograph.graph.command import main
 from tactograph.graph.declare import find_node as find
+from tactograph.graph.disk import disk_cache
 from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph
@@ -151,3 +154,15 @@ def tactograph(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
 def about(tactograph: Command, write: Write, toys: list[str]) -> Command:
     """Give a command the text of a graph, which may have toys, and further words."""
     return lambda name, text, *words: tactograph(name, write(text), *words)
+
+
+@pytest.fixture
+def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty folder for programs, and no memory of earlier ones."""
+    found, _ = choose_device()
+    if found.handle.platform.name != POCL_PLATFORM:
+        pytest.skip("what this driver builds is not kept here")
+    monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.delenv("PYOPENCL_NO_CACHE")
+    build.cache_clear()
+    return tmp_path / "cache"

@@ -7,8 +7,6 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from tactograph.graph.backends.devices import choose_device
-from tactograph.graph.backends.programs import POCL_PLATFORM, build
 from tactograph.graph.commands import RunOptions, first_start
 from tactograph.graph.disk import disk_cache
 from tests.graph.conftest import Command, Outcome, one_line
@@ -25,14 +23,9 @@ outputs: {small: small}
 
 
 @pytest.fixture
-def run(about: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
+def run(about: Command, programs: Path, tmp_path: Path) -> Command:
     """Run the graph where no kernel is built yet."""
-    found, _ = choose_device()
-    if found.handle.platform.name != POCL_PLATFORM:
-        pytest.skip("what this driver builds is not kept here")
-    monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path / "cache"))
-    monkeypatch.delenv("PYOPENCL_NO_CACHE")
-    build.cache_clear()
+    assert not programs.exists()
 
     def run_graph(*words: str, capture: Path = CAPTURES / "cat_film", text: str = GRAPH) -> Outcome:
         places = f"capture={capture}", f"out={tmp_path}"

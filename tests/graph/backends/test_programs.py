@@ -14,7 +14,7 @@ import pytest
 from tactograph.graph.backends import build_ahead, pocl_source
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.programs import POCL_PLATFORM, _cache_file, ahead, build, context_of
+from tactograph.graph.backends.programs import _cache_file, ahead, build, context_of
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk import disk_cache
 from tests.graph.conftest import SLOPES, Command, Write, one_line
@@ -54,8 +54,8 @@ for height in (3, 300):
 """
 
 
-def test_a_kernel_is_compiled_once_for_all_sizes_and_its_binary(folder: Path) -> None:
-    pocl = folder.with_name("pocl")
+def test_a_kernel_is_compiled_once_for_all_sizes_and_its_binary(programs: Path) -> None:
+    pocl = programs.with_name("pocl")
     pocl.mkdir()
     told = {k: v for k, v in os.environ.items() if not k.startswith("POCL_")}
     environment = {**told, "POCL_CACHE_DIR": str(pocl)}
@@ -66,18 +66,6 @@ def test_a_kernel_is_compiled_once_for_all_sizes_and_its_binary(folder: Path) ->
 SEVEN = """
 __kernel void seven(__global int *out) { out[get_global_id(0)] = NUMBER; }
 """
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """An empty folder for programs, and no memory of earlier ones."""
-    found, _ = choose_device()
-    if found.handle.platform.name != POCL_PLATFORM:
-        pytest.skip("what this driver builds is not kept here")
-    monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path / "cache"))
-    monkeypatch.delenv("PYOPENCL_NO_CACHE")
-    build.cache_clear()
-    return tmp_path / "cache"
 
 
 def seven(device: OpenCL, number: int = 7) -> int:
@@ -91,7 +79,7 @@ def seven(device: OpenCL, number: int = 7) -> int:
 
 
 def test_a_program_that_was_built_is_not_compiled_by_the_next_process(
-    folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
+    programs: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert seven(device) == 7
     monkeypatch.setattr(cl._cl, "_Program", only_binaries(cl._cl._Program))
@@ -109,7 +97,7 @@ def only_binaries(program: type) -> object:
 
 
 def test_programs_are_built_by_another_process_while_this_one_goes_on(
-    folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
+    programs: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(build_ahead, "cores", lambda: 2)
     numbers = range(build_ahead.MIN_AHEAD_PROGRAMS)
@@ -122,7 +110,7 @@ def test_programs_are_built_by_another_process_while_this_one_goes_on(
 
 
 def test_what_was_warmed_is_not_compiled_by_the_first_run(
-    folder: Path,
+    programs: Path,
     tactograph: Command,
     write: Write,
     tmp_path: Path,
@@ -142,7 +130,7 @@ def test_what_was_warmed_is_not_compiled_by_the_first_run(
 
 
 def test_a_kernel_that_needs_its_launch_is_left_to_it_in_silence(
-    folder: Path, device: OpenCL, capfd: pytest.CaptureFixture[str]
+    programs: Path, device: OpenCL, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert device.build([find_node("film_bounce")]) == 0
     assert capfd.readouterr().err == ""
@@ -165,7 +153,7 @@ sys.exit("nothing else was built")
 
 
 def test_a_process_builds_something_else_while_another_builds_what_it_needs(
-    folder: Path, device: OpenCL
+    programs: Path, device: OpenCL
 ) -> None:
     (handle,) = device.context.devices
     recipes = [(SEVEN, (f"-DNUMBER={number}",)) for number in (7, 8, 9)]
@@ -180,10 +168,10 @@ def test_a_process_builds_something_else_while_another_builds_what_it_needs(
 
 
 def test_a_program_is_built_from_its_source_if_what_is_kept_is_of_no_use(
-    folder: Path, device: OpenCL
+    programs: Path, device: OpenCL
 ) -> None:
     assert seven(device) == 7
-    (file,) = folder.rglob("*.cached")
+    (file,) = programs.rglob("*.cached")
     for body in (b"damaged", b"tactograph kept 1\n00000000\n"):
         file.write_bytes(body)
         assert seven(device) == 7
@@ -195,11 +183,11 @@ def test_a_program_is_built_from_its_source_if_what_is_kept_is_of_no_use(
     ("name", "value"), [(disk_cache.FOLDER_VARIABLE, "off"), ("PYOPENCL_NO_CACHE", "1")]
 )
 def test_nothing_is_kept_where_that_is_not_wanted(
-    folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch, name: str, value: str
+    programs: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch, name: str, value: str
 ) -> None:
     monkeypatch.setenv(name, value)
     assert seven(device) == 7
-    assert not folder.exists()
+    assert not programs.exists()
 
 
 def test_a_program_brings_all_overloads_of_what_it_names_and_nothing_else(device: OpenCL) -> None:
@@ -211,7 +199,7 @@ def test_a_program_brings_all_overloads_of_what_it_names_and_nothing_else(device
 
 
 def test_a_program_is_built_as_ever_where_what_it_brings_does_not_compile(
-    folder: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
+    programs: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pocl_source, "_declarations", lambda: [(None, "#error")])
     assert seven(device) == 7
