@@ -50,7 +50,6 @@ def verified(read: Graph) -> Plan:
 
 
 def _check(read: Graph, own_params: Container[str]) -> None:
-
     plan = verified(read)
     say(f"{read.name}: {read.title or 'no title'} [{read.hash}]")
     say(f"{len(plan.tasks)} nodes, {len(plan.outputs)} outputs, nothing wrong")

@@ -55,7 +55,7 @@ def yields_one(pipeline: Pipeline) -> bool:
 
 
 def import_pictures() -> None:
-    """Import what draws, while the main thread waits for those of NumPy."""
+    """Import Matplotlib in a thread, while the main one computes."""
     Thread(target=import_module, args=("tactograph.graph.show.pictures",), daemon=True).start()
 
 

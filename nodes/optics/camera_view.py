@@ -21,6 +21,7 @@ from tactograph.nodes.optics.lens import (
     half_diagonal,
     ideal_offset,
     ideal_places,
+    is_straight,
 )
 
 BISECTION_STEPS = 10
@@ -38,7 +39,7 @@ class View(NamedTuple):
     @property
     def is_plain(self) -> bool:
         """Whether pixels see an even grid on the film, however high it is."""
-        return (self.lens is None or not self.lens.any()) and not self.camera
+        return (self.lens is None or is_straight(self.lens)) and not self.camera
 
     def stated(self) -> dict[str, object]:
         """Return what a file states of a view, for `stated_in`; nothing of one that is plain."""
@@ -109,7 +110,7 @@ class View(NamedTuple):
         lens, camera = self.lens, self.camera or 0.0
         _check_below(height, camera)
         rows, columns = height.shape
-        if lens is None or not lens.any():
+        if lens is None or is_straight(lens):
             row, column = np.mgrid[:rows:step, :columns:step].astype(np.float64)
         else:
             column, row = (p.astype(np.float64) for p in ideal_places(lens, height.shape, step))

@@ -10,6 +10,7 @@ from tactograph.graph.cache.result_origin import (
     find_origin as find_origin,
 )
 from tactograph.graph.commands import (
+    FOLDER_PATH as FOLDER_PATH,
     RunOptions as RunOptions,
     graph_command as graph_command,
     run_options as run_options,
@@ -94,9 +95,19 @@ from tactograph.graph.show.warning_lines import (
 from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
+    METRES_PER_MM as METRES_PER_MM,
+    UM_PER_MM as UM_PER_MM,
+    LightPlaces as LightPlaces,
+    LutLight as LutLight,
+    LutLit as LutLit,
+    LutSlope as LutSlope,
     Misfit as Misfit,
     Noise as Noise,
+    ResizedLight as ResizedLight,
+    ScaleError as ScaleError,
     ShadowRises as ShadowRises,
+    SlopeVariance as SlopeVariance,
+    Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
@@ -108,6 +119,7 @@ from tactograph.nodes.calibrate import (
     BallCircles as BallCircles,
     BallPress as BallPress,
     BallRadii as BallRadii,
+    PressImages as PressImages,
 )
 from tactograph.nodes.calibrate.ball.ball_on_shape import (
     BallOnShape as BallOnShape,
@@ -169,9 +181,11 @@ from tactograph.nodes.calibrate.film.fit_film import (
     FilmEvidence as FilmEvidence,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
+    AS_STATED as AS_STATED,
     explain as explain,
 )
 from tactograph.nodes.calibrate.lights.descend import (
+    DERIVATIVE_STEP as DERIVATIVE_STEP,
     descend as descend,
     huber as huber,
     huber_weight as huber_weight,
@@ -280,6 +294,9 @@ from tactograph.nodes.files.sensor_identity import (
 from tactograph.nodes.files.sensor_preset import (
     SensorPreset as SensorPreset,
 )
+from tactograph.nodes.light.film_drift import (
+    terms as terms,
+)
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
 )
@@ -297,6 +314,8 @@ from tactograph.nodes.optics.harmonics import (
 from tactograph.nodes.optics.lens import (
     LENS_TERMS as LENS_TERMS,
     camera_offset as camera_offset,
+    half_diagonal as half_diagonal,
+    is_straight as is_straight,
 )
 from tactograph.nodes.optics.near_light import (
     expected_light as expected_light,
@@ -305,12 +324,14 @@ from tactograph.nodes.optics.near_light import (
 )
 from tactograph.nodes.optics.normals import (
     cofactors as cofactors,
+    dot as dot,
 )
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
 )
 from tactograph.nodes.optics.sheet import (
     SheetLight as SheetLight,
+    SheetMask as SheetMask,
     cut as cut,
 )
 from tactograph.nodes.simulate.expose import (

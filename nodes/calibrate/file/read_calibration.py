@@ -6,10 +6,7 @@ from typing import Any
 
 from tactograph.graph import EVERYTHING, InputError, Wanted, node
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND, Calibration
-from tactograph.nodes.files.calibration_file import (
-    kind_of,
-    record_of,
-)
+from tactograph.nodes.files.calibration_file import kind_of, record_of
 from tactograph.nodes.files.image_files import Lights
 
 

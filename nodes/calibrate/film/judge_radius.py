@@ -1,15 +1,15 @@
-"""Judge by the light what was told of a ball and a camera: do other values explain it better?
+"""Judge by the light what was given of a ball and a camera: do other values explain it better?
 
 A wrong radius gives the normals a wrong scale.  LEDs at other distances, a gain of touched film
 or a gel that diffuses light can make up for that on the ball, but then the film at rest is not lit
 as the flat frame shows it.  So a plain film is fitted to balls and flat frame together, once with
-the values told, and once with each of them free: the radius, the pupil's height, the camera's
+the values given, and once with each of them free: the radius, the pupil's height, the camera's
 gamma.  Whichever leaves less is likelier, by odds that are those of the residuals' likelihoods.
 A pixel size that is wrong by a factor is a radius that is wrong by its inverse.
 
 Up to the third power of the slope, a ball that is too small looks like a gel that diffuses light.
 So where the gel seems to diffuse some, a last fit has a free radius and a gel that diffuses none.
-If the light does not exclude it, the radius told is not confirmed, and the heights' scale is as
+If the light does not exclude it, the radius given is not confirmed, and the heights' scale is as
 uncertain as these two are apart.  What settles it is another clue to the gel or to the lengths: a
 shadow of the ball on itself, which a gel that diffuses light brightens, or the LEDs' distance by a
 ruler, if both radii place them apart.  A second ball settles nothing: wrong by the same factor, as
@@ -40,7 +40,7 @@ from tactograph.nodes.optics.rest_shape import RestShape
 MAX_SAMPLES = 600
 """Samples of the balls; a radius that is worth a warning shows with few."""
 FIRST_SIZES = (0.5, 1.0, 2.0)
-"""Radii from which a free one starts, over that told: radius and diameter are easily confused."""
+"""Radii from which a free one starts, over that given: radius and diameter are easily confused."""
 REFUSED_ODDS = SURE_ODDS**3
 """Odds from which nothing else is possible, as if three sure signs spoke for it."""
 SAME_SIZE = 0.02
@@ -86,9 +86,9 @@ STATED_VALUES = {
 class Explained(NamedTuple):
     """What a plain film explains of the light where a value is free.
 
-    The balls' radius over that told, the power to which the camera raises the light, one over the
-    pupil's height; the departure left on balls and flat frame, the LEDs' mean distance in mm, the
-    mean share of light that the gel diffuses.
+    The balls' radius over the given one, the power to which the camera raises the light, one over
+    the pupil's height; the departure left on balls and flat frame, the LEDs' mean distance in mm,
+    the mean share of light that the gel diffuses.
     """
 
     size: float
@@ -102,7 +102,7 @@ class Explained(NamedTuple):
 class Alternatives(NamedTuple):
     """What each of `FREE_PARTS` explains, and how many independent values the light counts as.
 
-    `cap` is how high the balls are if their radius is another, over their height if it is as told;
+    `cap` is how high the balls are if their radius is another, over their height if it is as given;
     `ruler_mm` the LEDs' mean distance by a ruler.
     """
 
@@ -112,7 +112,7 @@ class Alternatives(NamedTuple):
     ruler_mm: float | None = None
 
     def odds(self, name: str, over: float | None = None) -> float:
-        """Return how much likelier an alternative is than what was told, or than a departure.
+        """Return how much likelier an alternative is than what was given, or than a departure.
 
         The likelihood of n residuals of unknown spread goes as the spread to the power of -n.
         """
@@ -128,19 +128,19 @@ class Alternatives(NamedTuple):
 
     @property
     def departure(self) -> float:
-        """What is left with the values told, by the plain film or, if tried, one with a coat."""
+        """What is left with the values given, by the plain film or, if tried, one with a coat."""
         named = (self.by_name.get(name) for name in (AS_STATED, WITH_COAT))
         return min(each.departure for each in named if each is not None)
 
     def doubts(
         self, radius: float, misfit: float = math.inf, which: str = ""
     ) -> tuple[list[str], bool]:
-        """Return at most one doubt of what was told, and whether the light contradicts it.
+        """Return at most one doubt of what was given, and whether the light contradicts it.
 
         Parameters
         ----------
         radius : the radius given, in mm
-        misfit : what the film chosen for the values told leaves of the light
+        misfit : what the film chosen for the values given leaves of the light
         which : in brackets, where radius and pixel size are given
         """
         likely = [
@@ -193,7 +193,7 @@ class Alternatives(NamedTuple):
         """Return what is open if a gel that diffuses no light is not excluded, with another radius.
 
         And what settles it: a shadow does; the LEDs' distance, the input `ruler`, where that with
-        the radius told excludes all that is open.
+        the radius given excludes all that is open.
         """
         open_ones, stated = self._open_ones(misfit), self.by_name[AS_STATED]
         if not open_ones:
@@ -216,7 +216,7 @@ class Alternatives(NamedTuple):
         )
 
     def scale_error(self, misfit: float = math.inf) -> float:
-        """Return by what share the balls may be higher or lower than told; 0 if that is confirmed.
+        """Return by what share the balls may be higher or lower than given; 0 if that is confirmed.
 
         Either the radius is another, or the pixel size is, by the inverse: then all heights change
         by that once more.  Neither is likelier, so the squares of both are averaged.
@@ -244,7 +244,7 @@ class Alternatives(NamedTuple):
         ]
 
     def is_other(self, name: str) -> bool:
-        """Return whether an alternative is there, and has another value than that told."""
+        """Return whether an alternative is there, and has another value than the given one."""
         each, camera = self.by_name.get(name), self.by_name[AS_STATED].camera
         return each is not None and (
             max(abs(each.size - 1), abs(each.power - 1)) > SAME_SIZE or each.camera != camera
@@ -272,13 +272,13 @@ def judge_radius(
     led_distance_mm: Annotated[float, Gt(0)] | None = None,
     force: bool = False,
 ) -> JudgedRadius:
-    """Fit a plain film with other values than those told; doubt these if others are likelier.
+    """Fit a plain film with other values than those given; doubt these if others are likelier.
 
     Parameters
     ----------
     evidence : the inputs of `fit_film`
     film, fitted
-        The film that `fit_film` found with the values told, and its figures.  They are doubted
+        The film that `fit_film` found with the values given, and its figures.  They are doubted
         only if this film is not surely likelier than the plain one with other values.
     of_pixels
         Doubts of the pixels' sides.  They may be the cause, so that the radius is not refused.
@@ -294,7 +294,7 @@ def judge_radius(
 
     Returns
     -------
-    The figures of `fit_film`; ``light_departure_percent``, what the plain film with the values told
+    The figures of `fit_film`; ``light_departure_percent``, what a plain film with the values given
     leaves of the balls' light and of the flat frame; ``light_radius_mm``, the radius of the first
     ball that explains the light best, where a plain film does; ``scale_error_percent``.  One doubt
     if other values are likelier, or if the light does not confirm the radius, and one if the LEDs
@@ -303,7 +303,7 @@ def judge_radius(
     Raises
     ------
     InputError
-        If the light contradicts the values told and `force` is not set.
+        If the light contradicts the values given and `force` is not set.
     """
     light, flat, circle, radius, of, is_used, lights, strength, noise, pixel, shape = evidence
     used = np.flatnonzero((is_used[of] > 0) & (circle[:, 2] > 0))
@@ -320,7 +320,7 @@ def judge_radius(
     camera = film.camera if shape is None else film.camera or None
     fits = explain(balls, flat, pixel, lights, strength, shape, camera)
     departure = fits.by_name[AS_STATED].departure
-    # As it is told, the LEDs are where the film that is kept has them.
+    # As it is given, the LEDs are where the film that is kept has them.
     mean = float(np.linalg.norm(film.lights, axis=1).mean())
     fits.by_name[AS_STATED] = fits.by_name[AS_STATED]._replace(distance=mean)
     fits = fits._replace(ruler_mm=led_distance_mm)
@@ -352,7 +352,7 @@ def explain(
     camera: float | None = 0.0,
     coated: bool = False,
 ) -> Alternatives:
-    """Fit the plain film with the values told and with each of them free.
+    """Fit the plain film with the values given and with each of them free.
 
     Parameters
     ----------
@@ -360,7 +360,7 @@ def explain(
         Samples as `sample_balls` returns them, and what else `fit_film` is given.
     camera
         One over the pupil's height above the film; 0: it is free.  None: the camera is far.
-    coated : whether a film with a coat is tried, too, with the values told
+    coated : whether a film with a coat is tried, too, with the values given
     """
     rest, width = Rest.of(flat, pixel, shape), pixel * flat.shape[2]
     start = start_at(lights, strength, len(balls.centre))
@@ -395,7 +395,7 @@ def explain(
 
     excluded = {OTHER_CAMERA: camera != 0, WITH_COAT: not coated}
     by_name = {name: best(parts) for name, parts in FREE_PARTS.items() if not excluded.get(name)}
-    # A camera that is found far away is as told, and its fit may end in a lower minimum.
+    # A camera that is found far away is as given, and its fit may end in a lower minimum.
     if (far := by_name.get(OTHER_CAMERA)) is not None and far.camera == 0:
         by_name[AS_STATED] = min(by_name[AS_STATED], far, key=lambda each: each.departure)
     values = min(samples.light.size, MAX_INDEPENDENT_REST * len(lights))

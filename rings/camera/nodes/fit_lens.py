@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from tactograph.rings.camera.nodes.find_grid import GridMarks
 from tactograph.rings.camera.nodes.read_grey import GreyImage
 from tactograph.sdk import F4, InputError, Lens, Metrics, PixelSize, Port, View, node, warn
-from tactograph.sdk.unstable import LENS_TERMS, camera_offset
+from tactograph.sdk.unstable import LENS_TERMS, camera_offset, half_diagonal
 
 POSE_TERMS = 4
 """Parameters of the grid's pose: scale, rotation, and position of the cell 0, 0."""
@@ -74,7 +74,7 @@ def fit_lens(
         If the marks do not lie on a square grid, or the lens would fold the image.
     """
     shape = (image.shape[0], image.shape[1])
-    half = float(np.hypot(*shape)) / 2
+    half = float(half_diagonal(shape))
     middle = np.array([shape[1] - 1, shape[0] - 1]) / 2
     places = (marks.place.astype(np.float64) - middle) / half
     inliers = _fitting(places, marks.cell)

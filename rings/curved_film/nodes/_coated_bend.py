@@ -13,6 +13,7 @@ import numpy as np
 
 from tactograph.sdk import F4, F8, Film, InputError, Light, NodeCall
 from tactograph.sdk.unstable import (
+    DERIVATIVE_STEP,
     MAX_ROUNDS,
     PART_UNKNOWNS,
     SURE_ODDS,
@@ -36,8 +37,6 @@ from tactograph.sdk.unstable import (
     start_at,
 )
 
-DERIVATIVE_STEP = float(np.sqrt(np.finfo(np.float32).eps))
-"""Relative step of derivatives of light, which is of single precision."""
 COATED_PARTS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
 """Parts of a film with a coat, and of one that lights itself as well."""
 

@@ -11,7 +11,6 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.rings.curved_film.nodes._coated_bend import (
-    DERIVATIVE_STEP,
     Bending,
     Laid,
     coated_bend,
@@ -20,6 +19,8 @@ from tactograph.rings.curved_film.nodes.read_rest import by_rays
 from tactograph.sdk import F4, F8, InputError, Light, Metrics, NodeCall, PixelSize, Port, node
 from tactograph.sdk.nodes import film_bounce, find_balls, label_lit
 from tactograph.sdk.unstable import (
+    DERIVATIVE_STEP,
+    UM_PER_MM,
     BallCircles,
     BallOnShape,
     BallPress,
@@ -32,6 +33,7 @@ from tactograph.sdk.unstable import (
     Radii,
     Rest,
     RestShape,
+    ScaleError,
     SheetLight,
     StatedCircles,
     cut,
@@ -103,7 +105,7 @@ class FoundRest(NamedTuple):
     height: Annotated[F4, Port("R C", "mm", low=-1, high=5)]
     shape: RestShape
     quality: Metrics
-    scale_error: Annotated[float, Port(unit="1")] = 0.0
+    scale_error: ScaleError = 0.0
 
 
 class BallPresses(NamedTuple):
@@ -197,7 +199,7 @@ def find_rest(
     size = even.shape[1], even.shape[2]
     whole = bent(size, even_pixel, camera, bend.unknowns)
     deviation = _deviation(bend, flat.shape[1:], pixel)
-    figures = {"rest_deviation_um": 1e3 * deviation}
+    figures = {"rest_deviation_um": UM_PER_MM * deviation}
     for axis, k in (("x", bend.unknowns[0]), ("y", bend.unknowns[2])):
         figures[f"rest_radius_{axis}_mm"] = float(1 / k) if k else math.inf
     scale = _scale_error(bend, presses.radii)

@@ -15,7 +15,6 @@ from tactograph.sdk import (
     Lens,
     Metrics,
     PixelSize,
-    Port,
     View,
     atomic_files,
     bring,
@@ -26,7 +25,7 @@ from tactograph.sdk import (
     write_result_file,
     write_tiff,
 )
-from tactograph.sdk.unstable import Surface
+from tactograph.sdk.unstable import Surface, Vergence
 
 MESH_FORMATS = ("ply", *MESH_WRITERS)
 OWN_FORMATS = ("npy", "tiff", *MESH_FORMATS)
@@ -43,7 +42,7 @@ def export_height(
     pixel: PixelSize,
     name: str | None = None,
     lens: Lens | None = None,
-    camera: Annotated[float, Port(unit="1/mm")] | None = None,
+    camera: Vergence | None = None,
     error: HeightError | None = None,
     metrics: Metrics | None = None,
     rest: Height | None = None,

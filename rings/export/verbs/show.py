@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-FOLDER_PATH = click.Path(file_okay=False, path_type=Path)
+from tactograph.sdk.unstable import FOLDER_PATH
 
 
 @click.command("show", short_help="Print and draw what is in a file.")

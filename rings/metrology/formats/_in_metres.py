@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 
 from tactograph.sdk import HeightFile, InputError, need
-from tactograph.sdk.unstable import MAX_PIXEL_MM
+from tactograph.sdk.unstable import MAX_PIXEL_MM, METRES_PER_MM
 
-METRES_PER_MM = 1e-3
 """A millimetre in metres."""
 
 

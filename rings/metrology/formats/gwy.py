@@ -6,12 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.rings.metrology.formats._in_metres import (
-    METRES_PER_MM,
-    package_for,
-    read_in_metres,
-)
+from tactograph.rings.metrology.formats._in_metres import package_for, read_in_metres
 from tactograph.sdk import Height, HeightError, HeightFile, InputError
+from tactograph.sdk.unstable import METRES_PER_MM
 
 ERROR_TITLE = "Error"
 """The channel that holds the standard deviation of the heights."""

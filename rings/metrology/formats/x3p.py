@@ -10,12 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.rings.metrology.formats._in_metres import (
-    METRES_PER_MM,
-    package_for,
-    read_in_metres,
-)
+from tactograph.rings.metrology.formats._in_metres import package_for, read_in_metres
 from tactograph.sdk import Height, HeightError, HeightFile, InputError, warn
+from tactograph.sdk.unstable import METRES_PER_MM
 
 MAIN_FILE, DRAFT_ROOT = "main.xml", "ISO5436"
 ROOT_TAG = re.compile(rb"(</?(?:[\w.-]+:)?ISO5436)(?=[\s>])")

@@ -1,3 +1,1 @@
 """Surfaces and scans."""
-
-UM_PER_MM = 1e3

@@ -1,11 +1,9 @@
 """Transfer the light of a calibration's tables to another film."""
 
-from typing import Annotated
-
 import numpy as np
 
-from tactograph.sdk import F4, U1, Film, Port, node
-from tactograph.sdk.unstable import TablePixels, predict
+from tactograph.sdk import Film, node
+from tactograph.sdk.unstable import LutLight, LutLit, LutSlope, TablePixels, predict
 
 MIN_PREDICTED_LIGHT = 0.05
 """Light predicted for the old film above which the ratio of both films is used."""
@@ -13,9 +11,9 @@ MIN_PREDICTED_LIGHT = 0.05
 
 @node
 def carry_tables(
-    lut_light: Annotated[F4, Port("N K", "1")],
-    lut_slope: Annotated[F4, Port("N 2", "mm/mm")],
-    lut_lit: Annotated[U1, Port("N", "LED bits")],
+    lut_light: LutLight,
+    lut_slope: LutSlope,
+    lut_lit: LutLit,
     old: Film,
     new: Film,
 ) -> TablePixels:

@@ -21,8 +21,8 @@ from tactograph.rings.recording.files.ros_messages import (
     text_message,
 )
 from tactograph.sdk import Placed, Provenance, Touch, layers_of
+from tactograph.sdk.unstable import METRES_PER_MM
 
-METRES_PER_MM = 1e-3
 MAX_BYTE = 255
 
 

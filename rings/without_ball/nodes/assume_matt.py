@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.rings.without_ball.nodes import LightPlaces
 from tactograph.sdk import Film, LightPositions, node
-from tactograph.sdk.unstable import Misfit
+from tactograph.sdk.unstable import LightPlaces, Misfit
 
 
 class MattFilm(NamedTuple):

@@ -24,7 +24,6 @@ from tactograph.sdk import (
     Metrics,
     NodeCall,
     PixelSize,
-    Port,
     SizeLimit,
     node,
 )
@@ -37,6 +36,7 @@ from tactograph.sdk.unstable import (
     Fitted,
     Misfit,
     Rest,
+    ScaleError,
     SheetLight,
     cut,
     places,
@@ -78,7 +78,7 @@ class FilmOfObjects(NamedTuple):
 
     film: Film
     misfit: Misfit
-    scale_error: Annotated[float, Port(unit="1")]
+    scale_error: ScaleError
     quality: Metrics
     doubts: list[str]
 

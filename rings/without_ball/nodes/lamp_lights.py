@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.rings.without_ball.nodes import LightPlaces
 from tactograph.sdk import F8, InputError, Light, LightPositions, Metrics, PixelSize, node, warn
-from tactograph.sdk.unstable import Rest, places_within
+from tactograph.sdk.unstable import LightPlaces, Rest, places_within
 
 DIRECTION_DEVIATION = 0.01
 """Standard deviation of a lamp's direction in radians, and of its distance as a share of it."""

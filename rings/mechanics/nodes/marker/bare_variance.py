@@ -5,13 +5,14 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.sdk import F4, Mask, Port, node
+from tactograph.sdk import Mask, node
+from tactograph.sdk.unstable import SlopeVariance
 
 
 @node
 def bare_variance(
     bare: Mask, *, film: Annotated[float, Gt(0)] = 1e-3, marker: Annotated[float, Gt(0)] = 1.0
-) -> Annotated[F4, Port("2 H W", "1")]:
+) -> SlopeVariance:
     """Return the variance of p and q: one on bare film, a much larger one under markers.
 
     For sensors that do not state how noisy a slope is; only the ratio matters.

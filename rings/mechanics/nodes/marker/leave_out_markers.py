@@ -1,12 +1,9 @@
 """Exclude markers from the known pixels of a calibration's presses."""
 
-from typing import Annotated
-
 import numpy as np
 
-from tactograph.sdk import U1, Port, node
-
-SheetMask = Annotated[U1, Port("S W", "flag", high=1)]
+from tactograph.sdk import node
+from tactograph.sdk.unstable import SheetMask
 
 
 @node(neutral="mask")

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.sdk import F8, Height, View
-from tactograph.sdk.unstable import camera_offset
+from tactograph.sdk.unstable import camera_offset, half_diagonal
 
 
 class MarkerPlaces(NamedTuple):
@@ -27,7 +27,7 @@ def marker_places(
 ) -> MarkerPlaces:
     """Place the markers on the film, `height` as seen by the camera (V1)."""
     lens, camera = view or View()
-    half = float(np.hypot(*height.shape)) / 2
+    half = float(half_diagonal(height.shape))
     rows, columns = height.shape
     middle = np.array([columns - 1, rows - 1]) / 2
     rest = tracks.markers[:, :2] - middle

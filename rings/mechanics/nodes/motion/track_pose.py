@@ -23,6 +23,7 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     surface_of,
 )
 from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, View, node, warn
+from tactograph.sdk.unstable import SlopeVariance, Vergence
 
 KeySurface = Annotated[F4, Port("2 H W", "mm", nan=True)]
 """Heights of the key frame, NaN beside the touched film, and beside what moves with the object."""
@@ -63,10 +64,10 @@ def track_pose(
     height: Height,
     contact: Contacts,
     pixel: PixelSize,
-    variance: Annotated[F4, Port("2 H W", "1")] | None = None,
+    variance: SlopeVariance | None = None,
     key: KeySurface | None = None,
     memory: Memory | None = None,
-    camera: Annotated[float, Port(unit="1/mm")] | None = None,
+    camera: Vergence | None = None,
     *,
     cell_px: Annotated[int, Interval(ge=0, le=8)] = 0,
     margin_px: Annotated[int, Interval(ge=0, le=100)] = 3,

@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tactograph.rings.metrology.nodes import UM_PER_MM
 from tactograph.rings.metrology.nodes.certify.transfer_function import CUT_OFF_SHARE
 from tactograph.rings.metrology.nodes.certify.uncertainty_budget import BudgetRow
 from tactograph.sdk import BLUE, F8, GREY, ORANGE, Metrics
+from tactograph.sdk.unstable import UM_PER_MM
 
 PAGE_TEXT = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>

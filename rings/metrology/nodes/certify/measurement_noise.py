@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from tactograph.rings.metrology.nodes import UM_PER_MM
 from tactograph.rings.metrology.nodes.certify.measure_touches import Heights
 from tactograph.sdk import InputError, Metrics, node
+from tactograph.sdk.unstable import UM_PER_MM
 
 MIN_REPEATS = 2
 

@@ -7,10 +7,10 @@ from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
-from tactograph.rings.metrology.nodes import UM_PER_MM
 from tactograph.rings.metrology.nodes.certify.compare_shapes import Compared
 from tactograph.rings.metrology.nodes.certify.response_curve import response_parts
 from tactograph.sdk import F8, Metrics, node
+from tactograph.sdk.unstable import UM_PER_MM
 
 COVERED_SHARE = 0.9545
 """Share of a normal distribution within two standard deviations: k = 2 (GUM 6.3.3)."""

@@ -1,14 +1,12 @@
 """State how much of a height hangs on the brightness of film that rests nowhere."""
 
-from typing import Annotated
-
 import numpy as np
 
-from tactograph.rings.metrology.nodes import UM_PER_MM
 from tactograph.rings.metrology.nodes.filled.level_plane import level_plane
 from tactograph.rings.metrology.nodes.filled.scale_height import Scale
-from tactograph.sdk import Height, HeightError, PixelSize, Port, Slope, node, warn
+from tactograph.sdk import Height, HeightError, PixelSize, Slope, node, warn
 from tactograph.sdk.nodes import integrate_dct
+from tactograph.sdk.unstable import UM_PER_MM, ScaleError
 
 MAX_SLOPE_CHANGE = np.float32(0.3)
 """Largest difference of two slopes; a larger one is a label that flips, not brightness."""
@@ -21,7 +19,7 @@ def doubt_brightness(
     held: Slope,
     free: Slope,
     pixel: PixelSize,
-    scale_error: Annotated[float, Port(unit="1")] | None = None,
+    scale_error: ScaleError | None = None,
     *,
     level: str = "plane",
     scale: Scale | None = None,

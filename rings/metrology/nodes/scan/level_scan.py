@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 from annotated_types import Ge, Interval
 
-from tactograph.rings.metrology.nodes import UM_PER_MM
 from tactograph.rings.metrology.nodes.filled.scale_height import Scale
 from tactograph.rings.metrology.nodes.scan._scan_error import scan_errors
 from tactograph.rings.metrology.nodes.scan._scan_levelling import ScanLevelling
@@ -30,6 +29,7 @@ from tactograph.sdk import (
     warn,
 )
 from tactograph.sdk.nodes import integrate_dct
+from tactograph.sdk.unstable import UM_PER_MM
 
 MAX_SQUARED_SLOPE = 3.0
 """Square of the steepest slope that a light model measures."""

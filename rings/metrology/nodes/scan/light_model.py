@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from tactograph.sdk import F4, Light, Port
-from tactograph.sdk.unstable import normal_by_slope
+from tactograph.sdk.unstable import dot, normal_by_slope
 
 MODEL_NUMBERS = 11
 """a00, a01, a02, a11, a12, a22, b0, b1, b2, c, and the scale of these."""
@@ -85,7 +85,7 @@ def slope_by_light(slope: F4, brightness: F4, model: LightModel, place: tuple[F4
     norm = np.maximum(np.sum(m * m, axis=0), MIN_DIVISOR)
     free = []
     for direction in (by_p, by_q):
-        j = sum(map(np.multiply, gradient, direction))
+        j = dot(gradient, direction)
         free.append(brightness * (j - m * (np.sum(m * j, axis=0) / norm)))
     x_by, y_by = free
     xx, xy, yy = (np.sum(a * b, axis=0) for a, b in combinations_with_replacement(free, 2))

@@ -12,7 +12,7 @@ from tactograph.rings.metrology.nodes.scan.light_model import (
     monomials,
 )
 from tactograph.sdk import F4, U1, Flips, Labels, Light, Port, SizeLimit, Slope, node
-from tactograph.sdk.unstable import cofactors, in_blocks, limited_step, normal_by_slope
+from tactograph.sdk.unstable import cofactors, dot, in_blocks, limited_step, normal_by_slope
 
 MAX_TURN_RAD = np.float32(0.3)
 """Longest step, as the angle in radians by which it turns the normal."""
@@ -101,7 +101,7 @@ def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> tuple[F
         m, gradient = modelled_light(terms, np.array(n))
         norm = np.sum(m * m, axis=0) + MIN_LIGHT
         brightness = np.sum(m * image, axis=0) / norm
-        columns = [sum(map(np.multiply, gradient, direction)) for direction in (by_p, by_q)]
+        columns = [dot(gradient, direction) for direction in (by_p, by_q)]
         x, y = (brightness * (j - m * (np.sum(m * j, axis=0) / norm)) for j in columns)
         rest = image - brightness * m
         products = np.sum(x * x, axis=0), np.sum(x * y, axis=0), np.sum(y * y, axis=0)

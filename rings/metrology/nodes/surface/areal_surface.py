@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.rings.metrology.nodes import UM_PER_MM
 from tactograph.sdk import Height, need
+from tactograph.sdk.unstable import UM_PER_MM
 
 METRES_PER_UM = 1e-6
 

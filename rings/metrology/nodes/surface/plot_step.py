@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from tactograph.rings.metrology.nodes import UM_PER_MM
 from tactograph.rings.metrology.nodes.surface.measure_step import Across, EdgeCount, step_profiles
 from tactograph.sdk import (
     BLUE,
@@ -18,6 +17,7 @@ from tactograph.sdk import (
     node,
     write_picture,
 )
+from tactograph.sdk.unstable import UM_PER_MM
 
 
 @node

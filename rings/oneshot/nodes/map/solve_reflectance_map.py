@@ -13,7 +13,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     shading,
 )
 from tactograph.sdk import F4, Flips, Height, Launch, Light, Port, SizeLimit, Slope, node
-from tactograph.sdk.unstable import limited_step, normal_by_slope
+from tactograph.sdk.unstable import dot, limited_step, normal_by_slope
 
 ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
 """Coefficients of equation M1 (`reflectance_map`): 9 shades, 15 monomials of the place."""
@@ -101,7 +101,7 @@ def _step(
     s, t = -prior * p, -prior * q
     for rest, weight, coefficients in zip(rests, flat, maps, strict=True):
         value, gradient = shading(normal, coefficients)
-        j_p, j_q = sum(map(np.multiply, gradient, by_p)), sum(map(np.multiply, gradient, by_q))
+        j_p, j_q = dot(gradient, by_p), dot(gradient, by_q)
         residual = rest - value
         w_p, w_q = weight * j_p, weight * j_q
         a, b, c = a + w_p * j_p, b + w_p * j_q, c + w_q * j_q

@@ -6,5 +6,3 @@ from tactograph.sdk import F4, Port
 
 Circles = Annotated[F4, Port("P 3", "px")]
 """Contact circles: x, y, radius; a radius of 0 where no ball was found."""
-PressImages = Annotated[F4, Port("P K H W", "1")]
-"""P captures of K lights, each as a fraction of full scale."""

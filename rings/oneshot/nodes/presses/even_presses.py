@@ -4,10 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import Lens, Light, View, node
 from tactograph.sdk.nodes import undistort
-from tactograph.sdk.unstable import StatedCircles
+from tactograph.sdk.unstable import PressImages, StatedCircles, is_straight
 
 
 class EvenPresses(NamedTuple):
@@ -28,7 +27,7 @@ def even_presses(image: PressImages, flat: Light, circle: StatedCircles, lens: L
     circle : P x 3 in px of the captured images; the radius does not change
     lens : length 8 as `read_lens` gives it, all zero for an ideal lens
     """
-    if not lens.any():
+    if is_straight(lens):
         return EvenPresses(image, flat, circle)
     presses = np.stack([undistort(press, lens) for press in image])
     circle = View(lens).ideal_circles(flat.shape[1:], circle)

@@ -5,11 +5,16 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Ge, Gt
 
-from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.rings.oneshot.nodes.presses.sheet_presses import sheet_presses
 from tactograph.sdk import F4, InputError, Light, PixelSize, Port, node, warn
 from tactograph.sdk.nodes import find_ball, find_balls
-from tactograph.sdk.unstable import MIN_FLAT_LIGHT, BallCircles, BallPress, StatedCircles
+from tactograph.sdk.unstable import (
+    MIN_FLAT_LIGHT,
+    BallCircles,
+    BallPress,
+    PressImages,
+    StatedCircles,
+)
 
 MIN_PRESSES = 4
 

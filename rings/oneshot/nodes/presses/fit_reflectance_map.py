@@ -28,7 +28,6 @@ from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import (
     ReflectanceMap,
     solve_reflectance_map,
 )
-from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
 from tactograph.sdk import F4, F8, U1, InputError, Light, PixelSize, Port, node, warn
 from tactograph.sdk.nodes import (
@@ -43,6 +42,7 @@ from tactograph.sdk.unstable import (
     MIN_FLAT_LIGHT,
     BallCircles,
     BallPress,
+    PressImages,
     ball_shape,
 )
 

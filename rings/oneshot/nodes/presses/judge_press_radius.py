@@ -6,9 +6,9 @@ import numpy as np
 from annotated_types import Gt
 from scipy.special import chdtri
 
-from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import F4, U1, Film, Light, PixelSize, Port, node
 from tactograph.sdk.unstable import (
+    AS_STATED,
     DEVIATIONS_PER_MAD,
     FALSE_ALARMS,
     MAX_JUDGED_BALLS,
@@ -17,6 +17,7 @@ from tactograph.sdk.unstable import (
     BallPress,
     Balls,
     Judged,
+    PressImages,
     explain,
     sample_balls,
 )
@@ -69,7 +70,7 @@ def judge_press_radius(
     # The film at rest of such sensors is not lit by points.
     flat = np.ones_like(flat)
     explained = explain(balls, flat, pixel, _directions(balls), strength, camera=None, coated=True)
-    plain, scale = explained.by_name["stated"], explained.scale_error()
+    plain, scale = explained.by_name[AS_STATED], explained.scale_error()
     # What a coat explains better is no evidence of another radius or of a gamma.
     doubts, _ = explained.doubts(radius_mm, explained.departure, which=RADIUS_INPUTS)
     is_open = "" if doubts else explained.unconfirmed(radius_mm)

@@ -5,10 +5,9 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import Light, Mask, node
 from tactograph.sdk.nodes import coarsen, film_drift, level_light
-from tactograph.sdk.unstable import FILM_ROUGHNESS, MIN_FLAT_LIGHT
+from tactograph.sdk.unstable import FILM_ROUGHNESS, MIN_FLAT_LIGHT, PressImages
 
 
 @node(neutral="image")

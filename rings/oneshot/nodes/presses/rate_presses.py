@@ -5,7 +5,6 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     degree_for,
     fit_presses,
@@ -14,7 +13,14 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     refine_center,
 )
 from tactograph.sdk import F4, U1, Light, Metrics, PixelSize, Port, node, warn
-from tactograph.sdk.unstable import FILM_REGIONS, BallCircles, BallPress, Judged, judge_contact
+from tactograph.sdk.unstable import (
+    FILM_REGIONS,
+    BallCircles,
+    BallPress,
+    Judged,
+    PressImages,
+    judge_contact,
+)
 
 COVERAGE_CELLS = (4, 6)
 """Rows and columns of cells into which the film is divided to measure coverage."""

@@ -7,11 +7,11 @@ import numpy as np
 from annotated_types import Interval
 from scipy.ndimage import gaussian_filter
 
-from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import F4, Crop, InputError, Light, node
 from tactograph.sdk.unstable import (
     CaptureFile,
     Layout,
+    PressImages,
     StatedCircles,
     read_images,
     read_presses as read_presses_of,
