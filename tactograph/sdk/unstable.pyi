@@ -287,6 +287,7 @@ from tactograph.nodes.files.result_file import (
 )
 from tactograph.nodes.files.result_view import (
     read_view as read_view,
+    refuse_view as refuse_view,
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,

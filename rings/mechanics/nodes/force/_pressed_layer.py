@@ -31,8 +31,8 @@ class Pressed(NamedTuple):
     """kPa."""
     inside: F4
     """Share of each cell that is pressed."""
-    misfit: F4
-    """mm, by how much the height is too low where the layer is right about film that hangs."""
+    apart: F4
+    """mm, by how much the layer's height is above that seen, also of film that hangs."""
 
 
 class PressedLayer(NamedTuple):
@@ -63,22 +63,22 @@ class PressedLayer(NamedTuple):
         height = height + moved / self.cell_mm**2
         pressure = self._pressure(height, pushed)
         apart = filtered(pressure * pushed, self.answer.normal) - height
-        return Pressed(pressure, pushed, self._misfit(apart, pushed))
+        return Pressed(pressure, pushed, apart)
 
     def sensitivity(self, inside: F4, part: F4) -> F4:
         """The derivative by the height of all pressure on a part of the contact."""
         return filtered(inside * self._solved(part, inside), self._to_load())
 
-    def _misfit(self, apart: F4, pushed: F4) -> F4:
-        """By how much a height is too low that is `apart` from the layer's where film hangs.
+    def misfit(self, cells: Pressed) -> F4:
+        """Return by how much a height is too low if the layer is right about film that hangs, mm.
 
         A sensor holds film at zero that it takes for film at rest, and takes the light of its
         slopes, which change over the frame, for LEDs that have drifted, also where film is pushed.
         """
-        away = cv2.distanceTransform((pushed == 0).view(np.uint8), cv2.DIST_L2, 3)
+        away = cv2.distanceTransform((cells.inside == 0).view(np.uint8), cv2.DIST_L2, 3)
         beside = away > 3 * EDGE_CELLS
-        slopes = np.stack([np.gradient(apart, self.cell_mm, axis=axis) for axis in (1, 0)])
-        y, x = np.indices(apart.shape, np.float32)
+        slopes = np.stack([np.gradient(cells.apart, self.cell_mm, axis=axis) for axis in (1, 0)])
+        y, x = np.indices(cells.apart.shape, np.float32)
         terms = np.stack([np.ones_like(x), x, y], axis=-1)
         drift, *_ = np.linalg.lstsq(terms[beside], slopes[:, beside].T, rcond=None)
         both = np.where(beside, slopes, np.moveaxis(terms @ drift, -1, 0))

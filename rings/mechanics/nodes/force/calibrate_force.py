@@ -17,8 +17,8 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
 )
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
 from tactograph.sdk import F4, F8, Contacts, InputError, Metrics, node, read_height_file, warn
-from tactograph.sdk.nodes import find_contact, read_height
-from tactograph.sdk.unstable import MAX_CONTACTS
+from tactograph.sdk.nodes import find_contact
+from tactograph.sdk.unstable import MAX_CONTACTS, check_heights, refuse_view
 
 THICKNESS_RANGE_MM = 0.3, 30.0
 THICKNESS_COUNT = 12
@@ -211,8 +211,10 @@ def _presses(results: Path, names: Iterable[str]) -> Sequence[tuple[F4, Contacts
     """Height, contacts and pixel size of the results of these names."""
     presses = []
     for folder in (results / name for name in names):
-        height = read_height(file=folder / "height.tiff")
-        pixel = read_height_file(folder / "height.tiff").pixel
+        file = folder / "height.tiff"
+        refuse_view(file)
+        height, pixel, _ = read_height_file(file)
+        check_heights(height, file, unknown=False)
         if pixel is None:
             raise InputError(f"{folder}: its height.tiff does not say how large a pixel is")
         contact = find_contact(height)

@@ -110,14 +110,14 @@ def press_to_pressure(
     pressure = np.where(contact > 0, apparent, np.float32(0))
     figures = _figures(pressure, contact, numbers, pixel**2 * place.areas)
     if error is not None:
-        stated = place.cells(error, cell_px)
+        stated, misfit = place.cells(error, cell_px), layer.misfit(cells)
         for name in [name for name in figures if name.startswith("contact_force_n/")]:
             number = int(name.rpartition("/c")[2])
             part = cells.inside * place.cells(contact == number, cell_px)
             by_height = layer.sensitivity(cells.inside, part)
             causes = (
                 force_deviation(by_height * stated, layer.k),
-                float((by_height * cells.misfit).sum()),
+                float((by_height * misfit).sum()),
             )
             by_causes = NEWTONS_PER_KPA_MM2 * layer.cell_mm**2 * np.hypot(*causes)
             of_modulus = modulus_error * figures[name]
