@@ -3,12 +3,15 @@
     python benchmarks/error_band.py [--rigs far near middle]
     python benchmarks/error_band.py --raytraced             # rigs of ../shared/data, and a summary
     python benchmarks/error_band.py --raytraced --blur 0.8  # rigs in the hand, through a lens
+    python benchmarks/error_band.py --new 6 --seed 1        # rigs and touches that chance makes
 
 Simulated rigs and shapes are other ones than those of the ray-traced captures.  The surface is
 rendered three times finer than the camera's pixels and averaged, so that edges are mixed as a
 camera mixes them; the truth is the height in the middle of a pixel.  Of the ray-traced ones, those
 that constants were chosen on and those left out are summed up apart; teapots are left out, as their
-images are not those of the stated shape.
+images are not those of the stated shape.  A new rig is one in the hand whose LEDs, coat, albedo,
+pupil and blur chance draws, and which is calibrated by two presses of a ball; a kind of its touches
+is one row, as a single touch is one draw, whose pixels err together.
 """
 
 import argparse
@@ -36,6 +39,7 @@ SHARED = Path(__file__).resolve().parents[2] / "shared" / "data" / "raytraced"
 CHOSEN_ON = tuple(accuracy.PIXEL_MM)
 SOFT, RIGID = ("sphere_film", "corner_film", "cat_film", "teapot_film"), ("sphere", "cat")
 HERE = {"": Place("error_band", 0, 0, "shape")}
+NEW_BALL_MM = 6.0
 
 
 class Rig(NamedTuple):
@@ -45,6 +49,8 @@ class Rig(NamedTuple):
     pixel_mm: float
     size: tuple[int, int]
     bits: int
+    flaws: dict[str, float] | None = None
+    """Params of `simulate_hand`; None: a matt film far from the camera."""
 
 
 RIGS = {
@@ -72,7 +78,12 @@ def main() -> None:
     parser.add_argument("--rigs", nargs="+", default=list(RIGS), choices=list(RIGS))
     parser.add_argument("--raytraced", action="store_true", help="rigs of a ray tracer instead")
     parser.add_argument("--blur", type=float, help="px, a Gaussian that those are seen through")
+    parser.add_argument("--new", type=int, default=0, help="so many rigs that chance makes")
+    parser.add_argument("--seed", type=int, default=1, help="of the first of those")
     given = parser.parse_args()
+    if given.new:
+        new_rigs(given.new, given.seed)
+        return
     if given.raytraced:
         with tempfile.TemporaryDirectory() as folder:
             raytraced(given.blur, Path(folder))
@@ -112,6 +123,107 @@ def raytraced(blur: float | None, folder: Path) -> None:
             print(f"{family}: {right} of {len(found)} within 85 to 95 %, least {min(found):.0f} %")
 
 
+def new_rigs(count: int, first: int) -> None:
+    """Every kind of touch on rigs that chance makes, the pixels of a kind together."""
+    print("| rig |", " | ".join(drawn_touches(np.random.default_rng(0))), "|")
+    print("| --- |" + " --- |" * len(drawn_touches(np.random.default_rng(0))))
+    rows = []
+    for seed in range(first, first + count):
+        rng = np.random.default_rng(seed)
+        rig = drawn_rig(rng)
+        with tempfile.TemporaryDirectory() as folder:
+            kinds = bands_by_kind(rig, rng, Path(folder))
+        rows += [band for band, _ in kinds.values()]
+        cells = (f"{band:.0f} % ({rmse:.1f} um)" for band, rmse in kinds.values())
+        flaws = ", ".join(f"{name} {value:.2g}" for name, value in (rig.flaws or {}).items())
+        leds = f"LEDs at {rig.slant_deg:.0f} degrees, {rig.distance_mm:.0f} mm"
+        print(f"| {seed}: {leds}; {flaws} |", " | ".join(cells), "|", flush=True)
+    right = sum(85 <= band <= 95 for band in rows)
+    print(f"{right} of {len(rows)} within 85 to 95 %, least {min(rows):.0f} %")
+
+
+def drawn_rig(rng: np.random.Generator) -> Rig:
+    """A rig in the hand; each flaw is there in two of three."""
+    flaws = {
+        "led_size_mm": rng.uniform(1, 4),
+        "coat_alpha": rng.uniform(0.12, 0.35),
+        "bounce_albedo": rng.uniform(0.4, 0.8),
+        "camera_mm": rng.uniform(50, 150),
+        "blur_px": rng.uniform(0.2, 0.9),
+    }
+    there = {name: float(size * (rng.random() < 2 / 3)) for name, size in flaws.items()}
+    slant, distance = (
+        float(rng.uniform(28, 42)),
+        float(np.exp(rng.uniform(np.log(45), np.log(300)))),
+    )
+    return Rig(slant, distance, float(rng.uniform(0, 90)), 1 / 14, (320, 240), 8, there)
+
+
+def drawn_touches(rng: np.random.Generator) -> dict[str, list[Any]]:
+    """Touches by kind: shape, its settings, and those of the film."""
+
+    def placed(shape: str, soft: bool = True, **settings: Any) -> Any:
+        settings["offset_mm"] = rng.uniform(-3, 3, 2).tolist()
+        if shape not in ("ball", "cone"):
+            settings["angle_deg"] = float(rng.uniform(0, 360))
+        return shape, settings, {} if soft else {"reach_mm": 0, "skin_mm": 0}
+
+    def size(low: float, high: float) -> float:
+        return float(rng.uniform(low, high))
+
+    walls = [{"rise": size(0.1, 0.5), "wall_deg": size(20, 50)} for _ in range(8)]
+    groove = {"period_mm": 9.0, "duty": 2 / 3, "middle": "groove"}
+    step = {"count": 1, "tread_mm": 6.0}
+    return {
+        "soft touches": [
+            placed("ball", radius_mm=size(3, 7), rise_mm=size(0.5, 2)),
+            placed("cone", radius_mm=size(3, 5), rise_mm=size(0.8, 1.6)),
+            placed("pyramid", inradius_mm=size(3, 4), rise_mm=size(1, 2.5)),
+            placed("text", text="ok", rise_mm=size(0.3, 0.8)),
+            placed("cat", length_mm=size(8, 14), rise_mm=size(1, 2.5)),
+            placed("ball", radius_mm=size(2, 4), rise_mm=size(0.5, 1)),
+        ],
+        "half balls": [
+            placed("ball", False, radius_mm=radius, rise_mm=radius)
+            for radius in rng.uniform(1.5, 3, 3).tolist()
+        ],
+        "grooves": [
+            placed("grating", **groove, rise_mm=w["rise"], wall_deg=w["wall_deg"])
+            for w in walls[:4]
+        ],
+        "steps": [
+            placed("steps", **step, step_mm=w["rise"], wall_deg=w["wall_deg"])
+            for w in walls[4:]
+        ],
+    }
+
+
+def bands_by_kind(
+    rig: Rig, rng: np.random.Generator, folder: Path
+) -> dict[str, tuple[float, float]]:
+    """Calibrate a rig; return the mean band and the RMSE in um of each kind of touch."""
+    presses, flat, calibration = (folder / part for part in ("presses", "flat", "cal.npz"))
+    for seed, place in enumerate(([0.0, 0.0], [-5.0, 3.0]), start=1):
+        ball = {"radius_mm": NEW_BALL_MM, "rise_mm": 2.8, "offset_mm": place}
+        simulate(rig, "ball", ball, {"reach_mm": 0, "skin_mm": 0}, presses / str(seed), seed)
+    simulate(rig, "flat", {}, {}, flat, seed=3)
+    given: dict[str, Any] = {"capture": presses, "flat": flat, "out": calibration}
+    if camera := (rig.flaws or {}).get("camera_mm"):
+        given["camera_mm"] = camera
+    run("calibrate", **given, ball_radius_mm=NEW_BALL_MM, pixel_size_mm=rig.pixel_mm)
+    bands = {}
+    for kind, touches in drawn_touches(rng).items():
+        found = []
+        for number, touch in enumerate(touches):
+            capture = folder / f"{kind} {number}"
+            simulate(rig, *touch, capture, seed=4 + number)
+            metrics = run("precise", capture=capture, calibration=calibration)["metrics"]
+            found.append((metrics["in_90_percent_band"], metrics["rmse_px"] * rig.pixel_mm * 1e3))
+        band, rmse = np.array(found).T
+        bands[kind] = float(band.mean()), float(np.sqrt(np.square(rmse).mean()))
+    return bands
+
+
 def report(name: str, rig: Rig, folder: Path) -> None:
     """Calibrate a rig with a ball, and measure every shape."""
     ball, flat, calibration = (folder / part for part in ("ball", "flat", "cal.npz"))
@@ -141,7 +253,9 @@ def simulate(
     seed: int,
 ) -> None:
     """Render a shape finely, average over the camera's pixels, expose and write."""
-    graph = read_graph("simulate" if press is None else "simulate_press")
+    hand = rig.flaws is not None
+    name = "simulate_hand" if hand else "simulate" if press is None else "simulate_press"
+    graph = read_graph(name)
     size = {name: f"${name}" for name in ("width_px", "height_px", "pixel_size_mm")}
     changes: list[dict[str, Any]] = [
         {"replace": "shape", "op": f"shape_{shape}", "settings": {**size, **settings}},
@@ -153,6 +267,8 @@ def simulate(
         graph = apply_patch(graph, change, HERE)
     height = "shape.height" if press is None else "film"
     parts = {"light": "scene.light", "labels": "scene.labels", "height": height, "lights": "lights"}
+    if hand:
+        parts |= {"light": "lens", "labels": "view.labels", "height": "view.height"}
     width, rows = rig.size
     given = {
         "out": out,
@@ -162,6 +278,8 @@ def simulate(
         "height_px": rows * FINE,
         "pixel_size_mm": rig.pixel_mm / FINE,
     }
+    if rig.flaws is not None:
+        given |= {**rig.flaws, "blur_px": rig.flaws["blur_px"] * FINE, "lens_at_corner": 0.0}
     (scene,) = open_pipeline(replace(graph, outputs=parts), given, sinks=False).items()
     mean = scene["light"].reshape(-1, rows, FINE, width, FINE).mean(axis=(2, 4))
     image = expose(mean.astype(np.float32), bits=rig.bits, seed=seed).image

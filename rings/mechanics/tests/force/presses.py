@@ -1,5 +1,6 @@
 """Presses of a ball on an elastic layer, by integrals that know nothing of pixels."""
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -53,6 +54,7 @@ def contact() -> U1:
     return (distance() < 1.2 * RADIUS).astype(np.uint8)
 
 
+@cache
 def height(
     thickness: float, poisson: float, radius: float = RADIUS, peak: float = PEAK,
     shape: tuple[int, int] = SHAPE, pixel: float = PIXEL,
