@@ -113,10 +113,11 @@ static Response respond(
 }
 
 // How much faster a coated film's light changes with its normal than a matt film's, over the LEDs
-// that count; `coat_sharpness` of nodes/optics/film.py.
+// that count; `coat_sharpness` of nodes/optics/film.py.  Also tells the light, relative to that of
+// the film at rest.
 static floats sharpness(
     const Film *film, const floats p, const floats q, const floats u, const floats v,
-    const floats apparent, const ints used, const floats *noise)
+    const floats apparent, const ints used, const floats *noise, floats *light)
 {
     const floats none = 0.0f, tiny = 1e-10f, one = 1.0f;
     const floats z = apparent / (1.0f + film->camera * apparent), nearer = 1.0f - film->camera * z;
@@ -136,6 +137,7 @@ static floats sharpness(
         const floats square = noise[k] * noise[k], sure = 1.0f / MORE_OF(square, tiny);
         const floats weight = (used & (1 << k)) != 0 ? sure : none;
         const float direct = 1.0f - film->diffuse[k];
+        light[k] = by.light / direct;
         coated += 1.0f / (direct * direct) * weight * (by.by_s * by.by_s + by.by_t * by.by_t);
         matt += weight * (by_s * by_s + by_t * by_t);
     }
@@ -160,28 +162,69 @@ static floats within(const floats value, const float most)
 }
 
 // The parameters of each error: its signs for the wrong share of bounced light, for what has not
-// settled, for the lean of all normals and for the mean of a pixel's slopes; its wave's direction,
+// settled, for the lean of all normals and for what a pixel gathers; its wave's direction,
 // phase in turns, and length.
 typedef struct {
     float sign, settling, leaning, averaged, across, down, phase, wavelength;
 } Kind;
 
+// The light of each LED on the slopes found, relative to that of the film at rest, and how much
+// more of a slope its errors are than a matt film's light would say.
+LANED __kernel void shine(
+    __global const float *restrict sigma, __global const float *restrict height,
+    __global const float *restrict slope, __global const uchar *restrict used,
+    __global const float *restrict lights, __global const float *restrict diffuse,
+    __global const float *let_in_curve, const float base, const float roughness,
+    const float camera, const float refraction, __global float *restrict light,
+    __global float *restrict blunt, const int K, const int frame_height, const int frame_width,
+    const int top, const int left, const int H, const int W, const float pixel)
+{
+    GRID_PARTS_OF_ROWS(row, column, count, H, W)
+    const int frame_size = frame_height * frame_width;
+    const int i = row * W + column, from = (top + row) * frame_width + left + column;
+    const floats x =
+        ((float)(left + column) + LANE_NUMBERS - 0.5f * (float)(frame_width - 1)) * pixel;
+    const floats y = ((float)(top + row) - 0.5f * (float)(frame_height - 1)) * pixel;
+    const floats z = load_floats(height + from, count), none = 0.0f;
+    const floats p = load_floats(slope + from, count);
+    const floats q = load_floats(slope + frame_size + from, count);
+    floats shown[LED_SLOTS], sharper = 1.0f;
+    if (refraction != 1.0f) {
+        const Film film = {
+            lights, diffuse, 0, let_in_curve, 0.0f, 0.0f, 1.0f, 1.0f, 1.0f, base, roughness,
+            refraction, camera, 0.0f, K, 0};
+        floats noise[LED_SLOTS];
+        EACH_LED(k) noise[k] = load_floats(sigma + k * frame_size + from, count);
+        const ints lit = load_bytes(used + from, count);
+        sharper = sharpness(&film, p, q, x, y, z, lit, noise, shown);
+    } else {
+        const floats nz = 1.0f / sqrt(1.0f + p * p + q * q);
+        EACH_LED(k) {
+            const Vector v = light_vector(lights + 3 * k, x, y, z);
+            const floats faced = (v.z - v.x * p - v.y * q) * nz;
+            shown[k] = MORE_OF(faced, none);
+        }
+    }
+    EACH_LED(k) store_floats(shown[k], light + k * H * W + i, count);
+    store_floats(1.0f / sharper, blunt + i, count);
+}
+
 // The errors of the slopes inside the window, all in one launch because they read the same data:
 // the lights' noise; errors that all pixels of an LED share, of the LEDs' positions and light and of
-// the bounced light; of the mean of a pixel's slopes; and normals that lean in waves because the film's model is wrong.
+// the bounced light; of the light that a pixel gathers from around; and normals that lean in waves
+// because the film's model is wrong.
 LANED __kernel void err_slopes(
     __global const float *restrict sigma,
     __global const float *restrict height, __global const float *restrict slope,
     __global const uchar *restrict state, __global const uchar *restrict used,
     __global const float *restrict lights, __global const float *restrict others,
-    __global const float *restrict diffuse, __global const float *let_in_curve, const float base,
-    const float roughness, const float camera, __global float *restrict out, const int K, const int frame_height, const int frame_width,
+    __global const float *restrict light, __global const float *restrict blunt,
+    __global float *restrict out, const int K, const int frame_height, const int frame_width,
     const int top, const int left, const int H, const int W, const float pixel,
-    const float shared, const float uneven, const float refraction,
+    const float shared, const float uneven, const float half_spread,
     __global const float *restrict kinds,
     __global const uint *restrict keys, __global const float *misfit,
-    __global const float *bounced, __global const float *earlier, __global const float *tilt,
-    __global const float *apparent)
+    __global const float *bounced, __global const float *earlier, __global const float *tilt)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     __global const Kind *kind = (__global const Kind *)kinds;
@@ -201,24 +244,23 @@ LANED __kernel void err_slopes(
     const ints free_ = load_bytes(state + i, count) == 0;
     const Response response = respond(
         a, b, nz, x, y, z, free_, load_bytes(used + from, count), noise, lights, K, uneven);
-    floats blunt = whole;
-    if (refraction != 1.0f) {
-        const Film film = {
-            lights, diffuse, 0, let_in_curve, 0.0f, 0.0f, 1.0f, 1.0f, 1.0f, base, roughness,
-            refraction, camera, 0.0f, K, 0};
-        blunt = 1.0f / sharpness(&film, a, b, x, y, z, load_bytes(used + from, count), noise);
-    }
+    const floats less = load_floats(blunt + i, count);
+    floats mean_p = none, mean_q = none;
     floats p[ERROR_COUNT], q[ERROR_COUNT], pp = 0.0f, pq = 0.0f, qq = 0.0f;
     for (int n = 0; n < ERROR_COUNT; ++n) p[n] = q[n] = 0.0f;
     EACH_LED(k) {
         const int at = k * frame_size + from;
         const floats noisy = shared * noise[k];
         const floats to_p = response.by_p[k], to_q = response.by_q[k];
-        const floats apparent_p = to_p * blunt, apparent_q = to_q * blunt;
+        const floats apparent_p = to_p * less, apparent_q = to_q * less;
         const floats noise_p = apparent_p * noisy, noise_q = apparent_q * noisy;
         pp += noise_p * noise_p;
         pq += noise_p * noise_q;
         qq += noise_q * noise_q;
+        const Bend bend = bend_at(light + k * H * W, row, column, count, H, W);
+        const floats gathered = half_spread * (bend.across + bend.along);
+        mean_p += apparent_p * gathered;
+        mean_q += apparent_q * gathered;
         __global const float *led = lights + 3 * k;
         const Vector by = light_by_place(led, x, y, z, a, b, nz);
         for (int n = 0; n < ERROR_COUNT; ++n) {
@@ -257,8 +299,6 @@ LANED __kernel void err_slopes(
     const floats square = sunk_p * sunk_p + sunk_q * sunk_q, slant = sqrt(square);
     const floats share = slant / FULL_MISFIT_SLOPE, above = MORE_OF(share, level);
     const floats tilted = LESS_OF(above, whole), leans = MORE_OF(slant, full);
-    const floats mean_p = a - load_floats(apparent + from, count);
-    const floats mean_q = b - load_floats(apparent + frame_size + from, count);
     for (int n = 0; n < ERROR_COUNT; ++n) {
         p[n] = within(p[n] + kind[n].averaged * mean_p, MAX_SLOPE);
         q[n] = within(q[n] + kind[n].averaged * mean_q, MAX_SLOPE);
@@ -376,18 +416,15 @@ LANED __kernel void deviation(
     __global const float *restrict variance, __global const float *restrict weight,
     __global const float *restrict freed, __global const float *restrict height,
     __global float *restrict out, const int frame_height, const int frame_width, const int top,
-    const int left, const int H, const int W, const float pixel, const float place_px,
-    const float flattening_px2)
+    const int left, const int H, const int W, const float pixel, const float place_px)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
     const floats none = 0.0f, least = 1e-3f, total = load_floats(weight + i, count);
     const floats bend = largest_bend(height, top + y, left + x, count, frame_height, frame_width);
     const floats beyond = bend - RESOLVED_BEND * pixel, edge = place_px * MORE_OF(beyond, none);
-    const Bend bent = bend_at(height, top + y, left + x, count, frame_height, frame_width);
-    const floats spread = MORE_OF(edge, fabs(flattening_px2 * (bent.across + bent.along)));
     const floats mean = load_floats(variance + i, count) / MORE_OF(total, least);
-    const floats result = sqrt(MORE_OF(mean, none) + spread * spread);
+    const floats result = sqrt(MORE_OF(mean, none) + edge * edge);
     const ints free = load_floats(freed + i, count) > 0.0f;
     store_floats(free ? result : none, out + (top + y) * frame_width + left + x, count);
 }

@@ -1,4 +1,4 @@
-"""The errors of edges that no pixel resolves, and of what a blur flattens.
+"""The errors of edges that no pixel resolves.
 
 ``kernels/error/height_error.cl`` holds the same (deviation).
 """
@@ -24,18 +24,10 @@ def edge_deviation_px(blur: float) -> np.float32:
     return np.float32(math.sqrt(PIXEL_VARIANCE + blur * blur))
 
 
-def blurred(height: Height, pixel: float, blur: float = 0.0) -> F4:
-    """Return the deviation of heights by a pixel's size and the camera's blur, in mm.
-
-    An edge that no pixel resolves is out of place (`edge_deviation_px`), and what bends more gently
-    is flattened: a Gaussian that spreads the light spreads the slopes and the height that follows
-    from them, to first order by half its variance times the Laplacian.
-    """
-    across, along = second_differences(height)
+def misplaced(height: Height, pixel: float, blur: float = 0.0) -> F4:
+    """Return the deviation in mm of heights whose edge no pixel resolves: it is out of place."""
     beyond = largest_bend(height) - RESOLVED_BEND * np.float32(pixel)
-    edge = np.maximum(beyond, np.float32(0)) * edge_deviation_px(blur)
-    flat = np.abs(np.float32(blur * blur / 2) * (across + along))
-    return np.asarray(np.maximum(edge, flat), np.float32)
+    return np.asarray(np.maximum(beyond, np.float32(0)) * edge_deviation_px(blur))
 
 
 def largest_bend(height: Height) -> F4:

@@ -24,7 +24,8 @@ from tactograph.nodes.error._random_errors import (
     wave,
 )
 from tactograph.nodes.optics.cache_blocks import in_blocks
-from tactograph.nodes.optics.film import coat_sharpness
+from tactograph.nodes.optics.difference import second_differences
+from tactograph.nodes.optics.film import coat_sharpness, predict
 from tactograph.nodes.optics.near_light import (
     brightness_share,
     expected_light,
@@ -62,8 +63,6 @@ class Unperturbed(NamedTuple):
     """Change of `bounced` in the last pass, K x h x w."""
     sunk: F4
     """`slope` less that of the film at rest, where the flat frame cancels the model's errors."""
-    averaged: F4
-    """`slope` less that of the pixels' mean normals."""
 
     def rows(self, part: slice) -> Unperturbed:
         """The same for some rows."""
@@ -80,24 +79,31 @@ class Causes(NamedTuple):
     shared: np.float32
     """Factor on a touch's noise: what neighbours share, the flat frame's, and few draws."""
     pixel: np.float32
+    spread: np.float32
+    """Variance in px^2 of the places from which a pixel of a blurred camera gathers light."""
 
 
 def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
     """Return all errors of the slopes inside the window, ERROR_COUNT x 2 x h x w."""
-    rows, columns = unperturbed.height.shape
+    (rows, columns), film = unperturbed.height.shape, causes.film
     errors = np.empty((ERROR_COUNT, 2, rows, columns), np.float32)
+    light, sharper = np.empty_like(unperturbed.sigma), np.empty_like(unperturbed.height)
+
+    def shine(part: slice) -> None:
+        light[:, part], sharper[part] = _shown(unperturbed.rows(part), film)
+
+    in_blocks(shine, rows, columns)
+    gathered = causes.spread / 2 * np.stack([sum(second_differences(plane)) for plane in light])
 
     def enter(part: slice) -> None:
         inside = unperturbed.rows(part)
         by_light = slope_by_light(inside, causes)
-        by_place = light_by_place(
-            causes.film.lights, inside.x, inside.y, inside.height, inside.slope
-        )
-        by_apparent = by_light / _sharpness(inside, causes.film)
+        by_place = light_by_place(film.lights, inside.x, inside.y, inside.height, inside.slope)
+        by_apparent = by_light / sharper[part]
         root = _root_of_noise(by_apparent * (causes.shared * inside.sigma))
-        first = part.start * columns
-        for number, other in enumerate(causes.film.others):
-            elsewhere = (other - causes.film.lights)[:, :, None, None]
+        mean = (by_apparent * gathered[:, part]).sum(axis=1)
+        for number, other in enumerate(film.others):
+            elsewhere = (other - film.lights)[:, :, None, None]
             wrong = (by_place * elsewhere).sum(axis=1)
             wrong += causes.misfit[2] * LED_SIGNS[number, : len(wrong), None, None]
             error = (by_light * wrong).sum(axis=1)
@@ -106,10 +112,10 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
             wrong = BOUNCE_SIGNS[number] * causes.misfit[3] * inside.bounced
             wrong += SETTLING_SIGNS[number] * np.float32(0.5) * inside.changed
             error += (by_apparent * wrong).sum(axis=1)
-            error += _noise(root, key_of(seed, number), first, rows * columns)
-            error = _bounded(error + MEAN_SIGNS[number] * inside.averaged)
-            leaning = _leaning(inside, causes.misfit, causes.pixel, number)
-            errors[number, :, part] = _bounded(error + leaning)
+            error += _noise(root, key_of(seed, number), part.start * columns, rows * columns)
+            error = np.clip(error + MEAN_SIGNS[number] * mean, -MAX_SLOPE, MAX_SLOPE)
+            error += _leaning(inside, causes.misfit, causes.pixel, number)
+            errors[number, :, part] = np.clip(error, -MAX_SLOPE, MAX_SLOPE)
 
     in_blocks(enter, rows, columns)
     return errors
@@ -146,29 +152,28 @@ def slope_by_light(unperturbed: Unperturbed, causes: Causes) -> F4:
     return np.asarray([-by_p, -by_q], np.float32)
 
 
-def _sharpness(unperturbed: Unperturbed, film: Film) -> F4 | np.float32:
-    """How much more light tells under a coat, whose light changes faster than a matt film's.
+def _shown(at: Unperturbed, film: Film) -> tuple[F4, F4]:
+    """The light of the slopes found, relative to the film at rest and as a matt film's counts.
 
+    Also how much more light tells under a coat, whose light changes faster than a matt film's.
     What an LED elsewhere changes grows alike, and its part in the slope stays.
     """
     if film.refraction == 1:
-        return np.float32(1)
-    p, q = (plane.ravel() for plane in unperturbed.slope)
-    z = (unperturbed.height / (1 + film.camera * unperturbed.height)).ravel()
+        vectors = vectors_at(film.lights, at.x, at.y, at.height)
+        return np.maximum(expected_light(vectors, at.slope), 0), np.ones_like(at.height)
+    z = at.height / (1 + film.camera * at.height)
     nearer = 1 - film.camera * z
-    x, y = (
-        np.broadcast_to(along, unperturbed.height.shape).ravel()
-        for along in (unperturbed.x, unperturbed.y)
-    )
+    flat = (*at.slope, *np.broadcast_arrays(at.x * nearer, at.y * nearer, z))
+    p, q, *place = (plane.ravel() for plane in flat)
     normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
-    lit = unperturbed.used >> np.arange(len(unperturbed.sigma), dtype=np.uint8)[:, None, None] & 1
-    weight = (lit / np.maximum(unperturbed.sigma * unperturbed.sigma, MIN_DIVISOR)).reshape(
-        len(lit), -1
+    lit = at.used >> np.arange(len(at.sigma), dtype=np.uint8)[:, None, None] & 1
+    weight = (lit / np.maximum(at.sigma * at.sigma, MIN_DIVISOR)).reshape(len(lit), -1)
+    plain = film._replace(gain=1.0, emission=0.0, wrap=0.0)._replace(
+        diffuse=0 * film.diffuse, harmonics=0 * film.harmonics
     )
-    place = x * nearer, y * nearer, z
-    return np.asarray(
-        coat_sharpness(film, normal, place, weight).reshape(unperturbed.height.shape), np.float32
-    )
+    sharper = coat_sharpness(film, normal, (place[0], place[1], place[2]), weight)
+    light = predict(plain, normal, *place)
+    return light.reshape(at.sigma.shape), np.float32(sharper.reshape(at.height.shape))
 
 
 def _root_of_noise(noise: F4) -> tuple[F4, F4, F4]:
@@ -202,7 +207,3 @@ def _leaning(unperturbed: Unperturbed, misfit: Misfit, pixel: np.float32, number
     steeper = LEAN_SIGNS[number] * misfit[4] / np.maximum(slant, FULL_MISFIT_SLOPE)
     uphill = lean * (waves.across * p + waves.down * q) + steeper * (1 + square)
     return np.asarray([lean * waves.across + uphill * p, lean * waves.down + uphill * q])
-
-
-def _bounded(slope: F4) -> F4:
-    return np.clip(slope, -MAX_SLOPE, MAX_SLOPE)

@@ -31,7 +31,7 @@ from tactograph.nodes import (
     NoiseCorrelation,
     Slope,
 )
-from tactograph.nodes.error._edge_errors import blurred, edge_deviation_px
+from tactograph.nodes.error._edge_errors import edge_deviation_px, misplaced
 from tactograph.nodes.error._random_errors import ERROR_COUNT, RISE_SIGNS, drawn, key_of, kinds
 from tactograph.nodes.error._slope_errors import Causes, Unperturbed, slope_errors
 from tactograph.nodes.height.height_equations import STATE_FREE, HeightSystem
@@ -77,7 +77,6 @@ def height_error(
     used: Labels,
     film: Film,
     misfit: Misfit,
-    apparent: Slope,
     bounced: Light | None = None,
     earlier: Light | None = None,
     correlation: NoiseCorrelation | None = None,
@@ -111,15 +110,16 @@ def height_error(
       much and too little of it in turn;
     - an error of each LED's light, common to all pixels: what the film at rest departs by, since
       LEDs drift, and light that a touch throws on the film is not known well around it;
-    - what the mean slope of a pixel differs by from that of its mean normal, whose expansion fails
-      across an edge;
+    - what light changes by as a pixel and the blur gather it from around: to second order half
+      the variance of those places times the Laplacian of the light of the slopes found.
+      `pixel_mean_slope` takes off what a sharp camera's pixels do to matt light, with an expansion
+      that fails across an edge;
     - errors of the shadows' rises: one that is independent of the others', and what the height
       departs from them by: at a rim that no pixel resolves, slopes hold it back, and all that
       stands on the rim.  Where a gel diffuses light shadows end softly, and it is the rises that
       err;
     - where the slope differs by more than a half from pixel to pixel: the edge may lie anywhere
-      in the pixel, or as far away as the blur spreads it.  Where it bends less, the blur flattens
-      the height by half its variance times the height's Laplacian.
+      in the pixel, or as far away as the blur spreads it.
 
     The eight positions of the LEDs are chosen so that the squares of the calibration's errors
     add up exactly.  On the film at rest the error is zero, because the height is held at zero;
@@ -138,8 +138,6 @@ def height_error(
         Where the LEDs are and may be instead, and how uneven the film's brightness is.
     misfit
         Length 5, errors of the film's model, as `touch_misfit` gives them.
-    apparent
-        2 x H x W, the slopes of the pixels' mean normals (`pixel_mean_slope`).
     bounced, earlier
         K x H x W, the light that the film throws on itself, already subtracted from the light; and
         the same in the previous pass.
@@ -173,13 +171,12 @@ def height_error(
         window.of(thrown),
         window.of(thrown - (thrown if bounced is None or earlier is None else earlier)),
         window.of(slope if tilt is None else slope - tilt),
-        window.of(slope - apparent),
     )
     inside = system.cut(height)
     *_, residual = system.residuals(inside)
     residual *= not film.diffuse.any()
     shared = STUDENT_FACTOR * np.float32(math.sqrt(correlation or 1.0))
-    causes = Causes(film, misfit, shared, pixel)
+    causes = Causes(film, misfit, shared, pixel, edge_deviation_px(blur or 0.0) ** 2)
     slopes = slope_errors(plain, causes, seed)
 
     def random_load(number: int) -> Wants:
@@ -191,9 +188,9 @@ def height_error(
     springs = system.springs(inside, float(robust))
     total = _variance(springs, random_load, steps)
     deviation = _smooth_deviation(total, plain.free.astype(np.float32))
-    spread = window.of(blurred(height, float(pixel), blur or 0.0))
+    edge = window.of(misplaced(height, float(pixel), blur or 0.0))
     out = np.zeros_like(height)
-    out[window] = np.hypot(deviation, spread) * plain.free
+    out[window] = np.hypot(deviation, edge) * plain.free
     return out
 
 
@@ -269,18 +266,26 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
     frame = tuple(run.sizes[symbol] for symbol in "KHW")
     slopes = run.scratch((ERROR_COUNT, 2, *networks.shape))
     signs = run.keep("kinds", lambda: run.put(kinds()))
+    # First what neighbours read of one another, with the coat's part, as long as all else.
+    light, blunt = run.scratch((frame[0], *networks.shape)), run.scratch(networks.shape)
+    run.kernel(
+        "shine", run.in_row_lanes(*networks.shape),
+        *(inputs[name] for name in ("sigma", "height", "slope", "used", "film.lights")),
+        inputs["film.diffuse"],
+        upload_curve(run, inputs["film.roughness"], inputs["film.refraction"]),
+        *(inputs[f"film.{name}"] for name in ("base", "roughness", "camera", "refraction")),
+        light, blunt, *frame, *networks.place, networks.pixel,
+        local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
+    )  # fmt: skip
     run.kernel(
         "err_slopes", run.in_row_lanes(*networks.shape),
         *(inputs[name] for name in ("sigma", "height", "slope")), networks.state,
-        *(inputs[name] for name in ("used", "film.lights", "film.others", "film.diffuse")),
-        upload_curve(run, inputs["film.roughness"], inputs["film.refraction"]),
-        *(inputs[f"film.{name}"] for name in ("base", "roughness", "camera")), slopes,
+        *(inputs[name] for name in ("used", "film.lights", "film.others")), light, blunt, slopes,
         *frame, *networks.place, networks.pixel,
         float(STUDENT_FACTOR) * math.sqrt(inputs.get("correlation") or 1.0),
-        inputs["film.uneven"], inputs["film.refraction"],
+        inputs["film.uneven"], float(edge_deviation_px(inputs.get("blur") or 0.0) ** 2 / 2),
         signs, run.put(np.array(keys)),
         inputs["misfit"], *(inputs.get(name) for name in ("bounced", "earlier", "tilt")),
-        inputs["apparent"],
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
@@ -305,8 +310,7 @@ def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
     run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
     run.kernel(
         "deviation", by_rows, total, weight, free, inputs["height"], out,
-        *frame, *networks.place, networks.pixel,
-        float(edge_deviation_px(blur)), float(np.float32(blur * blur / 2)),
+        *frame, *networks.place, networks.pixel, float(edge_deviation_px(blur)),
     )  # fmt: skip
 
 
@@ -320,7 +324,8 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     # Level film at the left; an edge that no pixel resolves in the middle.
     rising = np.linspace(0, 1, columns)
     height = 0.01 * np.sin(np.arange(rows) / 9)[:, None] + 0.3 * (rising > 0.5)
-    slope = (rising * rng.uniform(-3, 3, (2, *shape))).astype(np.float32)
+    turns = np.arange(rows)[:, None] / 5 + np.arange(columns) / 7 + rng.uniform(0, 6, (2, 1, 1))
+    slope = (3 * rising * np.sin(turns)).astype(np.float32)
     return {
         **example_system(rng, slope, **sizes),
         "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),
@@ -331,8 +336,8 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
         "film.lights": places.astype(np.float32),
         "film.others": np.float32(places * rng.uniform(0.99, 1.01, (ERROR_COUNT, lights, 3))),
         "film.diffuse": np.float32(rng.choice([0.0, 0.1])) * np.ones(lights, np.float32),
+        "film.refraction": float(rng.choice([1.0, 1.5])),
         "correlation": float(rng.uniform(1, 4)),
         "blur": float(rng.uniform(0, 1)),
         "tilt": rng.normal(0, 0.2, (2, *shape)).astype(np.float32),
-        "apparent": (0.98 * slope).astype(np.float32),
     }

@@ -247,7 +247,7 @@ def certainty(balls: Balls, rest: Rest | None, parts: frozenset[str], fitted: Fi
     """Return how well a fit knows LEDs and film."""
     problem = _Problem(balls, rest, Unknowns.of(parts, balls.width_mm))
     trial = _Trial.of(problem, fitted).judged()
-    robust = _robust_spread(trial.light / balls.reference_light)
+    robust = DEVIATIONS_PER_MAD * float(np.median(np.abs(trial.light / balls.reference_light)))
     trial = trial._replace(problem=trial.problem._replace(scale=robust))
     first = problem.unknowns.values(fitted).size
     covariance = trial.equations().covariance()[:first, :first]
@@ -313,10 +313,6 @@ def add_harmonics(balls: Balls, fitted: Fitted, degree: int) -> Fitted:
         # Cauchy's weights.
         weight = 1 / (1 + (away / (3 * now.scale)) ** 2) / balls.reference_light**2
     return now._replace(scale=balls.scale(predicted(balls, now) - balls.light))
-
-
-def _robust_spread(residual: F8) -> float:
-    return DEVIATIONS_PER_MAD * float(np.median(np.abs(residual)))
 
 
 def start_at(lights: F4, strength: F4, count: int) -> Fitted:
