@@ -88,6 +88,17 @@ class DeviceError(NodeError):
     """A device failed; the pipeline may have to be loaded again."""
 
 
+class NotBuiltError(TactographError):
+    """Kernels would have to be compiled first, and whoever asks does not wait for that.
+
+    `share` is that of the programs that are not built among those that are needed.
+    """
+
+    def __init__(self, message: str, share: float = 1.0) -> None:
+        super().__init__(message)
+        self.share = share
+
+
 class EndOfStream(Exception):  # noqa: N818  (nothing went wrong)
     """Raised by a sink that wants no further item: this one counts, and the stream ends."""
 

@@ -25,6 +25,7 @@ from tactograph.graph.backends.programs import (
     start_compiler,
 )
 from tactograph.graph.cores import cores
+from tactograph.graph.errors import NotBuiltError
 
 MIN_AHEAD_PROGRAMS = 4
 """The fewest programs not on disk that justify a process: it takes as long to start as two."""
@@ -51,14 +52,22 @@ def begin_helpers(device: cl.Device) -> None:
         _idle.append(helper)
 
 
-def build_ahead(context: cl.Context, needed: Sequence[Recipe], perhaps: Sequence[Recipe]) -> None:
+def build_ahead(
+    context: cl.Context, needed: Sequence[Recipe], perhaps: Sequence[Recipe], *, waits: bool = True
+) -> None:
     """Begin to build programs that are not on disk, in this order, on the cores beside ours.
 
-    Those that are needed `perhaps` come last, and are left to helpers.
+    Those that are needed `perhaps` come last, and are left to helpers.  Raises NotBuiltError
+    instead if one that is needed is not on disk, and the caller does not wait for it.
     """
     (handle,) = context.devices
     missing = [r for r in (*needed, *perhaps) if not is_ready(handle, *r)]
-    ahead.extend(recipe for recipe in needed if recipe in missing)
+    awaited = [recipe for recipe in needed if recipe in missing]
+    if awaited and not waits:
+        count, of = len(awaited), len(needed)
+        message = f"its kernels are not built yet ({count} of {of} programs)"
+        raise NotBuiltError(message, count / of)
+    ahead.extend(awaited)
     if len(missing) >= MIN_AHEAD_PROGRAMS:
         begin_helpers(handle)
     while _idle:

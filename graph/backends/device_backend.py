@@ -15,7 +15,7 @@ else:
 
 
 def open_device(
-    backends: Collection[str], text: str | None = None
+    backends: Collection[str], text: str | None = None, *, waits: bool = True
 ) -> tuple[DeviceBackend | None, str]:
     """The first of these back ends whose device works, or None and the reason.
 
@@ -25,9 +25,13 @@ def open_device(
         In order of preference.  If none of them has a device, `text` asks for any that has.
     text
         A part of the device's name.
+    waits
+        Whether the caller waits where kernels have to be compiled first.
 
     Raises
     ------
+    NotBuiltError
+        If the caller does not wait, and no kernel is built; also when nodes are compiled.
     InputError
         If `text` matches no device that works.
     """
@@ -38,7 +42,7 @@ def open_device(
     reasons = []
     for name in dict.fromkeys(names or with_device):
         module = importlib.import_module(f"tactograph.graph.backends.{name}")
-        device, reason = module.open_device(text)
+        device, reason = module.open_device(text, waits=waits)
         if device is not None:
             return device, ""
         reasons.append(reason)

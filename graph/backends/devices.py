@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,8 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tactograph.graph.backends import intel_runtime, pocl_cache
-from tactograph.graph.disk.disk_cache import cache_folder
-from tactograph.graph.errors import InputError, did_you_mean
+from tactograph.graph.errors import InputError, NotBuiltError, did_you_mean
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -58,7 +56,7 @@ def find_devices() -> list[Device]:
     return [_probed(handle) for handle in _handles()]
 
 
-def choose_device(text: str | None = None) -> tuple[Device | None, str]:
+def choose_device(text: str | None = None, *, waits: bool = True) -> tuple[Device | None, str]:
     """Return the device to use, or None and the reason.
 
     Parameters
@@ -66,9 +64,13 @@ def choose_device(text: str | None = None) -> tuple[Device | None, str]:
     text
         A part of the device's or platform's name; None takes the first that works, GPUs
         first.  Simulators are taken only by name: they are made for tests, not for speed.
+    waits
+        Whether the caller waits where the compiler has to be started first.
 
     Raises
     ------
+    NotBuiltError
+        If the caller does not wait, and no program is built for the first device yet.
     InputError
         If `text` matches no device, or only devices that do not work, or in a fork of a process
         that has asked for devices.
@@ -91,25 +93,14 @@ def choose_device(text: str | None = None) -> tuple[Device | None, str]:
     for handle in handles:
         if _is_simulator(handle):
             continue
+        if not (waits or _has_probe(handle)):
+            raise NotBuiltError("no kernel is built for it yet")
         device = _probed(handle)
         if device.works:
             return device, ""
         reasons.append(f"{device.name}: {device.verdict}")
     refused = f" ({'; '.join(reasons)})" if reasons else " here"
     return None, f"no OpenCL device works{refused}; {how_to_get_one()}"
-
-
-def is_new() -> bool:
-    """Return whether no program is built yet for the first device, and one can be kept."""
-    from tactograph.graph.backends.programs import is_ready
-
-    first = next((h for h in _handles() if not _is_simulator(h)), None)
-    folder = cache_folder()
-    if first is None or folder is None or is_ready(first, _PROBE_KERNEL, ()):
-        return False
-    with suppress(OSError):
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    return os.access(folder, os.W_OK)
 
 
 def how_to_get_one() -> str:
@@ -176,17 +167,24 @@ def _probed(handle: cl.Device) -> Device:
     return Device(_name(handle), kind, handle, trouble is None, verdict, simulator)
 
 
+def _has_probe(handle: cl.Device) -> bool:
+    """Return whether the probe's kernel is built, before which nothing else is."""
+    from tactograph.graph.backends.programs import is_ready
+
+    return is_ready(handle, _PROBE_KERNEL, ())
+
+
 @cache
 def _run_probe(handle: cl.Device) -> str | None:
     """Compile and run a small kernel, once a process; return what is wrong, or None."""
     import pyopencl as cl
 
     from tactograph.graph.backends.build_ahead import begin_helpers
-    from tactograph.graph.backends.programs import POCL_PLATFORM, build, context_of, is_ready
+    from tactograph.graph.backends.programs import POCL_PLATFORM, build, context_of
 
     if handle.platform.name == POCL_PLATFORM:
         pocl_cache.note_crash()
-    if not is_ready(handle, _PROBE_KERNEL, ()):  # nor will anything else be
+    if not _has_probe(handle):
         begin_helpers(handle)
     context = context_of(handle)
     queue = cl.CommandQueue(context)

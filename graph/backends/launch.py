@@ -6,7 +6,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pyopencl as cl
-import pyopencl.array
 from numpy.typing import NDArray
 
 from tactograph.graph.backends.arrays import (
@@ -261,8 +260,10 @@ class Launch:
 
         They leave no event; the `last` operation of a launch is followed by a marker.
         """
+        from pyopencl.array import Array  # which few need
+
         queue = self._device.queue
-        view = pyopencl.array.Array(queue, array.shape, array.dtype, data=array.buffer)
+        view = Array(queue, array.shape, array.dtype, data=array.buffer)
 
         def launch() -> cl.Event | None:
             enqueue(view)

@@ -20,19 +20,25 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import NodeError
 
 
-def open_device(text: str | None = None) -> tuple[OpenCL | None, str]:
+def open_device(text: str | None = None, *, waits: bool = True) -> tuple[OpenCL | None, str]:
     """The device to use, or None and the reason; see `choose_device`."""
-    device, reason = choose_device(text)
-    return (OpenCL(device) if device is not None else None), reason
+    device, reason = choose_device(text, waits=waits)
+    return (OpenCL(device, waits=waits) if device is not None else None), reason
 
 
 class OpenCL(Queue):
-    """One OpenCL device with its queue, its buffers and its compiled nodes."""
+    """One OpenCL device with its queue, its buffers and its compiled nodes.
+
+    `waits`: whether it is waited for where kernels have to be compiled first.
+    """
 
     backend = "opencl"
 
-    def __init__(self, device: Device, lanes: Literal[1, 16] | None = None) -> None:
+    def __init__(
+        self, device: Device, lanes: Literal[1, 16] | None = None, *, waits: bool = True
+    ) -> None:
         super().__init__(device, lanes)
+        self._waits = waits
         self._compiled: dict[Node, Compiled] = {}
 
     def compile(self, nodes: Sequence[Node]) -> None:
@@ -45,12 +51,14 @@ class OpenCL(Queue):
         ------
         NodeError
             If a source does not match its declaration.
+        NotBuiltError
+            If kernels that are needed are not built, and are not waited for.
         """
         programs = self._programs(nodes)
         longest_first = sorted(programs, key=lambda node: len(programs[node][0]), reverse=True)
         needed = [programs[node] for node in longest_first if node.is_idle is None]
         perhaps = [programs[node] for node in longest_first if node.is_idle is not None]
-        build_ahead(self.context, needed, perhaps)
+        build_ahead(self.context, needed, perhaps, waits=self._waits)
 
     def build(self, nodes: Sequence[Node]) -> int:
         """Build nodes' kernels, with helpers, and keep them on disk; return how many programs.

@@ -91,13 +91,20 @@ def start_compiler(context: cl.Context) -> None:
 def is_ready(device: cl.Device, source: str, options: tuple[str, ...]) -> bool:
     """Return whether nothing would be gained by building a source for the disk."""
     file = _cache_file(device, source, options)
-    return fcntl is None or file is None or file.exists()
+    return fcntl is None or file is None or file.exists() or not _can_be_written(file.parent)
+
+
+@cache
+def _can_be_written(folder: Path) -> bool:
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    return os.access(folder, os.W_OK)
 
 
 def _from_disk(context: cl.Context, file: Path, options: tuple[str, ...]) -> cl.Program | None:
     binary = read_cached(file)
     with suppress(cl.Error):  # the driver does not take it any more
-        if binary is not None:
+        if binary:
             return _built(cl.Program(context, context.devices, [binary]), options)
     return None
 
@@ -105,7 +112,11 @@ def _from_disk(context: cl.Context, file: Path, options: tuple[str, ...]) -> cl.
 def _onto_disk(
     context: cl.Context, source: str, options: tuple[str, ...], file: Path
 ) -> cl.Program:
-    program = _compiled(context, source, options)
+    try:
+        program = _compiled(context, source, options)
+    except cl.RuntimeError:
+        write_cached(file, b"")  # nothing is gained by another try ahead of its launch
+        raise
     binaries: Any = program.get_info(cl.program_info.BINARIES)
     write_cached(file, binaries[0], MAX_PROGRAM_BYTES)
     return program

@@ -84,17 +84,16 @@ def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
     arguments = read_words(read, wanted.values)
     selection = read_selection(wanted.keep, read) if wanted.keep is not None else {}
     open_it = partial(options.open, read, arguments, outputs={**read.outputs, **selection})
-    if first_start.has_no_kernels(options, read):
-        pipeline = open_it(no_device=first_start.NO_KERNELS)
-        if first_start.yields_one(pipeline):
-            with first_start.KernelBuilder(wanted.graph, wanted.values, options) as builder:
-                first_start.import_pictures()
-                _run_pipeline(pipeline, wanted, line, selection)
-                tell = (lambda _: None) if wanted.quiet else say
-                tell(f"{read.name}: kernels are being built for later runs; Ctrl-C is safe")
-                tell(builder.last_line())
-                return
-    _run_pipeline(open_it(), wanted, line, selection)
+    pipeline, leaves_kernels = first_start.open_soonest(open_it, options, read)
+    if not leaves_kernels:
+        _run_pipeline(pipeline, wanted, line, selection)
+        return
+    with first_start.KernelBuilder(wanted.graph, wanted.values, options) as builder:
+        first_start.import_pictures()
+        _run_pipeline(pipeline, wanted, line, selection)
+        tell = (lambda _: None) if wanted.quiet else say
+        tell(f"{read.name}: kernels are being built for later runs; Ctrl-C is safe")
+        tell(builder.last_line())
 
 
 def _run_pipeline(

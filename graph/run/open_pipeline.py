@@ -123,11 +123,13 @@ def open_pipeline(
     outputs: Mapping[str, str] | None = None,
     stays: bool = False,
     no_device: str = "",
+    waits: bool = True,
 ) -> Pipeline:
     """Read, plan and compile a graph; see `load` and `make_plan`.
 
     `no_device` is a reason to use none, which a result states.  Raises InputError also if `strict`
-    and a node would fall back to another back end.
+    and a node would fall back to another back end; NotBuiltError if kernels have to be compiled
+    first, and the caller does not wait for that.
     """
     graph = read_graph(graph)
     arguments = {word: plain(value) for word, value in arguments.items()}
@@ -135,7 +137,7 @@ def open_pipeline(
         if backend not in BACKENDS:
             raise InputError(f"there is no back end '{backend}'; there are {', '.join(BACKENDS)}")
         graph = replace(graph, prefer=(backend,))
-    open_it = open_device if cache is None else cache.device
+    open_it = partial(open_device, waits=waits) if cache is None else cache.device
     opened, reason = (None, no_device) if no_device else open_it(graph.backends, device)
     if opened is None and backend not in (None, "numpy"):
         raise InputError(f"--backend {backend}: {reason}; 'tactograph devices' says more")

@@ -106,7 +106,7 @@ def write(tmp_path: Path) -> Write:
 def no_device(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "tactograph.graph.backends.opencl.choose_device",
-        lambda text=None: (None, "no OpenCL device works"),
+        lambda *_, **__: (None, "no OpenCL device works"),
     )
 
 

@@ -455,7 +455,7 @@ def test_explain_says_why_each_step_runs_where_it_does_and_what_is_left_out(abou
 def test_explain_prints_brackets_as_such(about: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     why = "no OpenCL device works (pip install 'tactograph[vkfft]')"
     monkeypatch.setattr(
-        "tactograph.graph.backends.opencl.choose_device", lambda text=None: (None, why)
+        "tactograph.graph.backends.opencl.choose_device", lambda *_, **__: (None, why)
     )
     assert "tactograph[vkfft]" in " ".join(about("explain", SLOPES).out.split())
 

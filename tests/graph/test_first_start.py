@@ -1,6 +1,10 @@
 """The first run on a device: NumPy computes a single touch while its kernels are built."""
 
 import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -57,6 +61,27 @@ def test_a_first_touch_waits_for_no_compiler_and_a_second_launches_kernels(
     assert "fallback" not in second.err
     assert "on opencl" in second.out
     np.testing.assert_allclose(kept(tmp_path), on_numpy, atol=1e-6)
+
+
+MORE = GRAPH.replace("outputs:", "  lit: {op: label_lit, in: {light: taken.image}}\noutputs:")
+MORE = MORE.replace("{small: small}", "{small: small, lit: lit}")
+
+
+def test_a_graph_has_a_first_start_where_kernels_of_its_own_are_not_built(run: Command) -> None:
+    run()
+    first = run(text=MORE)
+    why = "opencl is preferred, but its kernels are not built yet (1 of 2 programs)"
+    assert first.err == f"fallback: every node runs on numpy: {why}\n"
+    assert "2 programs are built" in first.out
+    assert run(text=MORE).err == ""
+
+
+def test_numpy_is_left_the_smaller_images_the_fewer_kernels_are_missing(
+    run: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run()
+    monkeypatch.setattr(first_start, "MAX_NUMPY_VALUES", 2 * 4 * 320 * 240 - 1)
+    assert "on opencl" in run(text=MORE).out
 
 
 @pytest.mark.parametrize(
@@ -116,9 +141,43 @@ def test_nothing_is_built_any_more_once_a_run_has_failed() -> None:
     assert builder._process.returncode == -signal.SIGTERM
 
 
-def test_ctrl_c_after_the_result_ends_the_building_alone(
-    run: Command, monkeypatch: pytest.MonkeyPatch
+WAITS = """
+from tactograph.graph.commands import RunOptions
+from tactograph.graph.commands.first_start import KernelBuilder
+
+with KernelBuilder("reconstruct", (), RunOptions((), (), None, None, strict=False)) as builder:
+    print(builder._process.pid, flush=True)
+    print(builder.last_line())
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="asks the system in Linux's way")
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+def test_who_builds_kernels_ends_with_the_command_that_waits_for_it(
+    programs: Path, how: signal.Signals
 ) -> None:
-    stopped = Mock(side_effect=[KeyboardInterrupt, ("", "")])
-    monkeypatch.setattr(first_start.subprocess.Popen, "communicate", stopped)
-    assert run().out.endswith("stopped; the next run builds the rest\n")
+    waiting = [sys.executable, "-c", WAITS]
+    with subprocess.Popen(waiting, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        stat = Path("/proc", process.stdout.readline().strip(), "stat")
+        assert is_running(stat)
+        process.send_signal(how)
+        told = process.stdout.read()
+    assert told == ("stopped; the next run builds the rest\n" if how == signal.SIGINT else "")
+    assert waited_for(lambda: not is_running(stat))
+
+
+def is_running(stat: Path) -> bool:
+    """Whether a process runs; nobody may have fetched the exit code of one that has ended."""
+    try:
+        return stat.read_text().rpartition(") ")[2][0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def waited_for(holds: Callable[[], bool], seconds: float = 60) -> bool:
+    """Wait for something that holds before long."""
+    end = time.monotonic() + seconds
+    while not holds() and time.monotonic() < end:
+        time.sleep(0.02)
+    return holds()

@@ -20,7 +20,7 @@ GPU = SimpleNamespace(backend="cuda", name="a GPU", lanes=1, is_cpu=False)
 @pytest.fixture
 def cuda(monkeypatch: pytest.MonkeyPatch) -> None:
     module = ModuleType("tactograph.graph.backends.cuda")
-    module.open_device = lambda text: (None, "no GPU") if text else (GPU, "")  # type: ignore[attr-defined]
+    module.open_device = lambda text, waits: (None, "no GPU") if text else (GPU, "")  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, module.__name__, module)
     monkeypatch.setattr(device_backend, "BACKENDS", ("numpy", "cuda"))
 

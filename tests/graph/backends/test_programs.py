@@ -14,7 +14,7 @@ import pytest
 from tactograph.graph.backends import build_ahead, pocl_source
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.programs import _cache_file, ahead, build, context_of
+from tactograph.graph.backends.programs import _cache_file, ahead, build, context_of, is_ready
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk import disk_cache
 from tests.graph.conftest import SLOPES, Command, Write, one_line
@@ -134,6 +134,8 @@ def test_a_kernel_that_needs_its_launch_is_left_to_it_in_silence(
 ) -> None:
     assert device.build([find_node("film_bounce")]) == 0
     assert capfd.readouterr().err == ""
+    (handle,) = device.context.devices
+    assert is_ready(handle, *device.compiled(find_node("film_bounce")).recipe({})), "tried once"
 
 
 HOLDS = """
