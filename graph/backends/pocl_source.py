@@ -9,7 +9,7 @@ lanes are filled by hand becomes a function, which nothing is gained by writing 
 """
 
 import re
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 HEADER_GUARD = "_OPENCL_H_"
@@ -18,24 +18,29 @@ _POCL_LIBRARY = re.compile(r"/\S+/libpocl\.so\S*")
 _LANED_KERNEL = re.compile(
     r"^LANED __kernel void (\w+)\(([^()]*)\)\s*(\{.*?^\})", re.DOTALL | re.MULTILINE
 )
+_PARAMETERS = re.compile(r"#define (\w+_PARAMETERS)\b((?:.*\\\n)+.*)")
+"""A macro that holds several parameters of a kernel."""
 _PLACE_NAME = re.compile(r"GRID_[23]|get_(local|group)|barrier|__local")
 """What asks for more than one number of the work-item, or waits for others."""
 
 
 def pocl_source(source: str) -> tuple[str, tuple[str, ...]]:
     """Return a source that PoCL compiles sooner, and the options for it."""
-    source = _LANED_KERNEL.sub(_as_function, source)
+    lists = {name: listed.replace("\\\n", "") for name, listed in _PARAMETERS.findall(source)}
+    source = _LANED_KERNEL.sub(partial(_as_function, lists), source)
     names = set(re.findall(r"\w+", source))
     declared = [line for name, line in _declarations() if name is None or name in names]
     options = (f"-D{HEADER_GUARD}",) if declared else ()
     return "\n".join([*declared, "#line 1", source]), options
 
 
-def _as_function(kernel: re.Match[str]) -> str:
+def _as_function(lists: dict[str, str], kernel: re.Match[str]) -> str:
     """A kernel that calls its own code with the number of the work-item."""
     name, arguments, code = kernel.groups()
+    for macro, listed in lists.items():
+        arguments = re.sub(rf"\b{macro}\b", listed, arguments)
     words = [argument.split() for argument in arguments.split(",")]
-    if _PLACE_NAME.search(code) or min(map(len, words)) < 2:  # a macro may hold several arguments
+    if _PLACE_NAME.search(code) or min(map(len, words)) < 2:  # a macro of another name
         return kernel[0]
     values = ", ".join(argument[-1].lstrip("*") for argument in words)
     return (
