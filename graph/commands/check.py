@@ -58,7 +58,7 @@ def _check(read: Graph, own_params: Container[str]) -> None:
     for unused in plan.unused:
         # A use may leave outputs unread, and a graph what a group of another file makes.
         use = read.uses.get(unused.rpartition(".")[0])
-        shared = use and read.definition(use).body.places[""].file != read.places[""].file
+        shared = use and read.definition(use).body.file != read.file
         if not shared and not any(node in plan.tasks for node in read.alike(unused)):
             say(f"not used by any output: {unused}")
     for group in read.groups:

@@ -12,13 +12,11 @@ from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 from tactograph.graph import InputError
 from tactograph.graph.errors import missing
 from tactograph.graph.rings import bring
-from tactograph.nodes import F4, I4, Height
-from tactograph.nodes.files.image_files import read_heights
+from tactograph.nodes import F4, I4, MAX_PIXEL_MM, MIN_PIXEL_MM, Height
+from tactograph.nodes.files.image_files import check_heights, read_heights
 from tactograph.nodes.files.result_file import refuse_changed
 from tactograph.nodes.optics.camera_view import View
 
-MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1.0
-"""Pixels that sensors of touch have; a size outside is one in another unit, such as um."""
 MAX_SIZE_DIFFERENCE = 0.005
 """Relative difference of two lengths of a pixel that counts as a contradiction."""
 TIFF_TEXT = "height in mm above the untouched film"
@@ -59,6 +57,17 @@ class HeightFile(NamedTuple):
         is_size = min(width, length) >= MIN_PIXEL_MM and max(width, length) <= MAX_PIXEL_MM
         is_square = math.isclose(width, length, rel_tol=MAX_SIZE_DIFFERENCE)
         return cls(height, width if is_size and is_square else None, error)
+
+    def checked(self, file: Path, *, unknown: bool = False) -> Self:
+        """Return it, unless its height is none in mm; with `unknown` a part may be NaN.
+
+        Raises
+        ------
+        InputError
+            That names `file`, and says what is wrong.
+        """
+        check_heights(self.height, file, unknown=unknown)
+        return self
 
 
 class Surface(NamedTuple):

@@ -1,11 +1,7 @@
 """The side of a pixel on the film, from the user, the scan or its light model."""
 
-from typing import Annotated
-
-from annotated_types import Interval
-
 from tactograph.sdk import PixelSize, node, warn
-from tactograph.sdk.unstable import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
+from tactograph.sdk.unstable import MAX_SIZE_DIFFERENCE
 
 
 @node
@@ -13,7 +9,7 @@ def scan_pixel_size(
     model: PixelSize,
     stated: PixelSize | None = None,
     *,
-    mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)] | None = None,
+    mm: PixelSize | None = None,
 ) -> PixelSize:
     """Return the pixel size that a scan states, and warn where its light model has another.
 
