@@ -55,6 +55,7 @@ class Pipeline:
         self._stand_ins = StandIns(plan, device)
         self._items = Items(plan, device)
         self._runner = self._items.runner
+        self._cache = cache
         if cache is not None:
             self._items.keep(cache)
         self._has_run = False
@@ -271,7 +272,7 @@ class Pipeline:
         new = with_parameters(self.plan, node, settings)
         with self._turn:
             new.apply(self.plan)
-            self._keep()
+            self.keep()
             self._items.settings_changed(new.settings)
 
     def again(self, outputs: Collection[str] | None = None) -> Result:
@@ -314,15 +315,22 @@ class Pipeline:
         """
         value = self.plan.value(reference)
         with self._turn:
-            self._keep()
+            self.keep()
             self._refuse_without_item(f"inspect {reference}")
             return self._items.inspect(value)
 
-    def _keep(self) -> None:
-        """Keep the results of the items to come."""
-        if not self._items.keeps:
-            self._items.keep(Cache())
+    def keep(self) -> Cache:
+        """Keep the results of the items to come, as after the first `set`.
+
+        Returns
+        -------
+        What keeps them, for ``load(…, cache=…)``: another pipeline of this thread may share it.
+        """
+        if self._cache is None:
+            self._cache = Cache()
+            self._items.keep(self._cache)
             self._has_run = False
+        return self._cache
 
     def _refuse_without_item(self, method: str) -> None:
         if not self._has_run:

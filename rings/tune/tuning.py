@@ -16,7 +16,7 @@ from tactograph.rings.tune.runner import Runner, captures_of
 from tactograph.rings.tune.variant import Change, changes_between, write_variant
 from tactograph.rings.tune.watch import Stamp, files_of, stamp
 from tactograph.sdk import Graph, InputError, Result, TactographError, find_node, read_graph
-from tactograph.sdk.unstable import Cache, settings_of, verified
+from tactograph.sdk.unstable import settings_of, verified
 
 RATE_WINDOW_S = 1.0
 REST_S = 0.12
@@ -69,7 +69,7 @@ class Tuning:
         self.playing = False
         self.output: str | None = None
         self.every = False
-        self._runner = Runner(params, Cache(), backend, device)
+        self._runner = Runner(params, backend, device)
         self._files = files_of(self.base)
         self._stamp: Stamp = stamp(self._files)
         self._saved: dict[Path, Stamp] = {}

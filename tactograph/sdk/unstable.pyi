@@ -1,5 +1,4 @@
 from tactograph.graph import (
-    Cache as Cache,
     Whole as Whole,
 )
 from tactograph.graph.commands import (
@@ -15,9 +14,6 @@ from tactograph.graph.commands.progress_line import (
 from tactograph.graph.cores import (
     CORES_VARIABLE as CORES_VARIABLE,
     cores as cores,
-)
-from tactograph.graph.disk.array_files import (
-    load_arrays as load_arrays,
 )
 from tactograph.graph.disk.folder_lock import (
     lock_folder as lock_folder,
@@ -58,8 +54,7 @@ from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
 )
 from tactograph.graph.show.colours import (
-    BIT_COLOURS as BIT_COLOURS,
-    SEVERAL_COLOUR as SEVERAL_COLOUR,
+    label_colour as label_colour,
 )
 from tactograph.graph.show.warning_lines import (
     warning_lines as warning_lines,
@@ -79,7 +74,6 @@ from tactograph.nodes import (
     ScaleError as ScaleError,
     ShadowRises as ShadowRises,
     SlopeVariance as SlopeVariance,
-    Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
@@ -109,9 +103,6 @@ from tactograph.nodes.calibrate.ball.find_ball import (
 )
 from tactograph.nodes.calibrate.file.camera_lens import (
     CAMERA_KIND as CAMERA_KIND,
-)
-from tactograph.nodes.calibrate.file.read_calibration import (
-    read_either as read_either,
 )
 from tactograph.nodes.calibrate.film._film_search import (
     FINAL_SAMPLES as FINAL_SAMPLES,
@@ -227,7 +218,6 @@ from tactograph.nodes.drawing.sensor_picture import (
 )
 from tactograph.nodes.files.calibration_file import (
     MIN_OPTICAL_MM as MIN_OPTICAL_MM,
-    kind_of as kind_of,
 )
 from tactograph.nodes.files.height_files import (
     MAX_SIZE_DIFFERENCE as MAX_SIZE_DIFFERENCE,

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
@@ -12,6 +12,7 @@ from tactograph.rings.frames.calibrated_film import calibrated_film
 from tactograph.sdk import (
     F4,
     RESULT_FILE,
+    FileKind,
     HeightFile,
     InputError,
     PixelSize,
@@ -23,7 +24,7 @@ from tactograph.sdk import (
     warn,
 )
 from tactograph.sdk.nodes import read_error, read_pixel_size, read_result_view
-from tactograph.sdk.unstable import MAX_SIZE_DIFFERENCE, StoredResult, load_arrays
+from tactograph.sdk.unstable import MAX_SIZE_DIFFERENCE, StoredResult
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
 """Heights of P touches; NaN where not known."""
@@ -171,10 +172,8 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
 
 def _calibrated_view(calibration: Path) -> View:
     """The view of a sensor's calibration; a film that is no plane is refused."""
-    try:
-        arrays = load_arrays(calibration)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{calibration}: cannot be read: {error}") from None
+    module = FileKind.module_of(calibration)
+    arrays: dict[str, Any] = {} if module is None else module.KIND.read(calibration)[0]
     if np.any(arrays.get("rest", 0)):
         raise InputError(
             f"{calibration}: its film is no plane at rest; touches of planes alone are put together"
