@@ -26,7 +26,6 @@ from tactograph.graph.disk.text_names import (
     refuse_other_names as refuse_other_names,
 )
 from tactograph.graph.errors import (
-    collect_warnings as collect_warnings,
     missing as missing,
     one_line as one_line,
 )
@@ -221,7 +220,6 @@ from tactograph.nodes.files.calibration_file import (
 )
 from tactograph.nodes.files.height_files import (
     MAX_SIZE_DIFFERENCE as MAX_SIZE_DIFFERENCE,
-    Surface as Surface,
 )
 from tactograph.nodes.files.image_files import (
     MAX_PIXELS as MAX_PIXELS,

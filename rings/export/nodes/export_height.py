@@ -24,7 +24,6 @@ from tactograph.sdk import (
     write_result_file,
     write_tiff,
 )
-from tactograph.sdk.unstable import Surface
 
 MESH_FORMATS = ("ply", *MESH_WRITERS)
 OWN_FORMATS = ("npy", "tiff", *MESH_FORMATS)
@@ -122,7 +121,7 @@ def _write(file: Path, height: Height, pixel: float, view: View, error: HeightEr
     if extension == "ply":
         write_ply(file, height, pixel, view)
     elif extension in MESH_WRITERS:
-        MESH_WRITERS[extension](file, Surface.of(height, pixel, view))
+        MESH_WRITERS[extension](file, *view.mesh(height, pixel))
     elif extension == "npy":
         np.save(file, height)
     elif extension == "tiff":
