@@ -15,8 +15,15 @@ from typing import Any
 from tactograph.rings.tune.runner import Runner, captures_of
 from tactograph.rings.tune.variant import Change, changes_between, write_variant
 from tactograph.rings.tune.watch import Stamp, files_of, stamp
-from tactograph.sdk import Graph, InputError, Result, TactographError, find_node, read_graph
-from tactograph.sdk.unstable import settings_of, verified
+from tactograph.sdk import (
+    Graph,
+    InputError,
+    Pipeline,
+    Result,
+    TactographError,
+    find_node,
+    read_graph,
+)
 
 RATE_WINDOW_S = 1.0
 REST_S = 0.12
@@ -77,7 +84,7 @@ class Tuning:
         self._changed = threading.Condition()
         self._ended = False
         self._last: Asked | None = None
-        verified(self.base)
+        Pipeline.verify(self.base)
         for name in self.base.nodes:  # all that it needs is given
             self.settings(name)
         self._thread = threading.Thread(target=self._work, name="tune", daemon=True)
@@ -93,8 +100,7 @@ class Tuning:
 
     def settings(self, node: str) -> dict[str, Any]:
         """A node's parameters as they are now, defaults included."""
-        entry = self.graph.entry(node)
-        return settings_of(entry, self.graph, find_node(entry.op), self._own_params)
+        return Pipeline.settings(self.graph, node, self._own_params)
 
     def set(self, node: str, parameter: str, value: Any) -> None:
         """Change a parameter.
@@ -168,7 +174,7 @@ class Tuning:
             raise InputError(f"{file}: is there already, and was not saved here; give another name")
         title = f"{self.base.title or self.base.name}, tuned"
         saved = write_variant(file, self.source, self.changes(), title)
-        verified(saved)
+        Pipeline.verify(saved)
         self._saved[file.resolve()] = stamp([file.resolve()])
         return file
 
@@ -183,7 +189,7 @@ class Tuning:
         self._stamp = now
         try:
             base = read_graph(self.source)
-            verified(base)
+            Pipeline.verify(base)
         except TactographError as error:
             self._unreadable = " ".join(str(error).split())
             self._publish(self.shown)
@@ -216,10 +222,10 @@ class Tuning:
         for name in names:
             graph = graph.with_entry(name, replace(graph.nodes[name], **changed(name)))
         if any(graph.nodes[n].neutral != self.graph.nodes[n].neutral for n in names):
-            verified(graph)
+            Pipeline.verify(graph)
         else:  # quick enough for a slider
-            for entry in map(graph.nodes.__getitem__, names):
-                settings_of(entry, graph, find_node(entry.op), self._own_params)
+            for name in names:
+                Pipeline.settings(graph, name, self._own_params)
         self._ask(graph=graph)
 
     def _ask(self, **changed: Any) -> None:

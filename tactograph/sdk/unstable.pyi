@@ -5,9 +5,6 @@ from tactograph.graph.commands import (
     RunOptions as RunOptions,
     graph_command as graph_command,
 )
-from tactograph.graph.commands.check import (
-    verified as verified,
-)
 from tactograph.graph.commands.progress_line import (
     ProgressLine as ProgressLine,
 )
@@ -42,9 +39,6 @@ from tactograph.graph.files.read_graph import (
 )
 from tactograph.graph.files.typed_values import (
     read_words as read_words,
-)
-from tactograph.graph.plan.names import (
-    settings_of as settings_of,
 )
 from tactograph.graph.run.open_pipeline import (
     refuse_to_write_over as refuse_to_write_over,
