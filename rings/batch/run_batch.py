@@ -22,7 +22,7 @@ from tactograph.rings.batch.processes import Processes
 from tactograph.rings.batch.store import Store, alone_in
 from tactograph.rings.batch.worker import Tally, Worker
 from tactograph.sdk import atomic_file
-from tactograph.sdk.unstable import ProgressLine, one_line, refuse_to_write_over, warning_lines
+from tactograph.sdk.unstable import ProgressLine, one_line, refuse_to_write_over
 
 MAX_FAILURES = 10
 """Failed captures that are printed; the table has all."""
@@ -46,8 +46,7 @@ def run_batch(job: Job, captures: Captures, number: int | None, *, retry_failed:
                 workers.open_ahead()
         origin = job.options.origin(job.graph, job.arguments)
         files = (file for file in captures.passed_over if not lies_in(file, job))
-        for text in warning_lines((file, ["passed over, as it is no folder"]) for file in files):
-            line.say(text, err=True)
+        line.warnings((file, ["passed over, as it is no folder"]) for file in files)
         closing.enter_context(alone_in(job.place))
         store = open_batch(job, origin, captures.captures, workers)
         if damaged := reopen_damaged(store):
@@ -94,9 +93,7 @@ def _conclude(line: ProgressLine, store: Store, job: Job) -> int:
         line.say(f"failed: {place}{entry.reason}", err=True)
     if (more := len(failures) - MAX_FAILURES) > 0:
         line.say(f"failed: {more} more, see the table", err=True)
-    warnings = ((c, e.warnings) for c, e in zip(captures, entries, strict=True))
-    for text in warning_lines(warnings):
-        line.say(text, err=True)
+    line.warnings((c, e.warnings) for c, e in zip(captures, entries, strict=True))
     table = Path(table_of(job))
     write_table(table, captures, entries)
     line.say(f"table: {table}")

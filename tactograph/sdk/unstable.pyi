@@ -46,12 +46,6 @@ from tactograph.graph.run.open_pipeline import (
 from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
 )
-from tactograph.graph.show.colours import (
-    label_colour as label_colour,
-)
-from tactograph.graph.show.warning_lines import (
-    warning_lines as warning_lines,
-)
 from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
