@@ -53,8 +53,13 @@ class HeightFile(NamedTuple):
         Their size is not stated if they are no squares, or none that sensors of touch have.
         """
         is_size = min(width, length) >= MIN_PIXEL_MM and max(width, length) <= MAX_PIXEL_MM
-        is_square = math.isclose(width, length, rel_tol=MAX_SIZE_DIFFERENCE)
-        return cls(height, width if is_size and is_square else None, error)
+        is_stated = is_size and cls.agree(width, length)
+        return cls(height, width if is_stated else None, error)
+
+    @staticmethod
+    def agree(one: float, other: float) -> bool:
+        """Return whether two lengths of a pixel do not contradict each other."""
+        return math.isclose(one, other, rel_tol=MAX_SIZE_DIFFERENCE)
 
     def checked(self, file: Path, *, unknown: bool = False) -> Self:
         """Return it, unless its height is none in mm; with `unknown` a part may be NaN.

@@ -1,12 +1,11 @@
 """What the ``result.json`` beside a stored height says of it."""
 
-import math
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from tactograph.graph import InputError
 from tactograph.nodes import MAX_PIXEL_MM, MIN_PIXEL_MM
-from tactograph.nodes.files.height_files import MAX_SIZE_DIFFERENCE
+from tactograph.nodes.files.height_files import HeightFile
 from tactograph.nodes.files.layer_files import layer_files
 from tactograph.nodes.files.result_file import RELIEF_FIGURE, RESULT_FILE, checksum, read_result
 from tactograph.nodes.optics.camera_view import View
@@ -36,9 +35,7 @@ class StoredResult(NamedTuple):
         if isinstance(size, bool) or not isinstance(size, int | float):
             return None
         match self.about.get("pixel_sides_mm"):
-            case [float(width), float(length)] if not math.isclose(
-                width, length, rel_tol=MAX_SIZE_DIFFERENCE
-            ):
+            case [float(width), float(length)] if not HeightFile.agree(width, length):
                 raise InputError(
                     f"{self.file}: a pixel is {width:.4g} x {length:.4g} mm, not square; "
                     "let 'write_result' write the grid 'metric'"

@@ -206,9 +206,6 @@ from tactograph.nodes.drawing.sensor_picture import (
 from tactograph.nodes.files.calibration_file import (
     MIN_OPTICAL_MM as MIN_OPTICAL_MM,
 )
-from tactograph.nodes.files.height_files import (
-    MAX_SIZE_DIFFERENCE as MAX_SIZE_DIFFERENCE,
-)
 from tactograph.nodes.files.image_files import (
     MAX_PIXELS as MAX_PIXELS,
     Channel as Channel,

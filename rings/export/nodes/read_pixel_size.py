@@ -1,10 +1,9 @@
 """The side of a pixel of a stored height map: given, or as its file or its result states it."""
 
-import math
 from pathlib import Path
 
-from tactograph.sdk import InputError, PixelSize, node, read_height_file, warn
-from tactograph.sdk.unstable import MAX_SIZE_DIFFERENCE, StoredResult
+from tactograph.sdk import HeightFile, InputError, PixelSize, node, read_height_file, warn
+from tactograph.sdk.unstable import StoredResult
 
 
 @node
@@ -35,7 +34,7 @@ def read_pixel_size(*, height: Path, mm: PixelSize | None = None) -> PixelSize:
         if stated is None:
             raise InputError(f"{height}: states no pixel size, nor does {where}; give `mm`=MM")
         return stated
-    if stated is not None and not math.isclose(mm, stated, rel_tol=MAX_SIZE_DIFFERENCE):
+    if stated is not None and not HeightFile.agree(mm, stated):
         warn(
             f"{where}: says {stated:.6g} mm per px, but `mm`={mm:.6g} is given and used; "
             "leave it out to use the file's"

@@ -24,7 +24,7 @@ from tactograph.sdk import (
     warn,
 )
 from tactograph.sdk.nodes import read_error, read_pixel_size, read_result_view
-from tactograph.sdk.unstable import MAX_SIZE_DIFFERENCE, StoredResult
+from tactograph.sdk.unstable import StoredResult
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
 """Heights of P touches; NaN where not known."""
@@ -103,7 +103,7 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
                 f"{result}: its film is no plane at rest; touches of planes alone are put together"
             )
     for result, height, size in zip(results, heights, pixels, strict=True):
-        if height.shape != heights[0].shape or abs(size / pixels[0] - 1) > MAX_SIZE_DIFFERENCE:
+        if height.shape != heights[0].shape or not HeightFile.agree(size, pixels[0]):
             raise InputError(f"{result}: differs in size or pixel size from {results[0]}")
     stated = [read_error(height=file) for file in files]
     errors = [np.full_like(heights[0], np.nan) if e is None else e for e in stated]

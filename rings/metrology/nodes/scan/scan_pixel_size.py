@@ -1,7 +1,6 @@
 """The side of a pixel on the film, from the user, the scan or its light model."""
 
-from tactograph.sdk import PixelSize, node, warn
-from tactograph.sdk.unstable import MAX_SIZE_DIFFERENCE
+from tactograph.sdk import HeightFile, PixelSize, node, warn
 
 
 @node
@@ -21,7 +20,7 @@ def scan_pixel_size(
     """
     if mm is not None or stated is None:
         return mm or model
-    if abs(stated / model - 1) > MAX_SIZE_DIFFERENCE:
+    if not HeightFile.agree(stated, model):
         warn(
             f"the scan says {stated:.6g} mm per px, its light model {model:.6g}: the scan's is "
             "taken; check that the model is this sensor's, or settle it by `mm`=MM"
