@@ -31,9 +31,7 @@ from PIL import Image
 from tactograph.graph import Provenance, Session
 from tactograph.graph.command import main as tactograph
 from tactograph.graph.files.graph_places import (
-    shipped_graphs,
-    shipped_overlays,
-    shipped_studies,
+    shipped,
 )
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.rings.frames.live_frames import RawFrame
@@ -45,7 +43,7 @@ MOST_BYTES = 2 * 2**30
 ROUND = 10
 """Examples of a kind between two looks at the clock."""
 NOBODY = Provenance({}, None, [], {}, {}, [], [])
-SHIPPED = [*shipped_graphs().values(), *shipped_studies().values(), *shipped_overlays().values()]
+SHIPPED = [*shipped("graphs").values(), *shipped("studies").values(), *shipped("overlays").values()]
 RUNNABLE = ("reconstruct", "paper", "paper_no_shadow")
 
 NUMBERS = st.sampled_from(

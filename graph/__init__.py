@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 from tactograph.graph.declare.declare_node import node
 from tactograph.graph.declare.engine_arguments import (
     EVERYTHING,
-    FRACTIONS,
     NodeCall,
     Session,
     Wanted,
@@ -43,7 +42,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "EVERYTHING",
-    "FRACTIONS",
     "Cache",
     "Close",
     "EndOfStream",

@@ -103,10 +103,6 @@ class EndOfStream(Exception):  # noqa: N818  (nothing went wrong)
     """Raised by a sink that wants no further item: this one counts, and the stream ends."""
 
 
-class Terminated(SystemExit):
-    """Raised where SIGTERM ends a process of a batch: no node is to blame."""
-
-
 def message_of(error: BaseException) -> str:
     """The message of an exception; a foreign one may fail even to give that."""
     try:

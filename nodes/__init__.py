@@ -12,6 +12,7 @@ it: a node's docstring adds only what it means there, or ``name : shape in unit`
 from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
+from annotated_types import Interval
 from numpy.typing import NDArray
 
 from tactograph.graph.declare.ports import Port
@@ -57,7 +58,14 @@ Confidence = Annotated[F4, Port("H W", "1", high=1)]
 Contacts = Annotated[U1, Port("H W", "contact number", high=2)]
 """The number of the contact that a pixel belongs to, from 1; 0: none."""
 Mask = Annotated[U1, Port("H W", "flag", high=1), "1 where a pixel counts, else 0"]
-PixelSize = Annotated[float, Port(unit="mm/px", low=0.01, high=0.2), "Side of a pixel on the film"]
+MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1.0
+"""Pixels that sensors of touch have; a size outside is one in another unit, such as um."""
+PixelSize = Annotated[
+    float,
+    Port(unit="mm/px", low=0.01, high=0.2),
+    Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM),
+    "Side of a pixel on the film",
+]
 Albedo = Annotated[float, Port(unit="1", high=0.95), "Share of the light that the film reflects"]
 Still = Annotated[float, Port(unit="1", low=0, high=1), "1 where nothing has moved, else 0"]
 Vergence = Annotated[float, Port(unit="1/mm", high=0.02)]

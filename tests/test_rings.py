@@ -10,7 +10,7 @@ import pytest
 
 from tactograph.graph import rings as engine
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.files.graph_places import shipped_overlays
+from tactograph.graph.files.graph_places import shipped
 from tactograph.graph.files.layer import read_layer
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.rings import Ring, bring, rings
@@ -128,7 +128,7 @@ def test_a_ring_whose_package_is_gone_is_named_and_the_others_work(register: obj
 def test_without_rings_every_graph_of_the_core_is_whole(register: object) -> None:
     assert callable(register)
     assert [ring.name for ring in register()] == ["core"]
-    overlays = [read_layer(file).model.patch for file in shipped_overlays().values()]
+    overlays = [read_layer(file).model.patch for file in shipped("overlays").values()]
     ops = {change.op for patch in overlays for change in patch if change.op}
     ops |= {entry.op for name in shipped_names() for entry in read_graph(name).nodes.values()}
     modules = {find_node(op).function.__module__ for op in ops}

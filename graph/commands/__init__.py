@@ -22,6 +22,7 @@ from tactograph.graph.errors import TactographError, printable
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
+    from tactograph.graph.backends.device_backend import DeviceBackend
     from tactograph.graph.files.flat_graph import Graph
     from tactograph.graph.run.pipeline import Pipeline
 
@@ -60,7 +61,6 @@ class GraphCommand(click.Command):
     def _format_parameters(self, graph: Graph, formatter: click.HelpFormatter) -> None:
         """List the parameters of a graph's nodes, as --set takes them."""
         from tactograph.graph.declare.find_node import find_node
-        from tactograph.graph.declare.node_page import describe
 
         for name, entry in graph.nodes.items():
             node = find_node(entry.op, graph.own)
@@ -69,7 +69,7 @@ class GraphCommand(click.Command):
                 value = entry.settings.get(each.name, "needed" if each.required else each.default)
                 if isinstance(value, str) and value.startswith("$"):
                     continue  # a param of the graph
-                facts = "; ".join(filter(None, [each.range, describe(node).arguments[each.name]]))
+                facts = "; ".join(filter(None, [each.range, node.about.arguments[each.name]]))
                 rows.append((f"{name}.{each.name}={value}", printable(facts)))
             if rows:
                 with formatter.section(f"--set, {name} ({node.name})"):
@@ -172,6 +172,15 @@ def changed(graph: Graph, overlays: Sequence[str], settings: Sequence[str]) -> G
     return with_changes(with_overlays(graph, overlays), read_settings(settings))
 
 
+_RUN_OPTIONS = (
+    with_option,
+    set_option,
+    backend_option,
+    device_option,
+    click.option("--strict", is_flag=True, help="Fail if a node that has a kernel cannot use it."),
+)  # fmt: skip
+
+
 @dataclass(frozen=True)
 class RunOptions:
     """The options of a command that plans a graph."""
@@ -181,6 +190,20 @@ class RunOptions:
     backend: str | None
     device: str | None
     strict: bool
+
+    @classmethod
+    def add(cls, function: Callable[..., None]) -> Callable[..., None]:
+        """Decorate a command with these options, which arrive as `options`."""
+
+        @wraps(function)
+        def with_options(**words: Any) -> None:
+            options = {each.name: words.pop(each.name) for each in fields(cls)}
+            function(options=cls(**options), **words)
+
+        decorated: Callable[..., None] = with_options
+        for option in reversed(_RUN_OPTIONS):
+            decorated = option(decorated)
+        return decorated
 
     def read(self, graph: str) -> Graph:
         """Read a graph and apply ``--with`` and ``--set``."""
@@ -196,25 +219,14 @@ class RunOptions:
             graph, arguments, backend=self.backend, device=self.device, strict=self.strict, **more
         )
 
+    def open_device(self, graph: Graph) -> tuple[DeviceBackend | None, str]:
+        """Open the device on which the graph would run; None with the reason if there is none."""
+        from tactograph.graph.backends.device_backend import open_device
 
-_RUN_OPTIONS = (
-    with_option,
-    set_option,
-    backend_option,
-    device_option,
-    click.option("--strict", is_flag=True, help="Fail if a node that has a kernel cannot use it."),
-)  # fmt: skip
+        return open_device([self.backend] if self.backend else graph.backends, self.device)
 
+    def origin(self, graph: Graph, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        """Find all that decides what the graph puts out: see `find_origin`."""
+        from tactograph.graph.cache.result_origin import find_origin
 
-def run_options(function: Callable[..., None]) -> Callable[..., None]:
-    """Add the options of every command that plans a graph; they arrive as `options`."""
-
-    @wraps(function)
-    def with_options(**words: Any) -> None:
-        options = {each.name: words.pop(each.name) for each in fields(RunOptions)}
-        function(options=RunOptions(**options), **words)
-
-    decorated: Callable[..., None] = with_options
-    for option in reversed(_RUN_OPTIONS):
-        decorated = option(decorated)
-    return decorated
+        return find_origin(graph, arguments, backend=self.backend, device=self.device)

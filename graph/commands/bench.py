@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import FILE_PATH, RunOptions, graph_command, run_options, say
+from tactograph.graph.commands import FILE_PATH, RunOptions, graph_command, say
 from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @graph_command("bench", short_help="Time a graph on every back end and device.")
-@run_options
+@RunOptions.add
 @click.option(
     "--repeats", type=click.IntRange(2), default=11, help="The first, which compiles, is left out."
 )

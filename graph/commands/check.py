@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Container
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
@@ -37,20 +36,10 @@ def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) ->
         raise
 
 
-def verified(read: Graph) -> Plan:
-    """Plan a graph for no data in particular; raises GraphError, with all errors of a pass."""
-    from tactograph.graph.backends.device_backend import open_device
-    from tactograph.graph.plan.make_plan import make_plan
-
-    bound = [entry.backend for entry in read.nodes.values() if entry.backend is not None]
-    device, reason = open_device(bound)
-    # `check` does not say where nodes run, so it need not load a device.
-    anywhere = replace(read, prefer=("numpy",))
-    return make_plan(anywhere, read.placeholders, device=device, no_device=reason)
-
-
 def _check(read: Graph, own_params: Container[str]) -> None:
-    plan = verified(read)
+    from tactograph.graph.run.pipeline import Pipeline
+
+    plan = Pipeline.verify(read)
     say(f"{read.name}: {read.title or 'no title'} [{read.hash}]")
     say(f"{len(plan.tasks)} nodes, {len(plan.outputs)} outputs, nothing wrong")
     for line in _written(read, plan):
@@ -58,7 +47,7 @@ def _check(read: Graph, own_params: Container[str]) -> None:
     for unused in plan.unused:
         # A use may leave outputs unread, and a graph what a group of another file makes.
         use = read.uses.get(unused.rpartition(".")[0])
-        shared = use and read.definition(use).body.places[""].file != read.places[""].file
+        shared = use and read.definition(use).body.file != read.file
         if not shared and not any(node in plan.tasks for node in read.alike(unused)):
             say(f"not used by any output: {unused}")
     for group in read.groups:

@@ -34,10 +34,10 @@ add_completion_class(_Bash)
 
 def complete_graph(begun: str, *, studies: bool = False) -> list[CompletionItem]:
     """The shipped graphs that begin so, with `studies` those too; else files."""
-    from tactograph.graph.files.graph_places import shipped_studies
+    from tactograph.graph.files.graph_places import shipped
     from tactograph.graph.files.read_graph import shipped_names
 
-    names = [*shipped_names(), *(shipped_studies() if studies else ())]
+    names = [*shipped_names(), *(shipped("studies") if studies else ())]
     items = [CompletionItem(name) for name in names if name.startswith(begun)]
     return items or [CompletionItem(begun, type="file")]
 
@@ -46,12 +46,12 @@ def complete_overlay(
     ctx: click.Context, param: click.Parameter, begun: str
 ) -> list[CompletionItem]:
     """The variants of a graph, and the overlays that fit it; else files."""
-    from tactograph.graph.files.graph_places import shipped_overlays
+    from tactograph.graph.files.graph_places import shipped
 
     # Click takes no word for the graph where an option still lacks its value.
     graph = next((word for word in ctx.meta.get(WORDS_KEY, ()) if not word.startswith("-")), None)
     read = _read(graph, ())
-    names = {*shipped_overlays(), *(read.variants if read is not None else ())}
+    names = {*shipped("overlays"), *(read.variants if read is not None else ())}
     begins = [name for name in sorted(names) if name.startswith(begun)]
     fits = [name for name in begins if read is None or _read(graph, (name,)) is not None]
     items = [CompletionItem(name) for name in fits]

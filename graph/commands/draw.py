@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from tactograph.graph.commands import FILE_PATH, RunOptions, graph_argument, run_options, say
+from tactograph.graph.commands import FILE_PATH, RunOptions, graph_argument, say
 from tactograph.graph.errors import InputError
 
 
@@ -12,7 +12,7 @@ from tactograph.graph.errors import InputError
 @graph_argument
 @click.option("--out", type=FILE_PATH, help="File .svg; without it the picture is printed.")
 @click.option("--all", "every", is_flag=True, help="Every node of the groups.")
-@run_options
+@RunOptions.add
 def command(graph: str, out: Path | None, every: bool, options: RunOptions) -> None:
     """Draw the plan of GRAPH, nodes coloured by back end; a group that is used is one box."""
     from tactograph.graph.disk.atomic_files import atomic_file

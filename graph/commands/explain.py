@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.commands import RunOptions, graph_command, say
 
 if TYPE_CHECKING:
     from tactograph.graph.plan.draft import Task
@@ -16,13 +16,14 @@ if TYPE_CHECKING:
 
 @graph_command("explain", short_help="Say what would run, where and why.")
 @click.option("--all", "every", is_flag=True, help="Every node of the groups, and transfers.")
-@run_options
+@RunOptions.add
 def command(graph: str, values: tuple[str, ...], every: bool, options: RunOptions) -> None:
     """Print the plan of GRAPH, and what of it may be taken from disk.
 
     A group that is used is one line.
     Params that are not given do not matter to the plan.  No node runs.
     """
+
     from tactograph.graph.files.typed_values import read_words
 
     read = options.read(graph)

@@ -9,10 +9,11 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from tactograph.graph.commands import say
+from tactograph.graph.show.warning_lines import warning_lines
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -47,6 +48,11 @@ class ProgressLine:
         with self._lock:
             self._hide()
             say(text, err=err)
+
+    def warnings(self, warned: Iterable[tuple[str, Iterable[str]]]) -> None:
+        """Print the warnings of many runs in few lines, with where each was first given."""
+        for text in warning_lines(warned):
+            self.say(text, err=True)
 
     def end(self) -> None:
         """Remove the line for good."""

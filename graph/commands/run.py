@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tactograph import ctrl_c
-from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.commands import RunOptions, graph_command, say
 from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ WARNING_INTERVAL_S = 10.0
 
 
 @graph_command("run", short_help="Run a graph.")
-@run_options
+@RunOptions.add
 @click.option(
     "--keep",
     metavar="PORTS",

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from tactograph.graph.commands import RunOptions, graph_command, run_options, say
+from tactograph.graph.commands import RunOptions, graph_command, say
 from tactograph.graph.errors import InputError
 
 
 @graph_command("warm", short_help="Build a graph's kernels ahead of its first run.")
-@run_options
+@RunOptions.add
 def command(graph: str, values: tuple[str, ...], options: RunOptions) -> None:
     """Build the kernels of GRAPH, as when a robot boots, and keep them on disk.
 
@@ -15,14 +15,12 @@ def command(graph: str, values: tuple[str, ...], options: RunOptions) -> None:
     same.  Some hang on the calibration and on the image: with all values that GRAPH needs one item
     is run as well.  Nothing else is written.
     """
-    from tactograph.graph.backends.device_backend import open_device
     from tactograph.graph.files.typed_values import read_words
     from tactograph.graph.plan.make_plan import make_plan
 
     read = options.read(graph)
     arguments = read_words(read, values)
-    names = read.backends if options.backend is None else (options.backend,)
-    device, reason = open_device(names, options.device)
+    device, reason = options.open_device(read)
     if device is None:
         raise InputError(f"{read.name}: no kernels to build: {reason}")
     plan = make_plan(read, {**read.placeholders, **arguments}, device=device)

@@ -94,7 +94,7 @@ def _declare(function: Callable[..., Any], **about: Any) -> Node:
         if name in ENGINE_INPUTS:
             raise TypeError(f"{function.__name__}: every node has an input '{name}' already")
         if argument.kind is argument.KEYWORD_ONLY:
-            if field := next((f for f, kind in _ENGINE_ARGUMENTS if annotation is kind), ""):
+            if field := next((f for f, kind in _ENGINE_ARGUMENTS if annotation == kind), ""):
                 by_engine[field] = name
             elif annotation is NodeCall:
                 if not isinstance(argument.default, Node):

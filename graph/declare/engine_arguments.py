@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NewType, Protocol, TypeVar
+from typing import Annotated, Any, Protocol, TypeVar
 
 T = TypeVar("T")
 
@@ -59,9 +59,8 @@ class NodeCall(Protocol):
     def __call__(self, *inputs: Any, **settings: Any) -> Any: ...
 
 
-Whole = NewType("Whole", bool)
+Whole = Annotated[bool, "only a device reads the images"]
 """The type of a source's keyword-only argument that is true where only a device reads the images.
 
 The source may then yield K x H x W unsigned integers, which count as fractions of full scale.
 """
-FRACTIONS = Whole(False)

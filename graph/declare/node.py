@@ -19,7 +19,7 @@ import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, update_wrapper
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tactograph.graph.declare.kernel_declaration import (
     CanRun,
@@ -39,6 +39,9 @@ from tactograph.graph.declare.ports import (
 )
 from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
 from tactograph.graph.declare.tolerance import Exact, Tolerance
+
+if TYPE_CHECKING:
+    from tactograph.graph.declare.description import Description
 
 _serials = itertools.count(1)
 
@@ -121,6 +124,16 @@ class Node:
     @cached_property
     def _sized(self) -> dict[tuple[str, ...], Node]:
         return {}
+
+    @cached_property
+    def about(self) -> Description:
+        """Its docstring, taken apart."""
+        from tactograph.graph.declare.description import Description
+
+        names = [*self.input_names, *self.parameters]
+        names += [self.repeated.name] if self.repeated else []
+        quantities = {name: port.meaning for name, port in self.inputs.items()}
+        return Description.of(self.doc or "", names, quantities, self.parameter_records.values())
 
     @cached_property
     def serial(self) -> int:

@@ -1,62 +1,15 @@
 """The page of a node: its docstring, ports and parameters."""
 
-import inspect
-import re
-from dataclasses import dataclass
-
-import docstring_parser
-
+from tactograph.graph.declare.description import Description
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.declare.ports import PortType
-
-_RETURNS_SECTION = re.compile(
-    r"^Returns\n-+\n(.*?)(?=\n\n[A-Z]\w*\n-+\n|\Z)", re.DOTALL | re.MULTILINE
-)
-"""The whole section; the parser would take every line without indent for a value."""
-
-
-@dataclass(frozen=True)
-class Description:
-    """A docstring (NumPy style), taken apart."""
-
-    summary: str
-    text: str
-    arguments: dict[str, str]
-    returns: str
-    raises: list[tuple[str, str]]
-
-
-def describe(node: Node) -> Description:
-    """Read a node's docstring; an argument that is not described has an empty string."""
-    parsed = _parsed(node.doc)
-    meanings = {name: port.meaning for name, port in node.inputs.items()}
-    records = (_parsed(inspect.getdoc(record) or "") for record in node.parameter_records.values())
-    for each in (param for page in (*records, parsed) for param in page.params):
-        for name in each.arg_name.split(","):
-            name = name.strip(" *")
-            meaning = meanings.get(name), each.type_name
-            meanings[name] = _one_line(each.description) or "; ".join(filter(None, meaning))
-    names = [*node.input_names, *node.parameters]
-    names += [node.repeated.name] if node.repeated else []
-    returns = _RETURNS_SECTION.search(inspect.cleandoc(node.doc or ""))
-    return Description(
-        summary=_one_line(parsed.short_description),
-        text=parsed.long_description or "",
-        arguments={name: meanings.get(name, "") for name in names},
-        returns=_one_line(returns[1]) if returns else "",
-        raises=[(each.type_name or "", _one_line(each.description)) for each in parsed.raises],
-    )
-
-
-def _parsed(doc: str) -> docstring_parser.Docstring:
-    return docstring_parser.parse(doc, docstring_parser.DocstringStyle.NUMPYDOC)
 
 
 def node_page(node: Node) -> str:
     """All about a node as Markdown: its inputs, parameters, outputs and errors."""
     node = node.with_inputs(node.further_names)
-    about = describe(node)
+    about = node.about
     lines = [f"# {node.name}", "", about.summary, ""]
     if about.text:
         lines += [about.text, ""]
@@ -112,7 +65,3 @@ def _facts(node: Node) -> list[str]:
         facts.append(f"Taken out (`neutral`): {neutral}.")
     facts += [f"{symbol}: {limit.why}." for symbol, limit in node.sizes.items()]
     return facts
-
-
-def _one_line(text: str | None) -> str:
-    return re.sub(r"\s+", " ", text or "").strip()

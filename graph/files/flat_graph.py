@@ -7,11 +7,13 @@ import json
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tactograph.graph.declare.check_settings import PARAM_PLACEHOLDER
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
+from tactograph.graph.files.captures_in import CAPTURE_PARAM
 from tactograph.graph.files.graph_model import GRAPH_FORMAT
 
 if TYPE_CHECKING:
@@ -169,6 +171,17 @@ class Graph:
                 f"{self.name}: there is no node '{node_id}'{self.hint(node_id, self.nodes)}"
             )
         return self.nodes[node_id]
+
+    @property
+    def capture_param(self) -> str | None:
+        """The param that takes a capture's folder, if it has one."""
+        param = self.params.get(CAPTURE_PARAM)
+        return CAPTURE_PARAM if param is not None and param.kind == "path" else None
+
+    @property
+    def file(self) -> Path:
+        """The file that holds it."""
+        return Path(self.places[""].file)
 
     def check_param(self, name: str) -> None:
         """Refuse a value for a param that the graph does not have."""

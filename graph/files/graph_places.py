@@ -1,41 +1,35 @@
 """Folders of graph files: those of the core, of rings, and the user's own."""
 
 from pathlib import Path
+from typing import Literal
 
 from tactograph.graph.errors import InputError, did_you_mean
 from tactograph.graph.rings import rings
 
 _CHANGE_FOLDERS = ("overlays", "studies", "variants")
 """Folders whose files change graphs."""
+Shipped = Literal["graphs", "overlays", "studies", "groups"]
+"""Kinds of files that ship."""
+_FILE_PATTERNS: dict[Shipped, str] = {
+    "graphs": "*/*.yaml",
+    "overlays": "overlays/*.yaml",
+    "studies": "studies/*.yaml",
+    "groups": "*/*.group.yaml",
+}
 
 
-def shipped_graphs() -> dict[str, Path]:
-    """The graph files that ship, by bare name."""
-    return {
-        file.stem: file
-        for file in _shipped_files("*/*.yaml")
-        if file.parent.name not in _CHANGE_FOLDERS and not file.stem.endswith(".group")
-    }
-
-
-def shipped_overlays() -> dict[str, Path]:
-    """The overlays that ship, by bare name."""
-    return {file.stem: file for file in _shipped_files("overlays/*.yaml")}
-
-
-def shipped_studies() -> dict[str, Path]:
-    """The studies that ship, by bare name."""
-    return {file.stem: file for file in _shipped_files("studies/*.yaml")}
+def shipped(kind: Shipped) -> dict[str, Path]:
+    """The files of a kind that ship, by name without ``.yaml``."""
+    files = _shipped_files(_FILE_PATTERNS[kind])
+    if kind == "graphs":
+        graphs = (file for file in files if file.parent.name not in _CHANGE_FOLDERS)
+        files = [file for file in graphs if not file.stem.endswith(".group")]
+    return {file.stem: file for file in files}
 
 
 def variants_added_to(name: str) -> list[Path]:
     """The files with which rings add variants to a graph that ships."""
     return [file for ring in rings() for file in ring.files("pipelines", f"variants/{name}.yaml")]
-
-
-def shipped_groups() -> dict[str, Path]:
-    """The files of groups that ship, by name without ``.yaml``."""
-    return {file.stem: file for file in _shipped_files("*/*.group.yaml")}
 
 
 def _shipped_files(pattern: str) -> list[Path]:
@@ -52,8 +46,10 @@ def _shipped_files(pattern: str) -> list[Path]:
     return [entry[0][0] for entry in files.values() if entry[0][1] or len(entry) == 1]
 
 
-def find_file(name: str, base_folder: Path | None, shipped: dict[str, Path]) -> Path | None:
+def find_file(name: str, base_folder: Path | None, kind: Shipped) -> Path | None:
     """The file of a bare name, a ``ring/name`` or a path; None if there is no such file.
+
+    A bare name is that of a file of this kind that ships.
 
     Raises InputError if the name says where the file is, and it is not there.
     """
@@ -68,14 +64,15 @@ def find_file(name: str, base_folder: Path | None, shipped: dict[str, Path]) -> 
             f" (it brings: {', '.join(files) or 'none'})"
         )
     if not is_path(name):
-        return shipped.get(name)
+        return shipped(kind).get(name)
     path = Path(name)
     if base_folder is not None and not path.is_absolute():
         path = base_folder / path
     if _is_file(path):
         return path
-    if path.name == name and name.removesuffix(".yaml") in shipped:
-        return shipped[name.removesuffix(".yaml")]
+    ships = shipped(kind) if path.name == name else {}
+    if (bare := name.removesuffix(".yaml")) in ships:
+        return ships[bare]
     raise InputError(f"{path}: there is no such graph file")
 
 

@@ -7,14 +7,11 @@ so that a slip of the pen is found.
 
 import typing
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.limits import parts_of
-from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.node_page import describe
 from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.errors import GraphError, InputError
 from tactograph.graph.files.flat_graph import Entry, Graph, Param
@@ -53,13 +50,7 @@ def _param_of(graph: Graph, entry: Entry, name: str) -> Param | None:
     if not (kind := _kind_of(parameter)):
         return None
     default = None if parameter.required else _plain(parameter.default)
-    return Param(kind, _words(node)[name].replace("``", ""), parameter.required, default)
-
-
-@cache
-def _words(node: Node) -> dict[str, str]:
-    """What a node's docstring says of its parameters; to take it apart takes a millisecond."""
-    return describe(node).arguments
+    return Param(kind, node.about.arguments[name].replace("``", ""), parameter.required, default)
 
 
 def _kind_of(parameter: Parameter) -> str:

@@ -25,7 +25,7 @@ from tactograph.graph.files.graph_model import (
     VariantModel,
     validate,
 )
-from tactograph.graph.files.graph_places import find_file, shipped_groups
+from tactograph.graph.files.graph_places import find_file
 from tactograph.graph.files.groups import flat_reference, refuse_idle, with_nodes
 from tactograph.graph.files.implied_params import with_implied_params
 from tactograph.graph.files.iterate import in_turns
@@ -164,7 +164,7 @@ def _groups(layer: Layer) -> dict[str, Group]:
             groups[name] = _group(name, stated, layer.document, path)
             continue
         with blamed_on(layer.document.place((*path, "extends"))):
-            file = find_file(stated.extends, layer.file.parent, shipped_groups())
+            file = find_file(stated.extends, layer.file.parent, "groups")
             if file is None:
                 raise InputError(f"'{stated.extends}' is not the file of a group (.group.yaml)")
         group = group_in(name, Document.read(file))
@@ -208,7 +208,7 @@ def _used_in(group: Group) -> Iterator[str]:
 
 def _group_file(name: str, folder: Path) -> Path | None:
     try:
-        return find_file(name, folder, shipped_groups())
+        return find_file(name, folder, "groups")
     except InputError:
         return None
 

@@ -11,13 +11,7 @@ from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.graph_model import GraphModel, VariantModel, validate
-from tactograph.graph.files.graph_places import (
-    find_file,
-    shipped_graphs,
-    shipped_overlays,
-    shipped_studies,
-    variants_added_to,
-)
+from tactograph.graph.files.graph_places import find_file, shipped, variants_added_to
 from tactograph.graph.files.lay_over import alone, blamed_on, group_in, laid_over
 from tactograph.graph.files.layer import Layer, layer_of, read_layer
 from tactograph.graph.files.plain_data import as_document
@@ -39,7 +33,7 @@ def shipped_names() -> list[str]:
 def shipped_titles() -> dict[str, dict[str, str]]:
     """Titles of what ships, by folder and name; variants of a study stand under the study."""
     by_heading: dict[str, dict[str, str]] = {}
-    for name, file in {**shipped_graphs(), **shipped_studies()}.items():
+    for name, file in {**shipped("graphs"), **shipped("studies")}.items():
         layer = read_layer(file)
         heading = f"study {name}, for compare" if layer.base else file.parent.name
         titles = by_heading.setdefault(heading, {})
@@ -47,20 +41,11 @@ def shipped_titles() -> dict[str, dict[str, str]]:
             titles[name] = layer.model.title
         for key, variant in _variants(layer).items():
             titles[f"{variant.base}_{key}"] = variant.model.title
-    overlays = shipped_overlays().items()
+    overlays = shipped("overlays").items()
     return {
         **by_heading,
         _OVERLAY_FOLDER: {name: read_layer(file).model.title for name, file in overlays},
     }
-
-
-def graph_file(name: str) -> Path:
-    """Return the file that holds the graph of that name.
-
-    Raises InputError if there is neither such a file nor a shipped pipeline of that name.
-    """
-    file = find_file(_file_and_variant(name)[0], None, shipped_graphs())
-    return file or Path(read_graph(name).places[""].file)
 
 
 def read_graph(source: Source) -> Graph:
@@ -86,7 +71,7 @@ def read_graphs(name: str) -> list[Graph]:
     """The graph of that name; of a study, its base and all its variants."""
     file = None
     with suppress(InputError):  # which `read_graph` tells
-        file = find_file(name, None, shipped_studies())
+        file = find_file(name, None, "studies")
     if file is None or not (layer := read_layer(file)).base:
         return [read_graph(name)]
     base = _graph_of(layer, ())
@@ -129,7 +114,7 @@ def _file_and_variant(name: str) -> tuple[str, str]:
 def _named(name: str, base_folder: Path | None, chain: Chain) -> Graph:
     file_name, key = _file_and_variant(name)
     try:
-        file = find_file(file_name, base_folder, shipped_graphs())
+        file = find_file(file_name, base_folder, "graphs")
     except InputError as error:
         joined = name.replace("/", "_")
         hint = "" if _shipped_variant(joined) is None else f"; did you mean '{joined}'?"
@@ -158,14 +143,14 @@ def _composed(name: str, chain: Chain) -> Graph:
     if variant is not None:
         return _lay(_named(variant.base, None, chain), variant, chain)
     for first, rest in _splits(name):
-        if first in shipped_graphs():
+        if first in shipped("graphs"):
             graph = _named(first, None, chain)
             overlays = _in_words(rest, graph.variants)
             if overlays:
                 return with_overlays(graph, overlays)
-    if name in shipped_studies():
+    if name in shipped("studies"):
         raise InputError(_of_a_study(name, read_graphs(name)[0]))
-    if name in shipped_overlays():
+    if name in shipped("overlays"):
         raise InputError(
             f"'{name}' is an overlay; lay it over a graph: 'tactograph run GRAPH --with {name}'"
         )
@@ -180,9 +165,9 @@ def _of_a_study(name: str, base: Graph) -> str:
 
 def _shipped_variant(name: str) -> Layer | None:
     """The shipped variant that ``GRAPH_VARIANT`` names, if there is one."""
-    graphs = shipped_graphs()
+    graphs = shipped("graphs")
     files = [graphs[first] for first, _ in _splits(name) if first in graphs]
-    for file in (*files, *shipped_studies().values()):
+    for file in (*files, *shipped("studies").values()):
         layer = read_layer(file)
         for key, variant in _variants(layer).items():
             if name == f"{variant.base}_{key}":
@@ -194,7 +179,7 @@ def _in_words(text: str, variants: Container[str]) -> tuple[str, ...]:
     """Overlays and variants whose names are joined in a text; empty if a part is neither."""
 
     def is_layer(name: str) -> bool:
-        own = name in variants or name in shipped_overlays()
+        own = name in variants or name in shipped("overlays")
         return own or _shipped_variant(name) is not None
 
     if is_layer(text):
@@ -248,7 +233,7 @@ def _graph_of(layer: Layer, chain: Chain) -> Graph:
 def _variants(layer: Layer) -> dict[str, Layer]:
     """The variants in a file, and those that rings add to it if it ships."""
     variants = layer.variants(layer.base or layer.name)
-    ships = shipped_graphs().get(layer.name)
+    ships = shipped("graphs").get(layer.name)
     if layer.base or ships is None or ships.resolve() != layer.file.resolve():
         return variants
     added = map(read_layer, variants_added_to(layer.name))
@@ -280,16 +265,16 @@ def _overlay(
     if name in variants and variants[name].id not in chain:
         return variants[name]
     file_name, key = _file_and_variant(name)
-    file = find_file(file_name, base_folder, shipped_overlays())
+    file = find_file(file_name, base_folder, "overlays")
     if file is None:
         variant = _shipped_variant(name)
         if variant is not None:
             return replace(variant, name=name)
         if name in variants:
             _further(chain, variants[name])  # which tells the loop
-        names = list(dict.fromkeys([*variants, *shipped_overlays()]))
+        names = list(dict.fromkeys([*variants, *shipped("overlays")]))
         hint = did_you_mean(name, names) or f" (there are: {', '.join(names)})"
-        if name in shipped_graphs():
+        if name in shipped("graphs"):
             hint = "; it is a graph, and only the first of 'extends' can be one"
         raise InputError(f"there is no overlay '{name}'{hint}")
     layer = read_layer(file)

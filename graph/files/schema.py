@@ -8,7 +8,6 @@ from pydantic.json_schema import models_json_schema
 from tactograph.graph.declare.check_settings import model_of
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.node_page import describe
 from tactograph.graph.declare.ports import CONDITION_INPUT, RESTING_INPUT
 from tactograph.graph.files.apply_patch import IN_FILE, KEYS_BY_VERB
 from tactograph.graph.files.graph_model import GraphModel, GroupFileModel, StudyModel
@@ -63,7 +62,7 @@ def _settings(node: Node, definitions: dict[str, Any]) -> dict[str, Any]:
     model = model_of(node).model_json_schema(ref_template="#/$defs/{model}")
     definitions.update(model.pop("$defs", {}))
     reference = {"type": "string", "pattern": r"^\$[A-Za-z_]\w*$"}
-    words = describe(node).arguments
+    words = node.about.arguments
     properties = {
         name: {"description": words[name], "anyOf": [rule, reference]}
         for name, rule in model.get("properties", {}).items()
@@ -77,7 +76,7 @@ def _settings(node: Node, definitions: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rule(node: Node) -> dict[str, Any]:
-    about = describe(node)
+    about = node.about
     properties: dict[str, Any] = {
         "op": {"description": about.summary},
         "with": {"$ref": f"#/$defs/with_{node.name}"},

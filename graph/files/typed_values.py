@@ -9,7 +9,7 @@ from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import InputError, a_few
 from tactograph.graph.files.flat_graph import Graph, Param
 from tactograph.graph.files.graph_model import WANTED_BY_KIND, is_of_kind
-from tactograph.graph.files.graph_places import shipped_overlays
+from tactograph.graph.files.graph_places import shipped
 
 MAX_NAMED_SETTINGS = 3
 """The most nodes' parameters of one name that a message names."""
@@ -58,7 +58,7 @@ def overlays_with(name: str) -> str:
     """The shipped overlays that have a param of that name, as ``--with`` takes them; or empty."""
     overlays = [
         f"--with {overlay}"
-        for overlay, file in shipped_overlays().items()
+        for overlay, file in shipped("overlays").items()
         if name in Document.read(file).data.get("params", {})
     ]
     return a_few(overlays, MAX_NAMED_SETTINGS)

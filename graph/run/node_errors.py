@@ -8,7 +8,6 @@ from tactograph.graph.errors import (
     GraphNames,
     NodeError,
     TactographError,
-    Terminated,
     WriteError,
     full_disk,
     is_of_printing,
@@ -18,14 +17,15 @@ from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.feeds import feed_of
 from tactograph.graph.plan.plan import Plan
 
-_PASSED_ON = (TactographError, EndOfStream, KeyboardInterrupt, GeneratorExit, Terminated)
+_PASSED_ON = (TactographError, EndOfStream, KeyboardInterrupt, GeneratorExit)
 
 
 class Blaming(GraphNames):
     """A block that runs a node of a plan; see `GraphNames`.
 
     An unexpected exception becomes one line that names the node.  Otherwise a node that calls
-    ``sys.exit`` would end the run as if all were well.
+    ``sys.exit`` would end the run as if all were well.  A class of one's own, derived from
+    `SystemExit`, ends the process on purpose, as a signal's handler does, and is passed on.
 
     `device_error` is the exception type of the device's library, for a node on a device.
     """
@@ -40,7 +40,8 @@ class Blaming(GraphNames):
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         super().__exit__(kind, error, trace)
-        if error is not None and not isinstance(error, _PASSED_ON):
+        ends = isinstance(error, SystemExit) and type(error) is not SystemExit
+        if error is not None and not ends and not isinstance(error, _PASSED_ON):
             if isinstance(error, OSError) and is_of_printing(error):
                 return
             task = self._task

@@ -5,16 +5,19 @@ Long because this class is all that a program sees of a running graph.
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.backends.device_backend import DeviceBackend
+from tactograph.graph.backends.device_backend import DeviceBackend, open_device
 from tactograph.graph.cache.cache import Cache
+from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.errors import InputError, TactographError, collect_warnings
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.plan.draft import Task
+from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.plan.names import settings_of
 from tactograph.graph.plan.new_settings import with_parameters, with_values
 from tactograph.graph.plan.plan import Plan
@@ -55,6 +58,7 @@ class Pipeline:
         self._stand_ins = StandIns(plan, device)
         self._items = Items(plan, device)
         self._runner = self._items.runner
+        self._cache = cache
         if cache is not None:
             self._items.keep(cache)
         self._has_run = False
@@ -63,6 +67,33 @@ class Pipeline:
         self._source = next((t for t in tasks if t.node.stream and not t.stand_in), None)
         self._stream: SourceStream | None = None
         self._running: object | None = None
+
+    @staticmethod
+    def verify(graph: Graph) -> Plan:
+        """Plan a graph for no data in particular, as `tactograph check` does.
+
+        Raises
+        ------
+        GraphError
+            If it cannot be run; `others` are further errors that were found with this one.
+        """
+        bound = [entry.backend for entry in graph.nodes.values() if entry.backend is not None]
+        device, reason = open_device(bound)
+        # Where nodes run does not matter here, so that no device need be loaded.
+        anywhere = replace(graph, prefer=("numpy",))
+        return make_plan(anywhere, graph.placeholders, device=device, no_device=reason)
+
+    @staticmethod
+    def settings(graph: Graph, node: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a node's parameters by a graph and values of its params, defaults included.
+
+        Raises
+        ------
+        InputError
+            If there is no such node, it does not take a value, or a param that it needs has none.
+        """
+        entry = graph.entry(node)
+        return settings_of(entry, graph, find_node(entry.op, graph.own), arguments)
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self._anew is None:
@@ -237,9 +268,7 @@ class Pipeline:
         if source is None or source.node.session is not None:
             return None
         arguments = {**self.plan.arguments, **values}
-        return self._begun(
-            source, settings_of(source.entry, self.plan.graph, source.node, arguments)
-        )
+        return self._begun(source, self.settings(self.plan.graph, source.id, arguments))
 
     def _begun(self, source: Task, settings: dict[str, Any], *, ahead: bool = True) -> SourceStream:
         keywords = {**settings, **self._runner.host.source_keywords(source)}
@@ -271,7 +300,7 @@ class Pipeline:
         new = with_parameters(self.plan, node, settings)
         with self._turn:
             new.apply(self.plan)
-            self._keep()
+            self.keep()
             self._items.settings_changed(new.settings)
 
     def again(self, outputs: Collection[str] | None = None) -> Result:
@@ -314,15 +343,22 @@ class Pipeline:
         """
         value = self.plan.value(reference)
         with self._turn:
-            self._keep()
+            self.keep()
             self._refuse_without_item(f"inspect {reference}")
             return self._items.inspect(value)
 
-    def _keep(self) -> None:
-        """Keep the results of the items to come."""
-        if not self._items.keeps:
-            self._items.keep(Cache())
+    def keep(self) -> Cache:
+        """Keep the results of the items to come, as after the first `set`.
+
+        Returns
+        -------
+        What keeps them, for ``load(…, cache=…)``: another pipeline of this thread may share it.
+        """
+        if self._cache is None:
+            self._cache = Cache()
+            self._items.keep(self._cache)
             self._has_run = False
+        return self._cache
 
     def _refuse_without_item(self, method: str) -> None:
         if not self._has_run:

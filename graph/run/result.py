@@ -1,11 +1,12 @@
 """The result of one item."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan
+from tactograph.graph.plan.sketch import plan_svg
 from tactograph.graph.show.notebook import result_html
 
 
@@ -34,6 +35,10 @@ class Result(Mapping[str, Any]):
     item: dict[Value, Any] = field(default_factory=dict)
     total: float = 0.0
     reused: frozenset[str] = frozenset()
+
+    def svg(self, opened: Iterable[str] = ()) -> str:
+        """The plan with its times, as a picture; a use of a group is a box unless it is opened."""
+        return plan_svg(self.plan, self.times, opened)
 
     @property
     def figures(self) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from annotated_types import Interval, Len
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from tactograph.graph import FRACTIONS, InputError, Whole, node, warn
+from tactograph.graph import InputError, Whole, node, warn
 from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.errors import missing
 from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
@@ -143,7 +143,7 @@ def read_capture(
     single: bool = False,
     calibration: Path | None = None,
     another_sensor: bool = False,
-    whole: Whole = FRACTIONS,
+    whole: Whole = False,
 ) -> Iterator[Capture]:
     """Yield every capture below `folder`, its light as a fraction of full scale.
 
@@ -198,7 +198,7 @@ read_capture.handed_in(check_handed_in)
 read_capture.reads_ahead()
 
 
-def read_images(folder: Path, layout: Layout, whole: Whole = FRACTIONS) -> NDArray[Any]:
+def read_images(folder: Path, layout: Layout, whole: Whole = False) -> NDArray[Any]:
     """Read the K images of one folder as K x H x W, fractions of full scale.
 
     If `whole` allows it and the images use all bits of their type, they remain integers.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, Contacts, Height, Metrics, PixelSize
 from tactograph.nodes.contact.find_contact import MAX_CONTACTS
-from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, Most, largest_contacts
+from tactograph.nodes.contact.largest_contacts import LargestContacts
 from tactograph.nodes.height.distort_height import distort_height
 from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.optics.rest_shape import RestShape
@@ -26,7 +26,7 @@ def measure_contact(
     view: View | None = None,
     rest: Annotated[F4, Port("R C", "mm", low=0, high=3)] | None = None,
     *,
-    most: Most = MAX_MEASURED,
+    largest: LargestContacts,
 ) -> Metrics:
     """Return area, depth, volume, position and principal axes of the largest contacts.
 
@@ -60,15 +60,15 @@ def measure_contact(
         the part that is seen, and area, depth and volume lower bounds.
     """
     view = view or View()
-    numbers = largest_contacts(contact, MAX_CONTACTS)
+    numbers = LargestContacts(MAX_CONTACTS).numbers(contact)
     figures: Metrics = {"contacts": float(len(numbers))}
-    if len(numbers) > most:
+    if len(numbers) > largest.most:
         # The same words in each frame, so that a stream says it once.
         warn(
-            f"of all contacts (figure 'contacts') the {most} largest are "
+            f"of all contacts (figure 'contacts') the {largest.most} largest are "
             "measured; `most` sets how many"
         )
-        numbers = largest_contacts(contact, most)
+        numbers = largest.numbers(contact)
     shape = (
         None
         if rest is None

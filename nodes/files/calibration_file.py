@@ -165,6 +165,36 @@ class FileKind(NamedTuple):
         }
         return typed, _about(file, head)
 
+    @staticmethod
+    def module_of(file: Path) -> ModuleType | None:
+        """Import the module of the kind that a file claims to be; None if there is none.
+
+        Raises
+        ------
+        InputError
+            If there is no such file, or it is damaged.
+        """
+        try:
+            name = about_in(load_arrays(file, only=ABOUT_ARRAY)).get("kind")
+        except (OSError, ValueError) as error:
+            raise InputError(f"{file}: {one_line(str(error))}") from None
+        kind = str(name).removeprefix("tactograph ").replace(" ", "_")
+        return bring("calibrations", f"{kind}_kind")
+
+    @staticmethod
+    def read_sensor(file: Path) -> Any:
+        """Return the record of a calibration of any kind of sensor: flashed LEDs, or one-shot.
+
+        Raises
+        ------
+        InputError
+            If it is none, or damaged.
+        """
+        module: Any = FileKind.module_of(file)
+        if module is None or "flat" not in module.KIND.values:
+            module = bring("calibrations", "calibration_kind")
+        return module.read(file)
+
     def read_to_use(self, file: Path, lights: str | None = None) -> tuple[dict[str, Any], "About"]:
         """Return what `read` does, repeat all doubts in one warning, and refuse other lights.
 
@@ -257,22 +287,6 @@ def _is_number(value: object) -> bool:
     return isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**63)
 
 
-def kind_of(file: Path) -> ModuleType | None:
-    """Import the module of the kind that a file claims to be; None if there is none.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, or it is damaged.
-    """
-    try:
-        name = about_in(load_arrays(file, only=ABOUT_ARRAY)).get("kind")
-    except (OSError, ValueError) as error:
-        raise InputError(f"{file}: {one_line(str(error))}") from None
-    kind = str(name).removeprefix("tactograph ").replace(" ", "_")
-    return bring("calibrations", f"{kind}_kind")
-
-
 def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
     if not file.is_file():
         maker = f"'{kind.maker}' makes one"
@@ -292,7 +306,7 @@ def _check_head(file: Path, kind: FileKind, head: Mapping[str, Any]) -> None:
         raise InputError(f"{file}: not a {kind.name}; '{kind.maker}' makes one")
     if not kind._is_in(head):
         other_kind = name.removeprefix("tactograph ")
-        other = kind_of(file)
+        other = FileKind.module_of(file)
         users = f"; a {other_kind} is for {other.KIND.users}" if other else ""
         raise InputError(
             f"{file}: is a {other_kind}, not a {kind.name}; '{kind.maker}' makes one{users}"

@@ -12,21 +12,17 @@ from PIL.TiffImagePlugin import ImageFileDirectory_v2, TiffImageFile
 from tactograph.graph import InputError
 from tactograph.graph.errors import missing
 from tactograph.graph.rings import bring
-from tactograph.nodes import F4, I4, Height
-from tactograph.nodes.files.image_files import read_heights
+from tactograph.nodes import F4, MAX_PIXEL_MM, MIN_PIXEL_MM, Height
+from tactograph.nodes.files.image_files import check_heights, read_heights
 from tactograph.nodes.files.result_file import refuse_changed
 from tactograph.nodes.optics.camera_view import View
 
-MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1.0
-"""Pixels that sensors of touch have; a size outside is one in another unit, such as um."""
 MAX_SIZE_DIFFERENCE = 0.005
 """Relative difference of two lengths of a pixel that counts as a contradiction."""
 TIFF_TEXT = "height in mm above the untouched film"
 """The description in the TIFFs written here."""
 PER_CM = 3
 """A TIFF's number for a resolution in pixels per centimetre."""
-MESH_AXES = "mm from the image's middle on the film at rest; x right, y up, z to the camera"
-"""Comment in meshes; an STL has room for 80 bytes."""
 PLAIN_VIEW = View()
 PLY_HEADER = """\
 ply
@@ -57,38 +53,24 @@ class HeightFile(NamedTuple):
         Their size is not stated if they are no squares, or none that sensors of touch have.
         """
         is_size = min(width, length) >= MIN_PIXEL_MM and max(width, length) <= MAX_PIXEL_MM
-        is_square = math.isclose(width, length, rel_tol=MAX_SIZE_DIFFERENCE)
-        return cls(height, width if is_size and is_square else None, error)
+        is_stated = is_size and cls.agree(width, length)
+        return cls(height, width if is_stated else None, error)
 
+    @staticmethod
+    def agree(one: float, other: float) -> bool:
+        """Return whether two lengths of a pixel do not contradict each other."""
+        return math.isclose(one, other, rel_tol=MAX_SIZE_DIFFERENCE)
 
-class Surface(NamedTuple):
-    """A triangle mesh: V x 3 in mm, and F x 3, the vertices' numbers.
+    def checked(self, file: Path, *, unknown: bool = False) -> Self:
+        """Return it, unless its height is none in mm; with `unknown` a part may be NaN.
 
-    Meshes are right-handed: x right, y up (so the image's rows run towards -y), z to the
-    camera.  The origin is the image's middle on the film at rest.
-    """
-
-    vertices: F4
-    faces: I4
-    axes: str = MESH_AXES
-
-    @classmethod
-    def of(cls, height: Height, pixel: float, view: View = PLAIN_VIEW) -> Self:
-        """Return the height map as a mesh, two triangles between four pixels.
-
-        Points lie where they are on the film (`View.places`).  What is not known, NaN, is left out.
+        Raises
+        ------
+        InputError
+            That names `file`, and says what is wrong.
         """
-        rows, columns = height.shape
-        x, y = view.places(height)
-        vertices = np.stack([x * pixel, -y * pixel, height], axis=-1).reshape(-1, 3)
-        corner = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)[:-1, :-1].ravel()
-        right, below = corner + 1, corner + columns
-        halves = [np.stack([corner, below, right], 1), np.stack([right, below, below + 1], 1)]
-        faces, is_known = np.concatenate(halves), np.isfinite(vertices[:, 2])
-        if not is_known.all():
-            number = np.cumsum(is_known) - 1
-            vertices, faces = vertices[is_known], number[faces[is_known[faces].all(axis=1)]]
-        return cls(vertices.astype(np.float32), faces.astype(np.int32))
+        check_heights(self.height, file, unknown=unknown)
+        return self
 
 
 def write_tiff(file: Path, height: Height, pixel: float, length: float | None = None) -> None:
@@ -101,13 +83,12 @@ def write_tiff(file: Path, height: Height, pixel: float, length: float | None = 
 
 
 def write_ply(file: Path, height: Height, pixel: float, view: View = PLAIN_VIEW) -> None:
-    """Write the mesh of a height map (`Surface`), binary."""
-    surface = Surface.of(height, pixel, view)
-    sizes = {"vertices": len(surface.vertices), "faces": len(surface.faces)}
-    header = PLY_HEADER.format(axes=surface.axes, **sizes)
-    faces = np.empty(len(surface.faces), [("count", "u1"), ("vertices", "<i4", 3)])
-    faces["count"], faces["vertices"] = 3, surface.faces
-    file.write_bytes(header.encode() + surface.vertices.astype("<f4").tobytes() + faces.tobytes())
+    """Write the mesh of a height map (`View.mesh`), binary."""
+    mesh = view.mesh(height, pixel)
+    header = PLY_HEADER.format(axes=mesh.axes, vertices=len(mesh.vertices), faces=len(mesh.faces))
+    faces = np.empty(len(mesh.faces), [("count", "u1"), ("vertices", "<i4", 3)])
+    faces["count"], faces["vertices"] = 3, mesh.faces
+    file.write_bytes(header.encode() + mesh.vertices.astype("<f4").tobytes() + faces.tobytes())
 
 
 def _read_npy(file: Path) -> HeightFile:

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict
 from tactograph.graph import InputError
 from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.rings import rings
-from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MIN_PIXEL_MM
+from tactograph.nodes import PixelSize
 from tactograph.nodes.files.image_files import MAX_LEDS
 
 MAX_SETTING = 1e9
@@ -50,7 +50,7 @@ class SensorPreset(_Part):
     size: tuple[Side, Side]
     lights: Literal["bgr", "rgb"] = "bgr"
     leds: Annotated[int, Interval(ge=3, le=MAX_LEDS)] | None = None
-    pixel_size_mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)]
+    pixel_size_mm: PixelSize
     warm_up_s: Annotated[float, Interval(ge=0, le=MAX_WAIT_S)] = 0.0
 
     @classmethod

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4, Height, Lens, Vergence
+from tactograph.nodes import F4, I4, Height, Lens, Vergence
 from tactograph.nodes.optics.bicubic import between_pixels
 from tactograph.nodes.optics.lens import (
     LENS_TERMS,
@@ -26,8 +26,22 @@ from tactograph.nodes.optics.lens import (
 
 BISECTION_STEPS = 10
 """Bisections of the interval that holds the pixel which sees a point of the grid."""
+MESH_AXES = "mm from the image's middle on the film at rest; x right, y up, z to the camera"
+"""Comment in meshes; an STL has room for 80 bytes."""
 
 Places = NDArray[Any]
+
+
+class Mesh(NamedTuple):
+    """A triangle mesh: V x 3 in mm, and F x 3, the vertices' numbers.
+
+    Meshes are right-handed: x right, y up (so the image's rows run towards -y), z to the
+    camera.  The origin is the image's middle on the film at rest.
+    """
+
+    vertices: F4
+    faces: I4
+    axes: str = MESH_AXES
 
 
 class View(NamedTuple):
@@ -93,6 +107,23 @@ class View(NamedTuple):
         steps = np.array([[0.5, -0.5, 0, 0], [0, 0, 0.5, -0.5]])
         right, left, below, above = np.array(self.ideal(shape, x + steps[0], y + steps[1])).T
         return np.stack([right - left, below - above], axis=1)
+
+    def mesh(self, height: Height, pixel: float) -> Mesh:
+        """Return a height map as a mesh, two triangles between four pixels.
+
+        Points lie where they are on the film (`places`).  What is not known, NaN, is left out.
+        """
+        rows, columns = height.shape
+        x, y = self.places(height)
+        vertices = np.stack([x * pixel, -y * pixel, height], axis=-1).reshape(-1, 3)
+        corner = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)[:-1, :-1].ravel()
+        right, below = corner + 1, corner + columns
+        halves = [np.stack([corner, below, right], 1), np.stack([right, below, below + 1], 1)]
+        faces, is_known = np.concatenate(halves), np.isfinite(vertices[:, 2])
+        if not is_known.all():
+            number = np.cumsum(is_known) - 1
+            vertices, faces = vertices[is_known], number[faces[is_known[faces].all(axis=1)]]
+        return Mesh(vertices.astype(np.float32), faces.astype(np.int32))
 
     def places(self, height: Height, step: int = 1) -> tuple[Places, Places]:
         """Return x and y of the points of a film that pixels see.

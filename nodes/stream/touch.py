@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.graph.show.colours import label_colour
 from tactograph.nodes import F4, F8, U1, Height, Light, Metrics, PixelSize
 from tactograph.nodes.optics.camera_view import View
 
@@ -90,12 +91,22 @@ class LedLabels:
 
     title: str
 
+    @staticmethod
+    def colour(bits: int) -> str:
+        """Return the colour of a label; near white for none."""
+        return label_colour(bits)
+
 
 @dataclass(frozen=True)
 class Regions:
     """Numbers of regions from 1, over the image: a colour and the number for each."""
 
     noun: str
+
+    @staticmethod
+    def colour(number: int) -> str:
+        """Return the colour of a region."""
+        return label_colour(1 << (number - 1) % 8)
 
 
 class ArrowsInImage(NamedTuple):

@@ -6,9 +6,9 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import Height
-from tactograph.nodes.files.height_files import read_height_file
-from tactograph.nodes.files.image_files import Crop, check_heights, cropped
-from tactograph.nodes.files.result_view import refuse_view
+from tactograph.nodes.files.height_files import HeightFile, read_height_file
+from tactograph.nodes.files.image_files import Crop, cropped
+from tactograph.nodes.files.stored_result import refuse_view
 
 
 @node
@@ -38,11 +38,10 @@ def read_height(
     """
     if not distorted:
         refuse_view(file)
-    height = read_height_file(file).height
-    check_heights(height, file, unknown=unknown)
+    height = read_height_file(file).checked(file, unknown=unknown).height
     return np.ascontiguousarray(cropped(height, crop, file))
 
 
 @read_height.handed_in
 def _check_handed_in(height: Height, name: str) -> None:
-    check_heights(height, Path(name))
+    HeightFile(height).checked(Path(name))

@@ -13,12 +13,9 @@ from tactograph.graph import InputError, Provenance, node, warn
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Metrics
 from tactograph.nodes.files.height_files import write_ply, write_tiff
-from tactograph.nodes.files.layer_files import layer_files, write_layer
-from tactograph.nodes.files.result_file import (
-    RESULT_FILE,
-    read_result,
-    write_result_file,
-)
+from tactograph.nodes.files.layer_files import write_layer
+from tactograph.nodes.files.result_file import RESULT_FILE, write_result_file
+from tactograph.nodes.files.stored_result import StoredResult
 from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.stream.layer_kinds import layers_of
 from tactograph.nodes.stream.touch import Touch
@@ -121,7 +118,8 @@ def _on_even_grid(touch: Touch) -> Touch:
 
 def _optional_files(folder: Path) -> set[str]:
     """Return the files of an earlier result that this one may lack; none without such a result."""
-    named = read_result(folder).get("files")
+    stored = StoredResult.beside(folder / RESULT_FILE)
+    named = stored.about.get("files")
     if not isinstance(named, list):
         return set()
-    return {*OWN_FILES}.intersection(named).union(*layer_files(named).values())
+    return {*OWN_FILES}.intersection(named).union(*stored.layers.values())

@@ -12,7 +12,7 @@ from types import FrameType
 from typing import Any, TypeVar
 
 from tactograph.sdk import Graph
-from tactograph.sdk.unstable import CORES_VARIABLE, RunOptions, Terminated, cores, open_device
+from tactograph.sdk.unstable import CORES_VARIABLE, RunOptions, cores
 
 Answer = TypeVar("Answer")
 MIN_CAPTURES_PER_PROCESS = 256
@@ -29,6 +29,10 @@ LIBRARY_VARIABLES = (
 """The variables that limit the threads of libraries and of PoCL."""
 
 
+class Terminated(SystemExit):
+    """Raised where SIGTERM ends a process of a batch: no node is to blame."""
+
+
 def worker_count(graph: Graph, options: RunOptions, captures: int) -> int:
     """The number of processes that finish soonest.
 
@@ -36,9 +40,8 @@ def worker_count(graph: Graph, options: RunOptions, captures: int) -> int:
 
     Raises InputError if the options name no device that works.
     """
-    backends = [options.backend] if options.backend else graph.backends
-    opened = open_device(backends, options.device)[0]
-    return at_most(captures) if opened is None or opened.is_cpu else 1
+    device, _ = options.open_device(graph)
+    return at_most(captures) if device is None or device.is_cpu else 1
 
 
 def at_most(captures: int) -> int:

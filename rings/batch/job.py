@@ -6,7 +6,7 @@ from typing import Any
 
 from tactograph.rings.batch.captures import absolute
 from tactograph.sdk import Graph, InputError, Pipeline
-from tactograph.sdk.unstable import CAPTURE_PARAM, RunOptions, refuse_other_names
+from tactograph.sdk.unstable import RunOptions, refuse_other_names
 
 
 @dataclass(frozen=True)
@@ -28,8 +28,13 @@ class Job:
 
     def open(self) -> Pipeline:
         """Open the pipeline.  Raises TactographError if it cannot be opened here."""
-        arguments = {**self.arguments, CAPTURE_PARAM: "."}
+        arguments = {**self.arguments, **self.at(".")}
         return self.options.open(self.graph, arguments, sinks=self.folders is not None)
+
+    def at(self, capture: str) -> dict[str, str]:
+        """The graph's param that names a capture."""
+        assert self.graph.capture_param is not None
+        return {self.graph.capture_param: capture}
 
     def identity(self, origin: Mapping[str, Any]) -> dict[str, Any]:
         """All that decides a capture's results, and must not change between parts of a store."""
@@ -52,12 +57,12 @@ def make_job(
     sinks, by capture, and the store in it holds the rest.  Raises InputError if the graph takes no
     capture, or `out` cannot be.
     """
-    if CAPTURE_PARAM not in graph.params or graph.params[CAPTURE_PARAM].kind != "path":
+    if graph.capture_param is None:
         raise InputError(
-            f"{graph.name} has no parameter '{CAPTURE_PARAM}' for the folder of a capture"
+            f"{graph.name} has no parameter 'capture' for the folder of a capture"
             f" (it has: {', '.join(graph.params)})"
         )
-    for name, option in ((CAPTURE_PARAM, "--over"), ("out", "--out")):
+    for name, option in ((graph.capture_param, "--over"), ("out", "--out")):
         if name in arguments:
             raise InputError(
                 f"{name}={arguments[name]}: in a batch {option} says that; leave it out"

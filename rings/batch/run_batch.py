@@ -22,15 +22,7 @@ from tactograph.rings.batch.processes import Processes
 from tactograph.rings.batch.store import Store, alone_in
 from tactograph.rings.batch.worker import Tally, Worker
 from tactograph.sdk import atomic_file
-from tactograph.sdk.unstable import (
-    ProgressLine,
-    a_few,
-    find_origin,
-    one_line,
-    refuse_to_write_over,
-    say,
-    warning_lines,
-)
+from tactograph.sdk.unstable import ProgressLine, one_line, refuse_to_write_over
 
 MAX_FAILURES = 10
 """Failed captures that are printed; the table has all."""
@@ -44,7 +36,7 @@ def run_batch(job: Job, captures: Captures, number: int | None, *, retry_failed:
     if (out := job.folders) is not None:
         places = filter(None, (captures.below, *captures.captures))
         refuse_to_write_over(f"--out {out}", out, {f"--over {place}": place for place in places})
-    with ExitStack() as closing:
+    with ProgressLine() as line, ExitStack() as closing:
         number = number or worker_count(job.graph, job.options, len(captures.captures))
         workers: Workers = Worker(job)
         if number > 1:
@@ -52,20 +44,18 @@ def run_batch(job: Job, captures: Captures, number: int | None, *, retry_failed:
             # If a store exists, nothing may be left to do.
             if not Path(job.place).exists():
                 workers.open_ahead()
-        backend, device = job.options.backend, job.options.device
-        origin = find_origin(job.graph, job.arguments, backend=backend, device=device)
-        files = [file for file in captures.passed_over if not lies_in(file, job)]
-        if files:
-            say(f"passed over, as it is no folder: {a_few(files, 3)}", err=True)
+        origin = job.options.origin(job.graph, job.arguments)
+        files = (file for file in captures.passed_over if not lies_in(file, job))
+        line.warnings((file, ["passed over, as it is no folder"]) for file in files)
         closing.enter_context(alone_in(job.place))
         store = open_batch(job, origin, captures.captures, workers)
         if damaged := reopen_damaged(store):
             plural = "s" if damaged > 1 else ""
-            say(f"{damaged} finished capture{plural} damaged: done again", err=True)
+            line.say(f"{damaged} finished capture{plural} damaged: done again", err=True)
         chunks = open_chunks(store, retry_failed=retry_failed)
-        say(f"{_before(store, retry_failed=retry_failed)}; {workers.name}")
-        _show(workers.run(iter(chunks)), sum(len(each.captures) for each in chunks))
-    return _conclude(store, job)
+        line.say(f"{_before(store, retry_failed=retry_failed)}; {workers.name}")
+        _show(line, workers.run(iter(chunks)), sum(len(each.captures) for each in chunks))
+        return _conclude(line, store, job)
 
 
 def _before(store: Store, *, retry_failed: bool) -> str:
@@ -77,45 +67,40 @@ def _before(store: Store, *, retry_failed: bool) -> str:
     return f"{line}, {failed} failed ({'' if retry_failed else 'not '}done again)"
 
 
-def _show(tallies: Iterator[Tally], total: int) -> None:
+def _show(line: ProgressLine, tallies: Iterator[Tally], total: int) -> None:
     """Show what is done, how fast, and the time left; and fallbacks."""
     start = time.monotonic()
     done = failed = 0
     shown_lines: set[str] = set()
-    with ProgressLine() as line:
-        line.at(f"0 of {total} captures", 0.0)
-        for tally in tallies:
-            for text in {*tally.fallbacks} - shown_lines:
-                line.say(f"fallback: {text}", err=True)
-            shown_lines.update(tally.fallbacks)
-            done, failed = done + tally.done + tally.failed, failed + tally.failed
-            rate = done / max(time.monotonic() - start, 1e-9)
-            line.at(
-                f"{done} of {total} captures, {failed} failed, {rate:.1f} captures/s", done / total
-            )
+    line.at(f"0 of {total} captures", 0.0)
+    for tally in tallies:
+        for text in {*tally.fallbacks} - shown_lines:
+            line.say(f"fallback: {text}", err=True)
+        shown_lines.update(tally.fallbacks)
+        done, failed = done + tally.done + tally.failed, failed + tally.failed
+        rate = done / max(time.monotonic() - start, 1e-9)
+        line.at(f"{done} of {total} captures, {failed} failed, {rate:.1f} captures/s", done / total)
+    line.at("", 1.0)
 
 
-def _conclude(store: Store, job: Job) -> int:
+def _conclude(line: ProgressLine, store: Store, job: Job) -> int:
     """Write the table beside the store, print a summary, and return the number of failures."""
     captures, entries = store.captures, store.read_all()
     failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]
     for capture, entry in failures[:MAX_FAILURES]:
         # Most reasons begin with the place.
         place = "" if capture in entry.reason else f"{capture}: "
-        say(f"failed: {place}{entry.reason}", err=True)
+        line.say(f"failed: {place}{entry.reason}", err=True)
     if (more := len(failures) - MAX_FAILURES) > 0:
-        say(f"failed: {more} more, see the table", err=True)
-    warnings = ((c, e.warnings) for c, e in zip(captures, entries, strict=True))
-    for line in warning_lines(warnings):
-        say(line, err=True)
+        line.say(f"failed: {more} more, see the table", err=True)
+    line.warnings((c, e.warnings) for c, e in zip(captures, entries, strict=True))
     table = Path(table_of(job))
     write_table(table, captures, entries)
-    say(f"table: {table}")
+    line.say(f"table: {table}")
     finished = sum(entry.status == DONE for entry in entries)
     warned = sum(bool(entry.warnings) for entry in entries)
-    say(
-        f"{finished} done, {len(failures)} failed" + (f", {warned} with warnings" if warned else "")
-    )
+    warned_of = f", {warned} with warnings" if warned else ""
+    line.say(f"{finished} done, {len(failures)} failed{warned_of}")
     return len(failures)
 
 

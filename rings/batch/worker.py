@@ -17,7 +17,6 @@ from tactograph.rings.batch.job import Job
 from tactograph.rings.batch.map_types import MapType
 from tactograph.rings.batch.store import Store, open_store
 from tactograph.sdk import InputError, NodeError, Pipeline, Result, TactographError, did_you_mean
-from tactograph.sdk.unstable import CAPTURE_PARAM
 
 PIXEL_UNIT = "mm/px"
 
@@ -135,7 +134,7 @@ class Worker:
 
     def _read(self, pipeline: Pipeline, place: str) -> _Ready:
         """Read a capture, in any thread, while the one before it is computed."""
-        aims, folders = {CAPTURE_PARAM: place}, self._job.folders
+        aims, folders = self._job.at(place), self._job.folders
         if folders is not None:
             aims["out"] = str(Path(folders) / folder_name(place, self._store.below))
         try:

@@ -4,8 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tactograph.rings.frames.live_frames import LiveFrames
-from tactograph.sdk import Dark, Light, LiveState
-from tactograph.sdk.unstable import read_either
+from tactograph.sdk import Dark, FileKind, Light, LiveState
 
 
 class CalibratedFilm(NamedTuple):
@@ -22,6 +21,6 @@ class CalibratedFilm(NamedTuple):
 
 
 def calibrated_film(calibration: Path) -> CalibratedFilm:
-    """Return the film at rest of a calibration: see `read_either`."""
-    sensor = read_either(calibration)
+    """Return the film at rest of a calibration: see `FileKind.read_sensor`."""
+    sensor = FileKind.read_sensor(calibration)
     return CalibratedFilm(sensor.flat, sensor.dark, not hasattr(sensor, "film"))

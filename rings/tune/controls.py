@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from tactograph.sdk.unstable import Parameter
-
 MIN_LOG_DECADES = 2.5
 """The least width of a positive range with a logarithmic slider."""
 Kind = Literal["slider", "choice", "flag", "text"]
+Limits = tuple[float | None, float | None, float | None, float | None]
+"""The value is at least, above, at most, below; None where there is no limit."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,8 @@ class Control:
         return round(number, digits)
 
 
-def control_of(parameter: Parameter, value: Any) -> Control:
-    """The control for a parameter whose value is now `value`."""
-    annotation = parameter.type
+def control_of(annotation: Any, limits: Limits, default: Any, value: Any) -> Control:
+    """The control for a parameter of such a declaration whose value is now `value`."""
     if typing.get_origin(annotation) is Literal:
         return Control("choice", choices=typing.get_args(annotation))
     if annotation is bool:
@@ -60,23 +59,22 @@ def control_of(parameter: Parameter, value: Any) -> Control:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if annotation not in (int, float) or not is_number or isinstance(value, Path):
         return Control("text")
-    low, high = _range(parameter, float(value))
+    usual = float(default) if isinstance(default, int | float) else float(value)
+    low, high = _range(limits, usual, float(value))
     log = low > 0 and high / low >= 10**MIN_LOG_DECADES
     if low >= high:
         return Control("text")
     return Control("slider", low, high, annotation is int, log)
 
 
-def _range(parameter: Parameter, value: float) -> tuple[float, float]:
+def _range(limits: Limits, usual: float, value: float) -> tuple[float, float]:
     """The declared range; where it is open, one around the default that holds the value."""
-    limits, default = parameter.limits, parameter.default
-    low, high, below = limits.at_least, limits.at_most, limits.below
-    usual = float(default) if isinstance(default, int | float) else value
+    low, above, high, below = limits
     size = max(abs(usual), abs(value)) or 1.0
     if high is None:
         high = 4 * size if below is None else below - 1e-3 * abs(below or 1.0)
-    if low is None and limits.above is not None:
-        low = limits.above + 1e-3 * (high - limits.above)
+    if low is None and above is not None:
+        low = above + 1e-3 * (high - above)
     elif low is None:
         low = -4 * size if usual < 0 or value < 0 else 0.0
     return min(low, value), max(high, value)

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from nicegui import ui
 
 from tactograph.rings.tune.tuning import Tuning
-from tactograph.sdk.unstable import plan_svg
 
 EMIT_NODE_JS = "(e) => { const g = e.target.closest('[data-node]'); if (g) emit(g.dataset.node) }"
 
@@ -64,6 +63,6 @@ class GraphView:
             self._finder.set_options(sorted(plan.tasks))
         chosen = self._tuning.asked.node or ""
         self._opened |= {use for use in plan.graph.uses if chosen.startswith(f"{use}.")}
-        svg = plan_svg(plan, state.result.times, self._opened)
+        svg = state.result.svg(self._opened)
         mark = f'<style>[data-node="{chosen}"] rect{{stroke:#d1495b;stroke-width:3}}</style>'
         self._drawing.set_content(f"{svg}{mark if chosen else ''}")

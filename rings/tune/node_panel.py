@@ -13,7 +13,7 @@ from tactograph.rings.tune.picture_view import ScaledPicture
 from tactograph.rings.tune.pictures import draw, planes_of
 from tactograph.rings.tune.tuning import Shown, Tuning
 from tactograph.sdk import Graph, find_node
-from tactograph.sdk.unstable import Entry, describe, parse_scalar
+from tactograph.sdk.unstable import parse_scalar
 
 SLIDER_INTERVAL_S = 0.02
 """Time between two places of a slider that is dragged; NiceGUI's own tells 20 a second."""
@@ -32,7 +32,7 @@ class NodePanel:
     def __init__(self, tuning: Tuning, follow: Follow) -> None:
         self._tuning, self._follow = tuning, follow
         self._card = ui.column().classes("t-card gap-2").style("width: 43%; min-width: 0")
-        self._shows: tuple[Graph, str | None, Entry | None] | None = None
+        self._shows: tuple[Graph, str | None, object] | None = None
         self._inside: _Inside | None = None
         self.build()
 
@@ -68,8 +68,8 @@ class NodePanel:
                 return
             entry = tuning.graph.nodes[name]
             node = find_node(entry.op)
-            about = describe(node)
-            self._head(name, entry)
+            about = node.about
+            self._head(name)
             ui.label(about.summary.replace("``", "")).classes("t-help")
             if about.text:
                 with ui.expansion("more").props("dense dense-toggle").classes("t-more w-full"):
@@ -78,11 +78,12 @@ class NodePanel:
                 self._inside = _Inside(self._tuning, self._follow, name, [*node.outputs])
             for parameter, declared in node.parameters.items():
                 words = about.arguments[parameter].replace("``", ""), declared.range
-                self._parameter(name, entry, parameter, " · ".join(filter(None, words)))
+                self._parameter(name, parameter, " · ".join(filter(None, words)))
 
-    def _head(self, name: str, entry: Entry) -> None:
+    def _head(self, name: str) -> None:
         """Name and op, and the controls of the node as a whole."""
-        tuning, node = self._tuning, find_node(entry.op)
+        tuning, entry = self._tuning, self._tuning.graph.nodes[name]
+        node = find_node(entry.op)
         with ui.row().classes("w-full items-center gap-2 no-wrap"):
             ui.label(name).classes("t-name").props("data-testid=node")
             ui.label(entry.op).classes("t-quiet")
@@ -108,9 +109,9 @@ class NodePanel:
                 "flat dense round size=sm data-testid=reset"
             ).tooltip("as in the file")
 
-    def _parameter(self, node: str, entry: Entry, name: str, about: str) -> None:
+    def _parameter(self, node: str, name: str, about: str) -> None:
         """A control, or the graph's param that gives the value, with a line of help."""
-        value = self._tuning.settings(node)[name]
+        value, entry = self._tuning.settings(node)[name], self._tuning.graph.nodes[node]
         stated = entry.settings.get(name)
         with ui.row().classes("w-full items-center gap-3 no-wrap"):
             ui.label(name).classes("t-name").style("width: 118px; flex: none")
@@ -122,7 +123,7 @@ class NodePanel:
 
     def _control(self, node: str, op: str, name: str, value: Any) -> None:
         declared = find_node(op).parameters[name]
-        control = control_of(declared, value)
+        control = control_of(declared.type, declared.limits, declared.default, value)
         # Set one by one: in a text of properties a value's quotes would end it.
         mark = {"data-testid": f"param-{name}"}
         if control.kind == "choice":
@@ -183,7 +184,7 @@ class NodePanel:
         attempt(change, *words)
         self._shows = self._chosen()
 
-    def _chosen(self) -> tuple[Graph, str | None, Entry | None]:
+    def _chosen(self) -> tuple[Graph, str | None, object]:
         """The state that the card is made of."""
         node = self._tuning.asked.node
         return self._tuning.base, node, self._tuning.graph.nodes.get(node) if node else None

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageColor
 
-from tactograph.sdk.unstable import BIT_COLOURS, SEVERAL_COLOUR
+from tactograph.sdk import LedLabels
 
 NAN_LEVEL = 255
 """The level of NaN, above those of numbers."""
@@ -55,10 +55,7 @@ def draw(array: NDArray[Any], unit: str) -> Picture:
 
 def _labels(array: NDArray[Any], unit: str) -> Picture:
     count = max(int(array.max(initial=0)).bit_length(), 1)
-    table = np.full((256, 3), ImageColor.getrgb(SEVERAL_COLOUR), np.uint8)
-    table[0] = ImageColor.getrgb("#f2f2f0")
-    for bit in range(min(count, 8)):
-        table[1 << bit] = ImageColor.getrgb(BIT_COLOURS[bit])
+    table = np.array([ImageColor.getrgb(LedLabels.colour(bits)) for bits in range(256)], np.uint8)
     uri = _uri(np.minimum(array, 255).astype(np.uint8), table)
     return Picture(uri, 0, count, unit, False, array)
 

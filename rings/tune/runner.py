@@ -6,25 +6,20 @@ from pathlib import Path
 from typing import Any
 
 from tactograph.sdk import Graph, InputError, Pipeline, Result, load
-from tactograph.sdk.unstable import CAPTURE_PARAM, Cache, captures_in
+from tactograph.sdk.unstable import captures_in
 
 
 def captures_of(graph: Graph, params: Mapping[str, Any]) -> list[Path]:
     """The captures that a user can step through; empty where the stream goes one way."""
-    if CAPTURE_PARAM not in graph.params or not isinstance(params.get(CAPTURE_PARAM), str):
-        return []
-    folder = Path(params[CAPTURE_PARAM])
-    return captures_in(folder) if folder.is_dir() else []
+    folder = params.get(graph.capture_param or "")
+    return captures_in(Path(folder)) if isinstance(folder, str) and Path(folder).is_dir() else []
 
 
 class Runner:
     """A pipeline that follows a graph, opened again only if more than settings changed."""
 
-    def __init__(
-        self, params: Mapping[str, Any], cache: Cache, backend: str | None, device: str | None
-    ) -> None:
-        self._params, self._cache = dict(params), cache
-        self._backend, self._device = backend, device
+    def __init__(self, params: Mapping[str, Any], backend: str | None, device: str | None) -> None:
+        self._params, self._backend, self._device = dict(params), backend, device
         self._graph: Graph | None = None
         self.pipeline: Pipeline | None = None
         self._stream: Iterator[Result] | None = None
@@ -54,7 +49,7 @@ class Runner:
             return pipeline.again(only)
         if capture is not None and self._at[0] != capture:
             self._end()
-            pipeline.aim(**{CAPTURE_PARAM: str(capture)})
+            pipeline.aim(**{str(graph.capture_param): str(capture)})
         if self._stream is None:
             self._stream = pipeline.items()
         result = next(self._stream, None)
@@ -72,9 +67,12 @@ class Runner:
         self.pipeline, self._graph = None, None
 
     def _open(self, graph: Graph, capture: Path | None) -> None:
-        params = self._params if capture is None else {**self._params, CAPTURE_PARAM: str(capture)}
+        at = {} if capture is None else {str(graph.capture_param): str(capture)}
+        params = {**self._params, **at}
         params = {name: value for name, value in params.items() if name in graph.params}
-        opened = load(graph, params, backend=self._backend, device=self._device, cache=self._cache)
+        cache = None if self.pipeline is None else self.pipeline.keep()
+        opened = load(graph, params, backend=self._backend, device=self._device, cache=cache)
+        opened.keep()
         self.close()
         self.pipeline, self._graph, self._at = opened, graph, (capture, -1)
 

@@ -15,8 +15,15 @@ from typing import Any
 from tactograph.rings.tune.runner import Runner, captures_of
 from tactograph.rings.tune.variant import Change, changes_between, write_variant
 from tactograph.rings.tune.watch import Stamp, files_of, stamp
-from tactograph.sdk import Graph, InputError, Result, TactographError, find_node, read_graph
-from tactograph.sdk.unstable import Cache, Entry, graph_file, settings_of, verified
+from tactograph.sdk import (
+    Graph,
+    InputError,
+    Pipeline,
+    Result,
+    TactographError,
+    find_node,
+    read_graph,
+)
 
 RATE_WINDOW_S = 1.0
 REST_S = 0.12
@@ -69,15 +76,15 @@ class Tuning:
         self.playing = False
         self.output: str | None = None
         self.every = False
-        self._runner = Runner(params, Cache(), backend, device)
-        self._files = files_of(self.base) | {graph_file(source)}
+        self._runner = Runner(params, backend, device)
+        self._files = files_of(self.base)
         self._stamp: Stamp = stamp(self._files)
         self._saved: dict[Path, Stamp] = {}
         self._unreadable = ""
         self._changed = threading.Condition()
         self._ended = False
         self._last: Asked | None = None
-        verified(self.base)
+        Pipeline.verify(self.base)
         for name in self.base.nodes:  # all that it needs is given
             self.settings(name)
         self._thread = threading.Thread(target=self._work, name="tune", daemon=True)
@@ -93,16 +100,15 @@ class Tuning:
 
     def settings(self, node: str) -> dict[str, Any]:
         """A node's parameters as they are now, defaults included."""
-        entry = self.graph.entry(node)
-        return settings_of(entry, self.graph, find_node(entry.op), self._own_params)
+        return Pipeline.settings(self.graph, node, self._own_params)
 
     def set(self, node: str, parameter: str, value: Any) -> None:
         """Change a parameter.
 
         Raises InputError if the node does not take the value; then nothing has changed.
         """
-        changed = {parameter: value}
-        self._take(node, lambda _, entry: replace(entry, settings={**entry.settings, **changed}))
+        nodes, changed = self.graph.nodes, {parameter: value}
+        self._take(node, lambda name: {"settings": {**nodes[name].settings, **changed}})
 
     def set_backend(self, node: str, backend: str | None) -> None:
         """Bind a node to a back end; None restores that of the file.
@@ -113,20 +119,20 @@ class Tuning:
         if backend == "opencl" and not find_node(entry.op).has_kernel:
             raise InputError(f"{node}: node '{entry.op}' has no OpenCL kernel")
         base = self.base.nodes
-        self._take(node, lambda name, entry: replace(entry, backend=backend or base[name].backend))
+        self._take(node, lambda name: {"backend": backend or base[name].backend})
 
     def set_neutral(self, node: str, neutral: bool) -> None:
         """Take a node out, or put it back.  Raises InputError if it has no neutral value."""
-        self._take(node, lambda _, entry: replace(entry, neutral=neutral))
+        self._take(node, lambda _: {"neutral": neutral})
 
     def reset(self, node: str) -> None:
         """Reset a node to its settings in the file."""
 
-        def as_read(name: str, entry: Entry) -> Entry:
+        def as_read(name: str) -> dict[str, Any]:
             base = self.base.nodes[name]
             defaults = {n: p.default for n, p in find_node(base.op).parameters.items()}
-            settings = {n: defaults[n] for n in entry.settings if n in defaults}
-            return replace(base, settings={**settings, **base.settings})
+            settings = {n: defaults[n] for n in self.graph.nodes[name].settings if n in defaults}
+            return {**vars(base), "settings": {**settings, **base.settings}}
 
         self._take(node, as_read)
 
@@ -168,7 +174,7 @@ class Tuning:
             raise InputError(f"{file}: is there already, and was not saved here; give another name")
         title = f"{self.base.title or self.base.name}, tuned"
         saved = write_variant(file, self.source, self.changes(), title)
-        verified(saved)
+        Pipeline.verify(saved)
         self._saved[file.resolve()] = stamp([file.resolve()])
         return file
 
@@ -183,7 +189,7 @@ class Tuning:
         self._stamp = now
         try:
             base = read_graph(self.source)
-            verified(base)
+            Pipeline.verify(base)
         except TactographError as error:
             self._unreadable = " ".join(str(error).split())
             self._publish(self.shown)
@@ -191,7 +197,7 @@ class Tuning:
         self._unreadable = ""
         with self._changed:
             self.base = base
-            self._files = files_of(base) | {graph_file(self.source)}
+            self._files = files_of(base)
             self._stamp = stamp(self._files)
             node = self.asked.node if self.asked.node in base.nodes else None
             self._ask(graph=base, node=node, revision=self.asked.revision + 1)
@@ -208,18 +214,18 @@ class Tuning:
     def _own_params(self) -> dict[str, Any]:
         return {n: v for n, v in self.params.items() if n in self.graph.params}
 
-    def _take(self, node: str, changed: Callable[[str, Entry], Entry]) -> None:
+    def _take(self, node: str, changed: Callable[[str], Mapping[str, Any]]) -> None:
         """Change a node, or, if `every`, that node in all uses of its group."""
         self.graph.entry(node)
         graph = self.graph
         names = graph.alike(node) if self.every else [node]
         for name in names:
-            graph = graph.with_entry(name, changed(name, graph.nodes[name]))
+            graph = graph.with_entry(name, replace(graph.nodes[name], **changed(name)))
         if any(graph.nodes[n].neutral != self.graph.nodes[n].neutral for n in names):
-            verified(graph)
+            Pipeline.verify(graph)
         else:  # quick enough for a slider
-            for entry in map(graph.nodes.__getitem__, names):
-                settings_of(entry, graph, find_node(entry.op), self._own_params)
+            for name in names:
+                Pipeline.settings(graph, name, self._own_params)
         self._ask(graph=graph)
 
     def _ask(self, **changed: Any) -> None:

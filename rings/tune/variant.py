@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,6 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.main import YAML
 
 from tactograph.sdk import Graph, InputError, atomic_file, read_graph
-from tactograph.sdk.unstable import Entry
 
 Change = dict[str, Any]
 
@@ -26,8 +26,9 @@ def changes_between(
         old = base.nodes[name]
         if old.neutral and not entry.neutral:
             # No verb restores a node; replacing it by itself does.
-            changes.append(_whole(name, entry))
-            old = Entry(entry.op, entry.inputs, entry.settings)
+            whole: Change = {"replace": name, "op": entry.op}
+            changes.append({**whole, "with": dict(entry.settings)} if entry.settings else whole)
+            old = replace(entry, backend=None, neutral=False)
         before = {**defaults.get(name, {}), **old.settings}
         changed = {
             setting: value
@@ -86,8 +87,3 @@ def write_variant(file: Path, source: str, changes: list[Change], title: str) ->
     with atomic_file(file) as stage, stage.open("w", encoding="utf-8") as stream:
         yaml.dump(document, stream)
     return read_graph(file)
-
-
-def _whole(name: str, entry: Entry) -> Change:
-    change: Change = {"replace": name, "op": entry.op}
-    return {**change, "with": dict(entry.settings)} if entry.settings else change

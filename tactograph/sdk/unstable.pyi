@@ -1,23 +1,9 @@
 from tactograph.graph import (
-    FRACTIONS as FRACTIONS,
-    Cache as Cache,
     Whole as Whole,
 )
-from tactograph.graph.backends.device_backend import (
-    open_device as open_device,
-)
-from tactograph.graph.cache.result_origin import (
-    find_origin as find_origin,
-)
 from tactograph.graph.commands import (
-    FOLDER_PATH as FOLDER_PATH,
     RunOptions as RunOptions,
     graph_command as graph_command,
-    run_options as run_options,
-    say as say,
-)
-from tactograph.graph.commands.check import (
-    verified as verified,
 )
 from tactograph.graph.commands.progress_line import (
     ProgressLine as ProgressLine,
@@ -25,15 +11,6 @@ from tactograph.graph.commands.progress_line import (
 from tactograph.graph.cores import (
     CORES_VARIABLE as CORES_VARIABLE,
     cores as cores,
-)
-from tactograph.graph.declare.node_page import (
-    describe as describe,
-)
-from tactograph.graph.declare.parameter import (
-    Parameter as Parameter,
-)
-from tactograph.graph.disk.array_files import (
-    load_arrays as load_arrays,
 )
 from tactograph.graph.disk.folder_lock import (
     lock_folder as lock_folder,
@@ -46,38 +23,22 @@ from tactograph.graph.disk.text_names import (
     refuse_other_names as refuse_other_names,
 )
 from tactograph.graph.errors import (
-    Terminated as Terminated,
-    a_few as a_few,
-    collect_warnings as collect_warnings,
     missing as missing,
     one_line as one_line,
 )
 from tactograph.graph.files.captures_in import (
-    CAPTURE_PARAM as CAPTURE_PARAM,
     captures_in as captures_in,
-)
-from tactograph.graph.files.flat_graph import (
-    Entry as Entry,
-    Group as Group,
 )
 from tactograph.graph.files.graph_places import (
     find_file as find_file,
-    shipped_groups as shipped_groups,
-    shipped_overlays as shipped_overlays,
+    shipped as shipped,
 )
 from tactograph.graph.files.read_graph import (
-    graph_file as graph_file,
     graphs_of as graphs_of,
     shipped_names as shipped_names,
 )
 from tactograph.graph.files.typed_values import (
     read_words as read_words,
-)
-from tactograph.graph.plan.names import (
-    settings_of as settings_of,
-)
-from tactograph.graph.plan.sketch import (
-    plan_svg as plan_svg,
 )
 from tactograph.graph.run.open_pipeline import (
     refuse_to_write_over as refuse_to_write_over,
@@ -85,17 +46,10 @@ from tactograph.graph.run.open_pipeline import (
 from tactograph.graph.run.progress import (
     tell_progress as tell_progress,
 )
-from tactograph.graph.show.colours import (
-    BIT_COLOURS as BIT_COLOURS,
-    SEVERAL_COLOUR as SEVERAL_COLOUR,
-)
-from tactograph.graph.show.warning_lines import (
-    warning_lines as warning_lines,
-)
 from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
-    METRES_PER_MM as METRES_PER_MM,
+    MAX_PIXEL_MM as MAX_PIXEL_MM,
     UM_PER_MM as UM_PER_MM,
     LightPlaces as LightPlaces,
     LutLight as LutLight,
@@ -107,7 +61,6 @@ from tactograph.nodes import (
     ScaleError as ScaleError,
     ShadowRises as ShadowRises,
     SlopeVariance as SlopeVariance,
-    Vergence as Vergence,
 )
 from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
@@ -137,9 +90,6 @@ from tactograph.nodes.calibrate.ball.find_ball import (
 )
 from tactograph.nodes.calibrate.file.camera_lens import (
     CAMERA_KIND as CAMERA_KIND,
-)
-from tactograph.nodes.calibrate.file.read_calibration import (
-    read_either as read_either,
 )
 from tactograph.nodes.calibrate.film._film_search import (
     FINAL_SAMPLES as FINAL_SAMPLES,
@@ -243,13 +193,8 @@ from tactograph.nodes.capture.read_capture import (
     Layout as Layout,
     read_images as read_images,
 )
-from tactograph.nodes.contact.find_contact import (
-    MAX_CONTACTS as MAX_CONTACTS,
-)
 from tactograph.nodes.contact.largest_contacts import (
-    MAX_MEASURED as MAX_MEASURED,
-    Most as Most,
-    largest_contacts as largest_contacts,
+    LargestContacts as LargestContacts,
 )
 from tactograph.nodes.drawing.new_picture import (
     BesidePicture as BesidePicture,
@@ -260,40 +205,21 @@ from tactograph.nodes.drawing.sensor_picture import (
 )
 from tactograph.nodes.files.calibration_file import (
     MIN_OPTICAL_MM as MIN_OPTICAL_MM,
-    kind_of as kind_of,
-)
-from tactograph.nodes.files.height_files import (
-    MAX_PIXEL_MM as MAX_PIXEL_MM,
-    MAX_SIZE_DIFFERENCE as MAX_SIZE_DIFFERENCE,
-    MIN_PIXEL_MM as MIN_PIXEL_MM,
-    Surface as Surface,
-)
-from tactograph.nodes.files.image_arrays import (
-    check_handed_in as check_handed_in,
 )
 from tactograph.nodes.files.image_files import (
     MAX_PIXELS as MAX_PIXELS,
     Channel as Channel,
-    check_heights as check_heights,
     read_numbers as read_numbers,
     read_plane as read_plane,
-)
-from tactograph.nodes.files.layer_files import (
-    layer_files as layer_files,
-)
-from tactograph.nodes.files.result_file import (
-    checksum as checksum,
-    read_result as read_result,
-)
-from tactograph.nodes.files.result_view import (
-    read_view as read_view,
-    refuse_view as refuse_view,
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
 )
 from tactograph.nodes.files.sensor_preset import (
     SensorPreset as SensorPreset,
+)
+from tactograph.nodes.files.stored_result import (
+    StoredResult as StoredResult,
 )
 from tactograph.nodes.light.film_drift import (
     terms as terms,

@@ -19,7 +19,7 @@ from tactograph.graph.backends.devices import how_to_get_one
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.commands.graphs import FIRST_GRAPHS
 from tactograph.graph.commands.run import _in_rows, _times
-from tactograph.graph.files.graph_places import shipped_overlays
+from tactograph.graph.files.graph_places import shipped
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.each import each
@@ -489,7 +489,7 @@ def test_graphs_lists_what_ships_with_its_title_by_folder(tactograph: Command) -
     assert headings[1 : len(folders) + 1] == folders
     assert headings[-1] == "overlays, for --with"
     listed = {line.split()[0]: line.split(None, 1)[1] for line in lines if line.startswith(" ")}
-    assert listed.keys() == {*shipped_names(), *shipped_overlays()}
+    assert listed.keys() == {*shipped_names(), *shipped("overlays")}
     assert listed["paper"] == read_graph("paper").title
     assert listed["reconstruct_no_shadow"] == read_graph("reconstruct_no_shadow").title
     found = [line.split()[0] for line in tactograph("graphs", "BALL").out.splitlines()]

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from tactograph.graph import (
     EVERYTHING,
-    FRACTIONS,
     EndOfStream,
     InputError,
     Node,
@@ -67,7 +66,7 @@ WHOLE = np.arange(60, dtype=np.uint8).reshape(3, 4, 5) * np.uint8(4)
 
 
 @node
-def whole_touches(*, whole: Whole = FRACTIONS) -> Iterator[Touch]:
+def whole_touches(*, whole: Whole = False) -> Iterator[Touch]:
     """A camera's integers where that may be, else fractions."""
     image: Any = WHOLE if whole else WHOLE / np.float32(255)
     yield Touch(image, "touch")

@@ -18,7 +18,7 @@ MAX_FILES, MAX_LINES = 25, 3000
 MAX_FILE_LINES, MAX_NODE_LINES = 400, 150
 TYPE_NAME = re.compile(r"[A-Z]\d|[TR]")
 PLAIN_NAMES = {
-    *("BACKENDS", "COMMANDS", "PENDING", "DONE", "FAILED", "EVERYTHING", "FRACTIONS"),
+    *("BACKENDS", "COMMANDS", "PENDING", "DONE", "FAILED", "EVERYTHING"),
     *("ORANGE", "BLUE", "GREY", "DPI", "LOGGER", "KIND", "GRAPH", "OVERLAY"),
 }
 """Constants that have no unit: choices, states, colours."""

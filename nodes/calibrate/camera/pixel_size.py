@@ -3,17 +3,16 @@
 from pathlib import Path
 from typing import Annotated
 
-from annotated_types import Interval, Len
+from annotated_types import Len
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
-from tactograph.nodes.files.height_files import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
+from tactograph.nodes.files.height_files import HeightFile
 from tactograph.nodes.files.sensor_preset import SensorPreset
 from tactograph.nodes.optics.lens import oblong_lens
 
-Side = Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)]
-PixelSides = Side | Annotated[tuple[Side, ...], Len(1, 2)]
+PixelSides = PixelSize | Annotated[tuple[PixelSize, ...], Len(1, 2)]
 """Side of a pixel in mm, or x, y of one that is not square."""
 
 
@@ -56,7 +55,7 @@ def pixel_size(
     of_camera = float(CAMERA_KIND.read(camera)[0]["pixel_size"])
     if mm is None:
         return of_camera
-    if abs(mm / of_camera - 1) > MAX_SIZE_DIFFERENCE:
+    if not HeightFile.agree(mm, of_camera):
         warn(
             f"{camera}: says {of_camera:.6g} mm per px, which is taken in place of `mm`="
             f"{mm:.6g}: undistorted images have the camera's"

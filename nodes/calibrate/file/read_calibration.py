@@ -2,11 +2,10 @@
 
 import math
 from pathlib import Path
-from typing import Any
 
 from tactograph.graph import EVERYTHING, InputError, Wanted, node
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND, Calibration
-from tactograph.nodes.files.calibration_file import kind_of, record_of
+from tactograph.nodes.files.calibration_file import record_of
 from tactograph.nodes.files.image_files import Lights
 
 
@@ -55,17 +54,3 @@ def read_calibration(
         film = film._replace(gain=1.0, uneven=math.hypot(film.uneven, film.gain - 1))
         record = record._replace(film=film)
     return record
-
-
-def read_either(calibration: Path) -> Any:
-    """Read a `Calibration` of flashed LEDs, or one of a one-shot sensor.
-
-    Raises
-    ------
-    InputError
-        If it is neither.
-    """
-    kind = kind_of(calibration)
-    if kind is None or "flat" not in kind.KIND.values:
-        return read_calibration(file=calibration)
-    return kind.read(calibration)

@@ -17,7 +17,7 @@ from tactograph.graph import load, node
 from tactograph.graph.disk.array_files import load_arrays
 from tactograph.nodes import F8, Light
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
-from tactograph.nodes.files.calibration_file import kind_of
+from tactograph.nodes.files.calibration_file import FileKind
 from tactograph.nodes.optics.cell_side import USUAL_SIDE
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask, cut
 from tactograph.nodes.stored import with_plain
@@ -63,7 +63,7 @@ def rank_checks(
     """
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the calibration has reported its doubts
-        arrays, brought = load_arrays(file), kind_of(file)
+        arrays, brought = load_arrays(file), FileKind.module_of(file)
         kind = CALIBRATION_KIND if brought is None else brought.KIND
         small, even = Path(folder) / "small.npz", Path(folder) / "own.npz"
         # Larger images are drawn on fewer, larger pixels: checks look at as many cells at most.

@@ -406,7 +406,7 @@ def test_files_beside_captures_are_passed_over_and_named(batch: Batch, tmp_path:
     (tmp_path / "day" / "linked").symlink_to(batch.captures[0])
     code, err = batch()
     assert code == 0
-    assert err == f"passed over, as it is no folder: {tmp_path / 'day' / 'grid.png'}\n"
+    assert err == f"warning: {tmp_path / 'day' / 'grid.png'}: passed over, as it is no folder\n"
     linked = str(tmp_path / "day" / "linked")
     assert batch.store.captures == [*map(str, batch.captures), linked]
 

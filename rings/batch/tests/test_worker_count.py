@@ -21,7 +21,7 @@ def test_a_process_has_a_core_and_captures_enough(
     monkeypatch: pytest.MonkeyPatch, captures: int, is_cpu: bool, number: int
 ) -> None:
     device = SimpleNamespace(is_cpu=is_cpu)
-    monkeypatch.setattr(module, "open_device", lambda *_: (device, ""))
+    monkeypatch.setattr(RunOptions, "open_device", lambda *_: (device, ""))
     monkeypatch.setattr(module, "cores", lambda: 4)
     assert worker_count(GRAPH, OPTIONS, captures) == number
     assert at_most(captures) >= number

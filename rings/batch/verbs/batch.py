@@ -5,7 +5,7 @@ from os.path import expanduser
 import click
 
 from tactograph.sdk import need
-from tactograph.sdk.unstable import RunOptions, graph_command, run_options
+from tactograph.sdk.unstable import RunOptions, graph_command
 
 
 @graph_command("batch", short_help="Run a graph over many captures, into one store.")
@@ -23,7 +23,7 @@ from tactograph.sdk.unstable import RunOptions, graph_command, run_options
     help="Processes on this machine.  [default: one a core, if each has enough to do]",
 )  # fmt: skip
 @click.option("--retry-failed", is_flag=True, help="Do those again that failed before.")
-@run_options
+@RunOptions.add
 def command(
     graph: str,
     values: tuple[str, ...],

@@ -6,8 +6,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
-from tactograph.sdk import GraphError, find_node, node_page
-from tactograph.sdk.unstable import Group
+from tactograph.sdk import Graph, GraphError, find_node, node_page
 
 _PAGE_SECTION = re.compile(r"^## (\w+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 _PAGE_ITEM = re.compile(r"^- `(\w+)` (.*)$", re.MULTILINE)
@@ -45,8 +44,11 @@ def of_node(op: str) -> Declared:
     )
 
 
-def of_group(group: Group) -> Declared:
-    """What a group takes from each use."""
+def of_group(graph: Graph, name: str) -> Declared:
+    """What the group of that name, or of the use of that name, takes from each use."""
+    group = graph.group_of(name)
+    if group is None:
+        return NO_DECLARATION
     inputs = {
         name: f"{'needed' if each.required else f'default {each.default}'}; {each.help}"
         for name, each in group.inputs.items()

@@ -8,8 +8,8 @@ from tactograph.rings.editor.language.complete import CHANGE_VERBS
 from tactograph.rings.editor.language.cursor import Cursor
 from tactograph.rings.editor.language.declared import of_node
 from tactograph.rings.editor.language.scope import Scope, scope_at, taken_by
-from tactograph.sdk import Graph, InputError, find_node
-from tactograph.sdk.unstable import find_file, graph_file, shipped_groups, shipped_overlays
+from tactograph.sdk import Graph, InputError, find_node, read_graph
+from tactograph.sdk.unstable import find_file
 
 
 class Spot(NamedTuple):
@@ -40,12 +40,12 @@ def definition_at(cursor: Cursor, file: Path, graph: Graph | None) -> Spot | Non
     word = str(_value(cursor))
     try:
         if "extends" in cursor.path[-2:]:
-            return Spot(find_file(word, file.parent, shipped_overlays()) or graph_file(word))
+            return Spot(find_file(word, file.parent, "overlays") or read_graph(word).file)
         if cursor.inside == ("op",):
             function = inspect.unwrap(find_node(word).function)
             return Spot(Path(inspect.getfile(function)), inspect.getsourcelines(function)[1] - 1)
         if cursor.inside == ("group",) and word not in (cursor.data.get("groups") or {}):
-            group_file = find_file(f"{word}.group.yaml", file.parent, shipped_groups())
+            group_file = find_file(f"{word}.group.yaml", file.parent, "groups")
             return Spot(group_file) if group_file else None
     except InputError:
         return None

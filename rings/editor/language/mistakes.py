@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.sdk import Graph, GraphError, TactographError
-from tactograph.sdk.unstable import Document, graphs_of, verified
+from tactograph.sdk import Graph, GraphError, Pipeline, TactographError
+from tactograph.sdk.unstable import Document, graphs_of
 
 _MEANT_WORDS = re.compile(r"'([^']+)'[^']*; did you mean (('[^']+'(?:, | or )?)+)\?")
 _QUOTED_WORD = re.compile(r"'([^']+)'")
@@ -45,7 +45,7 @@ def check(text: str, file: Path) -> Checked:
         graphs = graphs_of(Document.parse(text, str(file)), file)
     for graph in graphs:
         with _gathered(messages):
-            verified(graph)
+            Pipeline.verify(graph)
     lines = text.splitlines()
     return Checked(graphs[0] if graphs else None, [_placed(each, lines, file) for each in messages])
 

@@ -14,7 +14,7 @@ from tactograph.rings.editor.language.declared import (
     of_node,
 )
 from tactograph.sdk import Graph, InputError
-from tactograph.sdk.unstable import Document, find_file, graphs_of, shipped_groups
+from tactograph.sdk.unstable import Document, find_file, graphs_of
 
 PATCH_VERBS = ("set", "replace", "insert", "remove", "backend", "neutral")
 BASE_OF_OVERLAYS = "reconstruct"
@@ -50,8 +50,8 @@ class Scope:
         full = graph.in_full(name)
         if full in graph.nodes:
             return of_node(graph.nodes[full].op)
-        if (group := graph.group_of(full)) is not None:
-            return of_group(group)
+        if graph.group_of(full) is not None:
+            return of_group(graph, full)
         outer, _, inner = name.partition(".")
         entry = graph.groups[outer].body.nodes.get(inner) if outer in graph.groups else None
         return of_node(entry.op) if entry is not None else NO_DECLARATION
@@ -80,8 +80,7 @@ def scope_at(cursor: Cursor, file: Path, graph: Graph | None) -> Scope:
 def of_graph(graph: Graph) -> Scope:
     """The names of a whole graph."""
     names = {graph.in_short(name): of_node(entry.op) for name, entry in graph.nodes.items()}
-    uses = {name: graph.group_of(name) for name in graph.uses}
-    names |= {graph.in_short(name): of_group(group) for name, group in uses.items() if group}
+    names |= {graph.in_short(name): of_group(graph, name) for name in graph.uses}
     params = {
         name: f"{each.kind}, {each.state}; {each.help}" for name, each in graph.params.items()
     }
@@ -104,7 +103,7 @@ def _group(name: str, data: Mapping[str, Any], file: Path) -> Declared:
     if "extends" not in stated:
         return of_data(stated)
     try:
-        place = find_file(stated["extends"], file.parent, shipped_groups())
+        place = find_file(stated["extends"], file.parent, "groups")
         return of_data(Document.read(place).data) if place else NO_DECLARATION
     except InputError:
         return NO_DECLARATION

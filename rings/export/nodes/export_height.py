@@ -12,7 +12,6 @@ from tactograph.sdk import (
     Height,
     HeightError,
     InputError,
-    Lens,
     Metrics,
     PixelSize,
     View,
@@ -25,7 +24,6 @@ from tactograph.sdk import (
     write_result_file,
     write_tiff,
 )
-from tactograph.sdk.unstable import Surface, Vergence
 
 MESH_FORMATS = ("ply", *MESH_WRITERS)
 OWN_FORMATS = ("npy", "tiff", *MESH_FORMATS)
@@ -41,8 +39,7 @@ def export_height(
     height: Height,
     pixel: PixelSize,
     name: str | None = None,
-    lens: Lens | None = None,
-    camera: Vergence | None = None,
+    view: View | None = None,
     error: HeightError | None = None,
     metrics: Metrics | None = None,
     rest: Height | None = None,
@@ -57,9 +54,8 @@ def export_height(
     height : H x W in mm
     pixel : mm per px
     name : the capture's name in a stream; empty for a single capture
-    lens, camera
-        Length 8, as `read_lens` gives it, and 1 / D in 1/mm, with D the height of the camera's
-        pupil above the film (0: orthographic).  If they are given, the points of meshes are
+    view
+        The camera's lens and the height of its pupil.  If it is given, the points of meshes are
         where they lie on the film; images stay what each pixel sees.
     error
         H x W in mm, the height's standard deviation; a second layer in "x3p", a second channel
@@ -93,7 +89,7 @@ def export_height(
             f"`folder`={folder}: is to be a folder; `formats`={ending} writes height.{ending} there"
         )
     about = {"format": 1, "pixel_size_mm": float(pixel), "metrics": metrics or {}}
-    view = View(lens, camera)
+    view = view or View()
     if rest is not None and rest.shape != height.shape:
         raise InputError(
             f"the height is {height.shape[1]} x {height.shape[0]} pixels, but the film at rest "
@@ -125,7 +121,7 @@ def _write(file: Path, height: Height, pixel: float, view: View, error: HeightEr
     if extension == "ply":
         write_ply(file, height, pixel, view)
     elif extension in MESH_WRITERS:
-        MESH_WRITERS[extension](file, Surface.of(height, pixel, view))
+        MESH_WRITERS[extension](file, *view.mesh(height, pixel))
     elif extension == "npy":
         np.save(file, height)
     elif extension == "tiff":

@@ -4,8 +4,15 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.sdk import Crop, HeightError, InputError, cropped, node, read_height_file
-from tactograph.sdk.unstable import check_heights
+from tactograph.sdk import (
+    Crop,
+    HeightError,
+    HeightFile,
+    InputError,
+    cropped,
+    node,
+    read_height_file,
+)
 
 ERROR_FILE = "error.npy"
 
@@ -34,7 +41,7 @@ def read_error(*, height: Path, crop: Crop | None = None) -> HeightError | None:
         if not file.is_file():
             return None
         stated = read_height_file(file).height
-    check_heights(stated, file, unknown=True)
+    HeightFile(stated).checked(file, unknown=True)
     error: HeightError = np.ascontiguousarray(cropped(stated, crop, file))
     if (error < 0).any():
         raise InputError(f"{file}: a standard deviation cannot be negative")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tactograph.sdk import Height, node, warn
 from tactograph.sdk.nodes import distort_height, read_calibration
-from tactograph.sdk.unstable import read_result
+from tactograph.sdk.unstable import StoredResult
 
 
 @node
@@ -28,7 +28,7 @@ def read_rest_height(*, height: Path, calibration: Path | None = None) -> Height
         If the calibration cannot be read.
     """
     if calibration is None:
-        if read_result(height.parent).get("metrics", {}).get("rest_relief_mm"):
+        if StoredResult.beside(height).has_relief:
             warn(
                 f"{height}: its film is no plane at rest; meshes lay the height out on a plane "
                 "without the sensor's `calibration`"

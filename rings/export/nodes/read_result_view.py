@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from tactograph.sdk import View, node
-from tactograph.sdk.unstable import read_view
+from tactograph.sdk.unstable import StoredResult
 
 
 @node
@@ -19,4 +19,4 @@ def read_result_view(*, height: Path) -> View:
     InputError
         If what it states is no view.
     """
-    return read_view(height)
+    return StoredResult.beside(height).view(height)

@@ -15,7 +15,8 @@ from tactograph.graph import InputError
 from tactograph.graph.command import run_command
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
-from tactograph.nodes.files.height_files import MESH_AXES, read_height_file
+from tactograph.nodes.files.height_files import read_height_file
+from tactograph.nodes.optics.camera_view import MESH_AXES
 from tactograph.nodes.write.read_height import read_height
 from tactograph.rings.export.formats import tmd
 from tactograph.rings.export.formats.png import PNG_TEXT

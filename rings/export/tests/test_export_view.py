@@ -10,7 +10,7 @@ from tactograph.graph import InputError
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.write.read_height import read_height
-from tests.nodes.files.test_result_view import LENS, write
+from tests.nodes.files.test_stored_result import LENS, write
 
 VIEWS = {"lens": View(LENS, 1 / 65), "camera": View(None, 1 / 65), "plain": View()}
 

@@ -4,12 +4,13 @@ from pathlib import Path
 
 import click
 
-from tactograph.sdk.unstable import FOLDER_PATH
-
 
 @click.command("show", short_help="Print and draw what is in a file.")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--out", type=FOLDER_PATH, help="Folder for the pictures; without it none are drawn.")
+@click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path),
+    help="Folder for the pictures; without it none are drawn.",
+)  # fmt: skip
 def command(file: Path, out: Path | None) -> None:
     """Print all that FILE holds: a calibration or a lens, a recording, a batch's store, a result.
 

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.constants import milli
 
 from tactograph.rings.metrology.formats._in_metres import package_for, read_in_metres
 from tactograph.sdk import Height, HeightError, HeightFile, InputError
-from tactograph.sdk.unstable import METRES_PER_MM
 
 ERROR_TITLE = "Error"
 """The channel that holds the standard deviation of the heights."""
@@ -37,11 +37,11 @@ def read(file: Path) -> HeightFile:
 def _field(gwy: Any, data: Any, pixel: float) -> Any:
     rows, columns = data.shape
     unit = gwy.objects.GwySIUnit(unitstr="m")
-    scale = 1.0 if data.dtype == bool else METRES_PER_MM
+    scale = 1.0 if data.dtype == bool else milli
     return gwy.objects.GwyDataField(
         scale * data.astype(np.float64),
-        xreal=METRES_PER_MM * pixel * columns,
-        yreal=METRES_PER_MM * pixel * rows,
+        xreal=milli * pixel * columns,
+        yreal=milli * pixel * rows,
         si_unit_xy=unit,
         si_unit_z=unit,
     )

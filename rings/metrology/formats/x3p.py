@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.constants import milli
 
 from tactograph.rings.metrology.formats._in_metres import package_for, read_in_metres
 from tactograph.sdk import Height, HeightError, HeightFile, InputError, warn
-from tactograph.sdk.unstable import METRES_PER_MM
 
 MAIN_FILE, DRAFT_ROOT = "main.xml", "ISO5436"
 ROOT_TAG = re.compile(rb"(</?(?:[\w.-]+:)?ISO5436)(?=[\s>])")
@@ -24,8 +24,8 @@ SOFTWARE_NAME = "Tactograph"
 def write(file: Path, height: Height, pixel: float, error: HeightError | None) -> None:
     """Write heights in mm, and their standard deviation if it is known."""
     layers = [height] if error is None else [height, error]
-    data = METRES_PER_MM * np.stack(layers).astype(np.float64)
-    package, side = package_for("x3p", "x3pio"), METRES_PER_MM * pixel
+    data = milli * np.stack(layers).astype(np.float64)
+    package, side = package_for("x3p", "x3pio"), milli * pixel
     about = package.Metadata.for_software(SOFTWARE_NAME, version("tactograph"))
     package.write(file, data, x_scale=side, y_scale=side, metadata=about)
 

@@ -12,10 +12,9 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
-from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
 from tactograph.rings.export.nodes.export_height import export_height
 from tactograph.rings.metrology.nodes.surface.surface_texture import surface_texture
-from tests.nodes.contact.test_largest_contacts import CONTACT, HEIGHT
+from tests.nodes.contact.test_largest_contacts import CONTACT, HEIGHT, MAX_MEASURED
 
 PIXEL_MM = 0.05
 ROWS, COLUMNS = 120, 160

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.constants import milli
 
 from tactograph.rings.recording.files.ros_messages import (
     FILM_FRAME,
@@ -21,7 +22,6 @@ from tactograph.rings.recording.files.ros_messages import (
     text_message,
 )
 from tactograph.sdk import Placed, Provenance, Touch, layers_of
-from tactograph.sdk.unstable import METRES_PER_MM
 
 MAX_BYTE = 255
 
@@ -37,7 +37,7 @@ def touch_messages(
         image_message(f"/led{k}/image", stamp, plane, f"led{k}")
         for k, plane in enumerate(bytes_, start=1)
     )
-    height = touch.height * np.float32(METRES_PER_MM)
+    height = touch.height * np.float32(milli)
     return [
         *leds,
         image_message("/height", stamp, height, FILM_FRAME),
@@ -52,7 +52,7 @@ def _surface(stamp: int, touch: Touch, step: int) -> list[Message]:
     if not step:
         return []
     places: tuple[NDArray[Any], ...] = (*touch.places_mm(step), touch.film[::step, ::step])
-    fields = {axis: METRES_PER_MM * place for axis, place in zip("xyz", places, strict=True)}
+    fields = {axis: milli * place for axis, place in zip("xyz", places, strict=True)}
     return [cloud_message("/points", stamp, fields)]
 
 
@@ -72,9 +72,9 @@ def _message(topic: str, stamp: int, carried: NDArray[Any] | Mapping[str, Any] |
         return image_message(topic, stamp, carried, FILM_FRAME)
     if not isinstance(carried, Placed):
         return cloud_message(topic, stamp, carried)
-    units = np.array([METRES_PER_MM] * 3 + [np.pi / 180] * 3)
+    units = np.array([milli] * 3 + [np.pi / 180] * 3)
     turn = units[3:] * carried.turn
     half = np.linalg.norm(turn) / 2
     quaternion = np.array([*(np.sinc(half / np.pi) / 2 * turn), np.cos(half)])
     spread = carried.covariance * np.outer(units, units)
-    return pose_message(topic, stamp, METRES_PER_MM * carried.place, quaternion, spread)
+    return pose_message(topic, stamp, milli * carried.place, quaternion, spread)

@@ -19,7 +19,8 @@ from tactograph.rings.recording.files.lerobot_rows import (
 )
 from tactograph.rings.recording.files.level_pictures import picture_levels
 from tactograph.sdk import U1, Height, InputError, Labels, Light, Port, Slope, node
-from tactograph.sdk.unstable import SensorIdentity, check_handed_in
+from tactograph.sdk.nodes import read_capture
+from tactograph.sdk.unstable import SensorIdentity
 
 
 class DatasetTouch(NamedTuple):
@@ -94,7 +95,7 @@ def read_lerobot(
         yield DatasetTouch(image, f"{of:04}_{at:06}", moment, recorded)
 
 
-read_lerobot.handed_in(check_handed_in)
+read_lerobot.handed_in(read_capture.check_handed_in)
 
 
 def _height_info(dataset: Path, rows: Any, sensor: str) -> dict[str, Any]:

@@ -27,8 +27,8 @@ from tactograph.rings.recording.files.mcap_read import McapFile, Read
 from tactograph.rings.recording.files.ros_messages import read_image
 from tactograph.rings.recording.nodes.record import RECORDING_FORMAT
 from tactograph.sdk import InputError, Light, LiveState, node, warn
-from tactograph.sdk.nodes import read_calibration
-from tactograph.sdk.unstable import MAX_PIXELS, SensorIdentity, check_handed_in
+from tactograph.sdk.nodes import read_calibration, read_capture
+from tactograph.sdk.unstable import MAX_PIXELS, SensorIdentity
 
 IMAGE_TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")
 RATE_FRAMES = 40
@@ -89,7 +89,7 @@ def replay(
         yield from _flashed(source, every, first, calibration, refresh)
 
 
-replay.handed_in(check_handed_in)
+replay.handed_in(read_capture.check_handed_in)
 replay.reads_ahead()
 
 

@@ -11,7 +11,6 @@ from mcap_ros2.decoder import DecoderFactory
 
 from tactograph.graph import Provenance, Session
 from tactograph.nodes.contact.measure_contact import measure_contact
-from tactograph.nodes.files.height_files import Surface
 from tactograph.nodes.optics.camera_view import View
 from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.rings.mechanics.layers.pose import ObjectPose
@@ -124,7 +123,7 @@ def test_points_lie_on_the_film_where_a_lens_shows_them() -> None:
     touch = touch_of(height=HEIGHT, image=IMAGE, pixel=PIXEL, view=view)
     (cloud,) = [m for m in touch_messages(0, touch, 2, provenance([])) if m.topic == "/points"]
     x, y, z = np.moveaxis(np.frombuffer(cloud.body["data"], "<f4").reshape(3, 4, 3), -1, 0)
-    mesh = Surface.of(HEIGHT, PIXEL, view).vertices.reshape(*SIZE, 3)[::2, ::2]
+    mesh = view.mesh(HEIGHT, PIXEL).vertices.reshape(*SIZE, 3)[::2, ::2]
     np.testing.assert_allclose(1e3 * x - 3.5 * PIXEL, mesh[..., 0], atol=1e-5)
     np.testing.assert_allclose(1e3 * y - 2.5 * PIXEL, -mesh[..., 1], atol=1e-5)
     np.testing.assert_allclose(1e3 * z, mesh[..., 2], atol=1e-5)

@@ -36,7 +36,7 @@ def adjustable(
 def control(name: str, value: Any = None) -> Control:
     parameter = adjustable.parameters[name]
     value = parameter.default if value is None else value
-    return control_of(parameter, value)
+    return control_of(parameter.type, parameter.limits, parameter.default, value)
 
 
 def test_kinds_follow_from_declarations() -> None:
@@ -75,7 +75,8 @@ def test_every_place_of_every_slider_is_a_value_that_the_node_takes() -> None:
         declared = find_node(name)
         given = {p.name: p.default for p in declared.parameters.values() if not p.required}
         for parameter in declared.parameters.values():
-            found = control_of(parameter, parameter.default)
+            default = parameter.default
+            found = control_of(parameter.type, parameter.limits, default, default)
             if parameter.required or found.kind != "slider":
                 continue
             for place in (0, 1, 137, 500, 1000):

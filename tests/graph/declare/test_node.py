@@ -8,7 +8,6 @@ import pytest
 
 from tactograph.graph import Close, Exact, NamedPorts, NodeCall, Port, Provenance, SizeLimit, node
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
-from tactograph.graph.declare.node_page import describe
 from tactograph.nodes import F4, Height, Light, PixelSize
 from tests.each import each
 
@@ -122,7 +121,7 @@ def test_a_record_of_parameters_stands_for_its_fields() -> None:
     assert each.parameters["gain"].required
     assert each.parameters["floor"].default == 0.1
     assert each(1.0, gain=3.0, floor=0.0) == 6
-    assert describe(each).arguments["gain"] == "Its gain."
+    assert each.about.arguments["gain"] == "Its gain."
 
 
 def test_any_number_of_inputs_take_the_names_that_a_graph_gives_them() -> None:

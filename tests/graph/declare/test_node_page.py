@@ -8,14 +8,14 @@ import pytest
 from annotated_types import Ge, Gt, Interval, Lt
 
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
-from tactograph.graph.declare.node_page import describe, node_page
+from tactograph.graph.declare.node_page import node_page
 from tactograph.graph.declare.parameter import Parameter
 from tests.each import each
 
 
 @each("name", shipped_nodes())
 def test_every_input_and_parameter_is_described(name: str) -> None:
-    about = describe(find_node(name))
+    about = find_node(name).about
     silent = [argument for argument, words in about.arguments.items() if not words]
     assert about.summary.endswith(".")
     # A node whose inputs are told in its text need not repeat them.
@@ -66,7 +66,7 @@ def test_a_page_tells_what_the_values_of_a_record_mean() -> None:
 @each("name", shipped_nodes())
 def test_what_a_node_returns_is_told_to_its_end(name: str) -> None:
     doc = inspect.cleandoc(find_node(name).doc or "")
-    told = describe(find_node(name)).returns
+    told = find_node(name).about.returns
     if "\nReturns\n" not in doc:
         assert not told
         return

@@ -8,12 +8,12 @@ import pytest
 
 from tactograph.graph import GraphError, InputError
 from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.files.graph_places import shipped_graphs, shipped_overlays, shipped_studies
+from tactograph.graph.files.graph_places import shipped
 from tactograph.graph.files.read_graph import read_graph, read_graphs, shipped_names, with_overlays
 from tactograph.graph.plan.make_plan import make_plan
 from tests.graph.conftest import SLOPES, Write
 
-PIPELINES = shipped_graphs()["paper"].parents[1]
+PIPELINES = shipped("graphs")["paper"].parents[1]
 DOUBLED = "format: 1\ntitle: doubled\npatch: [{set: pixel, with: {mm: 0.2}}]"
 CROPPED = """
 format: 1
@@ -309,7 +309,7 @@ def test_the_shipped_files_are_few_and_sorted_by_folder() -> None:
     entries = [each for each in PIPELINES.iterdir() if each.name != "__pycache__"]
     assert len(entries) <= 10
     assert len([*PIPELINES.rglob("*.yaml")]) <= 53
-    assert {*shipped_studies()} == {"precise_ablation", "reconstruct_ablation"}
+    assert {*shipped("studies")} == {"precise_ablation", "reconstruct_ablation"}
 
 
 PAGE = (Path(__file__).parents[3] / "docs" / "compose.md").read_text(encoding="utf-8")
@@ -318,7 +318,7 @@ FITS = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| ([^|]*) \|", PAGE, re.MULTILINE)
 
 def test_the_page_names_every_overlay() -> None:
     told = {name for names, _ in FITS for name in re.findall(r"`(\w+)`", names)}
-    assert told & {*shipped_overlays()} == {*shipped_overlays()}
+    assert told & {*shipped("overlays")} == {*shipped("overlays")}
 
 
 @pytest.mark.parametrize("graph", ["reconstruct", "precise"])

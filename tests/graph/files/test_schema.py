@@ -11,7 +11,7 @@ import pytest
 
 from tactograph.graph.declare.find_node import shipped_nodes
 from tactograph.graph.disk.strict_yaml import Document
-from tactograph.graph.files.read_graph import graph_file
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.files.schema import make_schema
 from tests.each import each
 from tests.graph.conftest import SLOPES
@@ -38,7 +38,7 @@ def slopes() -> dict[str, Any]:
     return data
 
 
-SHIPPED = sorted(graph_file("paper").parents[1].glob("*/*.yaml"))
+SHIPPED = sorted(read_graph("paper").file.parents[1].glob("*/*.yaml"))
 
 
 @each("file", SHIPPED)

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from tactograph.nodes.contact.largest_contacts import MAX_MEASURED, largest_contacts
+from tactograph.nodes.contact.largest_contacts import LargestContacts
 
+MAX_MEASURED = LargestContacts().most
 SMALL = (7, 30, 31, 59)
 COUNT = MAX_MEASURED + len(SMALL)
 LARGE = [number for number in range(41, 41 + COUNT) if number not in SMALL]
@@ -15,6 +16,6 @@ HEIGHT = np.where(CONTACT > 0, np.float32(0.1), np.float32(0))
 
 
 def test_the_largest_contacts_are_told_by_their_numbers() -> None:
-    assert largest_contacts(CONTACT, MAX_MEASURED).tolist() == LARGE[:MAX_MEASURED]
-    assert largest_contacts(CONTACT, 254).tolist() == sorted([*SMALL, *LARGE[:MAX_MEASURED]])
-    assert largest_contacts(np.zeros_like(CONTACT), 254).size == 0
+    assert LargestContacts().numbers(CONTACT).tolist() == LARGE[:MAX_MEASURED]
+    assert LargestContacts(254).numbers(CONTACT).tolist() == sorted([*SMALL, *LARGE[:MAX_MEASURED]])
+    assert LargestContacts(254).numbers(np.zeros_like(CONTACT)).size == 0

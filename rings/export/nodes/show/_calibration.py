@@ -9,7 +9,6 @@ import numpy as np
 
 from tactograph.rings.export.shown import Shown, figures, first, origin, section, sentences
 from tactograph.sdk import FileKind, InputError
-from tactograph.sdk.unstable import kind_of
 
 MAX_NUMBERS = 8
 """Most numbers of an array that are printed one by one."""
@@ -23,7 +22,7 @@ def show_calibration(file: Path) -> Shown:
     InputError
         If the file is damaged, or no calibration.
     """
-    file_kind = kind_of(file)
+    file_kind = FileKind.module_of(file)
     if file_kind is None:
         raise InputError(f"{file}: is neither a calibration nor a lens")
     kind: FileKind = file_kind.KIND

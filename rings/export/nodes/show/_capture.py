@@ -9,7 +9,6 @@ import numpy as np
 from tactograph.rings.export.shown import Shown, section
 from tactograph.sdk import Light
 from tactograph.sdk.nodes import read_capture
-from tactograph.sdk.unstable import Layout
 
 MAX_LISTED = 20
 """Most captures of a stream that are listed."""
@@ -23,7 +22,7 @@ def show_capture(folder: Path) -> Shown:
     InputError
         If it holds no capture.
     """
-    captures = [*islice(read_capture.function(folder=folder, layout=Layout()), MAX_LISTED + 1)]
+    captures = [*islice(read_capture(folder=folder), MAX_LISTED + 1)]
     first = captures[0]
     if len(captures) > 1:
         count = (

@@ -8,7 +8,7 @@ import numpy as np
 
 from tactograph.rings.export.shown import Shown, figures, first, origin, section, sentences
 from tactograph.sdk import InputError
-from tactograph.sdk.unstable import checksum, layer_files
+from tactograph.sdk.unstable import StoredResult
 
 
 def show_result(file: Path) -> Shown:
@@ -28,28 +28,19 @@ def show_result(file: Path) -> Shown:
     metrics = result.get("metrics")
     numbers = metrics if isinstance(metrics, dict) else {}
     warnings = sentences(result.get("warnings"))
-    named = result.get("files")
-    layers = layer_files(named) if isinstance(named, list) else {}
+    stored = StoredResult(file, result)
+    changed = [f"  {f.name}: {'changed' if f.is_file() else 'missing'}" for f in stored.changed]
     lines = [
         f"{file}: result",
         *origin(result),
         *(section("warnings", first(warnings)) or ["warnings: none"]),
         *section("figures", figures({n: v for n, v in numbers.items() if _is_number(v)})),
-        *section("layers", [f"  {name}: {', '.join(files)}" for name, files in layers.items()]),
-        *section("not as they were written", first(_not_as_written(file, result.get("checksums")))),
+        *section(
+            "layers", [f"  {name}: {', '.join(files)}" for name, files in stored.layers.items()]
+        ),
+        *section("not as they were written", first(changed)),
     ]
     return Shown(lines)
-
-
-def _not_as_written(result: Path, checksums: Any) -> list[str]:
-    """The files of a result that are gone, or are others than it was written with."""
-    stated = checksums if isinstance(checksums, dict) else {}
-    files = {result.parent / name: sum_ for name, sum_ in stated.items() if name == Path(name).name}
-    return [
-        f"  {file.name}: {'changed' if file.is_file() else 'missing'}"
-        for file, sum_ in files.items()
-        if not file.is_file() or checksum(file) != sum_
-    ]
 
 
 def _is_number(value: Any) -> bool:

@@ -17,7 +17,6 @@ from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES
 from tactograph.rings.live.nodes.touches.sensor import Rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
 from tactograph.sdk import F4, Dark, InputError, Light
-from tactograph.sdk.unstable import collect_warnings
 
 SETTLE_S = 0.25
 """Time for which a camera may deliver frames from before an LED was switched."""
@@ -212,13 +211,8 @@ class Watch:
         """Wait for a lasting state; repeat the request from time to time."""
         self._recent.clear()
         reminded = time.monotonic()
-        touches = self._stream.touches(POLL_S, self._patience)
         faults: list[str] = []
-        while True:
-            with collect_warnings(faults):
-                touch = next(touches, None)
-            if touch is None:
-                return None
+        for touch in self._stream.touches(POLL_S, self._patience, to=faults.append):
             self._tell_once(faults)
             if self._state(touch) == state:
                 self._ready = True
@@ -226,6 +220,7 @@ class Watch:
             if time.monotonic() - reminded > REMINDER_S:
                 reminded = time.monotonic()
                 tell(line)
+        return None
 
     def _tell_once(self, faults: list[str]) -> None:
         """Report each fault once, except those of finding the LEDs' phase at the start."""

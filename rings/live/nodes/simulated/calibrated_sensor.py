@@ -19,8 +19,7 @@ from tactograph.rings.live.nodes.simulated.simulated_sensor import (
     SimulatedSensor,
     read_scene,
 )
-from tactograph.sdk import F4, load
-from tactograph.sdk.unstable import read_either
+from tactograph.sdk import F4, FileKind, load
 
 PRESS_FIELDS = {
     *("radius_mm", "depth_mm", "path_mm", "period_s", "press_s", "by_hand", "rest_s"),
@@ -104,7 +103,7 @@ def calibrated_sensor(
     """
     if {name for name, _ in parse_qsl(camera.partition("?")[2])} - PRESS_FIELDS:
         return None
-    sensor, default = read_either(calibration), Scene()
+    sensor, default = FileKind.read_sensor(calibration), Scene()
     pixel, (height, width) = float(sensor.pixel_size), sensor.flat.shape[1:]
     scale = min(height, width) * pixel / (default.height_px * default.pixel_size_mm)
     film = {"width_px": width, "height_px": height, "pixel_size_mm": pixel}

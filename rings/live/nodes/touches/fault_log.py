@@ -4,7 +4,7 @@ import logging
 import math
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from tactograph.rings.live.nodes.camera.camera import Shot
 from tactograph.sdk import LiveState, warn
@@ -82,8 +82,8 @@ class FaultLog:
         if now - self._reported_s.get(line, -math.inf) >= again_s:
             self._waiting[line] = None
 
-    def tell(self, *, with_item: bool) -> None:
-        """Report waiting lines: with a touch, or at once if none comes."""
+    def tell(self, *, with_item: bool, to: Callable[[str], None] = warn) -> None:
+        """Report waiting lines: with a touch, by `to`, or at once if none comes."""
         now = time.monotonic()
         if with_item:
             self._item = now
@@ -92,7 +92,7 @@ class FaultLog:
         for line in self._waiting:
             self._reported_s[line] = now
             if with_item:
-                warn(line)
+                to(line)
             else:
                 LOGGER.warning("warning: %s", line)
         self._waiting.clear()

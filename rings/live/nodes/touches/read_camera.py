@@ -19,7 +19,7 @@ from tactograph.rings.live.nodes.touches.colour_stream import ColourStream
 from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor, open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
 from tactograph.sdk import InputError, LiveState, node
-from tactograph.sdk.unstable import FRACTIONS, Whole
+from tactograph.sdk.unstable import Whole
 
 
 @node(endless=True)
@@ -36,7 +36,7 @@ def read_camera(
     queue: Annotated[int, Interval(ge=1, le=64)] = 8,
     seconds: Annotated[float, Gt(0)] | None = None,
     items: Annotated[int, Ge(1)] | None = None,
-    whole: Whole = FRACTIONS,
+    whole: Whole = False,
 ) -> Iterator[LiveFrames]:
     """Yield a touch with every camera frame, for as long as the camera runs.
 

@@ -12,7 +12,7 @@ from tactograph.rings.live.nodes.camera.camera import Camera, Shot
 from tactograph.rings.live.nodes.touches._match_frames import Matcher, Verdict
 from tactograph.rings.live.nodes.touches.fault_log import FaultLog
 from tactograph.rings.live.nodes.touches.sensor import Rig
-from tactograph.sdk import Dark, LiveState
+from tactograph.sdk import Dark, LiveState, warn
 
 MAX_WAITING_FRAMES = 64
 """Most frames that wait for their touch."""
@@ -49,17 +49,21 @@ class TouchStream:
     _reopened = 0.0
 
     def touches(
-        self, timeout: float = 0.25, seconds: float | None = None, items: int | None = None
+        self,
+        timeout: float = 0.25,
+        seconds: float | None = None,
+        items: int | None = None,
+        to: Callable[[str], None] = warn,
     ) -> Iterator[LiveFrames]:
         """Yield touches until the time, their number or a video file ends.
 
-        Faults are reported after `timeout` seconds without a frame.
+        Faults are reported by `to`, or after `timeout` seconds without a frame.
         """
         end = None if seconds is None else time.monotonic() + seconds
         while end is None or time.monotonic() < end:
             shots = self._camera.shots(timeout)
             touch = self._touch_with(shots)
-            self._log.tell(with_item=touch is not None)
+            self._log.tell(with_item=touch is not None, to=to)
             if touch is not None:
                 yield touch
             if items is not None and self._log.state.touches >= items:

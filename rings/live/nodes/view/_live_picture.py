@@ -26,7 +26,6 @@ from tactograph.sdk import (
     draw_arrows,
     layers_of,
 )
-from tactograph.sdk.unstable import BIT_COLOURS, SEVERAL_COLOUR
 
 Picture = NDArray[np.uint8]
 """H x W x 3, red, green, blue."""
@@ -48,7 +47,7 @@ WHITE_SHARE = 0.995
 LABEL_COUNT = 256
 BLUE_CURVE, GREEN_CURVE, RED_CURVE = ("blue", "#3d7bff"), ("green", "#36c25b"), ("red", "#ff5247")
 LIGHT_NAMES: dict[Lights, tuple[tuple[str, str], ...]] = {
-    "leds": tuple((str(k), colour) for k, colour in enumerate(BIT_COLOURS, start=1)),
+    "leds": tuple((str(k), LedLabels.colour(1 << k - 1)) for k in range(1, 9)),
     "bgr": (BLUE_CURVE, GREEN_CURVE, RED_CURVE),
     "rgb": (RED_CURVE, GREEN_CURVE, BLUE_CURVE),
 }
@@ -192,7 +191,7 @@ def _labelled(numbers: U1, grey: Picture, colours: Picture) -> Picture:
 @lru_cache
 def _label_colours(lights: Lights) -> Picture:
     """A colour for each of the 256 labels: the LED's own, or a dark one for several."""
-    colours = [SEVERAL_COLOUR] * LABEL_COUNT
+    colours = [LedLabels.colour(bits) for bits in range(LABEL_COUNT)]
     for k, (_, colour) in enumerate(LIGHT_NAMES[lights]):
         colours[1 << k] = colour
     return _in_rgb(colours)
@@ -201,7 +200,7 @@ def _label_colours(lights: Lights) -> Picture:
 @lru_cache
 def _region_colours() -> Picture:
     """A colour for each of the 256 numbers of regions."""
-    return _in_rgb(BIT_COLOURS[(n - 1) % len(BIT_COLOURS)] for n in range(LABEL_COUNT))
+    return _in_rgb(Regions.colour(n) for n in range(LABEL_COUNT))
 
 
 def _in_rgb(colours: Iterable[str]) -> Picture:
@@ -255,7 +254,7 @@ def _scale_bar(pen: ImageDraw.ImageDraw, x: int, bottom: int, width: int, mm: fl
 def _legend(
     pen: ImageDraw.ImageDraw, right: int, y: int, names: tuple[tuple[str, str], ...]
 ) -> None:
-    entries = [*names, ("several", SEVERAL_COLOUR)]
+    entries = [*names, ("several", LedLabels.colour(3))]
     for text, colour in reversed(entries):
         right -= round(pen.textlength(text, font=_font()))
         _write(pen, right, y, text)

@@ -33,12 +33,12 @@ from tactograph.sdk import (
     Regions,
     Session,
     Touch,
+    View,
     layers_of,
     need,
     node,
     warn,
 )
-from tactograph.sdk.unstable import Surface
 
 VIEWER_PORT = 9876
 OPEN_TIMEOUT_S = 5.0
@@ -317,7 +317,7 @@ class _Stream:
         self._top = max(self._top, round_up(highest) if highest > 0 else 0.1)
         some = touch.film[::step, ::step]
         if self._shape != some.shape:
-            mesh = rr.Mesh3D.from_fields(triangle_indices=Surface.of(0 * some, 1.0).faces)
+            mesh = rr.Mesh3D.from_fields(triangle_indices=View().mesh(0 * some, 1.0).faces)
             self.log("film/surface", mesh, static=True)
             self._shape = some.shape
             self.log("film", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)

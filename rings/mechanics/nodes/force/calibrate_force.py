@@ -17,8 +17,7 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
 )
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
 from tactograph.sdk import F4, F8, Contacts, InputError, Metrics, node, read_height_file, warn
-from tactograph.sdk.nodes import find_contact
-from tactograph.sdk.unstable import MAX_CONTACTS, check_heights, refuse_view
+from tactograph.sdk.nodes import find_contact, read_height
 
 THICKNESS_RANGE_MM = 0.3, 30.0
 THICKNESS_COUNT = 12
@@ -212,9 +211,7 @@ def _presses(results: Path, names: Iterable[str]) -> Sequence[tuple[F4, Contacts
     presses = []
     for folder in (results / name for name in names):
         file = folder / "height.tiff"
-        refuse_view(file)
-        height, pixel, _ = read_height_file(file)
-        check_heights(height, file, unknown=False)
+        height, pixel = read_height(file=file), read_height_file(file).pixel
         if pixel is None:
             raise InputError(f"{folder}: its height.tiff does not say how large a pixel is")
         contact = find_contact(height)
@@ -231,7 +228,8 @@ def _force(
     height, contact, pixel = press
     gel = {"modulus_kpa": 1.0, "thickness_mm": thickness, "poisson": poisson}
     exact = np.zeros_like(height)
-    figures = press_to_pressure(height, contact, pixel, exact, **gel, most=MAX_CONTACTS).figures
+    every = int(contact.max())
+    figures = press_to_pressure(height, contact, pixel, exact, **gel, most=every).figures
     return _total(figures, "n"), _total(figures, "sd_n")
 
 

@@ -24,11 +24,7 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import NEWTONS_PER_KPA_MM2, Pressure
 from tactograph.rings.mechanics.nodes.marker.marker_places import marker_places
 from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, View, node
-from tactograph.sdk.unstable import (
-    MAX_MEASURED,
-    Most,
-    largest_contacts,
-)
+from tactograph.sdk.unstable import LargestContacts
 
 Shear = Annotated[F4, Port("2 H W", "kPa", low=-50, high=50)]
 """Traction on the film in its plane, x and y."""
@@ -75,7 +71,7 @@ def drag_to_shear(
     poisson: Poisson = 0.48,
     modulus_error: Annotated[float, Interval(ge=0, le=1)] = 0.0,
     marker_error_px: Annotated[float, Gt(0)] = 0.05,
-    most: Most = MAX_MEASURED,
+    largest: LargestContacts,
 ) -> ShearForce:
     """Find the shear, inside the contacts only, that drags the film's markers to where they are.
 
@@ -96,7 +92,6 @@ def drag_to_shear(
     view : the calibration, for the lens and the camera's height
     modulus_kpa, thickness_mm, poisson, modulus_error : of the gel, as for `press_to_pressure`
     marker_error_px : standard deviation of a marker's place
-    most : largest number of contacts that have figures, the largest
 
     Returns
     -------
@@ -107,7 +102,7 @@ def drag_to_shear(
     """
     markers = marker_places(height, tracks, pixel, view)
     is_tracked = (tracks.visible > 0) & markers.inside
-    largest = largest_contacts(contact, most)
+    measured = largest.numbers(contact)
     count = np.bincount(contact[markers.pixel][is_tracked], minlength=256)
     count[0] = 0
     contact = np.where(count[contact] >= MIN_MARKERS, contact, np.uint8(0))
@@ -126,7 +121,7 @@ def drag_to_shear(
     figures: Metrics = {}
     for name, value, spread in zip(product(numbers, FORCE_TOTALS), total, deviation, strict=True):
         number, (what, unit) = name
-        if number not in largest:
+        if number not in measured:
             continue
         figures[f"contact_{what}_{unit}/c{number}"] = float(value)
         figures[f"contact_{what}_sd_{unit}/c{number}"] = float(spread)

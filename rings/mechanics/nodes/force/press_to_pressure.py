@@ -25,11 +25,7 @@ from tactograph.sdk import (
     node,
     warn,
 )
-from tactograph.sdk.unstable import (
-    MAX_MEASURED,
-    Most,
-    largest_contacts,
-)
+from tactograph.sdk.unstable import LargestContacts
 
 Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
 """Normal pressure on the film."""
@@ -61,7 +57,7 @@ def press_to_pressure(
     poisson: Poisson = 0.48,
     modulus_error: Annotated[float, Interval(ge=0, le=1)] = 0.0,
     cell_px: Annotated[int, Interval(ge=1, le=8)] = 2,
-    most: Most = MAX_MEASURED,
+    largest: LargestContacts,
 ) -> PressForce:
     """Find the pressure, inside the contacts only, whose displacement of the layer is the height.
 
@@ -97,7 +93,7 @@ def press_to_pressure(
     centre in px, ``contact_force_x_px/c1``, ``contact_force_y_px/c1``.
     """
     _warn_of_limits(height, contact, thickness_mm)
-    numbers = largest_contacts(contact, most)
+    numbers = largest.numbers(contact)
     layer = pressed_layer(height.shape, pixel, cell_px, modulus_kpa, thickness_mm, poisson)
     place = _Place(height, view or View())
     touched = place.cells(contact > 0, cell_px)

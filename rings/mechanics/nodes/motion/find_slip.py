@@ -12,7 +12,7 @@ from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.mechanics.nodes.marker.marker_places import marker_places
 from tactograph.rings.mechanics.nodes.motion._surface import IN_DEGREES, small_motion
 from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, View, node
-from tactograph.sdk.unstable import MAX_MEASURED, Most, largest_contacts
+from tactograph.sdk.unstable import LargestContacts
 
 COLUMN_X, COLUMN_Y, COLUMN_VARIANCE = range(3)
 COLUMN_STATE, COLUMN_STILL, COLUMN_WAY, COLUMN_CONTACT = range(3, 7)
@@ -54,7 +54,7 @@ def find_slip(
     slip_mm: Annotated[float, Gt(0)] = 0.06,
     hold_frames: Annotated[int, Interval(ge=1, le=1000)] = 3,
     margin_px: Annotated[int, Interval(ge=0, le=100)] = 6,
-    most: Most = MAX_MEASURED,
+    largest: LargestContacts,
 ) -> Slip:
     """Tell which contacts slip, from the way of the film's markers over the moving object.
 
@@ -81,7 +81,6 @@ def find_slip(
         Least slip.  Above the noise of markers and pose, 3 to 10 um.
     hold_frames : frames
     margin_px : width of the contact's rim whose markers do not count: film hangs there
-    most : largest number of contacts that have figures, the largest
 
     Returns
     -------
@@ -101,7 +100,7 @@ def find_slip(
     judged = (number > 0) & (tracks.visible > 0) & (variance < MAX_POSE_MM**2)
     _slide(slides, judged, on_object, variance, slip_mm, hold_frames)
     figures: Metrics = {}
-    for contact_number in largest_contacts(contact, most):
+    for contact_number in largest.numbers(contact):
         mine = np.flatnonzero(judged & (number == contact_number))
         if begins or len(mine) < MIN_MARKERS:
             continue

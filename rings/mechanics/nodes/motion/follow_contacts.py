@@ -9,7 +9,7 @@ from scipy.ndimage import center_of_mass
 from scipy.optimize import linear_sum_assignment
 
 from tactograph.sdk import F4, F8, Contacts, Lens, Metrics, PixelSize, Port, View, node
-from tactograph.sdk.unstable import MAX_CONTACTS, MAX_MEASURED, Most, largest_contacts
+from tactograph.sdk.unstable import LargestContacts
 
 COLUMN_AGE, COLUMN_UNSEEN, COLUMN_X, COLUMN_Y, COLUMN_VX, COLUMN_VY = range(6)
 """Columns of the tracks: frames since it began, frames since it was last seen, centre in px,
@@ -41,7 +41,7 @@ def follow_contacts(
     *,
     reach: Annotated[float, Gt(0)] = 1.5,
     patience: Annotated[int, Interval(ge=0, le=1000)] = 3,
-    most: Most = MAX_MEASURED,
+    largest: LargestContacts,
 ) -> FollowedContacts:
     """Give each contact the number that it had in the frames before.
 
@@ -71,7 +71,8 @@ def follow_contacts(
     Contacts H x W, tracks 254 x 6, and figures: ``contact_age/c1`` in frames;
     ``contact_speed_x_mm/c1``, ``contact_speed_y_mm/c1`` in mm per frame.
     """
-    rows = np.zeros((MAX_CONTACTS, 6), np.float32) if tracks is None else tracks.copy()
+    shape = [int(size) for size in follow_contacts.outputs["tracks"].dims]
+    rows = np.zeros(shape, np.float32) if tracks is None else tracks.copy()
     numbers = np.unique(contact[contact > 0])
     alive = np.flatnonzero(rows[:, COLUMN_AGE] > 0)
     places = np.array(center_of_mass(contact > 0, contact, numbers)).reshape(-1, 2)[:, ::-1]
@@ -93,7 +94,7 @@ def follow_contacts(
     rows[rows[:, COLUMN_UNSEEN] > patience] = 0
     followed = lasting[contact]
     figures: Metrics = {}
-    for lasts in largest_contacts(followed, most):
+    for lasts in largest.numbers(followed):
         age, _, x, y, *speed = rows[lasts - 1].tolist()
         stretch = View(lens).ideal_steps(contact.shape, x, y)
         speed_x, speed_y = pixel * stretch @ speed

@@ -1,10 +1,9 @@
 """Read the height maps of many touches: results of a stream or batch, or a recording's."""
 
-import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
@@ -13,6 +12,8 @@ from tactograph.rings.frames.calibrated_film import calibrated_film
 from tactograph.sdk import (
     F4,
     RESULT_FILE,
+    FileKind,
+    HeightFile,
     InputError,
     PixelSize,
     Port,
@@ -23,13 +24,7 @@ from tactograph.sdk import (
     warn,
 )
 from tactograph.sdk.nodes import read_error, read_pixel_size, read_result_view
-from tactograph.sdk.unstable import (
-    MAX_PIXEL_MM,
-    MAX_SIZE_DIFFERENCE,
-    MIN_PIXEL_MM,
-    check_heights,
-    load_arrays,
-)
+from tactograph.sdk.unstable import StoredResult
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
 """Heights of P touches; NaN where not known."""
@@ -50,7 +45,7 @@ def read_touches(
     *,
     folder: Path,
     most: Annotated[int, Interval(ge=2, le=MAX_TOUCHES)] = 60,
-    pixel_size_mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)] | None = None,
+    pixel_size_mm: PixelSize | None = None,
     calibration: Path | None = None,
 ) -> Touches:
     """Read heights on an even grid, and their errors where they are stated.
@@ -81,7 +76,7 @@ def read_touches(
     read = _read_store if (folder / "zarr.json").is_file() else _read_results
     touches = read(folder, most, pixel_size_mm)
     for name, height in zip(touches.names, touches.heights, strict=True):
-        check_heights(height, folder / name, unknown=True)
+        HeightFile(height).checked(folder / name, unknown=True)
     return touches
 
 
@@ -102,13 +97,13 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     files = [result / "height.npy" for result in results]
     heights = [read_height_file(file).height for file in files]
     pixels = [read_pixel_size(height=file, mm=pixel) for file in files]
-    for result in results:
-        if "rest_relief_mm" in json.loads((result / RESULT_FILE).read_text()).get("metrics", {}):
+    for result, file in zip(results, files, strict=True):
+        if StoredResult.beside(file).has_relief:
             raise InputError(
                 f"{result}: its film is no plane at rest; touches of planes alone are put together"
             )
     for result, height, size in zip(results, heights, pixels, strict=True):
-        if height.shape != heights[0].shape or abs(size / pixels[0] - 1) > MAX_SIZE_DIFFERENCE:
+        if height.shape != heights[0].shape or not HeightFile.agree(size, pixels[0]):
             raise InputError(f"{result}: differs in size or pixel size from {results[0]}")
     stated = [read_error(height=file) for file in files]
     errors = [np.full_like(heights[0], np.nan) if e is None else e for e in stated]
@@ -177,10 +172,8 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
 
 def _calibrated_view(calibration: Path) -> View:
     """The view of a sensor's calibration; a film that is no plane is refused."""
-    try:
-        arrays = load_arrays(calibration)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{calibration}: cannot be read: {error}") from None
+    module = FileKind.module_of(calibration)
+    arrays: dict[str, Any] = {} if module is None else module.KIND.read(calibration)[0]
     if np.any(arrays.get("rest", 0)):
         raise InputError(
             f"{calibration}: its film is no plane at rest; touches of planes alone are put together"

@@ -23,7 +23,7 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     surface_of,
 )
 from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, View, node, warn
-from tactograph.sdk.unstable import SlopeVariance, Vergence
+from tactograph.sdk.unstable import SlopeVariance
 
 KeySurface = Annotated[F4, Port("2 H W", "mm", nan=True)]
 """Heights of the key frame, NaN beside the touched film, and beside what moves with the object."""
@@ -67,7 +67,7 @@ def track_pose(
     variance: SlopeVariance | None = None,
     key: KeySurface | None = None,
     memory: Memory | None = None,
-    camera: Vergence | None = None,
+    view: View | None = None,
     *,
     cell_px: Annotated[int, Interval(ge=0, le=8)] = 0,
     margin_px: Annotated[int, Interval(ge=0, le=100)] = 3,
@@ -94,9 +94,9 @@ def track_pose(
         2 x H x W, of the slopes that the height was integrated from; without it the covariance
         follows from what the fit leaves.
     key, memory : this node's own ``key`` and ``memory`` of the frame before (``previous.NODE.key``)
-    camera
-        1 / D in 1/mm, with D the height of the camera's pupil above the film: a point of height z
-        is seen 1 / (1 - z / D) as far from the middle as it lies (V1)
+    view
+        The calibration, for D, the height of the camera's pupil above the film: a point of height z
+        is seen 1 / (1 - z / D) as far from the middle as it lies (V1).  Its lens does not count.
     cell_px
         Side of the finest cells: 1, 2, 4 or 8 px; 0: so many that 15,000 of them or fewer are
         touched, but 2 at least, and so few that the contacts are many cells wide.
@@ -112,9 +112,9 @@ def track_pose(
     curves down, as film does that an object holds: below 0.25 the film is so tight that it hides
     tilts, which is told; ``pose_frames`` since tracking began; ``pose_keys``.
     """
-    if camera:
-        view, touched = View(camera=camera), (contact > 0).astype(np.float32)
-        height, (share,) = view.on_even_grid(height, [touched])
+    if view is not None and view.camera:
+        near, touched = View(camera=view.camera), (contact > 0).astype(np.float32)
+        height, (share,) = near.on_even_grid(height, [touched])
         height, contact = np.nan_to_num(height), (share > LEAST_SHARE).view(np.uint8)
     heights, pressed = held_film(height, contact, margin_px)
     stated, inside = 0.0, np.isfinite(heights[1, ::SPARSE_PX, ::SPARSE_PX])

@@ -20,11 +20,10 @@ from rings.mechanics.tests.force.presses import (
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F8, U1
 from tactograph.nodes.contact.find_contact import find_contact
-from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.optics.camera_view import View
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import PressForce, press_to_pressure
-from tests.nodes.contact.test_largest_contacts import CONTACT, HEIGHT, SMALL
+from tests.nodes.contact.test_largest_contacts import CONTACT, HEIGHT, MAX_MEASURED, SMALL
 
 Gel = tuple[float, float]
 GELS = [(1.5, 0.3), (2.5, 0.45), (2.5, 0.48), (2.5, 0.5)]

@@ -7,12 +7,11 @@ import pytest
 from scipy.ndimage import label
 
 from tactograph.nodes import U1
-from tactograph.nodes.contact.largest_contacts import MAX_MEASURED
 from tactograph.rings.mechanics.nodes.motion.follow_contacts import (
     FollowedContacts,
     follow_contacts,
 )
-from tests.nodes.contact.test_largest_contacts import CONTACT
+from tests.nodes.contact.test_largest_contacts import CONTACT, MAX_MEASURED
 
 SHAPE = (80, 120)
 Disc = tuple[float, float, float]

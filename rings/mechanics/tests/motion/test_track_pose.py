@@ -26,6 +26,7 @@ from tactograph.graph.files.read_graph import read_graph, with_overlays
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.contact.find_contact import find_contact
+from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.simulate.press import press
 from tactograph.rings.mechanics.nodes.motion.track_pose import TrackedPose, track_pose
 from tests.fixtures import Calibration, Raytraced
@@ -76,7 +77,9 @@ def test_a_camera_from_near_enlarges_what_moves() -> None:
             z = np.maximum(coin(columns * near - at[0, 3], rows * near), 0)
         film = z.astype(np.float32)
         state = (None, None) if before is None else before[2:4]
-        before = track_pose(film, (z > 0.05).astype(np.uint8), PIXEL, STATED, *state, camera)
+        before = track_pose(
+            film, (z > 0.05).astype(np.uint8), PIXEL, STATED, *state, View(camera=camera)
+        )
     assert before is not None
     np.testing.assert_allclose(astray(before, motion)[:2], 0, atol=0.01)
 

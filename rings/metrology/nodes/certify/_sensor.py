@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.sdk import F4, InputError, Light
-from tactograph.sdk.unstable import read_either
+from tactograph.sdk import F4, FileKind, InputError, Light
 
 
 class CertifiedSensor(NamedTuple):
@@ -28,7 +27,7 @@ def certified_sensor(calibration: Path) -> CertifiedSensor:
     InputError
         If it is none, or its film is no plane at rest.
     """
-    sensor = read_either(calibration)
+    sensor = FileKind.read_sensor(calibration)
     film = sensor.flat, float(sensor.pixel_size), sensor.lens
     if hasattr(sensor, "film"):
         if sensor.rest is not None and sensor.rest.any():

@@ -10,12 +10,11 @@ from pydantic_core import PydanticCustomError
 
 from tactograph.rings.metrology.nodes.scan.scan_file import (
     SCAN_FILE,
-    PixelSide,
     ScanEntries,
     read_entries,
     read_scan,
 )
-from tactograph.sdk import InputError
+from tactograph.sdk import InputError, PixelSize
 from tactograph.sdk.unstable import MAX_PIXELS
 
 LIGHT_TERMS = 10
@@ -52,7 +51,7 @@ class LightModelFile(ScanEntries):
     leds: LedCount = Field(alias="nL")
     width: Annotated[int, Ge(1)]
     height: Annotated[int, Ge(1)]
-    pixel_size: PixelSide = Field(alias="mmperpixel")
+    pixel_size: PixelSize = Field(alias="mmperpixel")
     linear: Matrix = Field(alias="linfit")
     """R x K m: m is 3, or 4 with a scale."""
     quadratic: Matrix = Field(alias="quadfit")

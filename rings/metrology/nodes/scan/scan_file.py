@@ -13,12 +13,11 @@ from typing import Annotated, Any, NamedTuple, TypeVar
 from annotated_types import Interval, Len
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
-from tactograph.sdk import InputError, MarkedBall
-from tactograph.sdk.unstable import MAX_PIXEL_MM, MIN_PIXEL_MM, Document
+from tactograph.sdk import InputError, MarkedBall, PixelSize
+from tactograph.sdk.unstable import Document
 
 SCAN_FILE = "scan.yaml"
 MAX_BYTES = 1_000_000
-PixelSide = Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)]
 BallRadius = Annotated[float, Interval(ge=0, lt=1e3)]
 _DOUBLE_COLON = re.compile(r"^(\s*[A-Za-z_]\w*\s*:)\s+:\s*", re.MULTILINE)
 
@@ -61,7 +60,7 @@ class _ScanFile(ScanEntries):
     images: Annotated[list[str], Len(1)]
     crop: list[float] = []
     mmperpixel: Annotated[
-        PixelSide | None, BeforeValidator(lambda size: None if size == 0 else size)
+        PixelSize | None, BeforeValidator(lambda size: None if size == 0 else size)
     ] = None
     calibradius: BallRadius | None = None
     target: Annotated[

@@ -1,11 +1,6 @@
 """The side of a pixel on the film, from the user, the scan or its light model."""
 
-from typing import Annotated
-
-from annotated_types import Interval
-
-from tactograph.sdk import PixelSize, node, warn
-from tactograph.sdk.unstable import MAX_PIXEL_MM, MAX_SIZE_DIFFERENCE, MIN_PIXEL_MM
+from tactograph.sdk import HeightFile, PixelSize, node, warn
 
 
 @node
@@ -13,7 +8,7 @@ def scan_pixel_size(
     model: PixelSize,
     stated: PixelSize | None = None,
     *,
-    mm: Annotated[float, Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM)] | None = None,
+    mm: PixelSize | None = None,
 ) -> PixelSize:
     """Return the pixel size that a scan states, and warn where its light model has another.
 
@@ -25,7 +20,7 @@ def scan_pixel_size(
     """
     if mm is not None or stated is None:
         return mm or model
-    if abs(stated / model - 1) > MAX_SIZE_DIFFERENCE:
+    if not HeightFile.agree(stated, model):
         warn(
             f"the scan says {stated:.6g} mm per px, its light model {model:.6g}: the scan's is "
             "taken; check that the model is this sensor's, or settle it by `mm`=MM"

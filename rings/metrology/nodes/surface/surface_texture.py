@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tactograph.rings.metrology.nodes.surface.areal_surface import areal_surface
 from tactograph.sdk import Contacts, Height, Metrics, PixelSize, node, warn
-from tactograph.sdk.unstable import MAX_MEASURED, Most, largest_contacts
+from tactograph.sdk.unstable import LargestContacts
 
 POINTS_PER_TERM = 10
 """Least number of points per term; with fewer the form would fit the surface's texture, too."""
@@ -25,7 +25,7 @@ def surface_texture(
     *,
     form_degree: Annotated[int, Interval(ge=0, le=8)] = 1,
     edge_px: Annotated[int, Interval(ge=0, le=50)] = 4,
-    most: Most = MAX_MEASURED,
+    largest: LargestContacts,
 ) -> Metrics:
     """Return Sa, Sq, Sz, Ssk and Sku of ISO 25178-2, of each contact or of the whole map.
 
@@ -44,7 +44,6 @@ def surface_texture(
         Degree of the form, a polynomial in x and y: 0 is the mean, 1 a plane (levelling), 2 also
         a ball or a cylinder.
     edge_px : width in px of the border of a contact that is excluded, because the film bends there
-    most : largest number of contacts that have figures, the largest
 
     Returns
     -------
@@ -64,7 +63,7 @@ def surface_texture(
     if contact is None:
         return _texture(height, is_known, pixel, form_degree, "the height map")
     figures: Metrics = {}
-    for number in largest_contacts(contact, most):
+    for number in largest.numbers(contact):
         inside = _without_edge((contact == number).astype(np.uint8), edge_px) & is_known
         texture = _texture(height, inside, pixel, form_degree, f"contact {number}")
         figures |= {f"{name}/c{number}": figure for name, figure in texture.items()}

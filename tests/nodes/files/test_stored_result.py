@@ -8,7 +8,7 @@ import pytest
 
 from tactograph.graph import InputError, Provenance
 from tactograph.nodes import F4
-from tactograph.nodes.files.result_view import read_view
+from tactograph.nodes.files.stored_result import StoredResult
 from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.write.read_height import read_height
 from tactograph.nodes.write.write_result import write_result
@@ -48,4 +48,4 @@ def test_a_view_that_is_none_is_refused(tmp_path: Path, lens: object) -> None:
     result = tmp_path / "result.json"
     result.write_text(json.dumps({**json.loads(result.read_text()), "lens": lens}))
     with pytest.raises(InputError, match="states no view"):
-        read_view(file)
+        StoredResult.beside(file).view(file)

@@ -1,0 +1,90 @@
+"""What the ``result.json`` beside a stored height says of it."""
+
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+from tactograph.graph import InputError
+from tactograph.nodes import MAX_PIXEL_MM, MIN_PIXEL_MM
+from tactograph.nodes.files.height_files import HeightFile
+from tactograph.nodes.files.layer_files import layer_files
+from tactograph.nodes.files.result_file import RELIEF_FIGURE, RESULT_FILE, checksum, read_result
+from tactograph.nodes.optics.camera_view import View
+
+
+class StoredResult(NamedTuple):
+    """A ``result.json`` and its content; empty where there is none that can be read."""
+
+    file: Path
+    about: dict[str, Any]
+
+    @classmethod
+    def beside(cls, height: Path) -> Self:
+        """Return the result in the folder of a height map."""
+        return cls(height.parent / RESULT_FILE, read_result(height.parent))
+
+    @property
+    def pixel(self) -> float | None:
+        """Return the pixel size in mm; None where none is stated.
+
+        Raises
+        ------
+        InputError
+            If its pixels are not square.
+        """
+        size = self.about.get("pixel_size_mm")
+        if isinstance(size, bool) or not isinstance(size, int | float):
+            return None
+        match self.about.get("pixel_sides_mm"):
+            case [float(width), float(length)] if not HeightFile.agree(width, length):
+                raise InputError(
+                    f"{self.file}: a pixel is {width:.4g} x {length:.4g} mm, not square; "
+                    "let 'write_result' write the grid 'metric'"
+                )
+        return float(size) if MIN_PIXEL_MM <= size <= MAX_PIXEL_MM else None
+
+    @property
+    def has_relief(self) -> bool:
+        """Return whether its film is no plane at rest."""
+        metrics = self.about.get("metrics")
+        return isinstance(metrics, dict) and bool(metrics.get(RELIEF_FIGURE))
+
+    def view(self, height: Path) -> View:
+        """Return the view of a height map; a plain one for a file that the result does not name.
+
+        Raises
+        ------
+        InputError
+            If what is stated is no view.
+        """
+        if height.name in self.about.get("files", []):
+            return View.stated_in(self.about, self.file)
+        return View()
+
+    @property
+    def layers(self) -> dict[str, list[str]]:
+        """Return which of its files are of a layer, by the layer's name."""
+        named = self.about.get("files")
+        return layer_files(named) if isinstance(named, list) else {}
+
+    @property
+    def changed(self) -> list[Path]:
+        """Return its files that are gone, or are others than it was written with."""
+        stated = self.about.get("checksums")
+        sums = stated.items() if isinstance(stated, dict) else ()
+        files = {self.file.parent / name: sum_ for name, sum_ in sums if name == Path(name).name}
+        return [f for f, sum_ in files.items() if not f.is_file() or checksum(f) != sum_]
+
+
+def refuse_view(height: Path) -> None:
+    """Refuse a height map whose pixels do not see the film on an even grid.
+
+    Raises
+    ------
+    InputError
+        If the result in its folder states a lens, or a camera's pupil.
+    """
+    if StoredResult.beside(height).view(height).lens is not None:
+        raise InputError(
+            f"{height}: is as its camera sees it, by a lens or from near, not on an even grid; "
+            "reconstruct with --set save.grid=metric"
+        )
