@@ -7,6 +7,7 @@ pixel is a tenth of a millimetre) and on how high the film lifts the rim.
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy.linalg import hadamard
@@ -14,11 +15,9 @@ from scipy.linalg import hadamard
 from tactograph.nodes import F4, F8, OTHER_PLACES
 from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.lights.descend import by_differences, huber, least_squares
-from tactograph.nodes.calibrate.lights.light_samples import DIM_LIGHT, Object, Rest
+from tactograph.nodes.calibrate.lights.light_samples import DIM_LIGHT, LIGHT_DEVIATION, Object, Rest
 from tactograph.nodes.optics.near_light import irradiance_ratio
 
-LIGHT_DEVIATION = 0.006
-"""Expected standard deviation of the light."""
 INFINITY_MM = 1e6
 """Distance in mm that counts as infinite."""
 HEIGHT_DEVIATION_MM = 0.2
@@ -40,6 +39,43 @@ class LedFit:
     leds: F8
     shifts: F8
     flat: bool
+
+    @classmethod
+    def of(
+        cls,
+        objects: list[Object],
+        rest: Rest | None,
+        width_mm: float,
+        start: Self | None = None,
+        slants: F4 | None = None,
+    ) -> Self:
+        """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber).
+
+        Slants K x 2, if given, are where the search for the LEDs starts.  The film at rest tells
+        the LEDs alone, without objects, if it is no plane.
+        """
+        flat = rest is not None
+        count = len(objects[0].light) if objects else len(rest.logarithm) if rest is not None else 0
+        if start is None:
+            leds = np.array([_distant(objects, rest, k, width_mm, flat) for k in range(count)])
+            if slants is not None:
+                leds[:, :2] = slants
+        else:
+            leds = start.leds
+        shifts = np.zeros((len(objects), 3))
+
+        def placed(unknown: F8) -> Self:
+            own = unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
+            return cls(*own, flat)
+
+        def residual(unknown: F8) -> F8:
+            return placed(unknown).residuals(objects, rest)
+
+        def jacobian(unknown: F8) -> F8:
+            return placed(unknown).jacobian(objects, rest)
+
+        solution = least_squares(residual, np.r_[leds.ravel(), shifts.ravel()], jacobian=jacobian)
+        return placed(solution)
 
     @property
     def lights(self) -> F4:
@@ -63,6 +99,10 @@ class LedFit:
                 *_rest_residual(rest, leds),
             ]
         )
+
+    def cost(self, objects: list[Object], rest: Rest | None) -> float:
+        """Return Huber's loss of the residuals, the least of which `of` finds."""
+        return huber(self.residuals(objects, rest))
 
     def jacobian(self, objects: list[Object], rest: Rest | None) -> F8:
         """Derivatives by differences; an LED affects its own light, a shift its own object."""
@@ -101,47 +141,6 @@ class LedFit:
             own = by_differences(residual, shift, 1)
             jacobian[starts[i] : starts[i + 1], first : first + 3] = own
         return jacobian
-
-
-def place_leds(
-    objects: list[Object],
-    rest: Rest | None,
-    width_mm: float,
-    start: LedFit | None = None,
-    slants: F4 | None = None,
-) -> LedFit:
-    """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber).
-
-    Slants K x 2, if given, are where the search for the LEDs starts.  The film at rest tells the
-    LEDs alone, without objects, if it is no plane.
-    """
-    flat = rest is not None
-    count = len(objects[0].light) if objects else len(rest.logarithm) if rest is not None else 0
-    if start is None:
-        leds = np.array([_distant(objects, rest, k, width_mm, flat) for k in range(count)])
-        if slants is not None:
-            leds[:, :2] = slants
-    else:
-        leds = start.leds
-    shifts = np.zeros((len(objects), 3))
-
-    def placed(unknown: F8) -> LedFit:
-        own = unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
-        return LedFit(*own, flat)
-
-    def residual(unknown: F8) -> F8:
-        return placed(unknown).residuals(objects, rest)
-
-    def jacobian(unknown: F8) -> F8:
-        return placed(unknown).jacobian(objects, rest)
-
-    solution = least_squares(residual, np.r_[leds.ravel(), shifts.ravel()], jacobian=jacobian)
-    return placed(solution)
-
-
-def misfit_of(objects: list[Object], rest: Rest | None, placed: LedFit) -> float:
-    """The minimum of the cost that `place_leds` reaches."""
-    return huber(placed.residuals(objects, rest))
 
 
 def other_places(objects: list[Object], rest: Rest | None, placed: LedFit, width_mm: float) -> F4:

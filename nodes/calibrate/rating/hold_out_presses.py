@@ -18,7 +18,7 @@ from tactograph.nodes import (
     Uneven,
 )
 from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE, BallCircles, BallPress, BallRadii
-from tactograph.nodes.calibrate.lights.light_fit import place_leds, shift_of
+from tactograph.nodes.calibrate.lights.light_fit import LedFit, shift_of
 from tactograph.nodes.calibrate.lights.light_samples import Press, Rest, presses_of, samples_for
 from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
 from tactograph.nodes.calibrate.tables.build_lut import in_tables
@@ -101,11 +101,11 @@ def hold_out_presses(
     rest, width_mm = Rest.of(flat, pixel), pixel * flat.shape[2]
     most = samples_for(len(used) - 1)
     objects = {i: presses[i].samples(pixel, most) for i in used}
-    everything = place_leds(list(objects.values()), rest, width_mm)
+    everything = LedFit.of(list(objects.values()), rest, width_mm)
     percent = []
     for i in used:
         others = [other for j, other in objects.items() if j != i]
-        placed = place_leds(others, rest, width_mm, start=everything)
+        placed = LedFit.of(others, rest, width_mm, start=everything)
         shift = shift_of(objects[i], placed)
         sigma = light_noise(cut(image, rows)[i], flat, noise)
         p, q = presses[i].slope

@@ -11,70 +11,49 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import F4, F8, Film, InputError, Light, NodeCall
+from tactograph.sdk import F8, Film, InputError, NodeCall
 from tactograph.sdk.unstable import (
     DERIVATIVE_STEP,
     MAX_ROUNDS,
-    PART_UNKNOWNS,
     SURE_ODDS,
-    BallPress,
-    BallRadii,
     Balls,
+    FilmEvidence,
     Fitted,
-    Further,
-    Noise,
+    Fitting,
     Rest,
     RestShape,
-    SheetLight,
-    bounced_at_rest,
-    fit,
-    further_step,
-    laid_on,
+    Unknown,
     log_odds,
-    predicted,
-    rest_residual,
-    sample_balls,
-    start_at,
 )
 
 COATED_PARTS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
 """Parts of a film with a coat, and of one that lights itself as well."""
 
 
-class Laid(NamedTuple):
-    """Balls found on a film of some shape, B x 3 in px, and LEDs of a matt film, K x 3 and K."""
-
-    shape: RestShape
-    circle: F4
-    lights: F4
-    strength: F4
-
-
 class Bending(NamedTuple):
     """What a bend is fitted to, and how its unknowns make a shape and lay balls on it."""
 
-    light: SheetLight
-    flat: Light
-    radius: BallRadii
-    of: BallPress
-    noise: Noise
-    pixel: float
     unit: F8
     """Unit of each unknown."""
     is_stated: bool
     """Whether the height of the camera's pupil is given."""
     shape: Callable[[F8], RestShape]
-    lay: Callable[[F8], Laid]
+    lay: Callable[[F8], FilmEvidence]
+    """The evidence with balls found, and LEDs placed, on a film of some bend."""
     bounce: NodeCall
 
 
 class _Round(NamedTuple):
     """A fit of one model on a film of some shape."""
 
-    laid: Laid
+    laid: FilmEvidence
     balls: Balls
     rest: Rest
     fitted: Fitted
+
+    def step(self, parts: frozenset[str], light: F8, flat: F8) -> tuple[F8, F8]:
+        """Return the step of unknowns with these derivatives, and its covariance."""
+        return Fitting.of(self.balls, self.rest, parts).further_step(self.fitted, light, flat)
 
 
 def coated_bend(bending: Bending, unknowns: F8, independent: float) -> tuple[F8, F8] | None:
@@ -90,9 +69,9 @@ def coated_bend(bending: Bending, unknowns: F8, independent: float) -> tuple[F8,
         If the film has one, and the height of the pupil is not given.
     """
     matt = _round(bending, unknowns, frozenset(), None)
-    coat = fit(matt.balls, matt.rest, COATED_PARTS[0], matt.fitted)
+    coat = Fitting.of(matt.balls, matt.rest, COATED_PARTS[0]).fitted(matt.fitted)
     now = matt._replace(fitted=coat)
-    more = len(PART_UNKNOWNS["lobe"])
+    more = len(Unknown.of_part("lobe"))
     if log_odds(matt.fitted.scale, coat.scale, more, independent) < math.log(SURE_ODDS):
         return None
     if not bending.is_stated:
@@ -103,55 +82,47 @@ def coated_bend(bending: Bending, unknowns: F8, independent: float) -> tuple[F8,
     for parts in COATED_PARTS:
         for _ in range(MAX_ROUNDS):
             now = _round(bending, unknowns, parts, now.fitted)
-            further = _further(bending, unknowns, now)
-            step, spread = _step(bending, now, parts, further)
+            light, flat = _further(bending, unknowns, now)
+            step, spread = now.step(parts, light, flat)
             unknowns = unknowns + bending.unit * step
             if (np.square(step) < np.diag(spread)).all():
                 break
     for number in np.unique(now.balls.ball):
         others = now.balls.ball != number
-        remaining = Further(further.light[..., others], further.flat)
         without = now._replace(balls=now.balls.only(others))
-        moved = _step(bending, without, parts, remaining)[0] - step
-        spread = spread + np.outer(moved, moved) * (1 - 1 / len(bending.radius))
+        moved = without.step(parts, light[..., others], flat)[0] - step
+        spread = spread + np.outer(moved, moved) * (1 - 1 / len(now.laid.radius))
     return unknowns, spread * np.outer(bending.unit, bending.unit)
 
 
 def _round(bending: Bending, unknowns: F8, parts: frozenset[str], before: Fitted | None) -> _Round:
     """Fit a model's film, LEDs and balls on a bend."""
     laid = bending.lay(unknowns)
-    start = start_at(laid.lights, laid.strength, len(laid.circle))
-    film = Film.matt(laid.lights)
+    start, film = laid.start(), Film.matt(laid.first_lights)
     if before is not None:
         film, start = before.film, before._replace(shifts=np.zeros_like(before.shifts))
+    assert laid.shape is not None  # what `lay` lays balls on
     camera = laid.shape.camera
     film, start = (
         film._replace(camera=camera),
         start._replace(film=start.film._replace(camera=camera)),
     )
-    balls = sample_balls(
-        bending.light, bending.flat, laid.circle, bending.radius, bending.of, film, bending.noise,
-        bending.pixel, fine="bounce" not in parts, bounce=bending.bounce, shape=laid.shape,
-    )  # fmt: skip
-    glow = bounced_at_rest(laid.shape, film, bending.bounce) if "bounce" in parts else None
-    rest = Rest.of(bending.flat, bending.pixel, laid.shape, glow)
+    bounces = "bounce" in parts
+    balls = laid.sample(film, fine=not bounces, bounce=bending.bounce)
+    rest = laid.rest(bending.bounce if bounces else None, film)
     assert rest is not None  # `find_rest` refuses a uniform flat frame
-    fitted = fit(balls, rest, parts, start)
-    return _Round(laid, balls, rest, fitted)
+    return _Round(laid, balls, rest, Fitting.of(balls, rest, parts).fitted(start))
 
 
-def _step(bending: Bending, now: _Round, parts: frozenset[str], further: Further) -> tuple[F8, F8]:
-    return further_step(now.balls, now.rest, parts, now.fitted, further)
-
-
-def _further(bending: Bending, unknowns: F8, now: _Round) -> Further:
-    """Derivatives of the light by the unknowns of the bend, in their units."""
-    light, flat = predicted(now.balls, now.fitted), rest_residual(now.rest, now.fitted)
+def _further(bending: Bending, unknowns: F8, now: _Round) -> tuple[F8, F8]:
+    """Derivatives of light and flat frame by the unknowns of the bend, in their units."""
+    fitted = now.fitted
+    light, flat = fitted.predicted(now.balls), fitted.rest_residual(now.rest)
     by_light, by_flat = [], []
     for way in np.eye(len(unknowns)):
         shape = bending.shape(unknowns + DERIVATIVE_STEP * bending.unit * way)
-        balls = laid_on(now.balls, now.laid.circle, shape)
-        by_light.append((predicted(balls, now.fitted) - light) / DERIVATIVE_STEP)
+        balls = now.laid._replace(shape=shape).laid(now.balls)
+        by_light.append((fitted.predicted(balls) - light) / DERIVATIVE_STEP)
         rest = replace(now.rest, beneath=shape.at(now.rest.x, now.rest.y))
-        by_flat.append((rest_residual(rest, now.fitted) - flat) / DERIVATIVE_STEP)
-    return Further(np.stack(by_light), np.stack(by_flat))
+        by_flat.append((fitted.rest_residual(rest) - flat) / DERIVATIVE_STEP)
+    return np.stack(by_light), np.stack(by_flat)

@@ -29,21 +29,18 @@ from tactograph.sdk import (
 )
 from tactograph.sdk.nodes import film_bounce, integrate_dct
 from tactograph.sdk.unstable import (
-    EMISSION_UNKNOWN,
     MIN_BOUNCE_ERROR,
-    SHARED_UNKNOWNS,
-    USUAL_NEARNESS,
     Fitted,
     Misfit,
     Rest,
     ScaleError,
     SheetLight,
+    Unknown,
     cut,
     places,
     places_within,
     positions,
     predict,
-    rest_residual,
 )
 
 CELLS_ACROSS = 40
@@ -69,7 +66,9 @@ DERIVATIVE_STEP = 1e-3
 EMISSION_LIMITS = -1.0, 4.0
 COAT_LIMITS = {"albedo": (0.0, 0.95), "roughness": (0.08, 0.6), "refraction": (1.3, 1.6)}
 """Of a film with a coat, whose base has the albedo that light from film to film has."""
-SHARED_PRIORS = EMISSION_UNKNOWN, *(SHARED_UNKNOWNS[name] for name in COAT_LIMITS)
+USUAL_NEARNESS = Unknown.of("nearness").start
+"""Widths of the image over the distance of an LED."""
+SHARED_PRIORS = tuple(Unknown.of(name) for name in ("emission", *COAT_LIMITS))
 """What all LEDs share: m, of an LED that emits as cos^m, and the coat."""
 
 
@@ -172,7 +171,7 @@ def _start(scene: _Scene) -> F8:
     grows = np.linalg.lstsq(plane, rest.logarithm.T, rcond=None)[0][:2].T
     ways = FIRST_SLANT * grows / np.linalg.norm(grows, axis=1, keepdims=True)
     nearness = np.full(len(ways), USUAL_NEARNESS / scene.width)
-    return np.r_[np.column_stack([ways, nearness]).ravel(), EMISSION_UNKNOWN.start]
+    return np.r_[np.column_stack([ways, nearness]).ravel(), SHARED_PRIORS[0].start]
 
 
 def _units(scene: _Scene, unknowns: F8) -> F8:
@@ -289,7 +288,7 @@ def _residuals(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     leds = np.c_[
         unknowns[: 3 * count].reshape(count, 3), np.zeros(count), np.full(count, shared[0])
     ]
-    at_rest = rest_residual(scene.rest, Fitted(leds, film, np.zeros((0, 3)), 1.0))
+    at_rest = Fitted(leds, film, np.zeros((0, 3))).rest_residual(scene.rest)
     parts = [
         (unknowns[2 : 3 * count : 3] - usual) / usual,
         (shared - about) / _units(scene, unknowns)[3 * count :],

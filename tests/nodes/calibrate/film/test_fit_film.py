@@ -8,8 +8,8 @@ import pytest
 from tactograph.graph import GraphError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.nodes import F4, Film
+from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
 from tactograph.nodes.calibrate.film import _film_search
-from tactograph.nodes.calibrate.film.film_fit import start_at
 from tactograph.nodes.calibrate.film.film_unknowns import USUAL_ALBEDO, Unknowns
 from tactograph.nodes.calibrate.film.fit_film import FilmFit, fit_film
 from tactograph.nodes.light.film_bounce import film_bounce
@@ -170,7 +170,7 @@ def test_the_albedo_under_a_coat_is_that_by_which_film_lights_film() -> None:
     coated = Unknowns.of({"lobe", "bounce"}, 20.0)
     assert {"albedo", "roughness"} < {*coated.names}
     assert "base" not in coated.names
-    matt = start_at(LEDS, np.ones(len(LEDS), np.float32), 1)
+    matt = Fitted.matt(LEDS, np.ones(len(LEDS), np.float32), 1)
     film = coated.opened(matt).film
     assert film.refraction > 1
     assert film.base == film.albedo == USUAL_ALBEDO.start
