@@ -111,7 +111,6 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
-    FOLD_COUNT as FOLD_COUNT,
     MAX_SAMPLE_SLOPE as MAX_SAMPLE_SLOPE,
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
@@ -164,8 +163,7 @@ from tactograph.nodes.calibrate.lights.descend import (
 )
 from tactograph.nodes.calibrate.lights.light_fit import (
     LedFit as LedFit,
-    places_within as places_within,
-    positions as positions,
+    LedPlaces as LedPlaces,
 )
 from tactograph.nodes.calibrate.lights.light_samples import (
     MAX_INDEPENDENT_REST as MAX_INDEPENDENT_REST,
@@ -181,21 +179,18 @@ from tactograph.nodes.calibrate.ranks.drawn import (
 from tactograph.nodes.calibrate.rating.advise_press import (
     FILM_REGIONS as FILM_REGIONS,
 )
-from tactograph.nodes.calibrate.rating.judge_contact import (
-    ball_shape as ball_shape,
-    judge_contact as judge_contact,
-)
 from tactograph.nodes.calibrate.rating.judge_labels import (
     MAX_JUDGED_BALLS as MAX_JUDGED_BALLS,
+)
+from tactograph.nodes.calibrate.rating.pressed_ball import (
+    PressedBall as PressedBall,
 )
 from tactograph.nodes.calibrate.rating.rate_calibration import (
     MAX_LED_WIDTHS as MAX_LED_WIDTHS,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
     SURE_ODDS as SURE_ODDS,
-    Advice as Advice,
     Judged as Judged,
-    grows as grows,
     log_odds as log_odds,
     pays as pays,
 )
@@ -270,9 +265,6 @@ from tactograph.nodes.light.film_drift import (
 )
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
-)
-from tactograph.nodes.optics.film import (
-    predict as predict,
 )
 from tactograph.nodes.optics.gauss_newton import (
     limited_step as limited_step,

@@ -13,8 +13,7 @@ from tactograph.nodes.calibrate import FOLD_COUNT, MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.ball.ball_surface import ball_height, sunk
 from tactograph.nodes.calibrate.lights.light_fit import (
     HEIGHT_DEVIATION_MM,
-    inverse_places,
-    positions,
+    LedPlaces,
 )
 from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
 from tactograph.nodes.optics.coat import MIN_COSINE
@@ -245,13 +244,13 @@ class Fitted(NamedTuple):
         """Return a matt film with `count` balls under roughly known LEDs, as a start value."""
         film = Film.matt(lights.astype(np.float64))
         emission = np.full(len(lights), film.emission)
-        unknowns = inverse_places(lights), np.log(np.maximum(strength, 1e-6)), emission
+        unknowns = LedPlaces.of(lights).values, np.log(np.maximum(strength, 1e-6)), emission
         leds = np.column_stack(unknowns).astype(np.float64)
         return cls(leds, film, np.zeros((count, 3))).with_leds(leds)
 
     def with_leds(self, leds: F8) -> Self:
         """Return a copy with other LEDs."""
-        lights = cast(F4, positions(leds))
+        lights = cast(F4, LedPlaces(leds).positions)
         film = self.film._replace(lights=lights, emission=float(leds[:, 4].mean()))
         return self._replace(leds=leds, film=film)
 

@@ -19,7 +19,7 @@ from tactograph.nodes.calibrate.film.film_fit import Fitting, add_harmonics, pla
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, Unknowns
 from tactograph.nodes.calibrate.lights.descend import HUBER_DEVIATIONS
 from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
-from tactograph.nodes.calibrate.rating.verdict import grows, pays
+from tactograph.nodes.calibrate.rating.verdict import log_odds, pays
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
 
 SHINING_PARTS = frozenset(("lobe", "bounce"))
@@ -56,14 +56,15 @@ class Trial(NamedTuple):
         return direct_alone.fitted(fitted)
 
     def prefers(self, larger: "Model", model: "Model") -> bool:
-        """Return whether a larger model is the better one (`grows`)."""
+        """Return whether a larger model is the better one: likelier, and better held out."""
         both = model, larger
         scales = model.fitted.scale, larger.fitted.scale
         fewer, more = (Unknowns.of(each.parts, self.balls.width_mm) for each in both)
         unusual = more.surprise(larger.fitted) - fewer.surprise(model.fitted)
         values = min(self.balls.u.size, MAX_INDEPENDENT_SAMPLES)
         further = len(more.names) - len(fewer.names)
-        return grows(model.errors, larger.errors, scales, further, values, unusual)
+        odds = log_odds(*scales, further, values) - unusual
+        return pays(model.errors, larger.errors, odds)
 
 
 class Model(NamedTuple):
@@ -140,7 +141,7 @@ def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Tr
     """Add parts to a model one by one, or coat and bounce at once, as long as that pays.
 
     A part pays if the film is likelier with it, given how usual its values are, and if it lowers
-    the held-out error (`grows`).  Once the film has a coat or an albedo, the samples are renewed:
+    the held-out error (`pays`).  Once the film has a coat or an albedo, the samples are renewed:
     then the light that it reflects from film to film is known.
     """
     if "bounce" in parts and may_grow(best):

@@ -11,7 +11,7 @@ from scipy.special import ndtr, stdtrit
 from tactograph.nodes import BAND_DEVIATIONS, F4, F8, FULL_MISFIT_SLOPE, Film
 from tactograph.nodes.calibrate import MIN_BOUNCE_ERROR
 from tactograph.nodes.calibrate.ball.balls_on_film import MIN_WEIGHT_LIGHT, Balls, Fitted
-from tactograph.nodes.calibrate.lights.light_fit import inverse_places, positions
+from tactograph.nodes.calibrate.lights.light_fit import LedPlaces
 from tactograph.nodes.light.touch_misfit import brighter
 from tactograph.nodes.optics.film import direct_share, predict, touch_gain, turned
 
@@ -72,7 +72,7 @@ class Held(NamedTuple):
         reach = float(np.interp(-falling[0] / 2, -falling, lags)) * pixel
         near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
         sure = _root(normal[0] - chance[0])
-        away = inverse_places(film.others) - inverse_places(film.lights)
+        away = LedPlaces.of(film.others).values - LedPlaces.of(film.lights).values
         common = np.mean([_led_tilt(*fold, away, uneven) for fold in held_out])
         tilt = _root(
             float(np.square(tilts).mean() - common * len(held_out) / max(len(held_out) - 1, 1))
@@ -109,13 +109,13 @@ class Held(NamedTuple):
 
 
 def _led_tilt(balls: Balls, fitted: Fitted, away: F8, uneven: float) -> float:
-    """Mean square effect on `tilt` of LEDs that lie `away`, 8 x K x 3 of `inverse_places`."""
+    """Mean square effect on `tilt` of LEDs that lie `away`, 8 x K x 3 of `LedPlaces`."""
     film, some = fitted.film, balls.thinned()
     truth, place, lift = some.touched_place(fitted.shifts, film)
     light, outward = predict(film, truth, *place, None, lift), _outward(truth)
     tilts = []
-    for moved in inverse_places(film.lights) + away:
-        other = film._replace(lights=cast(F4, positions(moved)))
+    for moved in LedPlaces.of(film.lights).values + away:
+        other = film._replace(lights=cast(F4, LedPlaces(moved).positions))
         n = turned(other, light, truth, place, uneven, None, lift)
         tilts.append(((n - truth) * outward).sum() / np.square(outward).sum())
     return float(np.square(tilts).mean())

@@ -7,7 +7,7 @@ pixel is a tenth of a millimetre) and on how high the film lifts the rim.
 """
 
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.linalg import hadamard
@@ -30,6 +30,46 @@ MIN_OVER = 1e-3
 """Least irradiance of the film at rest, in units of L_z, that is divided by."""
 DERIVATIVE_STEP = float(np.sqrt(np.finfo(np.float64).eps))
 """Relative step of the numeric derivative: the square root of the rounding error."""
+
+
+class LedPlaces(NamedTuple):
+    """LEDs by L_x / L_z, L_y / L_z and 1 / L_z, ... x K x 3; what follows is not read."""
+
+    values: F8
+
+    @classmethod
+    def of(cls, lights: F4 | F8) -> Self:
+        """Return LEDs at positions in mm, ... x K x 3."""
+        ends = lights[..., :2] / lights[..., 2:]
+        nearness = 1 / np.minimum(lights[..., 2:], INFINITY_MM)
+        return cls(np.concatenate([ends, nearness], axis=-1).astype(np.float64))
+
+    @property
+    def positions(self) -> F8:
+        """Positions in mm of K LEDs."""
+        ends = np.column_stack([self.values[:, :2], np.ones(len(self.values))])
+        return np.asarray(ends / np.maximum(self.values[:, 2:3], 1 / INFINITY_MM))
+
+    def sampled(self, spread: F8, width_mm: float) -> F4:
+        """Return LED positions sampled from a known covariance, 8 x K x 3 in mm.
+
+        Parameters
+        ----------
+        spread : 3 K x 3 K, the covariance of the K LEDs
+        width_mm : width of the film that the camera sees
+        """
+        leds = self.values[:, :3]
+        unit = np.tile([1, 1, 2 / width_mm], len(leds))
+        variance, direction = np.linalg.eigh(spread / np.outer(unit, unit))
+        deviation = np.sqrt(np.maximum(variance[-OTHER_PLACES:], 0))
+        modes = direction[:, -OTHER_PLACES:] * deviation * unit[:, None]
+        changes = hadamard(OTHER_PLACES) @ modes.T
+        others = []
+        for change in changes.reshape(OTHER_PLACES, len(leds), 3):
+            moved = leds + change
+            moved[:, 2] = np.maximum(moved[:, 2], MIN_INVERSE_HEIGHT_RATIO * leds[:, 2])
+            others.append(LedPlaces(moved).positions.astype(np.float32))
+        return np.stack(others)
 
 
 @dataclass(frozen=True)
@@ -80,7 +120,7 @@ class LedFit:
     @property
     def lights(self) -> F4:
         """Positions K x 3 in mm from the middle of the image."""
-        return positions(self.leds).astype(np.float32)
+        return LedPlaces(self.leds).positions.astype(np.float32)
 
     @property
     def strength(self) -> F4:
@@ -168,42 +208,7 @@ def other_places(objects: list[Object], rest: Rest | None, placed: LedFit, width
     spread = inverse @ (slopes.T @ (slopes * noise[:, None])) @ inverse / np.outer(scale, scale)
 
     places = [4 * k + j for k in range(len(leds)) for j in range(3)]
-    return places_within(leds[:, :3], spread[np.ix_(places, places)], width_mm)
-
-
-def places_within(leds: F8, spread: F8, width_mm: float) -> F4:
-    """Return LED positions sampled from a known covariance, 8 x K x 3 in mm.
-
-    Parameters
-    ----------
-    leds : K x 3: L_x / L_z, L_y / L_z, 1 / L_z
-    spread : 3 K x 3 K, their covariance
-    width_mm : width of the film that the camera sees
-    """
-    unit = np.tile([1, 1, 2 / width_mm], len(leds))
-    variance, direction = np.linalg.eigh(spread / np.outer(unit, unit))
-    deviation = np.sqrt(np.maximum(variance[-OTHER_PLACES:], 0))
-    modes = direction[:, -OTHER_PLACES:] * deviation * unit[:, None]
-    changes = hadamard(OTHER_PLACES) @ modes.T
-    others = []
-    for change in changes.reshape(OTHER_PLACES, len(leds), 3):
-        moved = leds + change
-        moved[:, 2] = np.maximum(moved[:, 2], MIN_INVERSE_HEIGHT_RATIO * leds[:, 2])
-        others.append(positions(moved).astype(np.float32))
-    return np.stack(others)
-
-
-def positions(leds: F8) -> F8:
-    """Return positions in mm of LEDs given by L_x / L_z, L_y / L_z, 1 / L_z."""
-    ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
-    return np.asarray(ends / np.maximum(leds[:, 2:3], 1 / INFINITY_MM))
-
-
-def inverse_places(lights: F4 | F8) -> F8:
-    """Return L_x / L_z, L_y / L_z, 1 / L_z of positions in mm, ... x K x 3."""
-    ends = lights[..., :2] / lights[..., 2:]
-    nearness = 1 / np.minimum(lights[..., 2:], INFINITY_MM)
-    return np.concatenate([ends, nearness], axis=-1).astype(np.float64)
+    return LedPlaces(leds).sampled(spread[np.ix_(places, places)], width_mm)
 
 
 def shift_of(press: Object, placed: LedFit) -> F8:

@@ -20,7 +20,7 @@ from tactograph.nodes import (
 from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE, BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.lights.light_fit import LedFit, shift_of
 from tactograph.nodes.calibrate.lights.light_samples import Press, Rest, presses_of, samples_for
-from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
+from tactograph.nodes.calibrate.rating.pressed_ball import PressedBall
 from tactograph.nodes.calibrate.tables.build_lut import in_tables
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.light_noise import light_noise
@@ -115,7 +115,8 @@ def hold_out_presses(
         errors = []
         for b in np.flatnonzero(balls.of == i):
             circle = np.array([*(balls.circle[b, :2] + shift[:2]), balls.circle[b, 2]])
-            errors.append(judge_contact(*surface, circle, balls.radius[b] / pixel, pixel, judged))
+            ball = PressedBall(circle, balls.radius[b] / pixel, pixel)
+            errors.append(ball.errors(*surface, judged))
         degrees[i], microns[i], share = np.mean(errors, axis=0)
         percent.append(share)
     if np.isfinite(degrees).any():

@@ -16,13 +16,10 @@ from tactograph.sdk.unstable import (
     DERIVATIVE_STEP,
     MAX_ROUNDS,
     SURE_ODDS,
-    Balls,
     FilmEvidence,
     Fitted,
     Fitting,
-    Rest,
     RestShape,
-    Unknown,
     log_odds,
 )
 
@@ -47,13 +44,8 @@ class _Round(NamedTuple):
     """A fit of one model on a film of some shape."""
 
     laid: FilmEvidence
-    balls: Balls
-    rest: Rest
+    fitting: Fitting
     fitted: Fitted
-
-    def step(self, parts: frozenset[str], light: F8, flat: F8) -> tuple[F8, F8]:
-        """Return the step of unknowns with these derivatives, and its covariance."""
-        return Fitting.of(self.balls, self.rest, parts).further_step(self.fitted, light, flat)
 
 
 def coated_bend(bending: Bending, unknowns: F8, independent: float) -> tuple[F8, F8] | None:
@@ -69,10 +61,10 @@ def coated_bend(bending: Bending, unknowns: F8, independent: float) -> tuple[F8,
         If the film has one, and the height of the pupil is not given.
     """
     matt = _round(bending, unknowns, frozenset(), None)
-    coat = Fitting.of(matt.balls, matt.rest, COATED_PARTS[0]).fitted(matt.fitted)
-    now = matt._replace(fitted=coat)
-    more = len(Unknown.of_part("lobe"))
-    if log_odds(matt.fitted.scale, coat.scale, more, independent) < math.log(SURE_ODDS):
+    coat = Fitting.of(matt.fitting.balls, matt.fitting.rest, COATED_PARTS[0])
+    now = matt._replace(fitted=coat.fitted(matt.fitted))
+    more = len(coat.unknowns.names) - len(matt.fitting.unknowns.names)
+    if log_odds(matt.fitted.scale, now.fitted.scale, more, independent) < math.log(SURE_ODDS):
         return None
     if not bending.is_stated:
         raise InputError(
@@ -83,14 +75,15 @@ def coated_bend(bending: Bending, unknowns: F8, independent: float) -> tuple[F8,
         for _ in range(MAX_ROUNDS):
             now = _round(bending, unknowns, parts, now.fitted)
             light, flat = _further(bending, unknowns, now)
-            step, spread = now.step(parts, light, flat)
+            step, spread = now.fitting.further_step(now.fitted, light, flat)
             unknowns = unknowns + bending.unit * step
             if (np.square(step) < np.diag(spread)).all():
                 break
-    for number in np.unique(now.balls.ball):
-        others = now.balls.ball != number
-        without = now._replace(balls=now.balls.only(others))
-        moved = without.step(parts, light[..., others], flat)[0] - step
+    balls = now.fitting.balls
+    for number in np.unique(balls.ball):
+        others = balls.ball != number
+        without = now.fitting._replace(balls=balls.only(others))
+        moved = without.further_step(now.fitted, light[..., others], flat)[0] - step
         spread = spread + np.outer(moved, moved) * (1 - 1 / len(now.laid.radius))
     return unknowns, spread * np.outer(bending.unit, bending.unit)
 
@@ -110,19 +103,20 @@ def _round(bending: Bending, unknowns: F8, parts: frozenset[str], before: Fitted
     bounces = "bounce" in parts
     balls = laid.sample(film, fine=not bounces, bounce=bending.bounce)
     rest = laid.rest(bending.bounce if bounces else None, film)
-    assert rest is not None  # `find_rest` refuses a uniform flat frame
-    return _Round(laid, balls, rest, Fitting.of(balls, rest, parts).fitted(start))
+    fitting = Fitting.of(balls, rest, parts)
+    return _Round(laid, fitting, fitting.fitted(start))
 
 
 def _further(bending: Bending, unknowns: F8, now: _Round) -> tuple[F8, F8]:
     """Derivatives of light and flat frame by the unknowns of the bend, in their units."""
-    fitted = now.fitted
-    light, flat = fitted.predicted(now.balls), fitted.rest_residual(now.rest)
+    fitted, fitting = now.fitted, now.fitting
+    assert fitting.rest is not None  # `find_rest` refuses a uniform flat frame
+    light, flat = fitted.predicted(fitting.balls), fitted.rest_residual(fitting.rest)
     by_light, by_flat = [], []
     for way in np.eye(len(unknowns)):
         shape = bending.shape(unknowns + DERIVATIVE_STEP * bending.unit * way)
-        balls = now.laid._replace(shape=shape).laid(now.balls)
+        balls = now.laid._replace(shape=shape).laid(fitting.balls)
         by_light.append((fitted.predicted(balls) - light) / DERIVATIVE_STEP)
-        rest = replace(now.rest, beneath=shape.at(now.rest.x, now.rest.y))
+        rest = replace(fitting.rest, beneath=shape.at(fitting.rest.x, fitting.rest.y))
         by_flat.append((fitted.rest_residual(rest) - flat) / DERIVATIVE_STEP)
     return np.stack(by_light), np.stack(by_flat)

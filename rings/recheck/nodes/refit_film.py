@@ -22,8 +22,8 @@ from tactograph.sdk.unstable import (
     Rest,
     SheetLight,
     Unknown,
-    grows,
     least_squares,
+    log_odds,
     pays,
 )
 
@@ -98,7 +98,7 @@ def refit_film(
     frame's fall-off.  Each prior holds a parameter near its old value, as films of one kind
     differ; the albedo's takes the flat frame's brightness into account.  The thickness is always
     fitted.  Changes of the gel, and then of the coat, are accepted if they are likelier, and lower
-    the error on held-out quarters of the press by more than a standard error (`grows`).  Where
+    the error on held-out quarters of the press by more than a standard error (`pays`).  Where
     only the new film lights itself, it is fitted once more, to more samples, with that light
     known, and the better of both on what is held out is taken.  The old film's harmonics
     are dropped if that lowers the error as much.
@@ -213,7 +213,8 @@ def _choose(prior: _Prior, balls: Balls) -> tuple[_Refitted, list[float], list[_
     for names in FILM_CHANGES[1:]:
         candidate = _judged(prior, balls, names)
         scales = best.scale(balls), candidate[0].scale(balls)
-        if grows(errors, candidate[1], scales, len(names) - len(best.changed), values):
+        odds = log_odds(*scales, len(names) - len(best.changed), values)
+        if pays(errors, candidate[1], odds):
             best, errors, fold_fits = candidate
     return best, errors, fold_fits
 

@@ -27,10 +27,11 @@ from tactograph.sdk import (
     SizeLimit,
     node,
 )
-from tactograph.sdk.nodes import film_bounce, integrate_dct
+from tactograph.sdk.nodes import film_bounce, film_light, integrate_dct
 from tactograph.sdk.unstable import (
     MIN_BOUNCE_ERROR,
     Fitted,
+    LedPlaces,
     Misfit,
     Rest,
     ScaleError,
@@ -38,9 +39,6 @@ from tactograph.sdk.unstable import (
     Unknown,
     cut,
     places,
-    places_within,
-    positions,
-    predict,
 )
 
 CELLS_ACROSS = 40
@@ -183,7 +181,8 @@ def _units(scene: _Scene, unknowns: F8) -> F8:
 def _film(scene: _Scene, unknowns: F8) -> Film:
     count = len(scene.presses[0])
     coat = unknowns[3 * count + 1 :].tolist()
-    film = Film.matt(positions(unknowns[: 3 * count].reshape(count, 3)).astype(np.float32))
+    leds = LedPlaces(unknowns[: 3 * count].reshape(count, 3))
+    film = Film.matt(leds.positions.astype(np.float32))
     film = film._replace(camera=scene.camera)
     if coat:
         film = film._replace(base=coat[0], **dict(zip(COAT_LIMITS, coat, strict=True)))
@@ -230,12 +229,10 @@ def _matt(scene: _Scene, press: F8, state: _State, film: Film, vectors: F8) -> F
     """The light that a matt film would have: without bounces, and what a coat makes of it."""
     if film.refraction == 1:
         return press
-    u, v = scene.places
     p, q = state.slope
     n = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
-    nearer = 1 - scene.camera * state.height
-    x, y, z = (u * nearer).ravel(), (v * nearer).ravel(), state.height.ravel()
-    light = predict(film, n.reshape(3, -1), x, y, z).reshape(press.shape)
+    apparent = state.height / (1 - scene.camera * state.height)
+    light = film_light(state.slope, apparent, film, scene.pixel)
     direct = np.einsum("kihw,ihw->khw", vectors, n)
     return np.asarray(press - film.albedo * state.bounced - (light - direct))
 
@@ -314,7 +311,7 @@ def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
     variance = 2 * solved.cost / solved.fun.size * max(1, solved.fun.size / independent)
     spread = variance * np.linalg.pinv(solved.jac.T @ solved.jac, hermitian=True)
     leds, spread = solved.x[: 3 * count].reshape(count, 3), spread[: 3 * count, : 3 * count]
-    others = places_within(leds, spread, scene.width)
+    others = LedPlaces(leds).sampled(spread, scene.width)
     steeper: NDArray[np.float64] = np.zeros((count, 3))
     steeper[:, :2] = leds[:, :2] / np.square(leds[:, :2]).sum(axis=1, keepdims=True) / count
     scale = math.sqrt(float(steeper.ravel() @ spread @ steeper.ravel()))

@@ -41,8 +41,8 @@ from tactograph.sdk.unstable import (
     DEVIATIONS_PER_MAD,
     MIN_FLAT_LIGHT,
     FoundBalls,
+    PressedBall,
     PressImages,
-    ball_shape,
 )
 
 ROUGH_PASSES = 2
@@ -243,14 +243,14 @@ def measure_rim(bench: Bench, reflectance: F8, circles: F8, is_used: np.ndarray)
 def _rim_of(bench: Bench, reflectance: F8, circle: F8, press: int) -> float:
     _, height = reconstruct(bench, reflectance, press)
     y, x = (i.astype(np.float64) for i in np.indices(bench.shape))
-    _, rise = ball_shape(x, y, circle, bench.radius, bench.pixel)
+    _, rise = PressedBall(circle, bench.radius, bench.pixel).shape(x, y)
     distance = np.hypot(x - circle[0], y - circle[1]) / circle[2]
     ring = (distance > 0.8) & (distance < 0.95)
     return float(np.median((height - rise)[ring]))
 
 
 def _shades(bench: Bench, circle: F8, pixels: Pixels, rim: float) -> F8:
-    slope, rise = ball_shape(pixels.x, pixels.y, circle, bench.radius, bench.pixel)
+    slope, rise = PressedBall(circle, bench.radius, bench.pixel).shape(pixels.x, pixels.y)
     return shades(slope, rise + rim)
 
 

@@ -18,8 +18,8 @@ from tactograph.sdk.unstable import (
     FILM_REGIONS,
     FoundBalls,
     Judged,
+    PressedBall,
     PressImages,
-    judge_contact,
 )
 
 COVERAGE_CELLS = (4, 6)
@@ -94,8 +94,8 @@ def rate_presses(
         for press in held_out.tolist():
             at = balls.circle[press].astype(np.float64)
             at = refine_center(bench, reflectance, at, press, rim, steps=6)
-            surface = reconstruct(bench, reflectance, press)
-            errors[press] = judge_contact(*surface, at, bench.radius, bench.pixel)
+            ball = PressedBall(at, bench.radius, bench.pixel)
+            errors[press] = ball.errors(*reconstruct(bench, reflectance, press))
     judged = chosen[np.isfinite(errors[chosen, 0])]
     degrees, microns, percent = errors[judged].mean(axis=0) if judged.size else [np.nan] * 3
     pressed = presses_per_cell(circle[chosen], bench.shape)
