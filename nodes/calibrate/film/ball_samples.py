@@ -6,7 +6,7 @@ Long because a sample holds the light that its film throws on itself, on a film 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Annotated, Any, NamedTuple, Self, cast
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -313,7 +313,7 @@ class FilmEvidence(NamedTuple):
         )
         if shape is not None:
             glow = resting.bounced[:, row, column].astype(np.float64)
-            every = self._replace(circle=cast(F4, circle)).laid(every, glow)
+            every = self._replace(circle=circle).laid(every, glow)
         return every if most is None else every.thinned(most)
 
     def laid(self, balls: Balls, glow: F8 | None = None) -> Balls:

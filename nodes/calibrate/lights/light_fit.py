@@ -80,15 +80,14 @@ class LedFit:
     shifts: F8
     flat: bool
 
-    @classmethod
+    @staticmethod
     def of(
-        cls,
         objects: list[Object],
         rest: Rest | None,
         width_mm: float,
-        start: Self | None = None,
+        start: "LedFit | None" = None,
         slants: F4 | None = None,
-    ) -> Self:
+    ) -> "LedFit":
         """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber).
 
         Slants K x 2, if given, are where the search for the LEDs starts.  The film at rest tells
@@ -104,9 +103,9 @@ class LedFit:
             leds = start.leds
         shifts = np.zeros((len(objects), 3))
 
-        def placed(unknown: F8) -> Self:
+        def placed(unknown: F8) -> LedFit:
             own = unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
-            return cls(*own, flat)
+            return LedFit(*own, flat)
 
         def residual(unknown: F8) -> F8:
             return placed(unknown).residuals(objects, rest)

@@ -141,8 +141,9 @@ def refit_film(
     best, errors, fold_fits = _choose(before_refit, some)
     if best.film.albedo > 0 and not film.lights_itself:
         # Now the light that the new film reflects from film to film is known.
-        known = {"shifts": best.shifts, "rim": some.rim, "fine": True}
-        renewed = evidence.sample(best.film, most=None, bounce=bounce, **known)
+        renewed = evidence.sample(
+            best.film, most=None, shifts=best.shifts, rim=some.rim, fine=True, bounce=bounce
+        )
         more = renewed.thinned(final=True)
         other = _choose(before_refit, more)
         if np.mean(other[1]) < np.mean(errors):

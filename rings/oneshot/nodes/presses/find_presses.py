@@ -71,7 +71,7 @@ def find_presses(
             f"{names[press]}, ball at {x:.0f},{y:.0f} px,"
             for press, (x, y, _) in zip(found.of, found.circle, strict=True)
         ]
-        return FoundBalls(*found[:4], lines)
+        return found._replace(names=lines)
     balls, missed = list[tuple[float, ...]](), []
     for press, name, (x, y, contact) in zip(image, names, circles, strict=True):
         if np.isfinite([x, y, contact]).all():
