@@ -192,8 +192,7 @@ def drawn_touches(rng: np.random.Generator) -> dict[str, list[Any]]:
             for w in walls[:4]
         ],
         "steps": [
-            placed("steps", **step, step_mm=w["rise"], wall_deg=w["wall_deg"])
-            for w in walls[4:]
+            placed("steps", **step, step_mm=w["rise"], wall_deg=w["wall_deg"]) for w in walls[4:]
         ],
     }
 

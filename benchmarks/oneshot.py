@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 
 from tactograph.graph import Provenance
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.nodes.calibrate.rating.judge_contact import ball_shape, judge_contact
+from tactograph.nodes.calibrate.rating.pressed_ball import PressedBall
 from tactograph.rings.oneshot.nodes.file.write_press_calibration import write_press_calibration
 from tactograph.rings.oneshot.nodes.map.mapped_light import mapped_light
 from tactograph.rings.oneshot.nodes.presses.find_presses import find_presses
@@ -87,7 +87,7 @@ def main(data: Path, out: Path) -> None:
             at_rest.append(resting(height, circle))
             seen.append(rendered(image[i], flat, circle, bench.radius, fit))
             for row, truth in (("refined", circle), ("as found", found)):
-                rows[row].append(judge_contact(slope, height, truth, bench.radius, PIXEL_MM))
+                rows[row].append(PressedBall(truth, bench.radius, PIXEL_MM).errors(slope, height))
             shown[names[i]] = height, circle
         print(f"fold {fold + 1} of {FOLD_COUNT} done, {time.process_time():.0f} s", file=sys.stderr)
     report(rows)
@@ -120,7 +120,7 @@ def rendered(
     """Residual of the light that the map gives the ball, over what the film at rest varies by."""
     y, x = np.indices(press.shape[1:]).astype(np.float64)
     away = np.hypot(x - circle[0], y - circle[1]) / circle[2]
-    slope, height = ball_shape(x.ravel(), y.ravel(), circle, radius, PIXEL_MM)
+    slope, height = PressedBall(circle, radius, PIXEL_MM).shape(x.ravel(), y.ravel())
     planes = np.float32([*slope, height + fit.rim]).reshape(3, *x.shape)
     off = (press - flat * mapped_light(planes[:2], planes[2], fit.reflectance))[:, away < 0.85]
     varies = (press / flat - 1)[:, away > 2.5].std(axis=1)

@@ -50,6 +50,21 @@ class View(NamedTuple):
     lens: Lens | None = None
     camera: Vergence | None = None
 
+    @staticmethod
+    def lens_of(terms: Mapping[str, float]) -> Places:
+        """Return the lens of these `LENS_TERMS`; those that are missing are 0."""
+        return np.array([terms.get(name, 0.0) for name in LENS_TERMS])
+
+    @staticmethod
+    def unit(shape: tuple[int, ...]) -> float:
+        """Return the unit of a lens's places in px: half of the image's diagonal."""
+        return float(half_diagonal(shape))
+
+    def offset(self, u: Places, v: Places) -> tuple[Places, Places]:
+        """Return how far from ideal places, in `unit`s from the middle, the camera sees them."""
+        none = np.zeros_like(u), np.zeros_like(v)
+        return none if self.lens is None else camera_offset(self.lens, u, v)
+
     @property
     def is_plain(self) -> bool:
         """Whether pixels see an even grid on the film, however high it is."""
@@ -89,7 +104,7 @@ class View(NamedTuple):
     def ideal(self, shape: tuple[int, int], x: Any, y: Any) -> tuple[Places, Places]:
         """Return where on the ideal grid pixels at columns x and rows y of an image look."""
         rows, columns = shape
-        half = float(half_diagonal(shape))
+        half = self.unit(shape)
         u, v = (x - (columns - 1) / 2) / half, (y - (rows - 1) / 2) / half
         if self.lens is None:
             return half * u, half * v
@@ -169,14 +184,14 @@ class View(NamedTuple):
         _check_below(height, camera)
         if self.is_plain:
             return height, others
-        lens = np.zeros(len(LENS_TERMS), np.float32) if self.lens is None else self.lens
+        exact = self if self.lens is None else View(self.lens.astype(np.float64))
         rows, columns = height.shape
-        half = float(half_diagonal(height.shape))
+        half = self.unit(height.shape)
         row, column = np.mgrid[:rows, :columns].astype(np.float64)
         u, v = (column - (columns - 1) / 2) / half, (row - (rows - 1) / 2) / half
 
         def places(stretch: Places) -> tuple[Places, Places]:
-            du, dv = camera_offset(lens.astype(np.float64), u * stretch, v * stretch)
+            du, dv = exact.offset(u * stretch, v * stretch)
             x, y = (u * stretch + du) * half, (v * stretch + dv) * half
             return x + (columns - 1) / 2, y + (rows - 1) / 2
 

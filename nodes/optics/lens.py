@@ -58,7 +58,7 @@ def oblong_lens(width: float, length: float) -> tuple[Lens, float]:
     return np.array([0, 0, 0, 0, a, 0, 0, 0], np.float32), (1 + a) * width
 
 
-def half_diagonal(shape: tuple[int, int]) -> np.float32:
+def half_diagonal(shape: tuple[int, ...]) -> np.float32:
     """Return half of the image's diagonal in px."""
     rows, columns = shape
     return np.float32(0.5) * np.sqrt(np.float32(columns * columns + rows * rows))

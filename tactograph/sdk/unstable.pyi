@@ -64,14 +64,10 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
-    FOLD_COUNT as FOLD_COUNT,
     MAX_SAMPLE_SLOPE as MAX_SAMPLE_SLOPE,
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
     SHIFT_DEVIATION_PX as SHIFT_DEVIATION_PX,
-    BallCircles as BallCircles,
-    BallPress as BallPress,
-    BallRadii as BallRadii,
     PressImages as PressImages,
 )
 from tactograph.nodes.calibrate.ball.ball_on_shape import (
@@ -81,74 +77,46 @@ from tactograph.nodes.calibrate.ball.ball_search import (
     Circle as Circle,
 )
 from tactograph.nodes.calibrate.ball.balls_on_film import (
+    MAX_ROUNDS as MAX_ROUNDS,
     Balls as Balls,
     Fitted as Fitted,
-    predicted as predicted,
 )
 from tactograph.nodes.calibrate.ball.find_ball import (
     refined as refined,
 )
+from tactograph.nodes.calibrate.ball.find_balls import (
+    FoundBalls as FoundBalls,
+)
 from tactograph.nodes.calibrate.file.camera_lens import (
     CAMERA_KIND as CAMERA_KIND,
 )
-from tactograph.nodes.calibrate.film._film_search import (
-    FINAL_SAMPLES as FINAL_SAMPLES,
-)
-from tactograph.nodes.calibrate.film.ball_normals import (
-    normal_error as normal_error,
-)
 from tactograph.nodes.calibrate.film.ball_samples import (
-    bounced_at_rest as bounced_at_rest,
-    laid_on as laid_on,
-    sample_balls as sample_balls,
-)
-from tactograph.nodes.calibrate.film.film_at_rest import (
-    MAX_INDEPENDENT_REST as MAX_INDEPENDENT_REST,
-    rest_residual as rest_residual,
-    rest_spread as rest_spread,
+    FilmEvidence as FilmEvidence,
 )
 from tactograph.nodes.calibrate.film.film_fit import (
-    MAX_ROUNDS as MAX_ROUNDS,
-    Further as Further,
-    fit as fit,
-    further_step as further_step,
-    start_at as start_at,
+    Fitting as Fitting,
 )
 from tactograph.nodes.calibrate.film.film_misfit import (
     Held as Held,
-    misfit as misfit,
-    unevenness as unevenness,
 )
 from tactograph.nodes.calibrate.film.film_unknowns import (
-    EMISSION_UNKNOWN as EMISSION_UNKNOWN,
-    PART_UNKNOWNS as PART_UNKNOWNS,
-    SHARED_UNKNOWNS as SHARED_UNKNOWNS,
-    USUAL_NEARNESS as USUAL_NEARNESS,
     Unknown as Unknown,
-    within as within,
-)
-from tactograph.nodes.calibrate.film.fit_film import (
-    FilmEvidence as FilmEvidence,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
-    AS_STATED as AS_STATED,
-    explain as explain,
+    Alternatives as Alternatives,
 )
 from tactograph.nodes.calibrate.lights.descend import (
     DERIVATIVE_STEP as DERIVATIVE_STEP,
     descend as descend,
-    huber as huber,
     huber_weight as huber_weight,
     least_squares as least_squares,
 )
 from tactograph.nodes.calibrate.lights.light_fit import (
-    LIGHT_DEVIATION as LIGHT_DEVIATION,
     LedFit as LedFit,
-    place_leds as place_leds,
-    places_within as places_within,
-    positions as positions,
+    LedPlaces as LedPlaces,
 )
 from tactograph.nodes.calibrate.lights.light_samples import (
+    MAX_INDEPENDENT_REST as MAX_INDEPENDENT_REST,
     Object as Object,
     Press as Press,
     Rest as Rest,
@@ -161,21 +129,18 @@ from tactograph.nodes.calibrate.ranks.drawn import (
 from tactograph.nodes.calibrate.rating.advise_press import (
     FILM_REGIONS as FILM_REGIONS,
 )
-from tactograph.nodes.calibrate.rating.judge_contact import (
-    ball_shape as ball_shape,
-    judge_contact as judge_contact,
-)
 from tactograph.nodes.calibrate.rating.judge_labels import (
     MAX_JUDGED_BALLS as MAX_JUDGED_BALLS,
+)
+from tactograph.nodes.calibrate.rating.pressed_ball import (
+    PressedBall as PressedBall,
 )
 from tactograph.nodes.calibrate.rating.rate_calibration import (
     MAX_LED_WIDTHS as MAX_LED_WIDTHS,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
     SURE_ODDS as SURE_ODDS,
-    Advice as Advice,
     Judged as Judged,
-    grows as grows,
     log_odds as log_odds,
     pays as pays,
 )
@@ -227,10 +192,6 @@ from tactograph.nodes.light.film_drift import (
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
 )
-from tactograph.nodes.optics.film import (
-    predict as predict,
-    rest_light as rest_light,
-)
 from tactograph.nodes.optics.gauss_newton import (
     limited_step as limited_step,
     normal_by_slope as normal_by_slope,
@@ -239,10 +200,8 @@ from tactograph.nodes.optics.harmonics import (
     harmonics as harmonics,
 )
 from tactograph.nodes.optics.lens import (
-    LENS_TERMS as LENS_TERMS,
     camera_offset as camera_offset,
     half_diagonal as half_diagonal,
-    is_straight as is_straight,
 )
 from tactograph.nodes.optics.near_light import (
     expected_light as expected_light,

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from tactograph.nodes import F4, F8
-from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
-from tactograph.nodes.calibrate.film.film_fit import fit, start_at
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
+from tactograph.nodes.calibrate.film.film_fit import Fitting
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.optics.near_light import places
 
@@ -138,7 +138,7 @@ def _placed(light: F4, circle: F8, radius_px: float, pixel: float, rest: Rest | 
     """The circles after a fit of the balls' positions to the light."""
     balls = _samples(light, circle, 0.85 * radius_px, radius_px, pixel)
     start = _start(balls)
-    fitted = fit(balls, rest, frozenset({"plain"}), start)
+    fitted = Fitting.of(balls, rest, {"plain"}).fitted(start)
     placed = circle.copy()
     placed[:, :2] += fitted.shifts[:, :2] / pixel
     placed[:, 2] = _contact(light, placed, radius_px, pixel, fitted) * radius_px
@@ -188,14 +188,14 @@ def _start(balls: Balls) -> Fitted:
     ends = planes[1:3] / np.maximum(planes[3], 0.05)
     lights = np.vstack([ends, np.ones(ends.shape[1])]).T * FAR_MM * balls.radius.max()
     count = len(balls.centre)
-    return start_at(lights.astype(np.float32), np.ones(len(lights), np.float32), count)
+    return Fitted.matt(lights.astype(np.float32), np.ones(len(lights), np.float32), count)
 
 
 def _contact(light: F4, circle: F8, radius_px: float, pixel: float, fitted: Fitted) -> float:
     """The contact radius, relative to the ball's: up to there the film follows the balls."""
     balls = _samples(light, circle, EDGE_RADII[-1] * radius_px, radius_px, pixel)
     still = fitted._replace(shifts=fitted.shifts * [0, 0, 1])
-    square = np.square(predicted(balls, still) - balls.light).mean(axis=0)
+    square = np.square(still.predicted(balls) - balls.light).mean(axis=0)
     middle = balls.centre[balls.ball]
     r = np.hypot(balls.u - middle[:, 0], balls.v - middle[:, 1]) / (radius_px * pixel)
     ring = np.digitize(r, EDGE_RADII)

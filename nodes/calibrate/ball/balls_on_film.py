@@ -1,4 +1,4 @@
-"""Samples of balls pressed into a film, and their light by equation F1."""
+"""Samples of balls pressed into a film, their light by equation F1, and normals from light."""
 
 import math
 from dataclasses import dataclass, replace
@@ -9,21 +9,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, Film
-from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE
+from tactograph.nodes.calibrate import FOLD_COUNT, MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.ball.ball_surface import ball_height, sunk
 from tactograph.nodes.calibrate.lights.light_fit import (
     HEIGHT_DEVIATION_MM,
-    LIGHT_DEVIATION,
-    positions,
+    LedPlaces,
 )
-from tactograph.nodes.optics.film import at_rest, predict
-from tactograph.nodes.optics.rest_shape import rest_share
+from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
+from tactograph.nodes.optics.coat import MIN_COSINE
+from tactograph.nodes.optics.film import at_rest, predict, rest_below, rest_light, turned
+from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, rest_share
 
 MIN_WEIGHT_LIGHT = 0.3
 """Light below which a sample's weight no longer grows."""
 MAX_INDEPENDENT_SAMPLES = 1500
 """Most independent samples that the balls count as.  More have less noise, but a model's residuals
 on a real film are correlated."""
+FINAL_SAMPLES = 15000
+"""Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
+a ball's height, the coat's index and the albedo uncertain by some per cent."""
+MAX_ROUNDS = 4
+"""Most rounds in which what depends on one another is found in turn: harmonics or light from film
+to film and the balls' positions, a bend and the film, or a normal and the light about it."""
 BALL_SECTORS = 8
 """Parts of a ball in azimuth over which errors of the normal are averaged, to suppress noise."""
 BALL_RINGS = math.ceil(BALL_SECTORS / math.pi)
@@ -93,6 +100,16 @@ class Balls:
         """Light that residuals are relative to: that of the samples, or more."""
         return np.maximum(self.light, MIN_WEIGHT_LIGHT)
 
+    @staticmethod
+    def quarter(x: F8, y: F8) -> NDArray[np.intp]:
+        """Return the quarter of a ball in which places from its middle lie, from 0."""
+        return np.floor(np.arctan2(y, x) / (2 * np.pi) % 1 * FOLD_COUNT).astype(int)
+
+    def folds(self, some: "Balls | None" = None) -> list[NDArray[np.bool_]]:
+        """Return which samples, or which of `some` of the same balls, are held out in turn."""
+        numbers, held_by = np.unique(self.held_by % FOLD_COUNT), (some or self).held_by
+        return [held_by % FOLD_COUNT == number for number in numbers]
+
     def only(self, chosen: NDArray[np.bool_]) -> Self:
         """Return some of the samples; balls without samples remain."""
         of_samples = "u", "v", "light", "ball", "bounced", "by_lift", "by_rim", "sector"
@@ -100,8 +117,12 @@ class Balls:
         beneath = None if self.beneath is None else self.beneath.only(chosen)
         return replace(self, **some, beneath=beneath)
 
-    def thinned(self, most: int = MAX_INDEPENDENT_SAMPLES) -> Self:
-        """Return about `most` samples, evenly over each ball, but one or more for each part."""
+    def thinned(self, most: int | None = None, *, final: bool = False) -> Self:
+        """Return about `most` samples, evenly over each ball, but one or more for each part.
+
+        None: as many as count as independent, or, for the `final` fit, `FINAL_SAMPLES`.
+        """
+        most = most or (FINAL_SAMPLES if final else MAX_INDEPENDENT_SAMPLES)
         each = max(BALL_PARTS, most // len(self.centre))
         first = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
         number = np.arange(self.ball.size) - first[self.ball]
@@ -186,6 +207,23 @@ class Balls:
         return np.stack([summed(left[..., i:j], right[..., i:j]) for i, j in pairwise(ends)])
 
 
+class BallNormals(NamedTuple):
+    """True and found normals, 3 x N; the light without bounces, K x N; places, and their lift."""
+
+    truth: F8
+    fitted: F8
+    direct: F8
+    place: tuple[F8, F8, F8]
+    lift: F8
+
+
+class NormalError(NamedTuple):
+    """The normals' root mean square error in degrees, and what noise alone leaves of it."""
+
+    degrees: float
+    noise: float
+
+
 class Fitted(NamedTuple):
     """The LEDs (K x `LED_UNKNOWNS`), the film, the balls' shifts, and the residual scale.
 
@@ -197,33 +235,89 @@ class Fitted(NamedTuple):
     leds: F8
     film: Film
     shifts: F8
-    scale: float
+    scale: float = LIGHT_DEVIATION
     size: float = 1.0
     power: float = 1.0
 
+    @classmethod
+    def matt(cls, lights: F4, strength: F4, count: int) -> Self:
+        """Return a matt film with `count` balls under roughly known LEDs, as a start value."""
+        film = Film.matt(lights.astype(np.float64))
+        emission = np.full(len(lights), film.emission)
+        unknowns = LedPlaces.of(lights).values, np.log(np.maximum(strength, 1e-6)), emission
+        leds = np.column_stack(unknowns).astype(np.float64)
+        return cls(leds, film, np.zeros((count, 3))).with_leds(leds)
+
     def with_leds(self, leds: F8) -> Self:
         """Return a copy with other LEDs."""
-        lights = cast(F4, positions(leds))
+        lights = cast(F4, LedPlaces(leds).positions)
         film = self.film._replace(lights=lights, emission=float(leds[:, 4].mean()))
         return self._replace(leds=leds, film=film)
+
+    def predicted(self, balls: Balls, rest: F8 | None = None) -> F8:
+        """Return the light of the balls' samples, K x N.
+
+        `rest` is the result of `rest_view` for this film, or for one that is the same at rest.
+        """
+        film, shifts, balls = self.film, self.shifts, balls.sized(self.size)
+        n, place, lift = balls.touched_place(shifts, film)
+        light = predict(film, n, *place, rest, lift) + balls.thrown(shifts, film)
+        if balls.beneath is not None:
+            light = light / balls.beneath.light(film)
+        return np.asarray(light if self.power == 1 else np.maximum(light, 0) ** self.power)
+
+    def at_rest(self, rest: Rest) -> F8:
+        """Return the logarithm of the light of the film at rest: K x M."""
+        model = np.log(rest_light(self.film, rest.x, rest.y)) + self.leds[:, 3:4]
+        if rest.beneath is not None:
+            n, *place = rest.beneath
+            light = rest_share(self.film, n, *place)
+            if rest.bounced is not None:
+                light = light + self.film.albedo * rest.bounced
+            model += np.log(np.maximum(light, MIN_REST_LIGHT))
+        # Cosines of emission from LEDs that face the middle of the film.
+        lx, ly, lz = self.film.lights.T[..., None].astype(np.float64)
+        high = np.sqrt(lx * lx + ly * ly + lz * lz)
+        away = np.sqrt((lx - rest.x) ** 2 + (ly - rest.y) ** 2 + lz * lz)
+        cosine = (high * high - lx * rest.x - ly * rest.y) / (high * away)
+        model += self.leds[:, 4:] * np.log(np.maximum(cosine, MIN_COSINE))
+        return np.asarray(model if self.power == 1 else model * self.power)
+
+    def rest_residual(self, rest: Rest) -> F8:
+        """Return the flat frame's logarithm minus `at_rest`, without the LEDs' common part."""
+        model = self.at_rest(rest)
+        return np.asarray(rest.logarithm - (model - model.mean(axis=0)))
+
+    def normals(self, balls: Balls, uneven: float = 0.0) -> BallNormals:
+        """Find the normal of every sample from its light; `uneven` as in `Film`."""
+        film = self.film
+        truth, place, lift = balls.touched_place(self.shifts, film)
+        direct = balls.direct(self.shifts, film)
+        n, rest = truth, rest_below(film, *place)
+        for _ in range(MAX_ROUNDS):
+            n = turned(film, direct, n, place, uneven, rest, lift)
+        return BallNormals(truth, n, direct, place, lift)
+
+    def normal_error(self, balls: Balls) -> NormalError:
+        """Return the error of the normals found from light.
+
+        Noise is averaged over parts of each ball, as heights, which are sums of slopes, do.
+        """
+        truth, solved, *_ = self.normals(balls)
+        part = _parts(balls, truth)
+        number = np.maximum(np.bincount(part), 1)
+        is_sampled, away = np.bincount(part) > 0, solved - truth
+        mean = np.stack([np.bincount(part, e) / number for e in away])
+        # Parts may hold a single sample, so all tell the noise of one.
+        spread = np.square(away - mean[:, part]).sum() / max(part.size - is_sampled.sum(), 1)
+        noise = spread * (1 / number)[is_sampled].mean()
+        whole, least = np.degrees(np.sqrt([(mean * mean).sum(0)[is_sampled].mean(), noise]))
+        return NormalError(float(whole), float(least))
 
 
 def summed(left: F8, right: F8) -> F8:
     """Sum products over lights and samples: A x K x N, B x K x N to A x B."""
     return np.tensordot(left, right, ((1, 2), (1, 2)))
-
-
-def predicted(balls: Balls, fitted: Fitted, rest: F8 | None = None) -> F8:
-    """Return the light of the balls' samples, K x N.
-
-    `rest` is the result of `rest_view` for this film, or for one that is the same at rest.
-    """
-    film, shifts, balls = fitted.film, fitted.shifts, balls.sized(fitted.size)
-    n, place, lift = balls.touched_place(shifts, film)
-    light = predict(film, n, *place, rest, lift) + balls.thrown(shifts, film)
-    if balls.beneath is not None:
-        light = light / balls.beneath.light(film)
-    return np.asarray(light if fitted.power == 1 else np.maximum(light, 0) ** fitted.power)
 
 
 def rest_view(balls: Balls, film: Film) -> F8 | None:
@@ -232,3 +326,11 @@ def rest_view(balls: Balls, film: Film) -> F8 | None:
     None under a near camera, because the point that a pixel sees then depends on the ball.
     """
     return None if film.camera else at_rest(film, balls.u, balls.v)
+
+
+def _parts(balls: Balls, normal: F8) -> NDArray[np.intp]:
+    """The number of the ball's part in which each sample lies."""
+    ring = np.minimum((BALL_RINGS * (1 - normal[2] ** 2)).astype(int), BALL_RINGS - 1)
+    turn = np.arctan2(normal[1], normal[0]) / (2 * np.pi) % 1
+    sector = (turn * BALL_SECTORS).astype(int) % BALL_SECTORS
+    return np.asarray((balls.ball * BALL_RINGS + ring) * BALL_SECTORS + sector, np.intp)

@@ -11,7 +11,7 @@ from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.ball_search import Circle
 from tactograph.nodes.calibrate.ball.find_ball import oblong_of
-from tactograph.nodes.calibrate.film.film_at_rest import MAX_INDEPENDENT_REST
+from tactograph.nodes.calibrate.lights.light_samples import MAX_INDEPENDENT_REST
 from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS, log_odds
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut

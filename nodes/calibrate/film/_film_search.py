@@ -4,36 +4,24 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tactograph.graph import warn
 from tactograph.nodes import Metrics
 from tactograph.nodes.calibrate import FOLD_COUNT
 from tactograph.nodes.calibrate.ball.balls_on_film import (
     MAX_INDEPENDENT_SAMPLES,
+    MAX_ROUNDS,
     Balls,
     Fitted,
-    predicted,
 )
-from tactograph.nodes.calibrate.film.ball_normals import normal_error
 from tactograph.nodes.calibrate.film.ball_samples import moved_with
-from tactograph.nodes.calibrate.film.film_fit import (
-    MAX_ROUNDS,
-    add_harmonics,
-    fit,
-    place_balls,
-)
-from tactograph.nodes.calibrate.film.film_misfit import Held
+from tactograph.nodes.calibrate.film.film_fit import Fitting, add_harmonics, place_balls
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, Unknowns
 from tactograph.nodes.calibrate.lights.descend import HUBER_DEVIATIONS
-from tactograph.nodes.calibrate.lights.light_fit import LIGHT_DEVIATION
-from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.calibrate.rating.verdict import grows, pays
+from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
+from tactograph.nodes.calibrate.rating.verdict import log_odds, pays
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
 
-FINAL_SAMPLES = 15000
-"""Samples of the last fit, ten times as many as for the choice of parts.  With fewer, noise leaves
-a ball's height, the coat's index and the albedo uncertain by some per cent."""
 SHINING_PARTS = frozenset(("lobe", "bounce"))
 """Parts that may help only together: a coat changes how a film lights itself."""
 TOUCHED_PARTS = frozenset({"touched"})
@@ -47,7 +35,7 @@ class Trial(NamedTuple):
     rest: Rest | None
     samples: Callable[..., Balls]
     """Samples the balls again with another film, shifts, contact radii and further options of
-    `sample_balls`."""
+    `FilmEvidence.sample`."""
     figures: Metrics
     """The held-out error of every model tried."""
 
@@ -59,27 +47,24 @@ class Trial(NamedTuple):
         light alone, on which slopes rest, and its brightness is as uneven as a plain film's.
         """
         balls = balls or self.balls
-        fitted = fit(balls, self.rest, parts, start)
+        fitted = Fitting.of(balls, self.rest, parts).fitted(start)
         if "diffuse" not in parts or len(balls.centre) > 1:
             return fitted
         film, direct = fitted.film, balls.direct(fitted.shifts, fitted.film)
         weight = lit_share(film, direct, np.array(film.contact))
-        return fit(balls, self.rest, TOUCHED_PARTS, fitted, start.film.uneven, weight)
+        direct_alone = Fitting.of(balls, self.rest, TOUCHED_PARTS, start.film.uneven, weight)
+        return direct_alone.fitted(fitted)
 
     def prefers(self, larger: "Model", model: "Model") -> bool:
-        """Return whether a larger model is the better one (`grows`)."""
+        """Return whether a larger model is the better one: likelier, and better held out."""
         both = model, larger
         scales = model.fitted.scale, larger.fitted.scale
         fewer, more = (Unknowns.of(each.parts, self.balls.width_mm) for each in both)
         unusual = more.surprise(larger.fitted) - fewer.surprise(model.fitted)
         values = min(self.balls.u.size, MAX_INDEPENDENT_SAMPLES)
         further = len(more.names) - len(fewer.names)
-        return grows(model.errors, larger.errors, scales, further, values, unusual)
-
-    def splits(self, balls: Balls) -> list[NDArray[np.bool_]]:
-        """The samples to hold out in turn: some of the balls, or quarters of a single ball."""
-        numbers = np.unique(self.balls.held_by % FOLD_COUNT)
-        return [balls.held_by % FOLD_COUNT == number for number in numbers]
+        odds = log_odds(*scales, further, values) - unusual
+        return pays(model.errors, larger.errors, odds)
 
 
 class Model(NamedTuple):
@@ -95,7 +80,7 @@ class Model(NamedTuple):
     errors: list[float]
     noises: list[float]
     splits: list[Fitted]
-    """The fit without each fold, in the order of `Trial.folds`."""
+    """The fit without each fold, in the order of `Balls.folds`."""
 
     def __str__(self) -> str:
         parts = [part for part in PART_UNKNOWNS if part in self.parts] or ["matt"]
@@ -110,13 +95,13 @@ def judge(
     degree: int | None = None,
 ) -> Model:
     """Measure the error of the normals on each fold by the fit without it."""
-    held_out = trial.splits(trial.balls)
+    held_out = trial.balls.folds()
     if fold_fits is None:
         fold_fits = [trial.fit(parts, fitted, trial.balls.only(~h)) for h in held_out]
     errors = []
     for test, fold in zip(map(trial.balls.only, held_out), fold_fits, strict=True):
         placed = place_balls(test, fold) if len(fold.shifts) > 1 else fold
-        errors.append(normal_error(test, placed))
+        errors.append(placed.normal_error(test))
     degrees, noises = ([float(error[i]) for error in errors] for i in range(2))
     error = float(np.average(degrees, weights=[h.sum() for h in held_out]))
     model = Model(parts, degree, fitted, error, degrees, noises, fold_fits)
@@ -124,7 +109,9 @@ def judge(
     return model
 
 
-def choose(trial: Trial, start: Fitted, parts: set[str]) -> tuple[Model, Balls, list[Held]]:
+def choose(
+    trial: Trial, start: Fitted, parts: set[str]
+) -> tuple[Model, Balls, list[tuple[Balls, Fitted]]]:
     """Return the film that presses support, of these parts, and the samples of balls that agree.
 
     Also every pixel of each fold of these, with the film fitted to the other folds.
@@ -134,8 +121,8 @@ def choose(trial: Trial, start: Fitted, parts: set[str]) -> tuple[Model, Balls, 
         best = bend(trial, best)
     best, balls = without_bad(trial, best)
     good = whole.only(np.isin(whole.ball, balls.ball))
-    held_out = zip(map(good.only, trial.splits(good)), best.splits, strict=True)
-    return best, balls, [Held(b, place_balls(b, f)) for b, f in held_out if b.u.size]
+    held_out = zip(map(good.only, trial.balls.folds(good)), best.splits, strict=True)
+    return best, balls, [(b, place_balls(b, f)) for b, f in held_out if b.u.size]
 
 
 def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls]:
@@ -154,7 +141,7 @@ def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Tr
     """Add parts to a model one by one, or coat and bounce at once, as long as that pays.
 
     A part pays if the film is likelier with it, given how usual its values are, and if it lowers
-    the held-out error (`grows`).  Once the film has a coat or an albedo, the samples are renewed:
+    the held-out error (`pays`).  Once the film has a coat or an albedo, the samples are renewed:
     then the light that it reflects from film to film is known.
     """
     if "bounce" in parts and may_grow(best):
@@ -163,7 +150,7 @@ def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Tr
         wider = [best.parts | {part} for part in untried]
         fitted = [trial.fit(parts, best.fitted) for parts in wider]
         # Only the part that explains the presses best is judged on held-out samples.
-        first = int(np.argmin([normal_error(trial.balls, fit).degrees for fit in fitted]))
+        first = int(np.argmin([each.normal_error(trial.balls).degrees for each in fitted]))
         better = judge(trial, wider[first], fitted[first])
         alone = trial.prefers(better, best)
         if not alone and not set(untried) >= SHINING_PARTS:
@@ -205,7 +192,7 @@ def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
         film, rim = best.fitted.film, trial.balls.rim
         trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
         whole = trial.balls
-        trial = trial._replace(balls=whole.thinned(FINAL_SAMPLES))
+        trial = trial._replace(balls=whole.thinned(final=True))
         best = best._replace(fitted=trial.fit(best.parts, placed))
         moved = np.abs(whole.rim / rim - 1).max()
         changed = abs(best.fitted.film.albedo - film.albedo)
@@ -220,7 +207,7 @@ def bend(trial: Trial, best: Model) -> Model:
     for degree in HARMONIC_DEGREES:
         if len(trial.balls.centre) <= term_count(degree):
             break
-        held_out = zip(trial.splits(trial.balls), physics.splits, strict=True)
+        held_out = zip(trial.balls.folds(), physics.splits, strict=True)
         fold_fits = [add_harmonics(trial.balls.only(~h), fold, degree) for h, fold in held_out]
         candidate = judge(trial, physics.parts, physics.fitted, fold_fits, degree)
         if pays(best.errors, candidate.errors):
@@ -236,7 +223,7 @@ def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls]:
     Also returns the samples of the others.
     """
     balls, count = trial.balls, len(trial.balls.centre)
-    squares = np.square(balls.light - predicted(balls, best.fitted)).mean(axis=0)
+    squares = np.square(balls.light - best.fitted.predicted(balls)).mean(axis=0)
     by_ball = np.sqrt(np.bincount(balls.ball, squares, count) / np.bincount(balls.ball))
     bad = by_ball > HUBER_DEVIATIONS * np.median(by_ball)
     # Each fold has another ball that tells which one departs.

@@ -6,19 +6,21 @@ Long because a sample holds the light that its film throws on itself, on a film 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import NodeCall
-from tactograph.nodes import F4, F8, U1, Film
+from tactograph.graph import NodeCall, Port
+from tactograph.nodes import F4, F8, U1, Film, Light, LightPositions, Noise, PixelSize
 from tactograph.nodes.calibrate import (
     DRIFT_DEGREE,
     FILM_ROUGHNESS,
-    FOLD_COUNT,
     MAX_SAMPLE_SLOPE,
     SHIFT_DEVIATION_PX,
+    BallCircles,
+    BallPress,
+    BallRadii,
 )
 from tactograph.nodes.calibrate.ball.ball_surface import (
     MAX_SQUARED_RADIUS,
@@ -26,16 +28,22 @@ from tactograph.nodes.calibrate.ball.ball_surface import (
     ball_height,
     sunk,
 )
-from tactograph.nodes.calibrate.ball.balls_on_film import MAX_INDEPENDENT_SAMPLES, Balls, Beneath
+from tactograph.nodes.calibrate.ball.balls_on_film import (
+    MAX_INDEPENDENT_SAMPLES,
+    Balls,
+    Beneath,
+    Fitted,
+)
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
 from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO
+from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain, film_drift
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.light.untouched_film import light_at_rest
 from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, RestShape
-from tactograph.nodes.optics.sheet import cut
+from tactograph.nodes.optics.sheet import SheetLight, cut
 
 FITTED_RADIUS_SHARE = 0.95
 """Share of a contact's radius that is fitted, because the film leaves the ball before the rim."""
@@ -134,7 +142,7 @@ class _Thrown(NamedTuple):
 class _Scene(NamedTuple):
     """What the light from film to film depends on beside the balls.
 
-    `sigma` is the noise of cells, `fine` and `bounce` as `sample_balls` takes them, `at_rest` the
+    `sigma` is the noise of cells, `fine` and `bounce` as for `FilmEvidence.sample`, `at_rest` the
     light of the film at rest by its coat's index and the number of cells.
     """
 
@@ -156,136 +164,169 @@ class _Scene(NamedTuple):
         return self.at_rest(self.film.refraction, self.cells)
 
 
-def sample_balls(
-    light: F4,
-    flat: F4,
-    circle: F4,
-    radius: F4,
-    of: NDArray[np.int32],
-    film: Film,
-    noise: F4,
-    pixel: float,
-    most: int | None = MAX_INDEPENDENT_SAMPLES,
-    bare: U1 | None = None,
-    shifts: F8 | None = None,
-    rim: F8 | None = None,
-    fine: bool = False,
-    bounce: NodeCall = film_bounce,
-    shape: RestShape | None = None,
-) -> Balls:
-    """Choose samples of the balls, spread evenly over each.
+class FilmEvidence(NamedTuple):
+    """What a film is fitted to: presses, film at rest, LEDs as placed for a matt film, and noise.
 
-    Parameters
-    ----------
-    light : K x S x W, the presses relative to the film at rest, on a sheet (`sheet`)
-    flat : K x H x W, the film at rest
-    circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
-    film : the film, whose LEDs and coat determine the light from film to film
-    noise, pixel : (shot, read), mm per px
-    most : most samples of all balls together, but at least one for each of a
-        ball's parts (`Balls.thinned`); None: all pixels
-    bare
-        S x W, 0 on pixels that are left out.  None: no pixel is left out.
-    shifts
-        B x 3 in mm, by which a fit has moved the balls; they reflect light from there.  The
-        light from film to film grows with the height of their flanks; `by_lift` tells the fit
-        how much.
-    rim
-        B contact radii in mm; None: those of `circle`.  On a film that lights itself, the light
-        around a ball then determines where the film leaves it (`contact_edge`).
-    fine
-        Whether the film is the final one.  Then the light that its coat reflects is computed on
-        fine cells, and a film without albedo reflects none onto itself.
-    bounce
-        `film_bounce`, on a device if there is one.  For a film that does not light itself, a few
-        calls on the host take less time than to compile the kernels.
-    shape
-        The film at rest if it is no plane; it ends with the frame.
+    The light is K x S x W on a sheet, relative to the film at rest, K x H x W; circles are B x 3 in
+    px, radii B in mm, `of` the press that each ball is in; `shape` is the film at rest if it is no
+    plane, which then ends with the frame.
     """
-    if shape is not None:
-        film = film._replace(rim=0.0)
-    rows = flat.shape[1]
-    presses = cut(light, rows)
-    sigma = coarsen(light_noise(flat, flat, noise))
-    moved = np.zeros((len(circle), 3)) if shifts is None else shifts
-    throw = bounce if film.lights_itself else film_bounce
-    frame = _Frame((rows, flat.shape[2]), pixel, shape)
-    scale = frame.scale(circle)
-    if rim is not None:
-        circle = np.column_stack([circle[:, :2], rim / scale])
 
-    @cache
-    def at_rest(refraction: float, cells: int) -> _AtRest:
-        kind = film._replace(refraction=refraction)
-        return _AtRest() if shape is None else _rest_of(shape, kind, cells, fine, throw)
+    light: SheetLight
+    flat: Light
+    circle: BallCircles
+    radius: BallRadii
+    of: BallPress
+    selection: Annotated[NDArray[np.uint8], Port("P", "flag", high=1)]
+    first_lights: LightPositions
+    strength: Annotated[F4, Port("K", "1")]
+    noise: Noise
+    pixel: PixelSize
+    shape: RestShape | None = None
 
-    scene = _Scene(film, frame, sigma, fine, throw, at_rest)
-    thrown = {
-        i: _thrown_on(presses[i], circle[of == i], radius[of == i], moved[of == i], scene)
-        for i in np.unique(of)
-    }
-    resting = scene.resting
-    masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
-    if rim is not None and film.lights_itself:
-        edge, share = np.empty(len(of)), resting.share(film.albedo)
-        # Whole frames: once a press, of which each may show dozens of balls.
-        on_plane = {i: press.light * share * masks[i] for i, press in thrown.items()}
-        for number, i in enumerate(of):
-            evidence = on_plane[i], thrown[i].bounced
-            edge[number] = _edge(*evidence, circle[number], radius[number], moved[number], scene)
-        moved = moved_with(moved, radius, circle[:, 2] * scale, edge)
-        circle = np.column_stack([circle[:, :2], edge / scale])
-    circle = circle.astype(np.float64)
-    steep = radius / scale * np.sin(np.arctan(MAX_SAMPLE_SLOPE))
-    pixels: list[NDArray[np.intp]] = []
-    for number, reach in enumerate(np.minimum(FITTED_RADIUS_SHARE * circle[:, 2], steep)):
-        at = frame.around(circle[number], reach)
-        u, v = frame.place(*at)
-        away = np.hypot(*(at[::-1].T - circle[number, :2]).T) * scale[number]
+    def used(self) -> Self:
+        """Return the evidence of the balls alone that were found, in presses that are used."""
+        used = np.flatnonzero((self.selection[self.of] > 0) & (self.circle[:, 2] > 0))
+        return self._replace(circle=self.circle[used], radius=self.radius[used], of=self.of[used])
+
+    def start(self) -> Fitted:
+        """Return the matt film under the LEDs as placed, from which a fit starts."""
+        return Fitted.matt(self.first_lights, self.strength, len(self.circle))
+
+    def rest(self, bounce: NodeCall | None = None, film: Film | None = None) -> Rest | None:
+        """Return the flat frame in blocks; None if none was taken.
+
+        With `bounce` also what a film that is no plane throws on itself; None: a matt film.
+        """
+        glow = None
+        if bounce is not None and self.shape is not None:
+            kind = (film or Film.matt(self.first_lights))._replace(rim=0.0)
+            glow = _rest_of(self.shape, kind, DEFAULT_MAX_CELLS, False, bounce).bounced
+        return Rest.of(self.flat, self.pixel, self.shape, glow)
+
+    def sample(
+        self,
+        film: Film,
+        *,
+        most: int | None = MAX_INDEPENDENT_SAMPLES,
+        bare: U1 | None = None,
+        shifts: F8 | None = None,
+        rim: F8 | None = None,
+        fine: bool = False,
+        bounce: NodeCall = film_bounce,
+    ) -> Balls:
+        """Choose samples of the balls, spread evenly over each.
+
+        Parameters
+        ----------
+        film : the film, whose LEDs and coat determine the light from film to film
+        most : most samples of all balls together, but at least one for each of a
+            ball's parts (`Balls.thinned`); None: all pixels
+        bare
+            S x W, 0 on pixels that are left out.  None: no pixel is left out.
+        shifts
+            B x 3 in mm, by which a fit has moved the balls; they reflect light from there.  The
+            light from film to film grows with the height of their flanks; `by_lift` tells the fit
+            how much.
+        rim
+            B contact radii in mm; None: those of `circle`.  On a film that lights itself, the light
+            around a ball then determines where the film leaves it (`contact_edge`).
+        fine
+            Whether the film is the final one.  Then the light that its coat reflects is computed on
+            fine cells, and a film without albedo reflects none onto itself.
+        bounce
+            `film_bounce`, on a device if there is one.  For a film that does not light itself, a
+            few calls on the host take less time than to compile the kernels.
+        """
+        light, flat, circle, radius, of, *_, pixel, shape = self
         if shape is not None:
-            base, size = float(frame.beneath(circle[number])[2][0]), float(radius[number])
-            centre = frame.centre(circle[number], size, moved[number])
-            away = away_on(u, v, shape.at(u, v)[3], base, centre, size, film.camera)
-        inside = away < reach * scale[number]
-        pixels.append(at[:, inside & (masks[of[number]][tuple(at)] > 0)])
-    fields = (
-        np.concatenate([field[:, *at] for field, at in zip(each, pixels, strict=True)], axis=1)
-        for each in zip(*(thrown[i] for i in of), strict=True)
-    )
-    values, bounced, by_lift, by_rim = (field.astype(np.float64) for field in fields)
-    ball = np.repeat(np.arange(len(of)), [at.shape[1] for at in pixels])
-    row, column = at = np.concatenate(pixels, axis=1)
-    u, v = frame.place(row, column)
-    x, y = (at[::-1].T - circle[ball, :2]).T
-    every = Balls(
-        u=u,
-        v=v,
-        light=values,
-        ball=ball,
-        centre=np.stack(frame.place(*circle[:, 1::-1].T), axis=1),
-        rim=circle[:, 2] * scale,
-        radius=radius.astype(np.float64),
-        bounced=bounced - moved[ball, 2] * by_lift - film.rim * by_rim,
-        by_lift=by_lift,
-        by_rim=by_rim,
-        sector=np.floor(np.arctan2(y, x) / (2 * np.pi) % 1 * FOLD_COUNT).astype(int),
-        shift_mm=SHIFT_DEVIATION_PX * pixel,
-        width_mm=pixel * frame.size[1],
-    )
-    if shape is not None:
-        every = laid_on(every, circle, shape, resting.bounced[:, row, column].astype(np.float64))
-    return every if most is None else every.thinned(most)
+            film = film._replace(rim=0.0)
+        rows = flat.shape[1]
+        presses = cut(light, rows)
+        sigma = coarsen(light_noise(flat, flat, self.noise))
+        moved = np.zeros((len(circle), 3)) if shifts is None else shifts
+        throw = bounce if film.lights_itself else film_bounce
+        frame = _Frame((rows, flat.shape[2]), pixel, shape)
+        scale = frame.scale(circle)
+        if rim is not None:
+            circle = np.column_stack([circle[:, :2], rim / scale])
 
+        @cache
+        def at_rest(refraction: float, cells: int) -> _AtRest:
+            kind = film._replace(refraction=refraction)
+            return _AtRest() if shape is None else _rest_of(shape, kind, cells, fine, throw)
 
-def laid_on(balls: Balls, circle: F4 | F8, shape: RestShape, glow: F8 | None = None) -> Balls:
-    """Return balls on a film that is no plane at rest; `glow` is what it throws on itself there."""
-    rows, columns = shape.height.shape
-    *under, base = _Frame((rows, columns), shape.pixel, shape).beneath(circle)
-    if glow is None and balls.beneath is not None:
-        glow = balls.beneath.bounced
-    assert glow is not None  # known since the balls were laid first
-    beneath = Beneath(*shape.at(balls.u, balls.v), glow, base)
-    return replace(balls, centre=np.stack(under, axis=1), beneath=beneath)
+        scene = _Scene(film, frame, sigma, fine, throw, at_rest)
+        thrown = {
+            i: _thrown_on(presses[i], circle[of == i], radius[of == i], moved[of == i], scene)
+            for i in np.unique(of)
+        }
+        resting = scene.resting
+        masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
+        if rim is not None and film.lights_itself:
+            edge, share = np.empty(len(of)), resting.share(film.albedo)
+            # Whole frames: once a press, of which each may show dozens of balls.
+            on_plane = {i: press.light * share * masks[i] for i, press in thrown.items()}
+            for number, i in enumerate(of):
+                evidence = on_plane[i], thrown[i].bounced
+                edge[number] = _edge(
+                    *evidence, circle[number], radius[number], moved[number], scene
+                )
+            moved = moved_with(moved, radius, circle[:, 2] * scale, edge)
+            circle = np.column_stack([circle[:, :2], edge / scale])
+        circle = circle.astype(np.float64)
+        steep = radius / scale * np.sin(np.arctan(MAX_SAMPLE_SLOPE))
+        pixels: list[NDArray[np.intp]] = []
+        for number, reach in enumerate(np.minimum(FITTED_RADIUS_SHARE * circle[:, 2], steep)):
+            at = frame.around(circle[number], reach)
+            u, v = frame.place(*at)
+            away = np.hypot(*(at[::-1].T - circle[number, :2]).T) * scale[number]
+            if shape is not None:
+                base, size = float(frame.beneath(circle[number])[2][0]), float(radius[number])
+                centre = frame.centre(circle[number], size, moved[number])
+                away = away_on(u, v, shape.at(u, v)[3], base, centre, size, film.camera)
+            inside = away < reach * scale[number]
+            pixels.append(at[:, inside & (masks[of[number]][tuple(at)] > 0)])
+        fields = (
+            np.concatenate([field[:, *at] for field, at in zip(each, pixels, strict=True)], axis=1)
+            for each in zip(*(thrown[i] for i in of), strict=True)
+        )
+        values, bounced, by_lift, by_rim = (field.astype(np.float64) for field in fields)
+        ball = np.repeat(np.arange(len(of)), [at.shape[1] for at in pixels])
+        row, column = at = np.concatenate(pixels, axis=1)
+        u, v = frame.place(row, column)
+        x, y = (at[::-1].T - circle[ball, :2]).T
+        every = Balls(
+            u=u,
+            v=v,
+            light=values,
+            ball=ball,
+            centre=np.stack(frame.place(*circle[:, 1::-1].T), axis=1),
+            rim=circle[:, 2] * scale,
+            radius=radius.astype(np.float64),
+            bounced=bounced - moved[ball, 2] * by_lift - film.rim * by_rim,
+            by_lift=by_lift,
+            by_rim=by_rim,
+            sector=Balls.quarter(x, y),
+            shift_mm=SHIFT_DEVIATION_PX * pixel,
+            width_mm=pixel * frame.size[1],
+        )
+        if shape is not None:
+            glow = resting.bounced[:, row, column].astype(np.float64)
+            every = self._replace(circle=circle).laid(every, glow)
+        return every if most is None else every.thinned(most)
+
+    def laid(self, balls: Balls, glow: F8 | None = None) -> Balls:
+        """Return balls on film that is no plane at rest; `glow` is what it throws on itself."""
+        shape = self.shape
+        assert shape is not None  # a plane has nothing beneath
+        rows, columns = shape.height.shape
+        *under, base = _Frame((rows, columns), shape.pixel, shape).beneath(self.circle)
+        if glow is None and balls.beneath is not None:
+            glow = balls.beneath.bounced
+        assert glow is not None  # known since the balls were laid first
+        beneath = Beneath(*shape.at(balls.u, balls.v), glow, base)
+        return replace(balls, centre=np.stack(under, axis=1), beneath=beneath)
 
 
 def moved_with(shifts: F8, radius: NDArray[Any], before: NDArray[Any], rim: NDArray[Any]) -> F8:
@@ -310,13 +351,6 @@ def _edge(press: F4, thrown: F4, circle: F4 | F8, radius: float, shift: F8, scen
         beneath = Beneath(*frame.shape.at(u, v), bounced, frame.beneath(circle)[2])
     rim, centre = float(circle[2] * frame.scale(circle)[0]), frame.centre(circle, radius, shift)
     return contact_edge(u, v, light, bounced, centre, radius, rim, film, beneath)
-
-
-def bounced_at_rest(shape: RestShape | None, film: Film, bounce: NodeCall) -> F4 | None:
-    """Return the light that film which is no plane throws on itself at rest, for an albedo of 1."""
-    if shape is None:
-        return None
-    return _rest_of(shape, film._replace(rim=0.0), DEFAULT_MAX_CELLS, False, bounce).bounced
 
 
 def _rest_of(shape: RestShape, film: Film, cells: int, fine: bool, bounce: NodeCall) -> _AtRest:

@@ -8,25 +8,23 @@ Long because all that is fitted, and what else moves with it, passes the same no
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple, Self, cast
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from tactograph.graph import InputError
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, Film
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8
 from tactograph.nodes.calibrate.ball.balls_on_film import (
     MAX_INDEPENDENT_SAMPLES,
+    MAX_ROUNDS,
     Balls,
     Fitted,
-    predicted,
     rest_view,
     summed,
 )
-from tactograph.nodes.calibrate.film.film_at_rest import by_rest, rest_residual, rest_spread
 from tactograph.nodes.calibrate.film.film_unknowns import (
-    EMISSION_UNKNOWN,
     UNKNOWNS_OF_FLAT_ALONE,
     UNKNOWNS_OF_TOUCH_ALONE,
     Unknowns,
@@ -38,28 +36,13 @@ from tactograph.nodes.calibrate.lights.descend import (
     huber,
     huber_weight,
 )
-from tactograph.nodes.calibrate.lights.light_fit import (
-    LIGHT_DEVIATION,
-    inverse_places,
-    places_within,
-)
-from tactograph.nodes.calibrate.lights.light_samples import Rest
+from tactograph.nodes.calibrate.lights.light_fit import LedPlaces
+from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
 from tactograph.nodes.optics.film import FADE_WIDTH, place_terms, shades, term_count
 
-MAX_ROUNDS = 4
-"""Most rounds in which what depends on one another is found in turn: harmonics or light from film
-to film and the balls' positions, a bend and the film, or a normal and the light about it."""
 
-
-class Further(NamedTuple):
-    """Derivatives by U unknowns that the film has not: of light, U x K x N, and flat frame."""
-
-    light: F8
-    flat: F8
-
-
-class _Problem(NamedTuple):
-    """The data of the fit, the free parameters, and the standard deviations.
+class Fitting(NamedTuple):
+    """A fit of a film's model: its data, free parameters and standard deviations.
 
     `scale` is the standard deviation of a sample, `certain` that of a block of the flat frame,
     `uneven` that of the brightness of touched film.  `sample_weight` is K x N, 0 to 1, `most` as
@@ -74,6 +57,64 @@ class _Problem(NamedTuple):
     scale: float = LIGHT_DEVIATION
     certain: float = LIGHT_DEVIATION
     most: float = MAX_INDEPENDENT_SAMPLES
+
+    @classmethod
+    def of(
+        cls,
+        balls: Balls,
+        rest: Rest | None,
+        parts: Iterable[str],
+        uneven: float = 0.0,
+        sample_weight: F8 | float = 1.0,
+    ) -> Self:
+        """Return the fit of a model to balls and, if there is one, the flat frame in blocks.
+
+        Parameters
+        ----------
+        parts : which of `MODEL_UNKNOWNS` are fitted; all other parameters stay as at the start
+        uneven : standard deviation of the brightness of touched film, as a share
+        sample_weight : K x N, 0 to 1, how much the light of each sample counts
+        """
+        return cls(balls, rest, Unknowns.of(parts, balls.width_mm), uneven, sample_weight)
+
+    def fitted(self, start: Fitted) -> Fitted:
+        """Return the best film, LEDs and shifts, by a robust Levenberg-Marquardt descent.
+
+        Raises
+        ------
+        InputError
+            If the model has no light for the samples, however it starts.
+        """
+        first = _Trial.of(self, self.unknowns.opened(start)).judged()
+        if not np.isfinite(first.cost()):
+            raise InputError(
+                "no film has the light of these balls: check the ball's radius and the pixel size, "
+                "that balls and flat frame are of one zoom, that the flat frame shows untouched "
+                "film, and that the film is a plane at rest unless its shape is given"
+            )
+        best = descend(first, _Trial.cost, _Trial.linear, _Trial.judged)
+        return best.now._replace(scale=best.problem.scale)
+
+    def certainty(self, fitted: Fitted) -> "Certainty":
+        """Return how well a fit knows LEDs and film."""
+        trial = _Trial.of(self, fitted).judged()
+        spread = np.median(np.abs(trial.light / self.balls.reference_light))
+        robust = DEVIATIONS_PER_MAD * float(spread)
+        trial = trial._replace(problem=trial.problem._replace(scale=robust))
+        first = self.unknowns.values(fitted).size
+        covariance = trial.equations().covariance()[:first, :first]
+        return Certainty(covariance, fitted, self.unknowns, self.each * self.balls.u.size)
+
+    def further_step(self, fitted: Fitted, light: F8, flat: F8) -> tuple[F8, F8]:
+        """Return the best step of V unknowns that the film has not, and their covariance.
+
+        Film, LEDs and balls' places move with them.  `light`, V x K x N, and `flat` are the
+        derivatives of the light and of the flat frame by them.
+        """
+        equations = _Trial.of(self, fitted).judged().equations(light, flat)
+        first = self.unknowns.values(fitted).size
+        own = slice(first, first + len(light))
+        return equations.step(0.0)[own], equations.covariance()[own, own]
 
     @property
     def each(self) -> float:
@@ -97,27 +138,27 @@ class _Trial(NamedTuple):
     """A fit on the way: the problem with its standard deviations, the film, and what it leaves.
 
     `light` is the model's minus the balls', K x N, `flat` what is left of the flat frame
-    (`rest_residual`), `view` the light of the film at rest (`rest_view`).
+    (`Fitted.rest_residual`), `view` the light of the film at rest (`rest_view`).
     """
 
-    problem: _Problem
+    problem: Fitting
     now: Fitted
     light: F8
     flat: F8
     view: F8 | None
 
     @classmethod
-    def of(cls, problem: _Problem, now: Fitted) -> Self:
+    def of(cls, problem: Fitting, now: Fitted) -> Self:
         """Return the trial of a film."""
         view, rest = rest_view(problem.balls, now.film), problem.rest
-        flat = np.empty((len(now.leds), 0)) if rest is None else rest_residual(rest, now)
-        light = predicted(problem.balls, now, view) - problem.balls.light
+        flat = np.empty((len(now.leds), 0)) if rest is None else now.rest_residual(rest)
+        light = now.predicted(problem.balls, view) - problem.balls.light
         return cls(problem, now, light, flat, view)
 
     def judged(self) -> Self:
         """Return the trial with the standard deviations of its residuals."""
         balls, rest = self.problem.balls, self.problem.rest
-        certain = LIGHT_DEVIATION if rest is None else rest_spread(self.flat, rest)
+        certain = LIGHT_DEVIATION if rest is None else rest.spread(self.flat)
         scale = balls.scale(self.light)
         return self._replace(problem=self.problem._replace(scale=scale, certain=certain))
 
@@ -142,19 +183,22 @@ class _Trial(NamedTuple):
 
         return stepped
 
-    def equations(self, further: Further | None = None) -> NormalEquations:
-        """Return the normal equations of the U unknowns, those `further`, and the P x 3 shifts."""
+    def equations(self, light_by: F8 | None = None, flat_by: F8 | None = None) -> NormalEquations:
+        """Return the normal equations of the U unknowns, of further ones, and the P x 3 shifts.
+
+        `light_by` and `flat_by` are the derivatives by the further ones.
+        """
         (balls, rest, unknowns, *_), now = self.problem, self.now
         problem, certain, light = self.problem, self.problem.certain, self.light + balls.light
 
         def other(name: str, other: Fitted) -> F8:
-            return predicted(balls, other, self.view if name in UNKNOWNS_OF_TOUCH_ALONE else None)
+            return other.predicted(balls, self.view if name in UNKNOWNS_OF_TOUCH_ALONE else None)
 
         step = DERIVATIVE_STEP * float(balls.radius.min())
         moved = [now._replace(shifts=now.shifts + step * axis) for axis in np.eye(3)]
-        lifts = [(predicted(balls, each, self.view) - light) / step for each in moved]
+        lifts = [(each.predicted(balls, self.view) - light) / step for each in moved]
         by = unknowns.differences(now, UNKNOWNS_OF_FLAT_ALONE, light, other)
-        by = problem.normed(by if further is None else np.concatenate([by, further.light]))
+        by = problem.normed(by if light_by is None else np.concatenate([by, light_by]))
         by_own, normed = problem.normed(np.stack(lifts)), problem.normed(self.light)
         weight, spread = problem.each * huber_weight(normed), balls.place_deviations
         sure, away = by * weight, (weight * normed)[None]
@@ -163,8 +207,8 @@ class _Trial(NamedTuple):
         own = block_diag(*balls.by_ball(by_own * weight, by_own)) + np.diag(spread.ravel() ** -2)
         right_own = -balls.by_ball(by_own, away)[..., 0] - now.shifts * spread**-2
         if rest is not None:
-            flat = by_rest(rest, now, unknowns)
-            flat = flat if further is None else np.concatenate([flat, further.flat])
+            flat = _by_rest(rest, now, unknowns)
+            flat = flat if flat_by is None else np.concatenate([flat, flat_by])
             weight = huber_weight(self.flat / certain) / certain**2
             shared += summed(flat * weight, flat)
             right -= summed(flat, (weight * self.flat)[None])[:, 0]
@@ -174,43 +218,6 @@ class _Trial(NamedTuple):
         right[first] -= departure * usual**-2
         normal = np.block([[shared, mixed], [mixed.T, own]])
         return NormalEquations(normal, np.concatenate([right, right_own.ravel()]))
-
-
-def fit(
-    balls: Balls,
-    rest: Rest | None,
-    parts: frozenset[str],
-    start: Fitted,
-    uneven: float = 0.0,
-    sample_weight: F8 | float = 1.0,
-) -> Fitted:
-    """Return the best film, LEDs and shifts, by a robust Levenberg-Marquardt descent.
-
-    Parameters
-    ----------
-    balls : the samples
-    rest : the flat frame in blocks, if there is one
-    parts : which of `MODEL_UNKNOWNS` are fitted; all other parameters stay as in `start`
-    start : start values of the descent
-    uneven : standard deviation of the brightness of touched film, as a share
-    sample_weight : K x N, 0 to 1, how much the light of each sample counts
-
-    Raises
-    ------
-    InputError
-        If the model has no light for the samples, however it starts.
-    """
-    unknowns = Unknowns.of(parts, balls.width_mm)
-    problem = _Problem(balls, rest, unknowns, uneven, sample_weight)
-    first = _Trial.of(problem, unknowns.opened(start)).judged()
-    if not np.isfinite(first.cost()):
-        raise InputError(
-            "no film has the light of these balls: check the ball's radius and the pixel size, "
-            "that balls and flat frame are of one zoom, that the flat frame shows untouched "
-            "film, and that the film is a plane at rest unless its shape is given"
-        )
-    best = descend(first, _Trial.cost, _Trial.linear, _Trial.judged)
-    return best.now._replace(scale=best.problem.scale)
 
 
 class Certainty(NamedTuple):
@@ -240,38 +247,13 @@ class Certainty(NamedTuple):
         """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm."""
         numbers, width = self.unknowns.numbers(self.fitted), self.unknowns.width_mm
         own = np.stack([numbers[name] for name in ("x", "y", "nearness")], axis=1).ravel()
-        return places_within(self.fitted.leds[:, :3], self.covariance[np.ix_(own, own)], width)
-
-
-def certainty(balls: Balls, rest: Rest | None, parts: frozenset[str], fitted: Fitted) -> Certainty:
-    """Return how well a fit knows LEDs and film."""
-    problem = _Problem(balls, rest, Unknowns.of(parts, balls.width_mm))
-    trial = _Trial.of(problem, fitted).judged()
-    robust = DEVIATIONS_PER_MAD * float(np.median(np.abs(trial.light / balls.reference_light)))
-    trial = trial._replace(problem=trial.problem._replace(scale=robust))
-    first = problem.unknowns.values(fitted).size
-    covariance = trial.equations().covariance()[:first, :first]
-    return Certainty(covariance, fitted, problem.unknowns, problem.each * balls.u.size)
-
-
-def further_step(
-    balls: Balls, rest: Rest, parts: frozenset[str], fitted: Fitted, further: Further
-) -> tuple[F8, F8]:
-    """Return the best step of unknowns that the film has not, and their covariance.
-
-    Film, LEDs and balls' places move with them.
-    """
-    problem = _Problem(balls, rest, Unknowns.of(parts, balls.width_mm))
-    equations = _Trial.of(problem, fitted).judged().equations(further)
-    first = problem.unknowns.values(fitted).size
-    own = slice(first, first + len(further.light))
-    return equations.step(0.0)[own], equations.covariance()[own, own]
+        return LedPlaces(self.fitted.leds).sampled(self.covariance[np.ix_(own, own)], width)
 
 
 def place_balls(balls: Balls, fitted: Fitted) -> Fitted:
     """Return `fitted` with the balls placed under its known film."""
     known = Unknowns((), balls.width_mm)
-    problem = _Problem(balls, None, known, scale=fitted.scale, most=math.inf)
+    problem = Fitting(balls, None, known, scale=fitted.scale, most=math.inf)
     return descend(_Trial.of(problem, fitted), _Trial.cost, _Trial.linear).now
 
 
@@ -295,7 +277,7 @@ def add_harmonics(balls: Balls, fitted: Fitted, degree: int) -> Fitted:
         shade = shades(n) * np.clip(1 + (n[2] - film.flattest) / FADE_WIDTH, 0, 1)
         basis = (shade[:, None] * place[None]).reshape(8 * used, -1)
         thrown = balls.thrown(now.shifts, film)
-        base = predicted(balls, physics._replace(shifts=now.shifts)) - thrown
+        base = physics._replace(shifts=now.shifts).predicted(balls) - thrown
         residual = balls.light - base - thrown
         own = block_diag(*((each * basis) @ basis.T for each in weight))
         gained = ((weight * base) @ basis.T).ravel()
@@ -307,18 +289,16 @@ def add_harmonics(balls: Balls, fitted: Fitted, degree: int) -> Fitted:
         harmonics[:, :, :used] = change[:-1].reshape(count, 8, used)
         gain = film.gain * (1 + float(change[-1]))
         now = now._replace(film=film._replace(harmonics=cast(F4, harmonics), gain=gain))
-        residual = predicted(balls, now) - balls.light
+        residual = now.predicted(balls) - balls.light
         now = place_balls(balls, now._replace(scale=balls.scale(residual)))
-        away = (balls.light - predicted(balls, now)) / balls.reference_light
+        away = (balls.light - now.predicted(balls)) / balls.reference_light
         # Cauchy's weights.
         weight = 1 / (1 + (away / (3 * now.scale)) ** 2) / balls.reference_light**2
-    return now._replace(scale=balls.scale(predicted(balls, now) - balls.light))
+    return now._replace(scale=balls.scale(now.predicted(balls) - balls.light))
 
 
-def start_at(lights: F4, strength: F4, count: int) -> Fitted:
-    """Return a matt film under roughly known LEDs, as a start value."""
-    emission = np.full(len(lights), EMISSION_UNKNOWN.start)
-    unknowns = inverse_places(lights), np.log(np.maximum(strength, 1e-6)), emission
-    leds = np.column_stack(unknowns).astype(np.float64)
-    film = Film.matt(lights.astype(np.float64))
-    return Fitted(leds, film, np.zeros((count, 3)), LIGHT_DEVIATION).with_leds(leds)
+def _by_rest(rest: Rest, now: Fitted, unknowns: Unknowns) -> F8:
+    """Derivatives of `Fitted.rest_residual` by the unknowns: U x K x M."""
+    without = () if rest.beneath else UNKNOWNS_OF_TOUCH_ALONE
+    by = unknowns.differences(now, without, now.at_rest(rest), lambda _, other: other.at_rest(rest))
+    return np.asarray(by.mean(axis=1, keepdims=True) - by)

@@ -15,17 +15,36 @@ from tactograph.nodes.stored import stored_values
 
 
 class Unknown(NamedTuple):
-    """A parameter of a usual sensor, where the fit starts, and its standard deviation."""
+    """A parameter of a usual sensor, where the fit starts, its standard deviation and limits."""
 
     start: float = 0.0
     spread: float = math.inf
+    low: float = -math.inf
+    high: float = math.inf
+
+    @staticmethod
+    def of(name: str) -> "Unknown":
+        """Return an unknown of LEDs or film; the limits are those of a `Film`."""
+        each = (LED_UNKNOWNS | SHARED_UNKNOWNS)[name]
+        if name not in Film._fields:
+            return each
+        stored = FILM_VALUES[name].stored
+        return each._replace(low=stored.low, high=stored.high)
+
+    @staticmethod
+    def of_part(part: str) -> tuple[str, ...]:
+        """Return the names of the unknowns of a part of the model."""
+        return PART_UNKNOWNS[part]
+
+    def within(self, value: F8) -> F8:
+        """Return values within the limits."""
+        return np.clip(value, self.low, self.high)
 
 
 STATED_UNKNOWNS = "size", "power"
 """Unknowns of what was stated, not of the film: the balls' radius and the camera's gamma."""
-PLAIN_FILM: dict[str, Any] = {
-    name: stored.plain for name, (_, stored) in stored_values(Film).items()
-}
+FILM_VALUES = stored_values(Film)
+PLAIN_FILM: dict[str, Any] = {name: stored.plain for name, (_, stored) in FILM_VALUES.items()}
 """The values that switch parts off."""
 USUAL_ALBEDO = Unknown(0.5, 0.4)
 """Of the film, and of the base under its coat: one value, found by both."""
@@ -38,7 +57,7 @@ USUAL_NEARNESS = 0.2
 LED_UNKNOWNS = {
     "x": Unknown(),
     "y": Unknown(),
-    "nearness": Unknown(USUAL_NEARNESS, USUAL_NEARNESS),
+    "nearness": Unknown(USUAL_NEARNESS, USUAL_NEARNESS, 1 / INFINITY_MM),
     "strength": Unknown(spread=1.0),
     "emission": EMISSION_UNKNOWN,
 }
@@ -56,7 +75,7 @@ SHARED_UNKNOWNS = {
     "diffuse": Unknown(0.2, 0.3),
 }
 """By name; `diffuse` is one for each LED.  Their limits are those of a `Film`."""
-SHARED_UNKNOWNS |= dict.fromkeys(STATED_UNKNOWNS, Unknown(1.0, 1.0))
+SHARED_UNKNOWNS |= dict.fromkeys(STATED_UNKNOWNS, Unknown(1.0, 1.0, DERIVATIVE_STEP))
 UNKNOWNS_OF_FLAT_ALONE = "strength", "emission"
 """Unknowns without effect on the light of touched film relative to the film at rest."""
 UNKNOWNS_OF_TOUCH_ALONE = "gain", "wrap", "diffuse", "rim", "size"
@@ -134,7 +153,7 @@ class Unknowns(NamedTuple):
         """Return a fit after a step of U unknowns and of the balls' shifts, within all limits."""
         values = self.values(now) + by
         for name, at in self.numbers(now).items():
-            values[at] = within(name, values[at])
+            values[at] = Unknown.of(name).within(values[at])
         return self.with_values(now._replace(shifts=now.shifts + shifts), values)
 
     def priors(self, now: Fitted) -> tuple[F8, F8]:
@@ -142,7 +161,7 @@ class Unknowns(NamedTuple):
         usual = np.empty((self.values(now).size, 2))
         for name, at in self.numbers(now).items():
             unit = self.width_mm if name == "nearness" else 1.0
-            usual[at] = np.divide((LED_UNKNOWNS | SHARED_UNKNOWNS)[name], unit)
+            usual[at] = np.divide(Unknown.of(name)[:2], unit)
         return self.values(now) - usual[:, 0], usual[:, 1]
 
     def surprise(self, now: Fitted) -> float:
@@ -174,15 +193,3 @@ class Unknowns(NamedTuple):
             own = np.arange(len(change)) if at.size > 1 else slice(None)
             by[at, own] = change / steps[at[0]]
         return by
-
-
-def within(name: str, value: F8) -> F8:
-    """Return a parameter's value within the limits of a `Film`; a given value is above 0."""
-    if name in STATED_UNKNOWNS:
-        return np.maximum(value, DERIVATIVE_STEP)
-    if name == "nearness":
-        return np.maximum(value, 1 / INFINITY_MM)
-    if name not in Film._fields:
-        return value
-    stored = stored_values(Film)[name].stored
-    return np.clip(value, stored.low, stored.high)

@@ -26,12 +26,11 @@ from tactograph.nodes import (
     PixelSize,
 )
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
-from tactograph.nodes.calibrate.ball.balls_on_film import Balls, predicted
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.film._film_search import Model, Trial, choose
-from tactograph.nodes.calibrate.film.ball_samples import bounced_at_rest, sample_balls
-from tactograph.nodes.calibrate.film.film_at_rest import rest_residual
-from tactograph.nodes.calibrate.film.film_fit import certainty, start_at
-from tactograph.nodes.calibrate.film.film_misfit import misfit, unevenness
+from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
+from tactograph.nodes.calibrate.film.film_fit import Fitting
+from tactograph.nodes.calibrate.film.film_misfit import Held
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
 from tactograph.nodes.optics.film import FilmPart
@@ -42,22 +41,6 @@ from tactograph.nodes.optics.sheet import SheetLight, SheetMask
 MIN_CONTACT_CELLS = 4
 """Contact radius in cells from which `film_bounce` resolves how a ball lights the film beside it.
 On coarser cells its albedo would absorb residuals of other parts of the model."""
-
-
-class FilmEvidence(NamedTuple):
-    """Inputs of a fit: presses, film at rest, and the LEDs as placed for a matt film."""
-
-    light: SheetLight
-    flat: Light
-    circle: BallCircles
-    radius: BallRadii
-    of: BallPress
-    selection: Annotated[NDArray[np.uint8], Port("P", "flag", high=1)]
-    first_lights: LightPositions
-    strength: Annotated[F4, Port("K", "1")]
-    noise: Noise
-    pixel: PixelSize
-    shape: RestShape | None = None
 
 
 class FilmFit(NamedTuple):
@@ -96,7 +79,7 @@ def fit_film(
     diffuse light with a gain of touched film, a glossy coat, light that bounces from film to
     film, a pupil near the film.  Each time, the part that explains the presses best is taken if
     the film is likelier with it, given how usual its values are, and if it lowers the error of
-    held-out balls by more than a standard error (`grows`).  Harmonics come last, of the highest
+    held-out balls by more than a standard error (`pays`).  Harmonics come last, of the highest
     degree in position that lowers the error further.  With a single ball, quarters of it are
     held out instead.  No part is tried where a model that leaves noise alone would gain too
     little.
@@ -128,28 +111,25 @@ def fit_film(
     """
     inputs = light, flat, circle, radius, of, selection, lights, strength, noise, pixel, shape
     evidence = FilmEvidence(*inputs)
-    used = np.flatnonzero((selection[of] > 0) & (circle[:, 2] > 0))
-    circle, radius, of = circle[used], radius[used], of[used]
+    used = evidence.used()
 
     def samples(film: Film, **options: Any) -> Balls:
-        evidence = light, flat, circle, radius, of, film, noise, pixel
-        return sample_balls(*evidence, bare=bare, bounce=bounce, shape=shape, **options)
+        return used.sample(film, bare=bare, bounce=bounce, **options)
 
     # A matt film throws no light onto itself, and is sampled again where it may be another.
     balls = samples(Film.matt(lights), fine=True)
     closed: set[str] = set(without) | ({"camera", "harmonics"} if shape is not None else set())
-    glow = None if "bounce" in closed else bounced_at_rest(shape, Film.matt(lights), bounce)
-    rest = Rest.of(flat, pixel, shape, glow)
+    rest = used.rest(None if "bounce" in closed else bounce)
     trial = Trial(balls, rest, samples, {})
-    start = start_at(lights, strength, len(balls.centre))
+    start = used.start()
     start = start._replace(film=start.film._replace(camera=1 / (camera_mm or math.inf)))
     if camera_mm is not None or len(balls.rim) < 2:
         closed.add("camera")
     cell = cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
     if np.median(balls.rim) < MIN_CONTACT_CELLS * cell:
         closed.add("bounce")
-    best, balls, held_out = choose(trial, start, {*get_args(FilmPart)} - closed)
-    sure = certainty(balls, rest, best.parts, best.fitted)
+    best, balls, folds = choose(trial, start, {*get_args(FilmPart)} - closed)
+    sure = Fitting.of(balls, rest, best.parts).certainty(best.fitted)
     hidden: dict[str, Any] = {name: 0.0 for name in ("wrap", "emission") if not sure.shows(name)}
     # Film that is no plane ends with the frame.
     film = best.fitted.film._replace(**hidden | ({} if shape is None else {"rim": 0.0}))
@@ -160,15 +140,16 @@ def fit_film(
     else:
         others = sure.other_places()
     film = film._replace(others=others)
-    residual = balls.light - predicted(balls, best.fitted)
-    uneven = unevenness(held_out, pixel)
+    residual = balls.light - best.fitted.predicted(balls)
+    held_out = Held(folds, pixel)
+    uneven = held_out.unevenness()
     if len(balls.centre) == 1 and "diffuse" in best.parts:
         # One ball does not tell by how much the gain of touched film varies.
         uneven = max(uneven, start.film.uneven)
     rough, slope = balls.grain(residual, flat, noise), balls.pressed_slope
     return FilmFit(
         film.stored()._replace(uneven=uneven, grain=rough, pressed_slope=slope),
-        misfit=misfit(held_out, film, pixel, uneven),
+        misfit=held_out.misfit(film, uneven),
         residual=np.sqrt(np.square(residual).mean(axis=1)).astype(np.float32),
         quality=trial.figures | _properties(best, film, rest),
         evidence=evidence,
@@ -191,6 +172,6 @@ def _properties(best: Model, film: Film, rest: Rest | None) -> Metrics:
         figures["camera_mm"] = 1 / film.camera
     figures["film_residual_percent"] = 100 * best.fitted.scale
     if rest is not None:
-        residual = rest_residual(rest, best.fitted)
+        residual = best.fitted.rest_residual(rest)
         figures["flat_residual_percent"] = 100 * float(np.sqrt(np.square(residual).mean()))
     return figures

@@ -19,23 +19,20 @@ Long because every doubt says in words what may be wrong and what would agree.
 """
 
 import math
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import F4, Film, Metrics, ScaleError
+from tactograph.nodes import Film, Metrics, ScaleError
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
-from tactograph.nodes.calibrate.film.ball_samples import sample_balls
-from tactograph.nodes.calibrate.film.film_at_rest import MAX_INDEPENDENT_REST, rest_residual
-from tactograph.nodes.calibrate.film.film_fit import fit, start_at
+from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
+from tactograph.nodes.calibrate.film.film_fit import Fitting
 from tactograph.nodes.calibrate.film.film_unknowns import STATED_UNKNOWNS, USUAL_NEARNESS
-from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
-from tactograph.nodes.calibrate.lights.light_samples import Rest
+from tactograph.nodes.calibrate.lights.light_samples import MAX_INDEPENDENT_REST
 from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS
-from tactograph.nodes.optics.rest_shape import RestShape
 
 MAX_SAMPLES = 600
 """Samples of the balls; a radius that is worth a warning shows with few."""
@@ -111,12 +108,74 @@ class Alternatives(NamedTuple):
     cap: dict[str, float]
     ruler_mm: float | None = None
 
+    @classmethod
+    def of(
+        cls,
+        evidence: FilmEvidence,
+        balls: Balls,
+        camera: float | None = 0.0,
+        coated: bool = False,
+    ) -> Self:
+        """Fit the plain film with the values given and with each of them free.
+
+        Parameters
+        ----------
+        evidence, balls : what a film is fitted to, and samples of its balls
+        camera
+            One over the pupil's height above the film; 0: it is free.  None: the camera is far.
+        coated : whether a film with a coat is tried, too, with the values given
+        """
+        rest, width, start = evidence.rest(), balls.width_mm, evidence.start()
+        leds = start.leds.copy()
+        leds[:, 2] = USUAL_NEARNESS / width
+        start = start._replace(film=start.film._replace(camera=camera or 0.0)).with_leds(leds)
+        samples = balls.thinned(MAX_SAMPLES)
+
+        def fitted(parts: frozenset[str], start: Fitted) -> Fitted:
+            return Fitting.of(samples, rest, parts).fitted(start)
+
+        def explained(now: Fitted) -> Explained:
+            flat = 0.0 if rest is None else math.sqrt(np.square(now.rest_residual(rest)).mean())
+            distance = float(np.linalg.norm(now.film.lights, axis=1).mean())
+            values = now.size, now.power, now.film.camera, math.hypot(now.scale, flat), distance
+            return Explained(*values, float(now.film.diffuse.mean()))
+
+        def best(parts: frozenset[str]) -> Explained:
+            sizes = FIRST_SIZES if OTHER_SIZE in parts else (1.0,)
+            starts, candidates = [start._replace(size=size) for size in sizes], []
+            if OTHER_CAMERA in parts:
+                near = start.film._replace(camera=USUAL_NEARNESS / width)
+                starts.append(start._replace(film=near))
+            for first in starts:
+                now = fitted(parts, first)
+                candidates.append(explained(now))
+                # What a fit leaves of the flat frame counts as the flat frame's own error.  One
+                # that leaves more there than on the balls may depart less from a matt film on.
+                if candidates[-1].departure > math.sqrt(2) * now.scale:
+                    candidates.append(explained(fitted(parts, fitted(frozenset(), first))))
+            return min(candidates, key=lambda each: each.departure)
+
+        without = {OTHER_CAMERA: camera != 0, WITH_COAT: not coated}
+        by_name = {name: best(parts) for name, parts in FREE_PARTS.items() if not without.get(name)}
+        # A camera that is found far away is as given, and its fit may end in a lower minimum.
+        if (far := by_name.get(OTHER_CAMERA)) is not None and far.camera == 0:
+            by_name[AS_STATED] = min(by_name[AS_STATED], far, key=lambda each: each.departure)
+        values = min(samples.light.size, MAX_INDEPENDENT_REST * len(start.leds))
+        names = OTHER_SIZE, CLEAR_GEL
+        cap = {name: _cap(balls, by_name[name].size) / _cap(balls, 1.0) for name in names}
+        return cls(by_name, values, cap)
+
+    @property
+    def stated(self) -> Explained:
+        """What a plain film explains with the values given."""
+        return self.by_name[AS_STATED]
+
     def odds(self, name: str, over: float | None = None) -> float:
         """Return how much likelier an alternative is than what was given, or than a departure.
 
         The likelihood of n residuals of unknown spread goes as the spread to the power of -n.
         """
-        over = self.by_name[AS_STATED].departure if over is None else over
+        over = self.stated.departure if over is None else over
         digits = self.values * math.log10(over / self.by_name[name].departure)
         return float(10.0 ** min(digits, 300.0))
 
@@ -150,7 +209,7 @@ class Alternatives(NamedTuple):
             and self.odds(name) > SURE_ODDS
             and self.odds(name, misfit) > 1 / SURE_ODDS
         ]
-        stated = self.by_name[AS_STATED].departure
+        stated = self.stated.departure
         if likely:
             best, *rest = sorted(likely, key=lambda name: self.by_name[name].departure)
             least, size = self.by_name[best].departure, self.by_name[OTHER_SIZE].size
@@ -195,7 +254,7 @@ class Alternatives(NamedTuple):
         And what settles it: a shadow does; the LEDs' distance, the input `ruler`, where that with
         the radius given excludes all that is open.
         """
-        open_ones, stated = self._open_ones(misfit), self.by_name[AS_STATED]
+        open_ones, stated = self._open_ones(misfit), self.stated
         if not open_ones:
             return ""
         others = []
@@ -245,7 +304,7 @@ class Alternatives(NamedTuple):
 
     def is_other(self, name: str) -> bool:
         """Return whether an alternative is there, and has another value than the given one."""
-        each, camera = self.by_name.get(name), self.by_name[AS_STATED].camera
+        each, camera = self.by_name.get(name), self.stated.camera
         return each is not None and (
             max(abs(each.size - 1), abs(each.power - 1)) > SAME_SIZE or each.camera != camera
         )
@@ -305,24 +364,18 @@ def judge_radius(
     InputError
         If the light contradicts the values given and `force` is not set.
     """
-    light, flat, circle, radius, of, is_used, lights, strength, noise, pixel, shape = evidence
-    used = np.flatnonzero((is_used[of] > 0) & (circle[:, 2] > 0))
-    balls = sample_balls(
-        *(light, flat, circle[used], radius[used], of[used], Film.matt(lights), noise, pixel),
-        most=None,
-        fine=True,
-        shape=shape,
-    )
-    first = float(radius[used[0]])
+    used = evidence.used()
+    balls = used.sample(Film.matt(evidence.first_lights), most=None, fine=True)
+    first = float(used.radius[0])
     misfit = fitted["film_residual_percent"], fitted.get("flat_residual_percent", 0.0)
     percent = float(np.hypot(*misfit)) / 100
     # On a film that is no plane, the pupil is where its shape was seen from.
-    camera = film.camera if shape is None else film.camera or None
-    fits = explain(balls, flat, pixel, lights, strength, shape, camera)
-    departure = fits.by_name[AS_STATED].departure
+    camera = film.camera if evidence.shape is None else film.camera or None
+    fits = Alternatives.of(used, balls, camera)
+    departure = fits.stated.departure
     # As it is given, the LEDs are where the film that is kept has them.
     mean = float(np.linalg.norm(film.lights, axis=1).mean())
-    fits.by_name[AS_STATED] = fits.by_name[AS_STATED]._replace(distance=mean)
+    fits.by_name[AS_STATED] = fits.stated._replace(distance=mean)
     fits = fits._replace(ruler_mm=led_distance_mm)
     doubts, is_clear = fits.doubts(first, percent, RADIUS_INPUTS)
     if is_clear and not (force or of_pixels):
@@ -330,7 +383,7 @@ def judge_radius(
     doubts += _of_distance(fits, first)
     is_open = "" if doubts else fits.unconfirmed(first, percent, "`led_distance_mm`")
     # The small balls of a grid throw no shadow, however deep they are pressed.
-    doubts += [is_open] * bool(is_open and np.bincount(of[used]).max() == 1)
+    doubts += [is_open] * bool(is_open and np.bincount(used.of).max() == 1)
     scale = math.hypot(fits.scale_error(percent), rest_error or 0.0)
     quality = fitted | {
         "light_departure_percent": 100 * departure,
@@ -340,69 +393,6 @@ def judge_radius(
         likelier = fits.is_other(OTHER_SIZE) and fits.odds(OTHER_SIZE) > SURE_ODDS
         quality["light_radius_mm"] = first * (fits.by_name[OTHER_SIZE].size if likelier else 1)
     return JudgedRadius(quality, doubts, is_open, scale)
-
-
-def explain(
-    balls: Balls,
-    flat: F4,
-    pixel: float,
-    lights: F4,
-    strength: F4,
-    shape: RestShape | None = None,
-    camera: float | None = 0.0,
-    coated: bool = False,
-) -> Alternatives:
-    """Fit the plain film with the values given and with each of them free.
-
-    Parameters
-    ----------
-    balls, flat, pixel, lights, strength, shape
-        Samples as `sample_balls` returns them, and what else `fit_film` is given.
-    camera
-        One over the pupil's height above the film; 0: it is free.  None: the camera is far.
-    coated : whether a film with a coat is tried, too, with the values given
-    """
-    rest, width = Rest.of(flat, pixel, shape), pixel * flat.shape[2]
-    start = start_at(lights, strength, len(balls.centre))
-    leds = start.leds.copy()
-    leds[:, 2] = USUAL_NEARNESS / width
-    start = start._replace(film=start.film._replace(camera=camera or 0.0)).with_leds(leds)
-    samples = balls.thinned(MAX_SAMPLES)
-
-    def fitted(parts: frozenset[str], start: Fitted) -> Fitted:
-        return fit(samples, rest, parts, start)
-
-    def explained(now: Fitted) -> Explained:
-        flat = 0.0 if rest is None else float(np.sqrt(np.square(rest_residual(rest, now)).mean()))
-        distance = float(np.linalg.norm(now.film.lights, axis=1).mean())
-        values = now.size, now.power, now.film.camera, math.hypot(now.scale, flat), distance
-        return Explained(*values, float(now.film.diffuse.mean()))
-
-    def best(parts: frozenset[str]) -> Explained:
-        sizes = FIRST_SIZES if OTHER_SIZE in parts else (1.0,)
-        starts, candidates = [start._replace(size=size) for size in sizes], []
-        if OTHER_CAMERA in parts:
-            near = start.film._replace(camera=USUAL_NEARNESS / width)
-            starts.append(start._replace(film=near))
-        for first in starts:
-            now = fitted(parts, first)
-            candidates.append(explained(now))
-            # What a fit leaves of the flat frame counts as the flat frame's own error.  One that
-            # leaves more there than on the balls may depart less from a matt film on.
-            if candidates[-1].departure > math.sqrt(2) * now.scale:
-                candidates.append(explained(fitted(parts, fitted(frozenset(), first))))
-        return min(candidates, key=lambda each: each.departure)
-
-    excluded = {OTHER_CAMERA: camera != 0, WITH_COAT: not coated}
-    by_name = {name: best(parts) for name, parts in FREE_PARTS.items() if not excluded.get(name)}
-    # A camera that is found far away is as given, and its fit may end in a lower minimum.
-    if (far := by_name.get(OTHER_CAMERA)) is not None and far.camera == 0:
-        by_name[AS_STATED] = min(by_name[AS_STATED], far, key=lambda each: each.departure)
-    values = min(samples.light.size, MAX_INDEPENDENT_REST * len(lights))
-    cap = {
-        name: _cap(balls, by_name[name].size) / _cap(balls, 1.0) for name in (OTHER_SIZE, CLEAR_GEL)
-    }
-    return Alternatives(by_name, values, cap)
 
 
 def _times(odds: float) -> str:
@@ -423,7 +413,7 @@ def _of_distance(fits: Alternatives, radius: float) -> list[str]:
     """A doubt if the LEDs are not where a ruler has them, with what would agree."""
     if fits.ruler_mm is None or not fits.is_excluded(AS_STATED):
         return []
-    mean = fits.by_name[AS_STATED].distance
+    mean = fits.stated.distance
     share = fits.ruler_mm / mean
     agree = (
         f"the ball's radius and the pixel size would agree if both were {share:.3g} times as large"

@@ -7,7 +7,7 @@ import numpy as np
 from tactograph.graph import InputError, Port, SizeLimit, node
 from tactograph.nodes import F4, Light, LightPlaces, LightPositions, PixelSize
 from tactograph.nodes.calibrate import MIN_PIXELS
-from tactograph.nodes.calibrate.lights.light_fit import other_places, place_leds, residual_of
+from tactograph.nodes.calibrate.lights.light_fit import LedFit, other_places, residual_of
 from tactograph.nodes.calibrate.lights.light_samples import Rest, presses_of, samples_for, unreached
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import (
@@ -90,7 +90,7 @@ def calibrate_lights(
             f"({MIN_PIXELS} are needed): is it on?"
         )
     rest, width = Rest.of(flat, pixel, shape), pixel * light.shape[2]
-    placed = place_leds(objects, rest, width, slants=slants)
+    placed = LedFit.of(objects, rest, width, slants=slants)
     residual = [
         residual_of(each, placed.leds, shift, placed.flat)
         for each, shift in zip(objects, placed.shifts, strict=True)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, F8, U1, Light, PixelSize
-from tactograph.nodes.calibrate.lights.light_fit import LedFit, place_leds, residual_of, shift_of
+from tactograph.nodes.calibrate.lights.light_fit import LedFit, residual_of, shift_of
 from tactograph.nodes.calibrate.lights.light_samples import (
     DIM_LIGHT,
     MAX_SAMPLES_EACH,
@@ -165,13 +165,13 @@ def _unlit(press: Object) -> str | None:
 def _consensus(objects: list[Object], rest: Rest | None, width_mm: float) -> _Agreement:
     """The fit to each press of the LEDs that most presses agree on."""
     candidates = np.unique(np.linspace(0, len(objects) - 1, CANDIDATE_PRESSES).astype(int))
-    alone = [place_leds([objects[i]], rest, width_mm) for i in candidates]
+    alone = [LedFit.of([objects[i]], rest, width_mm) for i in candidates]
     explanations = [_explain(objects, placed) for placed in alone]
     # `_middle` is the lower median: of two presses, the one that explains itself better counts.
     best = min(range(len(alone)), key=lambda i: _middle(explanations[i].residual))
     far = _far(explanations[best].residual, INLIER_RESIDUAL)
     good = [press for press, bad in zip(objects, far, strict=True) if not bad]
-    return _explain(objects, place_leds(good, rest, width_mm, alone[best]))
+    return _explain(objects, LedFit.of(good, rest, width_mm, alone[best]))
 
 
 def _explain(objects: list[Object], placed: LedFit) -> _Agreement:

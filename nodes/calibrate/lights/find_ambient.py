@@ -9,7 +9,7 @@ from scipy.ndimage import uniform_filter
 
 from tactograph.graph import SizeLimit, node
 from tactograph.nodes import F4, Dark, Light, Metrics, PixelSize
-from tactograph.nodes.calibrate.lights.light_fit import misfit_of, place_leds
+from tactograph.nodes.calibrate.lights.light_fit import LedFit
 from tactograph.nodes.calibrate.lights.light_samples import (
     MAX_SAMPLES_EACH,
     Rest,
@@ -108,8 +108,8 @@ def find_ambient(
         if unreached(objects):
             return np.inf
         rest = Rest.of(rest_light, pixel, shape)
-        placed = place_leds(objects, rest, pixel * flat.shape[2])
-        return misfit_of(objects, rest, placed)
+        placed = LedFit.of(objects, rest, pixel * flat.shape[2])
+        return placed.cost(objects, rest)
 
     if misfit(0.0) <= misfit(MIN_AMBIENT * film):
         return nothing

@@ -7,6 +7,7 @@ pixel is a tenth of a millimetre) and on how high the film lifts the rim.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.linalg import hadamard
@@ -14,11 +15,9 @@ from scipy.linalg import hadamard
 from tactograph.nodes import F4, F8, OTHER_PLACES
 from tactograph.nodes.calibrate import SHIFT_DEVIATION_PX
 from tactograph.nodes.calibrate.lights.descend import by_differences, huber, least_squares
-from tactograph.nodes.calibrate.lights.light_samples import DIM_LIGHT, Object, Rest
+from tactograph.nodes.calibrate.lights.light_samples import DIM_LIGHT, LIGHT_DEVIATION, Object, Rest
 from tactograph.nodes.optics.near_light import irradiance_ratio
 
-LIGHT_DEVIATION = 0.006
-"""Expected standard deviation of the light."""
 INFINITY_MM = 1e6
 """Distance in mm that counts as infinite."""
 HEIGHT_DEVIATION_MM = 0.2
@@ -33,6 +32,46 @@ DERIVATIVE_STEP = float(np.sqrt(np.finfo(np.float64).eps))
 """Relative step of the numeric derivative: the square root of the rounding error."""
 
 
+class LedPlaces(NamedTuple):
+    """LEDs by L_x / L_z, L_y / L_z and 1 / L_z, ... x K x 3; what follows is not read."""
+
+    values: F8
+
+    @classmethod
+    def of(cls, lights: F4 | F8) -> Self:
+        """Return LEDs at positions in mm, ... x K x 3."""
+        ends = lights[..., :2] / lights[..., 2:]
+        nearness = 1 / np.minimum(lights[..., 2:], INFINITY_MM)
+        return cls(np.concatenate([ends, nearness], axis=-1).astype(np.float64))
+
+    @property
+    def positions(self) -> F8:
+        """Positions in mm of K LEDs."""
+        ends = np.column_stack([self.values[:, :2], np.ones(len(self.values))])
+        return np.asarray(ends / np.maximum(self.values[:, 2:3], 1 / INFINITY_MM))
+
+    def sampled(self, spread: F8, width_mm: float) -> F4:
+        """Return LED positions sampled from a known covariance, 8 x K x 3 in mm.
+
+        Parameters
+        ----------
+        spread : 3 K x 3 K, the covariance of the K LEDs
+        width_mm : width of the film that the camera sees
+        """
+        leds = self.values[:, :3]
+        unit = np.tile([1, 1, 2 / width_mm], len(leds))
+        variance, direction = np.linalg.eigh(spread / np.outer(unit, unit))
+        deviation = np.sqrt(np.maximum(variance[-OTHER_PLACES:], 0))
+        modes = direction[:, -OTHER_PLACES:] * deviation * unit[:, None]
+        changes = hadamard(OTHER_PLACES) @ modes.T
+        others = []
+        for change in changes.reshape(OTHER_PLACES, len(leds), 3):
+            moved = leds + change
+            moved[:, 2] = np.maximum(moved[:, 2], MIN_INVERSE_HEIGHT_RATIO * leds[:, 2])
+            others.append(LedPlaces(moved).positions.astype(np.float32))
+        return np.stack(others)
+
+
 @dataclass(frozen=True)
 class LedFit:
     """A fit: K x 4 unknowns of the LEDs, P x 3 shifts in px and mm; whether it had a flat frame."""
@@ -41,10 +80,46 @@ class LedFit:
     shifts: F8
     flat: bool
 
+    @staticmethod
+    def of(
+        objects: list[Object],
+        rest: Rest | None,
+        width_mm: float,
+        start: "LedFit | None" = None,
+        slants: F4 | None = None,
+    ) -> "LedFit":
+        """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber).
+
+        Slants K x 2, if given, are where the search for the LEDs starts.  The film at rest tells
+        the LEDs alone, without objects, if it is no plane.
+        """
+        flat = rest is not None
+        count = len(objects[0].light) if objects else len(rest.logarithm) if rest is not None else 0
+        if start is None:
+            leds = np.array([_distant(objects, rest, k, width_mm, flat) for k in range(count)])
+            if slants is not None:
+                leds[:, :2] = slants
+        else:
+            leds = start.leds
+        shifts = np.zeros((len(objects), 3))
+
+        def placed(unknown: F8) -> LedFit:
+            own = unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
+            return LedFit(*own, flat)
+
+        def residual(unknown: F8) -> F8:
+            return placed(unknown).residuals(objects, rest)
+
+        def jacobian(unknown: F8) -> F8:
+            return placed(unknown).jacobian(objects, rest)
+
+        solution = least_squares(residual, np.r_[leds.ravel(), shifts.ravel()], jacobian=jacobian)
+        return placed(solution)
+
     @property
     def lights(self) -> F4:
         """Positions K x 3 in mm from the middle of the image."""
-        return positions(self.leds).astype(np.float32)
+        return LedPlaces(self.leds).positions.astype(np.float32)
 
     @property
     def strength(self) -> F4:
@@ -63,6 +138,10 @@ class LedFit:
                 *_rest_residual(rest, leds),
             ]
         )
+
+    def cost(self, objects: list[Object], rest: Rest | None) -> float:
+        """Return Huber's loss of the residuals, the least of which `of` finds."""
+        return huber(self.residuals(objects, rest))
 
     def jacobian(self, objects: list[Object], rest: Rest | None) -> F8:
         """Derivatives by differences; an LED affects its own light, a shift its own object."""
@@ -103,47 +182,6 @@ class LedFit:
         return jacobian
 
 
-def place_leds(
-    objects: list[Object],
-    rest: Rest | None,
-    width_mm: float,
-    start: LedFit | None = None,
-    slants: F4 | None = None,
-) -> LedFit:
-    """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber).
-
-    Slants K x 2, if given, are where the search for the LEDs starts.  The film at rest tells the
-    LEDs alone, without objects, if it is no plane.
-    """
-    flat = rest is not None
-    count = len(objects[0].light) if objects else len(rest.logarithm) if rest is not None else 0
-    if start is None:
-        leds = np.array([_distant(objects, rest, k, width_mm, flat) for k in range(count)])
-        if slants is not None:
-            leds[:, :2] = slants
-    else:
-        leds = start.leds
-    shifts = np.zeros((len(objects), 3))
-
-    def placed(unknown: F8) -> LedFit:
-        own = unknown[: 4 * count].reshape(count, 4), unknown[4 * count :].reshape(-1, 3)
-        return LedFit(*own, flat)
-
-    def residual(unknown: F8) -> F8:
-        return placed(unknown).residuals(objects, rest)
-
-    def jacobian(unknown: F8) -> F8:
-        return placed(unknown).jacobian(objects, rest)
-
-    solution = least_squares(residual, np.r_[leds.ravel(), shifts.ravel()], jacobian=jacobian)
-    return placed(solution)
-
-
-def misfit_of(objects: list[Object], rest: Rest | None, placed: LedFit) -> float:
-    """The minimum of the cost that `place_leds` reaches."""
-    return huber(placed.residuals(objects, rest))
-
-
 def other_places(objects: list[Object], rest: Rest | None, placed: LedFit, width_mm: float) -> F4:
     """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm.
 
@@ -169,42 +207,7 @@ def other_places(objects: list[Object], rest: Rest | None, placed: LedFit, width
     spread = inverse @ (slopes.T @ (slopes * noise[:, None])) @ inverse / np.outer(scale, scale)
 
     places = [4 * k + j for k in range(len(leds)) for j in range(3)]
-    return places_within(leds[:, :3], spread[np.ix_(places, places)], width_mm)
-
-
-def places_within(leds: F8, spread: F8, width_mm: float) -> F4:
-    """Return LED positions sampled from a known covariance, 8 x K x 3 in mm.
-
-    Parameters
-    ----------
-    leds : K x 3: L_x / L_z, L_y / L_z, 1 / L_z
-    spread : 3 K x 3 K, their covariance
-    width_mm : width of the film that the camera sees
-    """
-    unit = np.tile([1, 1, 2 / width_mm], len(leds))
-    variance, direction = np.linalg.eigh(spread / np.outer(unit, unit))
-    deviation = np.sqrt(np.maximum(variance[-OTHER_PLACES:], 0))
-    modes = direction[:, -OTHER_PLACES:] * deviation * unit[:, None]
-    changes = hadamard(OTHER_PLACES) @ modes.T
-    others = []
-    for change in changes.reshape(OTHER_PLACES, len(leds), 3):
-        moved = leds + change
-        moved[:, 2] = np.maximum(moved[:, 2], MIN_INVERSE_HEIGHT_RATIO * leds[:, 2])
-        others.append(positions(moved).astype(np.float32))
-    return np.stack(others)
-
-
-def positions(leds: F8) -> F8:
-    """Return positions in mm of LEDs given by L_x / L_z, L_y / L_z, 1 / L_z."""
-    ends = np.column_stack([leds[:, :2], np.ones(len(leds))])
-    return np.asarray(ends / np.maximum(leds[:, 2:3], 1 / INFINITY_MM))
-
-
-def inverse_places(lights: F4 | F8) -> F8:
-    """Return L_x / L_z, L_y / L_z, 1 / L_z of positions in mm, ... x K x 3."""
-    ends = lights[..., :2] / lights[..., 2:]
-    nearness = 1 / np.minimum(lights[..., 2:], INFINITY_MM)
-    return np.concatenate([ends, nearness], axis=-1).astype(np.float64)
+    return LedPlaces(leds).sampled(spread[np.ix_(places, places)], width_mm)
 
 
 def shift_of(press: Object, placed: LedFit) -> F8:

@@ -19,6 +19,11 @@ MAX_SAMPLES = 3000
 """Pixels of an object that suffice to fit twenty unknowns to a thousandth."""
 MAX_SAMPLES_EACH = 500
 """Pixels that suffice for each of several objects, or for one that is only compared."""
+LIGHT_DEVIATION = 0.006
+"""Expected standard deviation of the light."""
+MAX_INDEPENDENT_REST = 20
+"""Most independent values per LED that the flat frame counts as where it departs from the model,
+because its departures are smooth."""
 DIM_LIGHT = 0.05
 """Light below this may be half shadow."""
 EDGE_MARGIN_PX = 3
@@ -131,6 +136,15 @@ class Rest:
         thrown = None if bounced is None else blocks(bounced).reshape(count, -1)
         beneath = None if shape is None else shape.at(x, y)
         return cls(logarithm, x, y, block, beneath, thrown)
+
+    def spread(self, residual: F8) -> float:
+        """Return the standard deviation of a block; larger if a model (smoothly) leaves more."""
+        noise, share = LIGHT_DEVIATION / self.block, residual.shape[1] / MAX_INDEPENDENT_REST
+        left = float(np.sqrt(np.square(residual).mean()))
+        if self.beneath is not None:
+            # The light of a film of known shape measures the LEDs: a model that leaves more errs.
+            left = min(left, LIGHT_DEVIATION)
+        return float(np.hypot(noise, left * np.sqrt(max(1, share))))
 
 
 def presses_of(light: F4, slope: F4, mask: U1, height: F4, lit: U1, rows: int) -> list[Press]:

@@ -18,9 +18,9 @@ from tactograph.nodes import (
     Uneven,
 )
 from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE, BallCircles, BallPress, BallRadii
-from tactograph.nodes.calibrate.lights.light_fit import place_leds, shift_of
+from tactograph.nodes.calibrate.lights.light_fit import LedFit, shift_of
 from tactograph.nodes.calibrate.lights.light_samples import Press, Rest, presses_of, samples_for
-from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
+from tactograph.nodes.calibrate.rating.pressed_ball import PressedBall
 from tactograph.nodes.calibrate.tables.build_lut import in_tables
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.light_noise import light_noise
@@ -101,11 +101,11 @@ def hold_out_presses(
     rest, width_mm = Rest.of(flat, pixel), pixel * flat.shape[2]
     most = samples_for(len(used) - 1)
     objects = {i: presses[i].samples(pixel, most) for i in used}
-    everything = place_leds(list(objects.values()), rest, width_mm)
+    everything = LedFit.of(list(objects.values()), rest, width_mm)
     percent = []
     for i in used:
         others = [other for j, other in objects.items() if j != i]
-        placed = place_leds(others, rest, width_mm, start=everything)
+        placed = LedFit.of(others, rest, width_mm, start=everything)
         shift = shift_of(objects[i], placed)
         sigma = light_noise(cut(image, rows)[i], flat, noise)
         p, q = presses[i].slope
@@ -115,7 +115,8 @@ def hold_out_presses(
         errors = []
         for b in np.flatnonzero(balls.of == i):
             circle = np.array([*(balls.circle[b, :2] + shift[:2]), balls.circle[b, 2]])
-            errors.append(judge_contact(*surface, circle, balls.radius[b] / pixel, pixel, judged))
+            ball = PressedBall(circle, balls.radius[b] / pixel, pixel)
+            errors.append(ball.errors(*surface, judged))
         degrees[i], microns[i], share = np.mean(errors, axis=0)
         percent.append(share)
     if np.isfinite(degrees).any():

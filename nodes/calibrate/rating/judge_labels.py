@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tactograph.graph import node
 from tactograph.nodes import Film, LabelTurn, Light, Metrics, Noise, PixelSize
 from tactograph.nodes.calibrate.rating.hold_out_presses import BallPlaces
-from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
+from tactograph.nodes.calibrate.rating.pressed_ball import PressedBall
 from tactograph.nodes.calibrate.rating.verdict import pays
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.light_noise import light_noise
@@ -118,4 +118,4 @@ def _errors(
     for turn in (0.0, CAUTIOUS_TURN_RAD):
         surface = integrate_dct(label_lights(*inputs, turn).slope, pixel)
         slope = height_slopes(surface, pixel).slope
-        yield judge_contact(slope, surface, circle - corner, radius, pixel)[0]
+        yield PressedBall(circle - corner, radius, pixel).errors(slope, surface)[0]

@@ -69,8 +69,10 @@ class Advice(NamedTuple):
     advice: str
 
 
-def pays(before: list[float], after: list[float]) -> bool:
+def pays(before: list[float], after: list[float], odds: float = math.inf) -> bool:
     """Return whether a larger model lowers the held-out error by more than a standard error.
+
+    And, if `odds` are given, as a logarithm, whether it is the likelier one.
 
     The rule of one standard error (Breiman et al., "Classification and regression trees", 1984),
     for errors by fold, which both models share.  Few folds tell the standard error badly, so that
@@ -78,23 +80,7 @@ def pays(before: list[float], after: list[float]) -> bool:
     """
     gained = np.subtract(before, after)
     errors = stdtrit(gained.size - 1, ndtr(1))
-    return bool(gained.mean() > errors * gained.std(ddof=1) / np.sqrt(gained.size))
-
-
-def grows(
-    errors: list[float],
-    larger_errors: list[float],
-    deviations: tuple[float, float],
-    unknowns: int,
-    values: float,
-    surprise: float = 0.0,
-) -> bool:
-    """Return whether a larger model is the better one: likelier, and better on what is held out.
-
-    `deviations` are those that the smaller and the larger model leave, as for `log_odds`, and
-    `surprise` how much less usual the larger one's values are, as a logarithm.
-    """
-    return log_odds(*deviations, unknowns, values) > surprise and pays(errors, larger_errors)
+    return odds > 0 and bool(gained.mean() > errors * gained.std(ddof=1) / np.sqrt(gained.size))
 
 
 def log_odds(before: float, after: float, unknowns: int, values: float) -> float:

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.sdk.unstable import CAMERA_KIND, camera_offset
+from tactograph.sdk import View
+from tactograph.sdk.unstable import CAMERA_KIND
 
 KIND = CAMERA_KIND
 MARKS_ACROSS = 12
@@ -22,10 +23,10 @@ def draw(arrays: Mapping[str, Any], title: str, target: Path) -> None:
     figure = Figure(figsize=(8, 8 * rows / columns + 1), dpi=100, layout="constrained")
     axes = figure.subplots()
     step = max(columns // MARKS_ACROSS, 1)
-    half = np.hypot(rows, columns) / 2
+    half = View.unit((rows, columns))
     y, x = np.mgrid[:rows:step, :columns:step]
     u, v = (x - (columns - 1) / 2) / half, (y - (rows - 1) / 2) / half
-    du, dv = camera_offset(arrays["lens"], u, v)
+    du, dv = View(arrays["lens"]).offset(u, v)
     places = [x + half * du, y + half * dv]
     axes.plot(x.ravel(), y.ravel(), ".", color="#9a9a9a", label="even grid")
     axes.plot(

@@ -11,7 +11,6 @@ from scipy.optimize import least_squares
 from tactograph.rings.camera.nodes.find_grid import GridMarks
 from tactograph.rings.camera.nodes.read_grey import GreyImage
 from tactograph.sdk import F4, InputError, Lens, Metrics, PixelSize, Port, View, node, warn
-from tactograph.sdk.unstable import LENS_TERMS, camera_offset, half_diagonal
 
 POSE_TERMS = 4
 """Parameters of the grid's pose: scale, rotation, and position of the cell 0, 0."""
@@ -74,7 +73,7 @@ def fit_lens(
         If the marks do not lie on a square grid, or the lens would fold the image.
     """
     shape = (image.shape[0], image.shape[1])
-    half = float(half_diagonal(shape))
+    half = View.unit(shape)
     middle = np.array([shape[1] - 1, shape[0] - 1]) / 2
     places = (marks.place.astype(np.float64) - middle) / half
     inliers = _fitting(places, marks.cell)
@@ -132,7 +131,7 @@ def _fitting(places: Places, cell: Places) -> NDArray[np.bool_]:
     """Flags of the marks that the most flexible lens fits."""
     inliers = np.ones(len(places), bool)
     for _ in range(2):
-        pose, lens, _ = _fit(places[inliers], cell[inliers], LENS_TERMS)
+        pose, lens, _ = _fit(places[inliers], cell[inliers], (*RADIAL_TERMS[-1], *TILT_TERMS))
         away = np.linalg.norm(places - _predicted(pose, lens, cell), axis=1)
         # The median distance of a Gaussian's points in the plane is 1.18 standard deviations.
         inliers = away <= MAX_DEVIATIONS * max(float(np.median(away[inliers])) / 1.18, 1e-6)
@@ -156,13 +155,10 @@ def _simplest(places: Places, cell: Places, exact: float) -> tuple[Places, Place
 
 def _fit(places: Places, cell: Places, free: tuple[str, ...]) -> tuple[Places, Places, float]:
     """Fit the pose and the lens's terms named in `free`; return pose, lens and sum of squares."""
-    where = [LENS_TERMS.index(name) for name in free]
     start = np.concatenate([_pose(places, cell), np.zeros(len(free))])
 
     def lens_of(values: Places) -> Places:
-        lens = np.zeros(len(LENS_TERMS))
-        lens[where] = values[POSE_TERMS:]
-        return lens
+        return View.lens_of(dict(zip(free, values[POSE_TERMS:], strict=True)))
 
     def wrong(values: Places) -> Places:
         return (_predicted(values[:POSE_TERMS], lens_of(values), cell) - places).ravel()
@@ -184,7 +180,7 @@ def _predicted(pose: Places, lens: Places, cell: Places) -> Places:
     size, turn, x, y = pose
     place = np.exp(size + 1j * turn) * (cell @ [1, 1j]) + complex(x, y)
     u, v = place.real, place.imag
-    du, dv = camera_offset(lens, u, v)
+    du, dv = View(lens).offset(u, v)
     return np.stack([u + du, v + dv], axis=1)
 
 

@@ -35,8 +35,7 @@ def doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]:
         or not MIN_PRESSES <= presses == len(evidence.selection)
     ):
         return []
-    samples = evidence.light, evidence.flat, evidence.circle, evidence.radius, evidence.of
-    balls = ball_presses(*samples, evidence.pixel, film.camera)
+    balls = ball_presses(evidence, film.camera)
     bent, plane = tried_bends(balls)
     bend = fitted_bend(balls, bent, only_ball=True)
     odds = log_odds(math.sqrt(plane.cost), math.sqrt(bend.cost), 1, bend.samples)

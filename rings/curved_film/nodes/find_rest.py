@@ -10,22 +10,15 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.rings.curved_film.nodes._coated_bend import (
-    Bending,
-    Laid,
-    coated_bend,
-)
+from tactograph.rings.curved_film.nodes._coated_bend import Bending, coated_bend
 from tactograph.rings.curved_film.nodes.read_rest import by_rays
 from tactograph.sdk import F4, F8, InputError, Light, Metrics, NodeCall, PixelSize, Port, node
 from tactograph.sdk.nodes import film_bounce, find_balls, label_lit
 from tactograph.sdk.unstable import (
     DERIVATIVE_STEP,
-    UM_PER_MM,
-    BallCircles,
     BallOnShape,
-    BallPress,
-    BallRadii,
     Circle,
+    FilmEvidence,
     LedFit,
     Noise,
     Object,
@@ -38,9 +31,7 @@ from tactograph.sdk.unstable import (
     StatedCircles,
     cut,
     descend,
-    huber,
     huber_weight,
-    place_leds,
     places,
     refined,
 )
@@ -84,7 +75,8 @@ class Bend(NamedTuple):
     @property
     def cost(self) -> float:
         """Huber's loss of a residual, on average."""
-        return huber(self.residuals) / self.residuals.size
+        trial = self.trial
+        return trial.placed.cost(trial.objects, trial.rest) / self.residuals.size
 
     def likelihood(self) -> float:
         """Return -2 log of the likelihood: residuals are of unknown spread."""
@@ -111,12 +103,25 @@ class FoundRest(NamedTuple):
 class BallPresses(NamedTuple):
     """What the search looks at: presses of one ball each, K x H x W, and the film at rest."""
 
+    evidence: FilmEvidence
     light: list[F4]
-    flat: F4
     circles: list[Circle]
-    radii: list[float]
-    pixel: float
     camera: float
+
+    @property
+    def flat(self) -> F4:
+        """The film at rest, K x H x W."""
+        return self.evidence.flat
+
+    @property
+    def radii(self) -> list[float]:
+        """The balls' radii in mm."""
+        return self.evidence.radius.tolist()
+
+    @property
+    def pixel(self) -> float:
+        """mm per px at height 0."""
+        return self.evidence.pixel
 
     @property
     def half(self) -> float:
@@ -191,15 +196,17 @@ def find_rest(
             "middle, others near the border"
         )
     camera = 0.0 if camera_mm is None else 1 / camera_mm
-    evidence = light, flat, ball.circle, ball.radius, ball.of, pixel, camera
-    presses = ball_presses(*evidence)
+    every, strength = np.ones(len(names), np.uint8), np.ones(len(flat), np.float32)
+    placed = every, np.ones((len(flat), 3), np.float32), strength
+    found = ball.circle, ball.radius, ball.of
+    presses = ball_presses(FilmEvidence(light, flat, *found, *placed, noise, pixel), camera)
     tried, _ = tried_bends(presses)
     is_stated = camera_mm is not None
-    bend = _under_coat(presses, tried, noise, bounce, is_stated) or fitted_bend(presses, tried)
+    bend = _under_coat(presses, tried, bounce, is_stated) or fitted_bend(presses, tried)
     size = even.shape[1], even.shape[2]
     whole = bent(size, even_pixel, camera, bend.unknowns)
     deviation = _deviation(bend, flat.shape[1:], pixel)
-    figures = {"rest_deviation_um": UM_PER_MM * deviation}
+    figures = {"rest_deviation_um": 1e3 * deviation}
     for axis, k in (("x", bend.unknowns[0]), ("y", bend.unknowns[2])):
         figures[f"rest_radius_{axis}_mm"] = float(1 / k) if k else math.inf
     scale = _scale_error(bend, presses.radii)
@@ -255,45 +262,29 @@ def tried_bends(presses: BallPresses) -> tuple[Bend, Bend]:
     return min(bends, key=lambda each: each.cost), bends[0]
 
 
-def ball_presses(
-    light: SheetLight,
-    flat: Light,
-    circle: BallCircles,
-    radius: BallRadii,
-    of: BallPress,
-    pixel: float,
-    camera: float,
-) -> BallPresses:
-    """Return the presses that show a ball.
-
-    Parameters
-    ----------
-    light, flat : K x S x W presses relative to the film at rest, and K x H x W
-    circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
-    pixel, camera : mm per px at height 0, one over the height of the pupil
-    """
-    sheets, used = cut(light, flat.shape[1]), np.flatnonzero(circle[:, 2] > 0)
-    circles = [Circle(*map(float, circle[b])) for b in used]
-    return BallPresses(
-        [sheets[of[b]] for b in used], flat, circles, radius[used].tolist(), pixel, camera
-    )
+def ball_presses(evidence: FilmEvidence, camera: float) -> BallPresses:
+    """Return the presses that show a ball, each alone; `camera` is one over the pupil's height."""
+    found = evidence._replace(selection=np.ones_like(evidence.selection)).used()
+    sheets = cut(found.light, found.flat.shape[1])
+    light = [sheets[press] for press in found.of]
+    every = np.arange(len(light), dtype=np.int32)
+    found = found._replace(light=np.concatenate(light, axis=1), of=every)
+    return BallPresses(found, light, [Circle(*map(float, c)) for c in found.circle], camera)
 
 
-def _under_coat(
-    presses: BallPresses, bend: Bend, noise: Noise, bounce: NodeCall, is_stated: bool
-) -> Bend | None:
+def _under_coat(presses: BallPresses, bend: Bend, bounce: NodeCall, is_stated: bool) -> Bend | None:
     """The bend by a film's model with a coat; None where the film has none."""
 
-    def lay(unknowns: F8) -> Laid:
+    def lay(unknowns: F8) -> FilmEvidence:
         trial = _placed(presses, unknowns, bend.trial)
-        circle = np.array([(at.x, at.y, at.radius) for at in trial.circles], np.float32)
-        return Laid(presses.shape(unknowns), circle, trial.placed.lights, trial.placed.strength)
+        return presses.evidence._replace(
+            circle=np.array(trial.circles, np.float32),
+            first_lights=trial.placed.lights,
+            strength=trial.placed.strength,
+            shape=presses.shape(unknowns),
+        )
 
-    bending = Bending(
-        np.concatenate(presses.light, axis=1), presses.flat, np.array(presses.radii, np.float32),
-        np.arange(len(presses.radii), dtype=np.int32), noise, presses.pixel,
-        presses.unit, is_stated, presses.shape, lay, bounce,
-    )  # fmt: skip
+    bending = Bending(presses.unit, is_stated, presses.shape, lay, bounce)
     coated = coated_bend(bending, bend.unknowns, bend.samples)
     return None if coated is None else bend._replace(unknowns=coated[0], covariance=coated[1])
 
@@ -346,7 +337,7 @@ def _placed(presses: BallPresses, unknowns: F8, before: _Trial | None) -> _Trial
     objects, rest = _on(presses, unknowns, circles)
     start = None if before is None else before.placed
     width = presses.pixel * presses.flat.shape[2]
-    return _Trial(circles, objects, rest, place_leds(objects, rest, width, start))
+    return _Trial(circles, objects, rest, LedFit.of(objects, rest, width, start))
 
 
 def _on(

@@ -11,7 +11,7 @@ from tactograph.graph import InputError, Provenance
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.calibrate.ball.find_ball import find_ball
-from tactograph.nodes.calibrate.rating.judge_contact import ball_shape, judge_contact
+from tactograph.nodes.calibrate.rating.pressed_ball import PressedBall
 from tactograph.rings.oneshot.nodes.file.read_press_calibration import read_press_calibration
 from tactograph.rings.oneshot.nodes.file.write_press_calibration import write_press_calibration
 from tactograph.rings.oneshot.nodes.map.reflectance_map import (
@@ -67,7 +67,7 @@ def light_of(slope: np.ndarray, height: np.ndarray) -> np.ndarray:
 def pressed(x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
     """Slope and height of a film over a ball: its cap, and a skirt that falls to the rest."""
     row, column = (i.astype(float) for i in np.indices(SHAPE))
-    slope, rise = ball_shape(column, row, np.array([x, y, CONTACT]), RADIUS, PIXEL)
+    slope, rise = PressedBall(np.array([x, y, CONTACT]), RADIUS, PIXEL).shape(column, row)
     r = np.hypot(column - x, row - y)
     inside = r < CONTACT
     steep = CONTACT / np.sqrt(RADIUS**2 - CONTACT**2)
@@ -110,7 +110,7 @@ def test_three_lights_suffice_for_a_press_that_was_not_seen(fitted) -> None:
     light = light_of(slope, height)
     found = solve_reflectance_map(light, FLAT, height.astype(np.float32), fitted.reflectance)
     circle = np.array([40.0, 30.0, CONTACT])
-    degrees, microns, _ = judge_contact(found, height, circle, RADIUS, PIXEL)
+    degrees, microns, _ = PressedBall(circle, RADIUS, PIXEL).errors(found, height)
     assert degrees < 1.5
     assert microns < 1
 
@@ -290,6 +290,6 @@ def test_a_real_sensor_measures_a_press_that_it_was_not_calibrated_with(tmp_path
     light = stack[around.index(held_out)] / images.flat
     ball = find_ball(light, PX, radius_mm=3.155)
     true = np.array([*ball.center, ball.contact], float)
-    degrees, _, percent = judge_contact(slope, height, true, 3.155 / PX, PX)
+    degrees, _, percent = PressedBall(true, 3.155 / PX, PX).errors(slope, height)
     assert degrees < 2.7
     assert percent < 5

@@ -1,10 +1,11 @@
 """Report what a new film changes, the remaining error, and whether to calibrate fully."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from tactograph.rings.recheck.nodes.film_change import FilmChange
 from tactograph.sdk import F4, Metrics, PixelSize, node, warn
-from tactograph.sdk.unstable import Advice
 
 REFERENCE_FIGURES = "film_heldout_deg", "heldout_normal_deg"
 """Figures that hold a full calibration's error on held-out presses, in degrees."""
@@ -25,13 +26,20 @@ MIN_DENT_SLOPE = 0.02
 """Slope from which a departure is a dent; smooth differences between films are less steep."""
 
 
+class RecalibrationAdvice(NamedTuple):
+    """What has changed, in figures, and what to do, in one sentence."""
+
+    quality: Metrics
+    advice: str
+
+
 @node
 def advise_recalibration(
     change: FilmChange,
     pixel: PixelSize,
     refitted: Metrics,
     before: Metrics,
-) -> Advice:
+) -> RecalibrationAdvice:
     """Report what has changed in figures, and what to do in one sentence.
 
     Parameters
@@ -59,7 +67,7 @@ def advise_recalibration(
         | reference
         | {"full_calibration_due": float(bool(reasons))}
     )
-    return Advice(quality, _sentence(reasons, refitted, full))
+    return RecalibrationAdvice(quality, _sentence(reasons, refitted, full))
 
 
 def _dent(dent: F4, pixel: float) -> tuple[float, float]:

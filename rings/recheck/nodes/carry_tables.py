@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from tactograph.sdk import Film, node
-from tactograph.sdk.unstable import LutLight, LutLit, LutSlope, TablePixels, predict
+from tactograph.sdk import F4, Film, node
+from tactograph.sdk.nodes import film_light
+from tactograph.sdk.unstable import LutLight, LutLit, LutSlope, TablePixels
 
 MIN_PREDICTED_LIGHT = 0.05
 """Light predicted for the old film above which the ratio of both films is used."""
@@ -19,9 +20,8 @@ def carry_tables(
 ) -> TablePixels:
     """Return the tables' pixels with the light that their slopes have on the new film.
 
-    The light of each pixel is multiplied by the ratio of both films' predictions (`optics/film`,
-    equation F1) for its slope in the middle of the film.  So the residual of the old model is
-    kept.
+    The light of each pixel is multiplied by the ratio of both films' light (`film_light`) for its
+    slope in the middle of the film.  So the residual of the old model is kept.
 
     Parameters
     ----------
@@ -32,10 +32,13 @@ def carry_tables(
     -------
     Light K x 1 x N, slope 2 x 1 x N, a mask of ones and the LEDs that reach each pixel.
     """
-    p, q = lut_slope.T.astype(np.float64)
-    normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
-    none = np.zeros_like(p)
-    height = np.full_like(p, old.contact)
-    then, now = (predict(film, normal, none, none, height) for film in (old, new))
+    slope = np.ascontiguousarray(lut_slope.T)
+    then, now = (_light(film, slope, float(old.contact)) for film in (old, new))
     ratio = np.where(then > MIN_PREDICTED_LIGHT, now / np.maximum(then, MIN_PREDICTED_LIGHT), 1)
-    return TablePixels.of(lut_light.T * ratio, np.ascontiguousarray(lut_slope.T), lut_lit)
+    return TablePixels.of(lut_light.T * ratio, slope, lut_lit)
+
+
+def _light(film: Film, slope: F4, height: float) -> F4:
+    """The light of slopes, K x N, on film that is as high as touched film, in the middle."""
+    apparent = np.full((1, slope.shape[1]), height / (1 - film.camera * height), np.float32)
+    return film_light(slope[:, None], apparent, film, 0.0)[:, 0]

@@ -6,7 +6,7 @@ from matplotlib.patches import Circle
 from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
 from tactograph.rings.recheck.nodes.film_change import FilmChange
 from tactograph.sdk import F4, ORANGE, Light, Metrics, node, write_picture
-from tactograph.sdk.unstable import BallCircles, BallPress, BesidePicture, SheetLight, cut, in_lines
+from tactograph.sdk.unstable import BesidePicture, FoundBalls, SheetLight, cut, in_lines
 
 
 @node
@@ -15,8 +15,7 @@ def plot_recalibration(
     now: Light,
     change: FilmChange,
     image: SheetLight,
-    circle: BallCircles,
-    of: BallPress,
+    balls: FoundBalls,
     quality: Metrics,
     advice: str,
     *,
@@ -28,16 +27,15 @@ def plot_recalibration(
     ----------
     then, now : K x H x W, the old and the new film at rest
     change : as `film_change` returns it
-    image, circle, of
-        The presses on a sheet, and the circles of their balls; a contact radius of 0 means that
-        there is no ball.
+    image, balls
+        The presses on a sheet, and their balls; a contact radius of 0 means that there is no ball.
     quality, advice : for the title
     file : the picture goes beside it: ``new.npz`` gives ``new.png``
     """
     films = {"old film at rest": then, "new film at rest": now}
     words = "new against old"
     figure, (upper, lower) = draw_films(films, change, words, width=15)
-    _draw_press(upper, cut(image, now.shape[1])[0], circle[of == 0])
+    _draw_press(upper, cut(image, now.shape[1])[0], balls.circle[balls.of == 0])
     draw_light(lower, change.strength, words)
     figure.suptitle(_title(quality) + f"\n{advice}", fontsize=9)
     write_picture(figure, file.with_suffix(".png"))

@@ -12,41 +12,27 @@ from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
 from tactograph.sdk import F4, F8, Film, Light, Metrics, NodeCall, PixelSize, SizeLimit, node, warn
 from tactograph.sdk.nodes import film_bounce
 from tactograph.sdk.unstable import (
-    FINAL_SAMPLES,
-    FOLD_COUNT,
-    LIGHT_DEVIATION,
-    PART_UNKNOWNS,
-    SHARED_UNKNOWNS,
-    BallCircles,
-    BallPress,
-    BallRadii,
     Balls,
+    FilmEvidence,
     Fitted,
+    FoundBalls,
     Held,
     Misfit,
     Noise,
     Rest,
     SheetLight,
     Unknown,
-    grows,
     least_squares,
-    misfit,
-    normal_error,
+    log_odds,
     pays,
-    predicted,
-    rest_light,
-    rest_spread,
-    sample_balls,
-    unevenness,
-    within,
 )
 
 SHALLOW_SHARE = 0.5
 """Smallest slopes of a check press, as a share of those pressed for the calibration."""
 THICKNESS_DEVIATION_MM = 0.3
 """Standard deviation of the thickness of a gel."""
-COAT_UNKNOWNS = PART_UNKNOWNS["lobe"]
-ANOTHER_GEL = ("thicker", "gain", "diffuse", *PART_UNKNOWNS["bounce"])
+COAT_UNKNOWNS = Unknown.of_part("lobe")
+ANOTHER_GEL = ("thicker", "gain", "diffuse", *Unknown.of_part("bounce"))
 FILM_CHANGES = (("thicker",), ANOTHER_GEL, (*ANOTHER_GEL, *COAT_UNKNOWNS))
 """The changes tried, the simplest first: another thickness in mm, another gel, another coat.
 `diffuse` is added to the share of every LED."""
@@ -83,11 +69,11 @@ class _Refitted(NamedTuple):
     @property
     def fitted(self) -> Fitted:
         """The fit in the form that other functions take."""
-        return Fitted(np.zeros((len(self.film.lights), 4)), self.film, self.shifts, LIGHT_DEVIATION)
+        return Fitted(np.zeros((len(self.film.lights), 5)), self.film, self.shifts)
 
     def scale(self, balls: Balls) -> float:
         """Standard deviation of what the fit leaves of the balls' light."""
-        return balls.scale(predicted(balls, self.fitted) - balls.light)
+        return balls.scale(self.fitted.predicted(balls) - balls.light)
 
 
 @node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})
@@ -95,9 +81,7 @@ def refit_film(
     light: SheetLight,
     flat: Light,
     before: Light,
-    circle: BallCircles,
-    radius: BallRadii,
-    of: BallPress,
+    balls: FoundBalls,
     film: Film,
     old_misfit: Misfit,
     noise: Noise,
@@ -114,7 +98,7 @@ def refit_film(
     frame's fall-off.  Each prior holds a parameter near its old value, as films of one kind
     differ; the albedo's takes the flat frame's brightness into account.  The thickness is always
     fitted.  Changes of the gel, and then of the coat, are accepted if they are likelier, and lower
-    the error on held-out quarters of the press by more than a standard error (`grows`).  Where
+    the error on held-out quarters of the press by more than a standard error (`pays`).  Where
     only the new film lights itself, it is fitted once more, to more samples, with that light
     known, and the better of both on what is held out is taken.  The old film's harmonics
     are dropped if that lowers the error as much.
@@ -123,9 +107,7 @@ def refit_film(
     ----------
     light : K x S x W, the check press or presses relative to the new film at rest, on a sheet
     flat, before : K x H x W, the new and the old film at rest
-    circle, radius, of
-        B x 3 in px, B in mm, and the press that each ball is in; a contact radius of 0 means
-        that there is no ball.
+    balls : as `find_balls` returns them; a contact radius of 0 means that there is no ball
     film, old_misfit : of the old calibration
     noise : (shot, read), a captured light I has the variance shot * I + read
     pixel : mm per px on the old film
@@ -141,42 +123,41 @@ def refit_film(
         n: np.asarray(v, np.float64) if np.ndim(v) else v for n, v in film._asdict().items()
     }
     precise = Film(**typed)
-    used = circle[:, 2] > 0
-    if not used.any():
+    if not (balls.circle[:, 2] > 0).any():
         return _result(precise, film, old_misfit, even_pixel, {})
-    circle, radius, of = circle[used], radius[used], of[used]
-
-    def sampled(film: Film, **options: Any) -> Balls:
-        evidence = light, flat, circle, radius, of, film, noise, pixel
-        return sample_balls(*evidence, most=None, bounce=bounce, **options)
-
-    whole = sampled(film)
-    balls = whole.thinned()
-    if (slope := balls.pressed_slope) < SHALLOW_SHARE * film.pressed_slope:
+    every = np.ones(light.shape[1] // flat.shape[1], np.uint8)
+    strength = np.ones(len(flat), np.float32)
+    found, placed = (balls.circle, balls.radius, balls.of), (every, film.lights, strength)
+    evidence = FilmEvidence(light, flat, *found, *placed, noise, pixel).used()
+    whole = evidence.sample(film, most=None, bounce=bounce)
+    some = whole.thinned()
+    if (slope := some.pressed_slope) < SHALLOW_SHARE * film.pressed_slope:
         warn(
             f"the check press has slopes of up to {slope:.2f}, the calibration's presses of up to "
             f"{film.pressed_slope:.2f}: press as deep as slopes will be, and recalibrate"
         )
     before_refit = _prior_of(precise, flat, before, pixel)
-    before_error = float(np.mean(_judged(before_refit, balls, ())[1]))
-    best, errors, fold_fits = _choose(before_refit, balls)
+    before_error = float(np.mean(_judged(before_refit, some, ())[1]))
+    best, errors, fold_fits = _choose(before_refit, some)
     if best.film.albedo > 0 and not film.lights_itself:
         # Now the light that the new film reflects from film to film is known.
-        renewed = sampled(best.film, shifts=best.shifts, rim=balls.rim, fine=True)
-        more = renewed.thinned(FINAL_SAMPLES)
+        renewed = evidence.sample(
+            best.film, most=None, shifts=best.shifts, rim=some.rim, fine=True, bounce=bounce
+        )
+        more = renewed.thinned(final=True)
         other = _choose(before_refit, more)
         if np.mean(other[1]) < np.mean(errors):
-            whole, balls, (best, errors, fold_fits) = renewed, more, other
+            whole, some, (best, errors, fold_fits) = renewed, more, other
     if precise.harmonics.any():
         plain = precise._replace(harmonics=np.zeros_like(precise.harmonics))
-        other = _choose(before_refit._replace(film=plain), balls)
+        other = _choose(before_refit._replace(film=plain), some)
         if pays(errors, other[1]):
             best, errors, fold_fits = other
-    parts = [whole.only(whole.held_by % FOLD_COUNT == number) for number in range(len(fold_fits))]
-    held_out = [Held(b, fold.fitted) for b, fold in zip(parts, fold_fits, strict=True) if b.u.size]
-    uneven = unevenness(held_out, pixel)
-    new_misfit = misfit(held_out, film, pixel, uneven)
-    rough = balls.grain(balls.light - predicted(balls, best.fitted), flat, noise)
+    parts = zip(map(whole.only, some.folds(whole)), fold_fits, strict=True)
+    held_out = Held([(part, fold.fitted) for part, fold in parts], pixel)
+    uneven = held_out.unevenness()
+    new_misfit = held_out.misfit(film, uneven)
+    rough = some.grain(some.light - best.fitted.predicted(some), flat, noise)
     figures = {"check_deg/before": before_error, "check_deg/held_out": float(np.mean(errors))}
     thicker = best.changed.get("thicker", 0.0)
     return _result(
@@ -233,7 +214,8 @@ def _choose(prior: _Prior, balls: Balls) -> tuple[_Refitted, list[float], list[_
     for names in FILM_CHANGES[1:]:
         candidate = _judged(prior, balls, names)
         scales = best.scale(balls), candidate[0].scale(balls)
-        if grows(errors, candidate[1], scales, len(names) - len(best.changed), values):
+        odds = log_odds(*scales, len(names) - len(best.changed), values)
+        if pays(errors, candidate[1], odds):
             best, errors, fold_fits = candidate
     return best, errors, fold_fits
 
@@ -244,13 +226,10 @@ def _judged(
     """The fit to all samples, the held-out error, and the fit without each fold."""
     whole = _fit(prior, balls, names, {})
     fold_fits, errors = [], []
-    for number in range(FOLD_COUNT):
-        held_out = balls.held_by % FOLD_COUNT == number
-        if not held_out.any():
-            continue
+    for held_out in balls.folds():
         fold = _fit(prior, balls.only(~held_out), names, whole.changed)
         fold_fits.append(fold)
-        errors.append(normal_error(balls.only(held_out), fold.fitted).degrees)
+        errors.append(fold.fitted.normal_error(balls.only(held_out)).degrees)
     return whole, errors, fold_fits
 
 
@@ -259,7 +238,9 @@ def _changed(film: Film, names: dict[str, float]) -> Film:
     values: dict[str, Any] = dict(names)
     thicker, diffuse = values.pop("thicker", 0.0), values.pop("diffuse", 0.0)
     values["diffuse"] = film.diffuse + diffuse
-    fields: dict[str, Any] = {name: within(name, value) for name, value in values.items()}
+    fields: dict[str, Any] = {
+        name: Unknown.of(name).within(value) for name, value in values.items()
+    }
     return film._replace(
         lights=film.lights + np.array([0, 0, thicker]),
         camera=film.camera / (1 + film.camera * thicker),
@@ -271,7 +252,7 @@ def _usual(prior: _Prior, name: str) -> Unknown:
     """What is expected of a change, or of the new value of a parameter."""
     if name == "thicker":
         return Unknown(0.0, THICKNESS_DEVIATION_MM)
-    first, old = SHARED_UNKNOWNS[name], prior.film
+    first, old = Unknown.of(name), prior.film
     if name == "diffuse":
         return Unknown(0.0, first.spread)
     if name in COAT_UNKNOWNS and old.refraction == 1:
@@ -287,11 +268,6 @@ def _fit(prior: _Prior, balls: Balls, names: tuple[str, ...], start: dict[str, f
     usual = np.concatenate([np.zeros(3 * count), [each.start for each in about]])
     places = balls.place_deviations.ravel()
     spread = np.concatenate([places, [each.spread for each in about]])
-    samples = LIGHT_DEVIATION * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
-    # Without a change, the flat frames tell how alike they are.
-    blocks = rest_spread(prior.ratio, prior.fall) if prior.fall.x.size else LIGHT_DEVIATION
-    whole = balls.reference_light * samples
-    level = np.log(rest_light(film, prior.fall.x, prior.fall.y))
 
     def at(values: F8) -> _Refitted:
         named = dict(zip(names, values[3 * count :].tolist(), strict=True))
@@ -302,13 +278,19 @@ def _fit(prior: _Prior, balls: Balls, names: tuple[str, ...], start: dict[str, f
         # On a film that is farther from the camera, positions are scaled.
         scale = 1 + film.camera * candidate.changed.get("thicker", 0.0)
         farther = {name: getattr(balls, name) * scale for name in ("u", "v", "centre", "rim")}
-        light = predicted(replace(balls, **farther), candidate.fitted)
+        light = candidate.fitted.predicted(replace(balls, **farther))
         parts = [((balls.light - light) / whole).ravel(), (values - usual) / spread]
         if names and prior.fall.x.size:
-            fallen = np.log(rest_light(candidate.film, prior.fall.x * scale, prior.fall.y * scale))
-            parts.append(((prior.ratio - _level(fallen - level)) / blocks).ravel())
+            farther = {name: getattr(prior.fall, name) * scale for name in ("x", "y")}
+            fallen = candidate.fitted.at_rest(replace(prior.fall, **farther)) - level
+            # Without a change, the flat frames tell how alike they are.
+            blocks = prior.fall.spread(prior.ratio)
+            parts.append(((prior.ratio - _level(fallen)) / blocks).ravel())
         return np.concatenate(parts)
 
+    before = _Refitted({}, film, np.zeros((count, 3))).fitted
+    samples = before.scale * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
+    whole, level = balls.reference_light * samples, before.at_rest(prior.fall)
     begin = usual.copy()
     begin[3 * count :] = [start.get(n, each.start) for n, each in zip(names, about, strict=True)]
     return at(least_squares(residuals, begin, spread))

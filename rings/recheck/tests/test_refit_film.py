@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph.errors import collect_warnings
+from tactograph.nodes.calibrate.ball.find_balls import FoundBalls
 from tactograph.nodes.calibrate.film.fit_film import FilmFit
 from tactograph.rings.recheck.nodes.refit_film import refit_film
 from tests.nodes.calibrate.film.test_fit_film import (
@@ -30,9 +31,10 @@ def old() -> FilmFit:
 
 def told_of(old: FilmFit, rim: float) -> list[str]:
     circle = np.array([[63.5, 47.5, rim / PIXEL]], np.float32)
+    balls = FoundBalls(circle, np.float32([1]), np.float32([RADIUS]), np.int32([0]), [""])
     with collect_warnings([]) as notes:
         refit_film(
-            *(press(MATT, (0, 0), 9), FLAT, FLAT, circle, np.float32([RADIUS]), np.int32([0])),
+            *(press(MATT, (0, 0), 9), FLAT, FLAT, balls),
             *(old.film, old.misfit, NOISE, PIXEL, PIXEL),
         )
     return notes

@@ -27,23 +27,18 @@ from tactograph.sdk import (
     SizeLimit,
     node,
 )
-from tactograph.sdk.nodes import film_bounce, integrate_dct
+from tactograph.sdk.nodes import film_bounce, film_light, integrate_dct
 from tactograph.sdk.unstable import (
-    EMISSION_UNKNOWN,
     MIN_BOUNCE_ERROR,
-    SHARED_UNKNOWNS,
-    USUAL_NEARNESS,
     Fitted,
+    LedPlaces,
     Misfit,
     Rest,
     ScaleError,
     SheetLight,
+    Unknown,
     cut,
     places,
-    places_within,
-    positions,
-    predict,
-    rest_residual,
 )
 
 CELLS_ACROSS = 40
@@ -69,7 +64,9 @@ DERIVATIVE_STEP = 1e-3
 EMISSION_LIMITS = -1.0, 4.0
 COAT_LIMITS = {"albedo": (0.0, 0.95), "roughness": (0.08, 0.6), "refraction": (1.3, 1.6)}
 """Of a film with a coat, whose base has the albedo that light from film to film has."""
-SHARED_PRIORS = EMISSION_UNKNOWN, *(SHARED_UNKNOWNS[name] for name in COAT_LIMITS)
+USUAL_NEARNESS = Unknown.of("nearness").start
+"""Widths of the image over the distance of an LED."""
+SHARED_PRIORS = tuple(Unknown.of(name) for name in ("emission", *COAT_LIMITS))
 """What all LEDs share: m, of an LED that emits as cos^m, and the coat."""
 
 
@@ -172,7 +169,7 @@ def _start(scene: _Scene) -> F8:
     grows = np.linalg.lstsq(plane, rest.logarithm.T, rcond=None)[0][:2].T
     ways = FIRST_SLANT * grows / np.linalg.norm(grows, axis=1, keepdims=True)
     nearness = np.full(len(ways), USUAL_NEARNESS / scene.width)
-    return np.r_[np.column_stack([ways, nearness]).ravel(), EMISSION_UNKNOWN.start]
+    return np.r_[np.column_stack([ways, nearness]).ravel(), SHARED_PRIORS[0].start]
 
 
 def _units(scene: _Scene, unknowns: F8) -> F8:
@@ -184,7 +181,8 @@ def _units(scene: _Scene, unknowns: F8) -> F8:
 def _film(scene: _Scene, unknowns: F8) -> Film:
     count = len(scene.presses[0])
     coat = unknowns[3 * count + 1 :].tolist()
-    film = Film.matt(positions(unknowns[: 3 * count].reshape(count, 3)).astype(np.float32))
+    leds = LedPlaces(unknowns[: 3 * count].reshape(count, 3))
+    film = Film.matt(leds.positions.astype(np.float32))
     film = film._replace(camera=scene.camera)
     if coat:
         film = film._replace(base=coat[0], **dict(zip(COAT_LIMITS, coat, strict=True)))
@@ -231,12 +229,10 @@ def _matt(scene: _Scene, press: F8, state: _State, film: Film, vectors: F8) -> F
     """The light that a matt film would have: without bounces, and what a coat makes of it."""
     if film.refraction == 1:
         return press
-    u, v = scene.places
     p, q = state.slope
     n = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
-    nearer = 1 - scene.camera * state.height
-    x, y, z = (u * nearer).ravel(), (v * nearer).ravel(), state.height.ravel()
-    light = predict(film, n.reshape(3, -1), x, y, z).reshape(press.shape)
+    apparent = state.height / (1 - scene.camera * state.height)
+    light = film_light(state.slope, apparent, film, scene.pixel)
     direct = np.einsum("kihw,ihw->khw", vectors, n)
     return np.asarray(press - film.albedo * state.bounced - (light - direct))
 
@@ -289,7 +285,7 @@ def _residuals(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     leds = np.c_[
         unknowns[: 3 * count].reshape(count, 3), np.zeros(count), np.full(count, shared[0])
     ]
-    at_rest = rest_residual(scene.rest, Fitted(leds, film, np.zeros((0, 3)), 1.0))
+    at_rest = Fitted(leds, film, np.zeros((0, 3))).rest_residual(scene.rest)
     parts = [
         (unknowns[2 : 3 * count : 3] - usual) / usual,
         (shared - about) / _units(scene, unknowns)[3 * count :],
@@ -315,7 +311,7 @@ def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
     variance = 2 * solved.cost / solved.fun.size * max(1, solved.fun.size / independent)
     spread = variance * np.linalg.pinv(solved.jac.T @ solved.jac, hermitian=True)
     leds, spread = solved.x[: 3 * count].reshape(count, 3), spread[: 3 * count, : 3 * count]
-    others = places_within(leds, spread, scene.width)
+    others = LedPlaces(leds).sampled(spread, scene.width)
     steeper: NDArray[np.float64] = np.zeros((count, 3))
     steeper[:, :2] = leds[:, :2] / np.square(leds[:, :2]).sum(axis=1, keepdims=True) / count
     scale = math.sqrt(float(steeper.ravel() @ spread @ steeper.ravel()))

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from tactograph.sdk import F8, InputError, Light, LightPositions, Metrics, PixelSize, node, warn
-from tactograph.sdk.unstable import LightPlaces, Rest, places_within
+from tactograph.sdk.unstable import LedPlaces, LightPlaces, Rest
 
 DIRECTION_DEVIATION = 0.01
 """Standard deviation of a lamp's direction in radians, and of its distance as a share of it."""
@@ -77,8 +77,8 @@ def _less_mean(logarithm: F8) -> F8:
 
 def _other_places(lamps: LightPositions, width_mm: float) -> LightPlaces:
     """Eight sets of places that the lamps may have."""
-    ends = lamps.astype(np.float64)
-    leds = np.column_stack([ends[:, :2], np.ones(len(ends))]) / ends[:, 2:]
+    places = LedPlaces.of(lamps.astype(np.float64))
+    leds = places.values
     # 1 / L_z of a lamp within 1 % of its distance, and ends of directions within 0.01.
     deviation = DIRECTION_DEVIATION * np.column_stack([1 + leds[:, :2] ** 2, leds[:, 2]])
-    return places_within(leds, np.diag(deviation.ravel() ** 2), width_mm)
+    return places.sampled(np.diag(deviation.ravel() ** 2), width_mm)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from tactograph.sdk import Film, node
-from tactograph.sdk.nodes import light_noise
-from tactograph.sdk.unstable import Noise, ResizedLight, TablePixels, predict
+from tactograph.sdk.nodes import film_light, light_noise
+from tactograph.sdk.unstable import Noise, ResizedLight, TablePixels
 
 TABLE_SIDE = 121
 """Rows and columns of the hemisphere of normals."""
@@ -20,7 +20,7 @@ def model_tables(film: Film, flat: ResizedLight, noise: Noise) -> TablePixels:
 
     Parameters
     ----------
-    film : the model (`optics/film`, equation F1), in the middle of the image
+    film : the model (`film_light`), in the middle of the image
     flat, noise : K x h x w, and as `estimate_noise` gives it: how noisy light is
 
     Returns
@@ -32,11 +32,11 @@ def model_tables(film: Film, flat: ResizedLight, noise: Noise) -> TablePixels:
         for index in np.indices((TABLE_SIDE, TABLE_SIDE))
     )
     inside = np.hypot(nx, ny) < MAX_SINE
-    normal = np.stack([nx[inside], ny[inside], np.sqrt(1 - nx[inside] ** 2 - ny[inside] ** 2)])
-    none = np.zeros_like(normal[0])
-    light = predict(film, normal, none, none, none)
+    across = np.stack([nx[inside], ny[inside]])
+    slope = (-across / np.sqrt(1 - np.square(across).sum(axis=0))).astype(np.float32)
+    light = film_light(slope[:, None], np.zeros_like(slope[:1]), film, 0.0)[:, 0]
     level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None, None]
     deviation = light_noise(level, level, noise, floor=1e-3)[:, 0]
     lit = (light > MIN_LIGHT) << np.arange(len(light))[:, None]
     light = light + np.random.default_rng(0).normal(size=light.shape) * deviation
-    return TablePixels.of(light, -normal[:2] / normal[2], lit.sum(axis=0))
+    return TablePixels.of(light, slope, lit.sum(axis=0))

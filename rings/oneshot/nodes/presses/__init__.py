@@ -4,5 +4,5 @@ from typing import Annotated
 
 from tactograph.sdk import F4, Port
 
-Circles = Annotated[F4, Port("P 3", "px")]
+Circles = Annotated[F4, Port("B 3", "px")]
 """Contact circles: x, y, radius; a radius of 0 where no ball was found."""

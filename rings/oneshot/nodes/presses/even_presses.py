@@ -6,7 +6,7 @@ import numpy as np
 
 from tactograph.sdk import Lens, Light, View, node
 from tactograph.sdk.nodes import undistort
-from tactograph.sdk.unstable import PressImages, StatedCircles, is_straight
+from tactograph.sdk.unstable import PressImages, StatedCircles
 
 
 class EvenPresses(NamedTuple):
@@ -27,8 +27,9 @@ def even_presses(image: PressImages, flat: Light, circle: StatedCircles, lens: L
     circle : P x 3 in px of the captured images; the radius does not change
     lens : length 8 as `read_lens` gives it, all zero for an ideal lens
     """
-    if is_straight(lens):
+    view = View(lens)
+    if view.is_plain:
         return EvenPresses(image, flat, circle)
     presses = np.stack([undistort(press, lens) for press in image])
-    circle = View(lens).ideal_circles(flat.shape[1:], circle)
+    circle = view.ideal_circles(flat.shape[1:], circle)
     return EvenPresses(presses, undistort(flat, lens), circle)

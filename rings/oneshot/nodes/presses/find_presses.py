@@ -1,31 +1,16 @@
 """Find the ball in every press."""
 
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Ge, Gt
 
 from tactograph.rings.oneshot.nodes.presses.sheet_presses import sheet_presses
-from tactograph.sdk import F4, InputError, Light, PixelSize, Port, node, warn
+from tactograph.sdk import InputError, Light, PixelSize, node, warn
 from tactograph.sdk.nodes import find_ball, find_balls
-from tactograph.sdk.unstable import (
-    MIN_FLAT_LIGHT,
-    BallCircles,
-    BallPress,
-    PressImages,
-    StatedCircles,
-)
+from tactograph.sdk.unstable import MIN_FLAT_LIGHT, FoundBalls, PressImages, StatedCircles
 
 MIN_PRESSES = 4
-
-
-class FoundPresses(NamedTuple):
-    """Circle, goodness, press and name of every ball."""
-
-    circle: BallCircles
-    goodness: Annotated[F4, Port("B", "1")]
-    of: BallPress
-    names: list[str]
 
 
 @node
@@ -39,7 +24,7 @@ def find_presses(
     radius_mm: Annotated[float, Gt(0)] | None = None,
     pitch_mm: Annotated[float, Gt(0)] | None = None,
     fewest: Annotated[int, Ge(1)] = MIN_PRESSES,
-) -> FoundPresses:
+) -> FoundBalls:
     """Return the contact circle of every press, as `find_ball` finds it.
 
     A press without a ball is named in a warning and gets a radius of 0, which excludes it from
@@ -63,7 +48,7 @@ def find_presses(
     Returns
     -------
     x, y and contact radius in px per ball (pixel centres lie at integers), the goodness of each, 0
-    to 1, the press that it is in, and its name for messages.
+    to 1, its radius in mm, the press that it is in, and its name for messages.
 
     Raises
     ------
@@ -73,22 +58,20 @@ def find_presses(
     every = np.arange(len(image), dtype=np.int32)
     if not names:
         none = np.zeros(len(image), np.float32)
-        return FoundPresses(np.zeros((len(image), 3), np.float32), none, every, names)
+        return FoundBalls(np.zeros((len(image), 3), np.float32), none, none, every, names)
     if radius_mm is None:
         raise InputError("the ball's radius is not known; give `radius_mm`=MM")
     if circles is None:
         circles = np.full((len(image), 3), np.nan, np.float32)
+    radii = np.full(len(image), radius_mm, np.float32)
     if pitch_mm is not None:
         sheet = sheet_presses(image / np.maximum(flat, MIN_FLAT_LIGHT))
-        radii = np.full(len(image), radius_mm, np.float32)
-        circle, ball_goodness, _, of, _ = find_balls(
-            sheet, flat, radii, circles, names, pixel, pitch_mm=pitch_mm
-        )
+        found = find_balls(sheet, flat, radii, circles, names, pixel, pitch_mm=pitch_mm)
         lines = [
             f"{names[press]}, ball at {x:.0f},{y:.0f} px,"
-            for press, (x, y, _) in zip(of, circle, strict=True)
+            for press, (x, y, _) in zip(found.of, found.circle, strict=True)
         ]
-        return FoundPresses(circle, ball_goodness, of, lines)
+        return found._replace(names=lines)
     balls, missed = list[tuple[float, ...]](), []
     for press, name, (x, y, contact) in zip(image, names, circles, strict=True):
         if np.isfinite([x, y, contact]).all():
@@ -116,4 +99,4 @@ def find_presses(
         )
     for name in missed:
         warn(f"press {name} is left out: no ball of radius {radius_mm:g} mm in it")
-    return FoundPresses(circles[:, :3].copy(), circles[:, 3].copy(), every, names)
+    return FoundBalls(circles[:, :3].copy(), circles[:, 3].copy(), radii, every, names)

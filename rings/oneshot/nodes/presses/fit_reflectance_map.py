@@ -7,7 +7,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Interval
-from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     NO_LIGHT,
@@ -28,6 +27,7 @@ from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import (
     ReflectanceMap,
     solve_reflectance_map,
 )
+from tactograph.rings.oneshot.nodes.presses import Circles
 from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
 from tactograph.sdk import F4, F8, U1, InputError, Light, PixelSize, Port, node, warn
 from tactograph.sdk.nodes import (
@@ -40,10 +40,9 @@ from tactograph.sdk.nodes import (
 from tactograph.sdk.unstable import (
     DEVIATIONS_PER_MAD,
     MIN_FLAT_LIGHT,
-    BallCircles,
-    BallPress,
+    FoundBalls,
+    PressedBall,
     PressImages,
-    ball_shape,
 )
 
 ROUGH_PASSES = 2
@@ -73,7 +72,7 @@ class MapFit(NamedTuple):
     """The map, the circles refined with it, and its residual."""
 
     reflectance: ReflectanceMap
-    circle: BallCircles
+    circle: Circles
     selection: Annotated[U1, Port("B", "flag", high=1)]
     rim: Annotated[float, Port(unit="mm")]
     residual: Annotated[F4, Port("K", "1")]
@@ -99,9 +98,9 @@ def fit_reflectance_map(
     image: PressImages,
     flat: Light,
     names: list[str],
-    circle: BallCircles,
+    circle: Circles,
     pixel: PixelSize,
-    of: BallPress | None = None,
+    balls: FoundBalls | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
     rounds: Annotated[int, Interval(ge=1, le=50)] = 5,
@@ -120,7 +119,7 @@ def fit_reflectance_map(
     names : the balls' names, for messages
     circle : B x 3 in px, as `find_presses` returns it; balls of radius 0 are left out
     pixel : mm per px
-    of : length B, the press that each ball is in; None: every press has one ball
+    balls : as `find_presses` returns them; None: every press has one ball
     radius_mm : the ball's radius
     rounds : how often map and centres are updated
 
@@ -136,7 +135,7 @@ def fit_reflectance_map(
         If fewer than 4 presses are left.
     """
     selection = circle[:, 2] > 0
-    bench = make_bench(image, flat, radius_mm, pixel, degree_for(int(selection.sum())), of)
+    bench = make_bench(image, flat, radius_mm, pixel, degree_for(int(selection.sum())), balls)
     circles = circle.astype(np.float64)
     rim = FIRST_RIM_MM
     reflectance, circles = fit_presses(bench, circles, selection, rim, rounds)
@@ -174,11 +173,11 @@ def make_bench(
     radius_mm: float,
     pixel: float,
     degree: int,
-    of: NDArray[np.int32] | None = None,
+    balls: FoundBalls | None = None,
 ) -> Bench:
     """Return the inputs of the fit's steps; the light is relative to the film at rest."""
     light = [press / np.maximum(flat, MIN_FLAT_LIGHT) for press in image]
-    press_light = light if of is None else [light[press] for press in of]
+    press_light = light if balls is None else [light[press] for press in balls.of]
     return Bench(press_light, flat, radius_mm / pixel, pixel, degree)
 
 
@@ -244,14 +243,14 @@ def measure_rim(bench: Bench, reflectance: F8, circles: F8, is_used: np.ndarray)
 def _rim_of(bench: Bench, reflectance: F8, circle: F8, press: int) -> float:
     _, height = reconstruct(bench, reflectance, press)
     y, x = (i.astype(np.float64) for i in np.indices(bench.shape))
-    _, rise = ball_shape(x, y, circle, bench.radius, bench.pixel)
+    _, rise = PressedBall(circle, bench.radius, bench.pixel).shape(x, y)
     distance = np.hypot(x - circle[0], y - circle[1]) / circle[2]
     ring = (distance > 0.8) & (distance < 0.95)
     return float(np.median((height - rise)[ring]))
 
 
 def _shades(bench: Bench, circle: F8, pixels: Pixels, rim: float) -> F8:
-    slope, rise = ball_shape(pixels.x, pixels.y, circle, bench.radius, bench.pixel)
+    slope, rise = PressedBall(circle, bench.radius, bench.pixel).shape(pixels.x, pixels.y)
     return shades(slope, rise + rim)
 
 

@@ -6,20 +6,19 @@ import numpy as np
 from annotated_types import Gt
 from scipy.special import chdtri
 
+from tactograph.rings.oneshot.nodes.presses import Circles
 from tactograph.sdk import F4, U1, Film, Light, PixelSize, Port, node
 from tactograph.sdk.unstable import (
-    AS_STATED,
     DEVIATIONS_PER_MAD,
     FALSE_ALARMS,
     MAX_JUDGED_BALLS,
     MIN_FLAT_LIGHT,
-    BallCircles,
-    BallPress,
+    Alternatives,
     Balls,
+    FilmEvidence,
+    FoundBalls,
     Judged,
     PressImages,
-    explain,
-    sample_balls,
 )
 
 RADIUS_INPUTS = " (`radius_mm`, `pixel`)"
@@ -29,10 +28,10 @@ RADIUS_INPUTS = " (`radius_mm`, `pixel`)"
 def judge_press_radius(
     image: PressImages,
     flat: Light,
-    circle: BallCircles,
+    circle: Circles,
     selection: Annotated[U1, Port("B", "flag", high=1)],
     pixel: PixelSize,
-    of: BallPress | None = None,
+    balls: FoundBalls | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
 ) -> Judged:
@@ -46,7 +45,7 @@ def judge_press_radius(
     image, flat : P x K x H x W presses, levelled, and the K x H x W film at rest
     circle, selection : B x 3 in px, and the balls used, as `fit_reflectance_map` returns them
     pixel : mm per px
-    of : length B, the press that each ball is in; None: every press has one ball
+    balls : as `find_presses` returns them; None: every press has one ball
     radius_mm : the ball's radius
 
     Returns
@@ -57,26 +56,25 @@ def judge_press_radius(
     """
     used = np.flatnonzero(selection)
     used = used[:: used.size // MAX_JUDGED_BALLS + 1]
-    press_image = image[used if of is None else of[used]]
+    press_image = image[used if balls is None else balls.of[used]]
     sheet = np.concatenate(list(press_image / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
     radius = np.full(used.size, radius_mm, np.float32)
-    # A matt film throws no light on itself, wherever its lights are.
-    matt = Film.matt(np.ones((len(flat), 3), np.float32))
     every, no_noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
-    balls = sample_balls(
-        *(sheet, flat, circle[used], radius, every, matt, no_noise, pixel), most=None, fine=True
-    )
-    strength = np.ones(len(flat), np.float32)
+    lights, strength = np.ones((len(flat), 3), np.float32), np.ones(len(flat), np.float32)
+    placed = np.ones(used.size, np.uint8), lights, strength
+    evidence = FilmEvidence(sheet, flat, circle[used], radius, every, *placed, no_noise, pixel)
+    # A matt film throws no light on itself, wherever its lights are.
+    samples = evidence.sample(Film.matt(lights), most=None, fine=True)
     # The film at rest of such sensors is not lit by points.
-    flat = np.ones_like(flat)
-    explained = explain(balls, flat, pixel, _directions(balls), strength, camera=None, coated=True)
-    plain, scale = explained.by_name[AS_STATED], explained.scale_error()
+    evidence = evidence._replace(flat=np.ones_like(flat), first_lights=_directions(samples))
+    explained = Alternatives.of(evidence, samples, camera=None, coated=True)
+    plain, scale = explained.stated, explained.scale_error()
     # What a coat explains better is no evidence of another radius or of a gamma.
     doubts, _ = explained.doubts(radius_mm, explained.departure, which=RADIUS_INPUTS)
     is_open = "" if doubts else explained.unconfirmed(radius_mm)
     quality = {"diffuse_percent": 100 * plain.diffuse, "scale_error_percent": 100 * scale}
     by_chance = chdtri(explained.values, FALSE_ALARMS) / explained.values
-    noise = _noise(sheet) / float(np.median(balls.reference_light))
+    noise = _noise(sheet) / float(np.median(samples.reference_light))
     if plain.departure**2 <= by_chance * noise**2:
         quality["matt"] = 1.0
     return Judged(quality, doubts, is_open)

@@ -7,8 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from tactograph.rings.oneshot.nodes.presses import Circles
 from tactograph.sdk import BLUE, F4, ORANGE, U1, Light, Port, node, write_picture
-from tactograph.sdk.unstable import BallCircles, BesidePicture
+from tactograph.sdk.unstable import BesidePicture
 
 TITLE_LETTERS = 130
 """Letters in a line of the title."""
@@ -17,7 +18,7 @@ TITLE_LETTERS = 130
 @node
 def plot_presses(
     flat: Light,
-    circle: BallCircles,
+    circle: Circles,
     selection: Annotated[U1, Port("B", "flag", high=1)],
     heldout_deg: Annotated[F4, Port("B", "deg")],
     verdict: str,

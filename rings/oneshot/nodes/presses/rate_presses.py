@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Gt
 
+from tactograph.rings.oneshot.nodes.presses import Circles
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     degree_for,
     fit_presses,
@@ -15,11 +16,10 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
 from tactograph.sdk import F4, U1, Light, Metrics, PixelSize, Port, node, warn
 from tactograph.sdk.unstable import (
     FILM_REGIONS,
-    BallCircles,
-    BallPress,
+    FoundBalls,
     Judged,
+    PressedBall,
     PressImages,
-    judge_contact,
 )
 
 COVERAGE_CELLS = (4, 6)
@@ -46,8 +46,8 @@ class PressRating(NamedTuple):
 def rate_presses(
     image: PressImages,
     flat: Light,
-    initial: BallCircles,
-    circle: BallCircles,
+    balls: FoundBalls,
+    circle: Circles,
     selection: Annotated[U1, Port("B", "flag", high=1)],
     rim: Annotated[float, Port(unit="mm")],
     residual: Annotated[F4, Port("K", "1")],
@@ -55,7 +55,6 @@ def rate_presses(
     of_radius: Judged | None = None,
     of_pixels: list[str] | None = None,
     of_punches: Judged | None = None,
-    of: BallPress | None = None,
     *,
     radius_mm: Annotated[float, Gt(0)],
 ) -> PressRating:
@@ -68,12 +67,11 @@ def rate_presses(
     Parameters
     ----------
     image, flat : P x K x H x W presses and the K x H x W film at rest
-    initial, circle : B x 3 in px, before and after refining
+    balls, circle : as `find_presses` returns them, and their circles after refining, B x 3 in px
     selection, rim, residual : as `fit_reflectance_map` returns them
     pixel : mm per px
     of_radius, of_pixels : what `judge_press_radius` and the doubts that `judge_oblong` returns
     of_punches : what `judge_punches` returns
-    of : length B, the press that each ball is in; None: every press has one ball
     radius_mm : the ball's radius
 
     Returns
@@ -88,16 +86,16 @@ def rate_presses(
     chosen = np.flatnonzero(selection)
     degree = degree_for(chosen.size * (PART_COUNT - 1) // PART_COUNT)
     errors = np.zeros((len(selection), 3))
-    bench = make_bench(image, flat, radius_mm, pixel, degree, of)
+    bench = make_bench(image, flat, radius_mm, pixel, degree, balls)
     for part in range(PART_COUNT):
         held_out, training = chosen[part::PART_COUNT], selection > 0
         training[held_out] = False
         reflectance, _ = fit_presses(bench, circle.astype(np.float64), training, rim, 1)
         for press in held_out.tolist():
-            at = initial[press].astype(np.float64)
+            at = balls.circle[press].astype(np.float64)
             at = refine_center(bench, reflectance, at, press, rim, steps=6)
-            surface = reconstruct(bench, reflectance, press)
-            errors[press] = judge_contact(*surface, at, bench.radius, bench.pixel)
+            ball = PressedBall(at, bench.radius, bench.pixel)
+            errors[press] = ball.errors(*reconstruct(bench, reflectance, press))
     judged = chosen[np.isfinite(errors[chosen, 0])]
     degrees, microns, percent = errors[judged].mean(axis=0) if judged.size else [np.nan] * 3
     pressed = presses_per_cell(circle[chosen], bench.shape)

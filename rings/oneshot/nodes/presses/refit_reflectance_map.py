@@ -27,7 +27,7 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
 )
 from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
 from tactograph.sdk import F8, Light, Metrics, PixelSize, node
-from tactograph.sdk.unstable import FOLD_COUNT, PressImages, ball_shape, judge_contact, pays
+from tactograph.sdk.unstable import Balls, PressedBall, PressImages, pays
 
 MAX_PRESS_PIXELS = 1500
 """Most pixels of a press that are fitted."""
@@ -107,17 +107,16 @@ def _held_out(
 ) -> tuple[F8, list[float], float]:
     """The map fitted to all quarters, each held-out error in degrees, and their mean in um."""
     y, x = np.indices(bench.shape)
-    turn = np.stack([np.arctan2(y - c[1], x - c[0]) / (2 * np.pi) % 1 for c in circles])
     # The fold that holds out each pixel of each press, P x H x W.
-    number = np.floor(turn * FOLD_COUNT).astype(int)
+    number = np.stack([Balls.quarter(x - c[0], y - c[1]) for c in circles])
     whole, _ = _fit(bench, old, circles, parts, number >= 0)
     degrees, microns = [], []
-    for fold in range(FOLD_COUNT):
+    for fold in np.unique(number):
         refitted, placed = _fit(bench, old, circles, parts, number != fold)
         for press, circle in enumerate(placed):
             slope, height = reconstruct(bench, refitted, press)
-            ball_and_fold = circle, bench.radius, bench.pixel, number[press] == fold
-            off, um, _ = judge_contact(slope, height, *ball_and_fold)
+            ball = PressedBall(circle, bench.radius, bench.pixel)
+            off, um, _ = ball.errors(slope, height, number[press] == fold)
             degrees.append(off)
             microns.append(um)
     return whole, degrees, float(np.mean(microns))
@@ -152,7 +151,7 @@ def _refitted(
     for press, circle in enumerate(circles):
         pixels = ball_pixels(bench.light[press], bench.flat, circle, most=MAX_PRESS_PIXELS)
         chosen = used[press][pixels.y.astype(int), pixels.x.astype(int)]
-        slope, rise = ball_shape(pixels.x, pixels.y, circle, bench.radius, bench.pixel)
+        slope, rise = PressedBall(circle, bench.radius, bench.pixel).shape(pixels.x, pixels.y)
         shade, place = shades(slope, rise + rim), terms(pixels.x, pixels.y, bench.shape)
         of_press = shade, place, pixels.light, pixels.weight
         samples.append(tuple(part[:, chosen] for part in of_press))

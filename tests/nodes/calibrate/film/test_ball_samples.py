@@ -8,7 +8,7 @@ from tactograph.graph.backends.opencl import OpenCL
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.ball.level_touches import level_touches
-from tactograph.nodes.calibrate.film.ball_samples import sample_balls
+from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
 from tactograph.nodes.light.film_bounce import film_bounce
 from tests.nodes.calibrate.film.test_fit_film import NOISE, PIXEL, RADIUS, RIM, SIZE, press
 from tests.nodes.films import LEDS, MATT
@@ -32,7 +32,9 @@ def sampled(
     circle = np.repeat(np.float32([[column, MIDDLE[1], RIM / PIXEL]]), presses, axis=0)
     radius, of = np.full(presses, RADIUS, np.float32), np.arange(presses, dtype=np.int32)
     film = BOUNCING._replace(albedo=albedo)
-    return sample_balls(light, FLAT, circle, radius, of, film, NOISE, PIXEL, **options)
+    placed = np.ones(presses, np.uint8), film.lights, np.ones(len(LEDS), np.float32)
+    evidence = FilmEvidence(light, FLAT, circle, radius, of, *placed, NOISE, PIXEL)
+    return evidence.sample(film, **options)
 
 
 @pytest.mark.one_case

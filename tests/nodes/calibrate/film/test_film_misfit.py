@@ -7,14 +7,8 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4, Film
-from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted, predicted
-from tactograph.nodes.calibrate.film.film_fit import start_at
-from tactograph.nodes.calibrate.film.film_misfit import (
-    MIN_BOUNCE_ERROR,
-    Held,
-    misfit,
-    unevenness,
-)
+from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
+from tactograph.nodes.calibrate.film.film_misfit import MIN_BOUNCE_ERROR, Held
 from tests.nodes.scenes import LIGHTS
 
 PIXEL, RADIUS, RIM = 0.1, 6.0, 5.0
@@ -24,7 +18,7 @@ SURE = Film.matt(cast(F4, LEDS))._replace(others=cast(F4, np.stack([LEDS] * 8)))
 """A film whose LEDs may be nowhere else."""
 
 
-def held(noise: float = 0.0, **changed: Any) -> Held:
+def held(noise: float = 0.0, **changed: Any) -> tuple[Balls, Fitted]:
     """A ball in a film of certain properties, held against a matt film under the same LEDs."""
     v, u = np.mgrid[-50:51, -50:51] * PIXEL
     inside = np.hypot(u, v) < 0.9 * RIM
@@ -34,15 +28,15 @@ def held(noise: float = 0.0, **changed: Any) -> Held:
         u, v, none, np.zeros(u.size, int), np.zeros((1, 2)), np.array([RIM]), np.array([RADIUS]),
         none, none, none, np.zeros(u.size, int), PIXEL / 2, 2 * RADIUS,
     )  # fmt: skip
-    fitted = start_at(cast(F4, LEDS), np.ones(len(LIGHTS), np.float32), 1)
+    fitted = Fitted.matt(cast(F4, LEDS), np.ones(len(LIGHTS), np.float32), 1)
     true = fitted._replace(film=fitted.film._replace(**changed))
     rng = np.random.default_rng(3)
-    light = predicted(balls, true) + rng.normal(0, noise, none.shape)
-    return Held(Balls(**{**balls.__dict__, "light": light}), cast(Fitted, fitted))
+    light = true.predicted(balls) + rng.normal(0, noise, none.shape)
+    return Balls(**{**balls.__dict__, "light": light}), fitted
 
 
 def test_noise_is_no_more_of_a_misfit_than_chance_may_hide() -> None:
-    level, _, light, bounce, tilt = misfit([held(0.01)], SURE, PIXEL, 0.0)
+    level, _, light, bounce, tilt = Held([held(0.01)], PIXEL).misfit(SURE, 0.0)
     assert level < 2e-3
     assert light < 1e-3
     assert tilt < 1e-3
@@ -51,8 +45,8 @@ def test_noise_is_no_more_of_a_misfit_than_chance_may_hide() -> None:
 
 def test_diffused_light_that_the_model_does_not_know_makes_all_tilts_too_small() -> None:
     diffuse = np.full(len(LIGHTS), 0.05)
-    *_, tilt = misfit([held(0.01, diffuse=diffuse)], SURE, PIXEL, 0.0)
-    *_, twice = misfit([held(0.01, diffuse=2 * diffuse)], SURE, PIXEL, 0.0)
+    *_, tilt = Held([held(0.01, diffuse=diffuse)], PIXEL).misfit(SURE, 0.0)
+    *_, twice = Held([held(0.01, diffuse=2 * diffuse)], PIXEL).misfit(SURE, 0.0)
     assert tilt > 0.01
     assert twice == pytest.approx(2 * tilt, rel=0.2)
 
@@ -61,13 +55,12 @@ def test_diffused_light_that_the_model_does_not_know_makes_all_tilts_too_small()
 def test_presses_say_by_how_much_they_leave_the_albedo_open_even_where_they_agree(
     apart: float,
 ) -> None:
-    part, parts = held(0.01), []
+    (balls, fitted), parts = held(0.01), []
     for albedo in (0.6, 0.6 + apart):
-        film = part.fitted.film._replace(albedo=albedo)
-        parts.append(part._replace(fitted=part.fitted._replace(film=film)))
+        parts.append((balls, fitted._replace(film=fitted.film._replace(albedo=albedo))))
     # Of two values, the mean's standard deviation and Student's quantile over the normal one.
     doubt = np.hypot(apart / 2 / (0.6 + apart / 2) * 6.3138 / 1.6449, MIN_BOUNCE_ERROR)
-    assert misfit(parts, SURE, PIXEL, 0.0)[3] == pytest.approx(doubt, rel=1e-3)
+    assert Held(parts, PIXEL).misfit(SURE, 0.0)[3] == pytest.approx(doubt, rel=1e-3)
 
 
 def test_another_place_of_an_led_stays_above_the_film() -> None:
@@ -76,21 +69,21 @@ def test_another_place_of_an_led_stays_above_the_film() -> None:
     whole = SURE._replace(lights=5 * SURE.lights, others=others)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = misfit([held(0.01, diffuse=np.zeros(len(LIGHTS)))], whole, PIXEL, 0.0)
+        found = Held([held(0.01, diffuse=np.zeros(len(LIGHTS)))], PIXEL).misfit(whole, 0.0)
     assert np.isfinite(found).all()
 
 
 def test_chance_hides_only_what_is_narrow() -> None:
     """Many pairs of pixels lie far apart, so that wide errors would show."""
-    _, width, *_ = misfit([held(0.01)], SURE, PIXEL, 0.0)
+    _, width, *_ = Held([held(0.01)], PIXEL).misfit(SURE, 0.0)
     assert width < 0.2 * RIM
 
 
 def test_few_presses_state_more_than_many() -> None:
     """What a model leaves on one press tells little of what it will leave on the next."""
     part = held(0.01, diffuse=np.full(len(LIGHTS), 0.05))
-    *_, one = misfit([part], SURE, PIXEL, 0.0)
-    *_, many = misfit([part] * 12, SURE, PIXEL, 0.0)
+    *_, one = Held([part], PIXEL).misfit(SURE, 0.0)
+    *_, many = Held([part] * 12, PIXEL).misfit(SURE, 0.0)
     assert one > 3 * many
 
 
@@ -98,5 +91,5 @@ def test_few_presses_state_more_than_many() -> None:
 def test_brightness_that_the_model_does_not_know_makes_a_film_uneven(brighter: float) -> None:
     """All LEDs alike; noise of single pixels is none of it."""
     part = held(0.01, gain=1 + brighter)
-    assert unevenness([part], PIXEL) == pytest.approx(2.5 * brighter, rel=0.1)
-    assert unevenness([held(0.01)], PIXEL) < 2.5e-3
+    assert Held([part], PIXEL).unevenness() == pytest.approx(2.5 * brighter, rel=0.1)
+    assert Held([held(0.01)], PIXEL).unevenness() < 2.5e-3

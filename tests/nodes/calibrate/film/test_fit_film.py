@@ -8,10 +8,11 @@ import pytest
 from tactograph.graph import GraphError
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.nodes import F4, Film
+from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
 from tactograph.nodes.calibrate.film import _film_search
-from tactograph.nodes.calibrate.film.film_fit import start_at
 from tactograph.nodes.calibrate.film.film_unknowns import USUAL_ALBEDO, Unknowns
 from tactograph.nodes.calibrate.film.fit_film import FilmFit, fit_film
+from tactograph.nodes.calibrate.rating.verdict import pays
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import predict, rest_light
 from tests.nodes.films import LEDS, MATT, ball_seen, harmonics, normals
@@ -170,7 +171,7 @@ def test_the_albedo_under_a_coat_is_that_by_which_film_lights_film() -> None:
     coated = Unknowns.of({"lobe", "bounce"}, 20.0)
     assert {"albedo", "roughness"} < {*coated.names}
     assert "base" not in coated.names
-    matt = start_at(LEDS, np.ones(len(LEDS), np.float32), 1)
+    matt = Fitted.matt(LEDS, np.ones(len(LEDS), np.float32), 1)
     film = coated.opened(matt).film
     assert film.refraction > 1
     assert film.base == film.albedo == USUAL_ALBEDO.start
@@ -192,8 +193,9 @@ def test_light_that_bounces_is_found(bouncing: FilmFit) -> None:
 def test_coat_and_light_that_bounces_are_found_where_neither_pays_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def by_a_degree(before: list[float], after: list[float]) -> bool:
-        return bool(np.mean(after) < np.mean(before) - 1)
+    def by_a_degree(before: list[float], after: list[float], odds: float | None = None) -> bool:
+        gained = bool(np.mean(after) < np.mean(before) - 1)
+        return gained if odds is None else pays(before, after, odds)
 
     monkeypatch.setattr(_film_search, "pays", by_a_degree)
     shining = MATT._replace(albedo=0.7, base=0.7, roughness=0.25, refraction=1.5)

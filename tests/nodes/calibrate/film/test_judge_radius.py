@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.nodes import F4, Film
+from tactograph.nodes import Film
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls
-from tactograph.nodes.calibrate.film.ball_samples import sample_balls
+from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
 from tactograph.nodes.calibrate.film.judge_radius import (
     AS_STATED,
     CLEAR_GEL,
@@ -19,7 +19,6 @@ from tactograph.nodes.calibrate.film.judge_radius import (
     OTHER_SIZE,
     Alternatives,
     Explained,
-    explain,
 )
 from tactograph.nodes.capture.read_capture import read_capture
 from tests.fixtures import RIG_PIXEL_MM, Raytraced
@@ -35,25 +34,23 @@ def image_of(folder: Path) -> np.ndarray:
     return capture.image
 
 
-def sampled(rig: Path, factor: float, gamma: float = 1.0) -> tuple[Balls, F4, float]:
-    """A rig's ball of a radius that is wrong by a factor, its flat frame, and a pixel in mm."""
+def sampled(rig: Path, factor: float, gamma: float = 1.0) -> tuple[FilmEvidence, Balls]:
+    """A rig's ball of a radius that is wrong by a factor, and samples of it."""
     flat, pixel, radius = image_of(rig / "flat"), RIG_PIXEL_MM[rig.name], BALL * factor
     flat = flat ** np.float32(1 / gamma)
     light = image_of(rig / "calibration") ** np.float32(1 / gamma) / flat
     centre = json.loads((rig / "calibration" / "scene.json").read_text())["sphere_center_px"]
     circle = np.array([[*centre, 0.95 * min(radius, BALL) / pixel]], np.float32)
     one = np.array([radius], np.float32)
-    balls = sample_balls(
-        light, flat, circle, one, np.zeros(1, np.int32), Film.matt(DISTANT), NOISE, pixel,
-        most=None, fine=True,
-    )  # fmt: skip
-    return balls, flat, pixel
+    first, placed = np.zeros(1, np.int32), (np.ones(1, np.uint8), DISTANT, np.ones(4, np.float32))
+    evidence = FilmEvidence(light, flat, circle, one, first, *placed, NOISE, pixel)
+    return evidence, evidence.sample(Film.matt(DISTANT), most=None, fine=True)
 
 
 @cache
 def found(rig: Path, factor: float, gamma: float = 1.0) -> Alternatives:
     """What the light of a rig's ball says of a radius that is told wrong by a factor."""
-    return explain(*sampled(rig, factor, gamma), DISTANT, np.ones(4, np.float32))
+    return Alternatives.of(*sampled(rig, factor, gamma))
 
 
 @pytest.mark.one_case

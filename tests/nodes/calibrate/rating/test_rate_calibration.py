@@ -9,7 +9,7 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.rating.join_doubts import join_doubts
-from tactograph.nodes.calibrate.rating.judge_contact import judge_contact
+from tactograph.nodes.calibrate.rating.pressed_ball import PressedBall
 from tactograph.nodes.calibrate.rating.rate_calibration import LedFit, rate_calibration
 from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.simulate.light_ring import light_ring
@@ -135,6 +135,6 @@ def test_a_flat_frame_is_asked_for_only_where_there_is_none() -> None:
 def test_a_press_that_none_can_check_is_told_in_words() -> None:
     """It was "nan degrees off"."""
     beside = np.array([-40.0, 5.0, 4.0])
-    angle, *_ = judge_contact(np.zeros((2, 9, 9)), np.zeros((9, 9)), beside, 20.0, 0.1)
+    angle, *_ = PressedBall(beside, 20.0, 0.1).errors(np.zeros((2, 9, 9)), np.zeros((9, 9)))
     (doubt,) = Judged.of_heldout("film_heldout_deg", angle).doubts
     assert doubt.startswith("no press could be checked by the others")
