@@ -141,7 +141,9 @@ def _kept(text: str, name: str) -> Document:
         return document
     data, marks = json.loads(kept)
     places = ((tuple(path), line, column) for path, line, column in marks)
-    return Document(data, {path: Place(name, *mark, dotted(path)) for path, *mark in places})
+    return Document(
+        data, {path: Place(name, line, column, dotted(path)) for path, line, column in places}
+    )
 
 
 @lru_cache(64)
