@@ -6,7 +6,6 @@ refused, so a graph file means what it looks like and can neither import anythin
 
 from __future__ import annotations
 
-import hashlib
 import json
 import re
 from copy import deepcopy
@@ -20,7 +19,7 @@ from ruamel.yaml import YAML, __version__ as _ruamel_version
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
-from tactograph.graph.disk.disk_cache import CACHE_SUFFIX, cache_folder, read_cached, write_cached
+from tactograph.graph.disk.disk_cache import cached_file, read_cached, write_cached
 from tactograph.graph.disk.yaml_errors import in_words
 from tactograph.graph.errors import GraphError, InputError, did_you_mean, printable, shortened
 
@@ -129,11 +128,9 @@ def dotted(path: Path_) -> str:
 
 def _kept(text: str, name: str) -> Document:
     """`_parsed`, or what that made of the same text by the rules of this file before."""
-    if (folder := cache_folder()) is None:
+    file = cached_file("graphs", text, Path(__file__).read_bytes(), _ruamel_version)
+    if file is None:
         return _parsed(text, name)
-    origin = repr((text, Path(__file__).read_bytes(), _ruamel_version)).encode()
-    key = hashlib.blake2b(origin, digest_size=16).hexdigest()
-    file = folder / "graphs" / f"{key}{CACHE_SUFFIX}"
     if (kept := read_cached(file)) is None:
         document = _parsed(text, name)
         marks = [(path, place.line, place.column) for path, place in document.places.items()]
