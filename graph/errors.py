@@ -94,9 +94,7 @@ class NotBuiltError(TactographError):
     `share` is that of the programs that are not built among those that are needed.
     """
 
-    def __init__(self, message: str, share: float = 1.0) -> None:
-        super().__init__(message)
-        self.share = share
+    share = 1.0
 
 
 class EndOfStream(Exception):  # noqa: N818  (nothing went wrong)

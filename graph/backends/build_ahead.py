@@ -64,9 +64,10 @@ def build_ahead(
     missing = [r for r in (*needed, *perhaps) if not is_ready(handle, *r)]
     awaited = [recipe for recipe in needed if recipe in missing]
     if awaited and not waits:
-        count, of = len(awaited), len(needed)
-        message = f"its kernels are not built yet ({count} of {of} programs)"
-        raise NotBuiltError(message, count / of)
+        count = f"{len(awaited)} of {len(needed)} programs"
+        error = NotBuiltError(f"its kernels are not built yet ({count})")
+        error.share = len(awaited) / len(needed)
+        raise error
     ahead.extend(awaited)
     if len(missing) >= MIN_AHEAD_PROGRAMS:
         begin_helpers(handle)

@@ -7,7 +7,6 @@ pyopencl or the driver keeps them.  PoCL compiles every kernel of a program to h
 set PYOPENCL_NO_CACHE=1 where few of them are launched.
 """
 
-import hashlib
 import os
 import warnings
 from collections import deque
@@ -25,7 +24,7 @@ except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
 from tactograph.graph.backends.pocl_source import pocl_source
-from tactograph.graph.disk.disk_cache import CACHE_SUFFIX, cache_folder, read_cached, write_cached
+from tactograph.graph.disk.disk_cache import cached_file, read_cached, write_cached
 
 Recipe = tuple[str, tuple[str, ...]]
 """A program's source and options."""
@@ -163,13 +162,10 @@ def _built(program: cl.Program, options: tuple[str, ...]) -> cl.Program:
 
 def _cache_file(device: cl.Device, source: str, options: tuple[str, ...]) -> Path | None:
     """The file for a binary; None where binaries are not kept."""
-    folder = cache_folder()
     unwanted = os.environ.get("PYOPENCL_NO_CACHE", "0") != "0"
-    if folder is None or unwanted or device.platform.name not in CACHED_PLATFORMS:
+    if unwanted or device.platform.name not in CACHED_PLATFORMS:
         return None
-    origin = (
-        device.platform.name, device.platform.version, device.name, device.version,
+    return cached_file(
+        "programs", device.platform.name, device.platform.version, device.name, device.version,
         device.driver_version, source, options, os.environ.get("PYOPENCL_BUILD_OPTIONS"),
     )  # fmt: skip
-    key = hashlib.blake2b(repr(origin).encode(), digest_size=16).hexdigest()
-    return folder / "programs" / f"{key}{CACHE_SUFFIX}"

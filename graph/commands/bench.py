@@ -76,12 +76,10 @@ def _places(options: RunOptions) -> list[RunOptions]:
 def _report(row: Mapping[str, Any]) -> None:
     """A table of the steps that run for every item, and the total."""
     from rich.console import Console
-    from rich.table import Table
+    from rich.table import Column, Table
 
-    table = Table(title=f"{row['device']}: {row['items']} items")
-    table.add_column("step", overflow="fold")
-    table.add_column("back end")
-    table.add_column("ms", justify="right")
+    headings = Column("step", overflow="fold"), "back end", Column("ms", justify="right")
+    table = Table(*headings, title=f"{row['device']}: {row['items']} items")
     for node in row["nodes"]:
         table.add_row(node["node"], node["backend"], f"{node['ms']:.3f}")
     Console(markup=False).print(table)

@@ -85,11 +85,10 @@ def _by_box(rows: Iterable[_Row], plan: Plan) -> Iterator[_Row]:
 
 def _print(title: str, rows: Iterable[_Row]) -> None:
     from rich.console import Console
-    from rich.table import Table
+    from rich.table import Column, Table
 
-    table = Table(title=title)
-    for heading in ("node", "op", "back end", "when", "why"):
-        table.add_column(heading, overflow="fold")
+    headings = "node", "op", "back end", "when", "why"
+    table = Table(*(Column(each, overflow="fold") for each in headings), title=title)
     for row in rows:
         table.add_row(*row)
     console = Console(markup=False)

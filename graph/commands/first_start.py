@@ -24,6 +24,7 @@ from tactograph.graph.errors import NotBuiltError, TactographError, collect_warn
 
 if TYPE_CHECKING:
     from tactograph.graph.files.flat_graph import Graph
+    from tactograph.graph.plan.plan import Plan
     from tactograph.graph.run.pipeline import Pipeline
 
 LOWEST_PRIORITY = 19
@@ -45,11 +46,9 @@ def open_soonest(
     `open_it` takes further words of `open_pipeline`.
     """
     insists = options.backend or options.device or options.strict
-    bound = any(entry.backend for entry in graph.nodes.values())
-    if insists or bound or graph.prefer != PREFERRED_ORDER:
-        return open_it(), False
+    bound = graph.prefer != PREFERRED_ORDER or any(each.backend for each in graph.nodes.values())
     try:
-        return open_it(waits=False), False
+        return open_it(waits=bool(insists or bound)), False
     except NotBuiltError as missing:
         pipeline = open_it(no_device=str(missing))
         if _yields_one(pipeline, MAX_NUMPY_VALUES * missing.share):
@@ -67,9 +66,10 @@ def _yields_one(pipeline: Pipeline, most: float) -> bool:
     return False
 
 
-def import_pictures() -> None:
-    """Import Matplotlib in a thread, while the main one computes."""
-    Thread(target=import_module, args=("tactograph.graph.show.pictures",), daemon=True).start()
+def import_pictures(plan: Plan) -> None:
+    """Import Matplotlib in a thread, while the main one computes, if a node draws `pictures`."""
+    if any(task.settings.get("pictures") for task in plan.tasks.values()):
+        Thread(target=import_module, args=("tactograph.graph.show.pictures",), daemon=True).start()
 
 
 class KernelBuilder:

@@ -89,7 +89,7 @@ def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
         _run_pipeline(pipeline, wanted, line, selection)
         return
     with first_start.KernelBuilder(wanted.graph, wanted.values, options) as builder:
-        first_start.import_pictures()
+        first_start.import_pictures(pipeline.plan)
         _run_pipeline(pipeline, wanted, line, selection)
         tell = (lambda _: None) if wanted.quiet else say
         tell(f"{read.name}: kernels are being built for later runs; Ctrl-C is safe")

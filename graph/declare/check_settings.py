@@ -33,6 +33,9 @@ def check_settings(
                 f"{where(name)}: node '{node.name}' has no parameter '{name}'"
                 f"{did_you_mean(name, node.parameters)}"
             )
+    defaults = {name: p.default for name, p in node.parameters.items()}
+    if not settings and not any(p.required for p in node.parameters.values()):
+        return defaults  # which need no model: it takes as long to make as a node to import
     try:
         model = model_of(node).model_validate(dict(settings))
     except ValidationError as error:
@@ -43,7 +46,6 @@ def check_settings(
             # Where a number or a list may stand, what is wrong inside the list says more.
             text = max(wrong, key=lambda e: (len(e["loc"]), e["type"] != "float_type"))
             raise GraphError(_message(node, where, text, settings)) from None
-        defaults = {name: p.default for name, p in node.parameters.items()}
         return {**defaults, **settings}
     checked = {name: getattr(model, name) for name in node.parameters}
     for name, value in checked.items():

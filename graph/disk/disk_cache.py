@@ -5,10 +5,12 @@ content is checked when it is read.  The files that were read longest ago go whe
 large.
 """
 
+import hashlib
 import os
 import zlib
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import platformdirs
 
@@ -29,6 +31,13 @@ def cache_folder() -> Path | None:
     if setting == "off":
         return None
     return Path(setting or platformdirs.user_cache_dir("tactograph", appauthor=False))
+
+
+def cached_file(folder: str, *origin: Any) -> Path | None:
+    """The file, in this folder of the cache, for what `origin` makes; None if the cache is off."""
+    whole = cache_folder()
+    key = hashlib.blake2b(repr(origin).encode(), digest_size=16).hexdigest()
+    return None if whole is None else whole / folder / f"{key}{CACHE_SUFFIX}"
 
 
 def read_cached(file: Path) -> bytes | None:

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from unittest.mock import Mock
 
 import numpy as np
@@ -132,6 +133,16 @@ def test_what_cannot_be_read_begins_no_process(
 ) -> None:
     monkeypatch.setattr(first_start.subprocess, "Popen", Mock(side_effect=AssertionError))
     one_line(about("run", GRAPH, f"capture={tmp_path}", f"out={tmp_path}"))
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_what_draws_is_imported_beside_the_first_touch_where_a_node_draws(
+    wanted: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(first_start, "Thread", thread := Mock())
+    saved = SimpleNamespace(settings={"pictures": wanted})
+    first_start.import_pictures(SimpleNamespace(tasks={"save": saved}))
+    assert thread.called == wanted
 
 
 def test_nothing_is_built_any_more_once_a_run_has_failed() -> None:

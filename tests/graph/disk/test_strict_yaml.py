@@ -3,11 +3,13 @@
 import math
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from hypothesis import given, settings, strategies as st
 
 from tactograph.graph import GraphError, InputError
+from tactograph.graph.disk import disk_cache, strict_yaml
 from tactograph.graph.disk.strict_yaml import MAX_BYTES, Document, dotted, parse_scalar
 
 
@@ -140,6 +142,37 @@ def test_every_value_knows_its_place() -> None:
     assert str(document.place(("a", "b", 1, "c"))) == "g.yaml:3:6: a.b[1].c"
     assert str(document.place(("a", "missing", "x"))) == "g.yaml:1:1: a.missing.x"
     assert dotted(("patch", 0, "with", "x")) == "patch[0].with.x"
+
+
+TEXT = "a: [1, 2.5, .inf, {b: no, c: null}]\nd: {e: '1', f: [[0x10]]}\n"
+
+
+def test_a_file_is_parsed_once_and_then_read_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path / "cache"))
+    file = tmp_path / "g.yaml"
+    file.write_text(TEXT)
+    first = Document.read(file)
+    parsed = Mock(side_effect=strict_yaml._parsed)
+    monkeypatch.setattr(strict_yaml, "_parsed", parsed)
+    assert Document.read(file) == first == Document.parse(TEXT, str(file))
+    assert parsed.call_count == 1, "for the text that is no file's"
+    (kept,) = (tmp_path / "cache").rglob("*.cached")
+    kept.write_bytes(b"damaged")
+    assert Document.read(file) == first
+    assert parsed.call_count == 2
+    file.write_text(TEXT.replace("no", "yes"))
+    assert Document.read(file).data["a"][3]["b"] == "yes"
+
+
+def test_a_wrong_file_is_refused_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path / "cache"))
+    file = tmp_path / "g.yaml"
+    file.write_text("a: &b 1")
+    for _ in range(2):
+        with pytest.raises(GraphError, match=r"g\.yaml:1:4: a: anchors"):
+            Document.read(file)
 
 
 @settings(max_examples=200)
