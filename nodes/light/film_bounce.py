@@ -144,7 +144,7 @@ def _launch(run: Launch) -> None:
     inputs, settings, out = run.inputs, run.settings, run.outputs["film_bounce"]
     pixel, albedo, recall = inputs["pixel"], inputs["film.albedo"], inputs.get("recall")
     _check(albedo)
-    work = run.in_row_lanes(count, *size)
+    work = run.in_row_lanes(*size)
     if inputs.get("still") and recall is not None:
         run.kernel(
             "interpolate", work, None, recall, out, *size, 1, *size, 0.0, constants=_constants(run)
