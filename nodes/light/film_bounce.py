@@ -140,7 +140,7 @@ def _throws_nothing(film_albedo: float) -> bool:
 
 @film_bounce.opencl()
 def _launch(run: Launch) -> None:
-    count, *size = (run.sizes[symbol] for symbol in "KHW")
+    size = run.sizes["H"], run.sizes["W"]
     inputs, settings, out = run.inputs, run.settings, run.outputs["film_bounce"]
     pixel, albedo, recall = inputs["pixel"], inputs["film.albedo"], inputs.get("recall")
     _check(albedo)
@@ -151,7 +151,7 @@ def _launch(run: Launch) -> None:
         )
         return
     film = inputs["film.rim"], inputs["film.refraction"]
-    grid = cell_grid((size[0], size[1]), pixel, settings["cells"], *film, settings["azimuths"])
+    grid = cell_grid(size, pixel, settings["cells"], *film, settings["azimuths"])
     larger = _launch_on_cells(run, larger_cells(grid))
     bounced = _launch_on_cells(run, grid, larger)
     arguments = bounced, inputs.get("before"), out, *size, grid.factor, grid.rows, grid.columns
