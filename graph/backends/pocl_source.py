@@ -18,7 +18,7 @@ _POCL_LIBRARY = re.compile(r"/\S+/libpocl\.so\S*")
 _LANED_KERNEL = re.compile(
     r"^LANED __kernel void (\w+)\(([^()]*)\)\s*(\{.*?^\})", re.DOTALL | re.MULTILINE
 )
-_PARAMETERS = re.compile(r"#define (\w+_PARAMETERS)\b((?:.*\\\n)+.*)")
+_PARAMETER_LIST = re.compile(r"#define (\w+_PARAMETERS)\b((?:.*\\\n)+.*)")
 """A macro that holds several parameters of a kernel."""
 _PLACE_NAME = re.compile(r"GRID_[23]|get_(local|group)|barrier|__local")
 """What asks for more than one number of the work-item, or waits for others."""
@@ -26,7 +26,7 @@ _PLACE_NAME = re.compile(r"GRID_[23]|get_(local|group)|barrier|__local")
 
 def pocl_source(source: str) -> tuple[str, tuple[str, ...]]:
     """Return a source that PoCL compiles sooner, and the options for it."""
-    lists = {name: listed.replace("\\\n", "") for name, listed in _PARAMETERS.findall(source)}
+    lists = {name: listed.replace("\\\n", "") for name, listed in _PARAMETER_LIST.findall(source)}
     source = _LANED_KERNEL.sub(partial(_as_function, lists), source)
     names = set(re.findall(r"\w+", source))
     declared = [line for name, line in _declarations() if name is None or name in names]

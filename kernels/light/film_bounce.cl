@@ -100,13 +100,13 @@ LANED __kernel void interpolate(
     const int h, const int w,
     const float share)
 {
-    GRID_PARTS_OF_ROWS(line, x, count, LEDS * H, W)
-    const int k = line / H, y = line - k * H, i = line * W + x;
-    floats result = 0.0f;
-    if (bounced) result = between_cells(bounced + k * h * w, y, x, count, factor, h, w);
-    if (before) {
-        const floats earlier = load_floats(before + i, count);
-        result = earlier + share * (result - earlier);
+    GRID_PARTS_OF_ROWS(y, x, count, H, W)
+    floats results[LEDS];
+    for (int k = 0; k < LEDS; ++k) results[k] = 0.0f;
+    if (bounced) between_cells(bounced, y, x, count, factor, h, w, LEDS, results);
+    for (int k = 0; k < LEDS; ++k) {
+        const int i = (k * H + y) * W + x;
+        const floats earlier = before ? load_floats(before + i, count) : results[k];
+        store_floats(before ? earlier + share * (results[k] - earlier) : results[k], out + i, count);
     }
-    store_floats(result, out + i, count);
 }

@@ -106,15 +106,15 @@ LANED __kernel void expose(
         ideal_places(lens, row, x, H, W, &u, &v);
         find_taps(u, v, x, count, H, W, &taps);
     }
-    floats deviates[MAX_LEDS];
+    floats deviates[MAX_LEDS], grain[MAX_LEDS];
+    if (noisy && cells) between_cells(cells, row, x, count, GRAIN_CELL_PX, h, w, K, grain);
     if (noisy) normal_deviates(seed, number_of(before), at, (K + 1) / 2, deviates);
     for (int k = 0; k < K; ++k) {
         __global const float *plane = clean + k * H * W;
         floats image = bent ? value_at(plane, &taps, H, W) : load_floats(plane + at, count);
         if (noisy) {
             floats deviate = deviates[k];
-            if (cells)
-                deviate += alike * between_cells(cells + k * h * w, row, x, count, GRAIN_CELL_PX, h, w);
+            if (cells) deviate += alike * grain[k];
             image += sqrt(shot * MORE_OF(image, none) + read) * deviate;
         }
         const floats level = rint(LESS_OF(MORE_OF(image, none), one) * steps) / steps;

@@ -100,14 +100,14 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
     apart = slice(None, None, math.ceil(math.sqrt(calm.size / ENOUGH_CELLS)))
     u, v, calm, sampled = u[:, apart], v[apart], calm[apart, apart], sampled[apart, apart]
     terms = [np.broadcast_to(u**i * v**j, sampled.shape)[calm] for i, j in _powers()[:used]]
-    basis, z = np.stack(terms, axis=1).astype(np.float64), sampled[calm].astype(np.float64)
+    basis, z = np.stack(terms).astype(np.float64), sampled[calm].astype(np.float64)
     weight, coefficients = np.ones(z.size), np.zeros(used)
     for _ in range(FIT_ROUNDS):
-        sure = basis * weight[:, None]
-        square = sure.T @ basis
+        sure = basis * weight
+        square = sure @ basis.T
         ridge = 1e-9 * np.trace(square) * np.eye(used)
-        coefficients = np.linalg.solve(square + ridge, sure.T @ z)
-        residual = z - basis @ coefficients
+        coefficients = np.linalg.solve(square + ridge, sure @ z)
+        residual = z - coefficients @ basis
         spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual)) + 1e-9
         weight = 1 / (1 + (residual / spread) ** 2)
     none[:used] = coefficients
@@ -127,7 +127,8 @@ def _launch(run: Launch) -> None:
         sampled = run.scratch(cells)
         run.kernel("sample_cells", cells, height, sampled, rows, columns, *cells, cell)
         settings = grain, int(run.settings["degree"])
-        coefficients = _surface(run.download(sampled), run.download(light), *settings)
+        lit = run.begin_download(light)
+        coefficients = _surface(run.download(sampled), lit(), *settings)
     lanes = run.in_lanes(rows, columns)
     run.kernel("take_off", lanes, height, out, rows, columns, *map(float, coefficients))
 

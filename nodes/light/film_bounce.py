@@ -140,18 +140,18 @@ def _throws_nothing(film_albedo: float) -> bool:
 
 @film_bounce.opencl()
 def _launch(run: Launch) -> None:
-    count, *size = (run.sizes[symbol] for symbol in "KHW")
+    size = run.sizes["H"], run.sizes["W"]
     inputs, settings, out = run.inputs, run.settings, run.outputs["film_bounce"]
     pixel, albedo, recall = inputs["pixel"], inputs["film.albedo"], inputs.get("recall")
     _check(albedo)
-    work = run.in_row_lanes(count, *size)
+    work = run.in_row_lanes(*size)
     if inputs.get("still") and recall is not None:
         run.kernel(
             "interpolate", work, None, recall, out, *size, 1, *size, 0.0, constants=_constants(run)
         )
         return
     film = inputs["film.rim"], inputs["film.refraction"]
-    grid = cell_grid((size[0], size[1]), pixel, settings["cells"], *film, settings["azimuths"])
+    grid = cell_grid(size, pixel, settings["cells"], *film, settings["azimuths"])
     larger = _launch_on_cells(run, larger_cells(grid))
     bounced = _launch_on_cells(run, grid, larger)
     arguments = bounced, inputs.get("before"), out, *size, grid.factor, grid.rows, grid.columns
