@@ -162,7 +162,7 @@ static floats within(const floats value, const float most)
 }
 
 // The parameters of each error: its signs for the wrong share of bounced light, for what has not
-// settled, for the lean of all normals and for what a pixel gathers; its wave's direction,
+// settled, for the lean of all normals and for the mean of a pixel's slopes; its wave's direction,
 // phase in turns, and length.
 typedef struct {
     float sign, settling, leaning, averaged, across, down, phase, wavelength;
@@ -173,9 +173,9 @@ typedef struct {
 LANED __kernel void shine(
     __global const float *restrict sigma, __global const float *restrict height,
     __global const float *restrict slope, __global const uchar *restrict used,
-    __global const float *restrict lights, __global const float *restrict diffuse,
-    __global const float *let_in_curve, const float base, const float roughness,
-    const float camera, const float refraction, __global float *restrict light,
+    __global const float *restrict lights, __global const float *let_in_curve, const float base,
+    const float roughness, const float camera, const float refraction,
+    __global const float *restrict diffuse, __global float *restrict light,
     __global float *restrict blunt, const int K, const int frame_height, const int frame_width,
     const int top, const int left, const int H, const int W, const float pixel)
 {
@@ -211,8 +211,8 @@ LANED __kernel void shine(
 
 // The errors of the slopes inside the window, all in one launch because they read the same data:
 // the lights' noise; errors that all pixels of an LED share, of the LEDs' positions and light and of
-// the bounced light; of the light that a pixel gathers from around; and normals that lean in waves
-// because the film's model is wrong.
+// the bounced light; of the mean of a pixel's slopes and of what a blur adds; and normals that lean in
+// waves because the film's model is wrong.
 LANED __kernel void err_slopes(
     __global const float *restrict sigma,
     __global const float *restrict height, __global const float *restrict slope,
@@ -224,6 +224,7 @@ LANED __kernel void err_slopes(
     const float shared, const float uneven, const float half_spread,
     __global const float *restrict kinds,
     __global const uint *restrict keys, __global const float *misfit,
+    __global const float *apparent,
     __global const float *bounced, __global const float *earlier, __global const float *tilt)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
@@ -245,7 +246,8 @@ LANED __kernel void err_slopes(
     const Response response = respond(
         a, b, nz, x, y, z, free_, load_bytes(used + from, count), noise, lights, K, uneven);
     const floats less = load_floats(blunt + i, count);
-    floats mean_p = none, mean_q = none;
+    floats mean_p = a - load_floats(apparent + from, count);
+    floats mean_q = b - load_floats(apparent + frame_size + from, count);
     floats p[ERROR_COUNT], q[ERROR_COUNT], pp = 0.0f, pq = 0.0f, qq = 0.0f;
     for (int n = 0; n < ERROR_COUNT; ++n) p[n] = q[n] = 0.0f;
     EACH_LED(k) {
@@ -257,10 +259,12 @@ LANED __kernel void err_slopes(
         pp += noise_p * noise_p;
         pq += noise_p * noise_q;
         qq += noise_q * noise_q;
-        const Bend bend = bend_at(light + k * H * W, row, column, count, H, W);
-        const floats gathered = half_spread * (bend.across + bend.along);
-        mean_p += apparent_p * gathered;
-        mean_q += apparent_q * gathered;
+        if (half_spread > 0.0f) {
+            const Bend bend = bend_at(light + k * H * W, row, column, count, H, W);
+            const floats gathered = half_spread * (bend.across + bend.along);
+            mean_p -= apparent_p * gathered;
+            mean_q -= apparent_q * gathered;
+        }
         __global const float *led = lights + 3 * k;
         const Vector by = light_by_place(led, x, y, z, a, b, nz);
         for (int n = 0; n < ERROR_COUNT; ++n) {

@@ -24,12 +24,6 @@ def edge_deviation_px(blur: float) -> np.float32:
     return np.float32(math.sqrt(PIXEL_VARIANCE + blur * blur))
 
 
-def misplaced(height: Height, pixel: float, blur: float = 0.0) -> F4:
-    """Return the deviation in mm of heights whose edge no pixel resolves: it is out of place."""
-    beyond = largest_bend(height) - RESOLVED_BEND * np.float32(pixel)
-    return np.asarray(np.maximum(beyond, np.float32(0)) * edge_deviation_px(blur))
-
-
 def largest_bend(height: Height) -> F4:
     """Return the largest root of squares of the height's second differences, of 3 x 3 pixels."""
     return np.asarray(cv2.dilate(np.hypot(*second_differences(height)), np.ones((3, 3), np.uint8)))

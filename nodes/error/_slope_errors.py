@@ -63,6 +63,8 @@ class Unperturbed(NamedTuple):
     """Change of `bounced` in the last pass, K x h x w."""
     sunk: F4
     """`slope` less that of the film at rest, where the flat frame cancels the model's errors."""
+    averaged: F4
+    """`slope` less that of the pixels' mean normals."""
 
     def rows(self, part: slice) -> Unperturbed:
         """The same for some rows."""
@@ -80,7 +82,7 @@ class Causes(NamedTuple):
     """Factor on a touch's noise: what neighbours share, the flat frame's, and few draws."""
     pixel: np.float32
     spread: np.float32
-    """Variance in px^2 of the places from which a pixel of a blurred camera gathers light."""
+    """Variance in px^2 of the places from which a blurred camera gathers a pixel's light."""
 
 
 def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
@@ -101,7 +103,7 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
         by_place = light_by_place(film.lights, inside.x, inside.y, inside.height, inside.slope)
         by_apparent = by_light / sharper[part]
         root = _root_of_noise(by_apparent * (causes.shared * inside.sigma))
-        mean = (by_apparent * gathered[:, part]).sum(axis=1)
+        mean = inside.averaged - (by_apparent * gathered[:, part]).sum(axis=1)
         for number, other in enumerate(film.others):
             elsewhere = (other - film.lights)[:, :, None, None]
             wrong = (by_place * elsewhere).sum(axis=1)

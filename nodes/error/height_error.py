@@ -31,7 +31,7 @@ from tactograph.nodes import (
     NoiseCorrelation,
     Slope,
 )
-from tactograph.nodes.error._edge_errors import edge_deviation_px, misplaced
+from tactograph.nodes.error._edge_errors import RESOLVED_BEND, edge_deviation_px, largest_bend
 from tactograph.nodes.error._random_errors import ERROR_COUNT, RISE_SIGNS, drawn, key_of, kinds
 from tactograph.nodes.error._slope_errors import Causes, Unperturbed, slope_errors
 from tactograph.nodes.height.height_equations import STATE_FREE, HeightSystem
@@ -77,6 +77,7 @@ def height_error(
     used: Labels,
     film: Film,
     misfit: Misfit,
+    apparent: Slope,
     bounced: Light | None = None,
     earlier: Light | None = None,
     correlation: NoiseCorrelation | None = None,
@@ -110,10 +111,9 @@ def height_error(
       much and too little of it in turn;
     - an error of each LED's light, common to all pixels: what the film at rest departs by, since
       LEDs drift, and light that a touch throws on the film is not known well around it;
-    - what light changes by as a pixel and the blur gather it from around: to second order half
-      the variance of those places times the Laplacian of the light of the slopes found.
-      `pixel_mean_slope` takes off what a sharp camera's pixels do to matt light, with an expansion
-      that fails across an edge;
+    - what the mean slope of a pixel differs by from that of its mean normal, whose expansion fails
+      across an edge, and what a blur adds, which nothing takes off: to second order light changes
+      by half the blur's variance times the Laplacian of the light of the slopes found;
     - errors of the shadows' rises: one that is independent of the others', and what the height
       departs from them by: at a rim that no pixel resolves, slopes hold it back, and all that
       stands on the rim.  Where a gel diffuses light shadows end softly, and it is the rises that
@@ -138,6 +138,8 @@ def height_error(
         Where the LEDs are and may be instead, and how uneven the film's brightness is.
     misfit
         Length 5, errors of the film's model, as `touch_misfit` gives them.
+    apparent
+        2 x H x W, the slopes of the pixels' mean normals (`pixel_mean_slope`).
     bounced, earlier
         K x H x W, the light that the film throws on itself, already subtracted from the light; and
         the same in the previous pass.
@@ -171,12 +173,13 @@ def height_error(
         window.of(thrown),
         window.of(thrown - (thrown if bounced is None or earlier is None else earlier)),
         window.of(slope if tilt is None else slope - tilt),
+        window.of(slope - apparent),
     )
     inside = system.cut(height)
     *_, residual = system.residuals(inside)
     residual *= not film.diffuse.any()
     shared = STUDENT_FACTOR * np.float32(math.sqrt(correlation or 1.0))
-    causes = Causes(film, misfit, shared, pixel, edge_deviation_px(blur or 0.0) ** 2)
+    causes = Causes(film, misfit, shared, pixel, np.float32((blur or 0.0) ** 2))
     slopes = slope_errors(plain, causes, seed)
 
     def random_load(number: int) -> Wants:
@@ -188,7 +191,8 @@ def height_error(
     springs = system.springs(inside, float(robust))
     total = _variance(springs, random_load, steps)
     deviation = _smooth_deviation(total, plain.free.astype(np.float32))
-    edge = window.of(misplaced(height, float(pixel), blur or 0.0))
+    beyond = np.maximum(largest_bend(height) - RESOLVED_BEND * pixel, np.float32(0))
+    edge = window.of(beyond * edge_deviation_px(blur or 0.0))
     out = np.zeros_like(height)
     out[window] = np.hypot(deviation, edge) * plain.free
     return out
@@ -271,10 +275,9 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
     run.kernel(
         "shine", run.in_row_lanes(*networks.shape),
         *(inputs[name] for name in ("sigma", "height", "slope", "used", "film.lights")),
-        inputs["film.diffuse"],
         upload_curve(run, inputs["film.roughness"], inputs["film.refraction"]),
         *(inputs[f"film.{name}"] for name in ("base", "roughness", "camera", "refraction")),
-        light, blunt, *frame, *networks.place, networks.pixel,
+        inputs["film.diffuse"], light, blunt, *frame, *networks.place, networks.pixel,
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
     run.kernel(
@@ -283,9 +286,9 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
         *(inputs[name] for name in ("used", "film.lights", "film.others")), light, blunt, slopes,
         *frame, *networks.place, networks.pixel,
         float(STUDENT_FACTOR) * math.sqrt(inputs.get("correlation") or 1.0),
-        inputs["film.uneven"], float(edge_deviation_px(inputs.get("blur") or 0.0) ** 2 / 2),
-        signs, run.put(np.array(keys)),
-        inputs["misfit"], *(inputs.get(name) for name in ("bounced", "earlier", "tilt")),
+        inputs["film.uneven"], (inputs.get("blur") or 0.0) ** 2 / 2,
+        signs, run.put(np.array(keys)), inputs["misfit"], inputs["apparent"],
+        *(inputs.get(name) for name in ("bounced", "earlier", "tilt")),
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
@@ -324,8 +327,7 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     # Level film at the left; an edge that no pixel resolves in the middle.
     rising = np.linspace(0, 1, columns)
     height = 0.01 * np.sin(np.arange(rows) / 9)[:, None] + 0.3 * (rising > 0.5)
-    turns = np.arange(rows)[:, None] / 5 + np.arange(columns) / 7 + rng.uniform(0, 6, (2, 1, 1))
-    slope = (3 * rising * np.sin(turns)).astype(np.float32)
+    slope = np.float32(3 * rising * np.sin(rng.uniform(0, 6, (2, 1, 1)) + np.arange(rows)[:, None]))
     return {
         **example_system(rng, slope, **sizes),
         "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),
@@ -340,4 +342,5 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
         "correlation": float(rng.uniform(1, 4)),
         "blur": float(rng.uniform(0, 1)),
         "tilt": rng.normal(0, 0.2, (2, *shape)).astype(np.float32),
+        "apparent": (0.98 * slope).astype(np.float32),
     }

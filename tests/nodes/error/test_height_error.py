@@ -50,32 +50,26 @@ def stated_error(
     )
     system = system or equations(slope, 1e-4, at_rest(z))
     noisy, used = np.full((4, *SHAPE), noise, np.float32), np.full(SHAPE, 15, np.uint8)
-    given = {"misfit": np.zeros(5, np.float32)} | given
+    given = {"misfit": np.zeros(5, np.float32), "apparent": slope} | given
     return np.asarray(height_error(z, slope, system, noisy, used, film, **given))
 
 
 def error_of(z: F4, slope: F4, brightness: float, correlation: float | None = None) -> F4:
-    """The error of a height when `brightness` times more photons arrive."""
-    noise, system = 0.01 / np.sqrt(brightness), equations(slope, 1e-4, at_rest(dome()[0]), bend=0.0)
+    """The error of a dome's height when `brightness` times more photons arrive."""
+    noise, system = 0.01 / np.sqrt(brightness), equations(slope, 1e-4, at_rest(z), bend=0.0)
     return stated_error(z, slope, noise, system=system, correlation=correlation)
 
 
-def shallow() -> tuple[F4, F4]:
-    """A bump that bends so little that noise alone is an error."""
-    z, slope = (np.float32(1e-3) * part for part in dome())
-    return z, slope
-
-
 def test_the_error_shrinks_with_the_root_of_the_light() -> None:
-    z, slope = shallow()
+    z, slope = dome()
     dim, bright = error_of(z, slope, 1), error_of(z, slope, 100)
-    inside = at_rest(dome()[0]) == 0
+    inside = at_rest(z) == 0
     assert np.allclose(dim[inside], 10 * bright[inside], rtol=1e-2)
     assert not dim[~inside].any()
 
 
 def test_the_error_grows_with_the_noise_that_neighbours_share() -> None:
-    z, slope = shallow()
+    z, slope = dome()
     alone, shared = error_of(z, slope, 1), error_of(z, slope, 1, correlation=4.0)
     assert np.allclose(shared, 2 * alone, rtol=1e-2)
 
@@ -87,21 +81,14 @@ def test_blur_spreads_the_error_of_an_edge() -> None:
     assert np.allclose(blurred[rim], np.sqrt(13) * sharp[rim], rtol=0.05)
 
 
-def test_an_error_is_what_a_pixel_and_a_blur_flatten() -> None:
-    """Half the variance of the places times the Laplacian, averaged as all errors are."""
-    inside, (z, slope) = at_rest(dome()[0]) == 0, (np.float32(0.1) * part for part in dome())
-    system, bent = equations(slope, 1e-4, at_rest(dome()[0])), cv2.Laplacian(z, cv2.CV_32F)
-    for blur in (0.0, 0.8):
-        stated = stated_error(z, slope, 1e-6, system=system, blur=blur)
-        lost = np.sqrt(cv2.GaussianBlur(np.square((1 / 12 + blur * blur) / 2 * bent), (0, 0), 3))
-        much = inside & (lost > 0.3 * lost.max())
-        assert stated[much] == pytest.approx(lost[much], rel=0.1)
-
-
-def beyond(error: F4, least: F4) -> F4:
-    """What an error holds beside another, on film that is not at rest."""
-    inside = at_rest(dome()[0]) == 0
-    return np.asarray(np.sqrt(np.square(error) - np.square(least))[inside])
+def test_a_blur_flattens_by_half_its_variance_times_the_laplacian() -> None:
+    """Averaged over neighbours as all errors are; no other slope of a gentle matt film is wrong."""
+    rest, (z, slope) = at_rest(dome()[0]), (np.float32(0.1) * part for part in dome())
+    stated = stated_error(z, slope, 1e-6, system=equations(slope, 1e-4, rest), blur=0.8)
+    flatter = 0.32 * cv2.Laplacian(z, cv2.CV_32F)
+    lost = np.sqrt(cv2.GaussianBlur(flatter * flatter, (0, 0), 3))
+    much = (rest == 0) & (lost > 0.3 * lost.max())
+    assert stated[much] == pytest.approx(lost[much], rel=0.1)
 
 
 def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest() -> None:
@@ -113,10 +100,10 @@ def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest()
         others[::2, 0, 0] *= 1 + share
         others[1::2, 0, 0] *= 1 - share
         found.append(stated_error(z, slope, 1e-6, others))
-    none, some, more = found
-    assert (some > 1.2 * none)[at_rest(z) == 0].all()
-    assert np.allclose(beyond(more, none), 2 * beyond(some, none), rtol=0.05)
-    assert not any(error[at_rest(z) == 1].any() for error in found)
+    inside = at_rest(z) == 0
+    assert found[1][inside].min() > 10 * found[0][inside].max()
+    assert np.allclose(found[2][inside], 2 * found[1][inside], rtol=0.05)
+    assert not any(error[~inside].any() for error in found)
 
 
 @pytest.mark.parametrize("part", [0, 2, 4])
@@ -129,8 +116,9 @@ def test_what_a_film_model_leaves_is_an_error_in_proportion(part: int) -> None:
         misfit[part] = level
         found.append(stated_error(z, slope, 1e-6, misfit=misfit))
     none, some, more = found
-    assert (some > 5 * none)[at_rest(z) == 0].all()
-    assert np.allclose(beyond(more, none), 2 * beyond(some, none), rtol=0.05)
+    inside = at_rest(z) == 0
+    assert some[inside].min() > 10 * none[inside].max()
+    assert np.allclose(more[inside], 2 * some[inside], rtol=0.05)
 
 
 def bounced_error(**given: Any) -> F4:
@@ -186,7 +174,7 @@ def table() -> tuple[F4, F4]:
     return z, np.stack(np.gradient(z, PIXEL)[::-1]).astype(np.float32)
 
 
-TOP, MIDDLE = np.s_[16:24, 24:32], np.s_[18:22, 26:30]
+TOP = np.s_[16:24, 24:32]
 
 
 def test_an_edge_may_lie_anywhere_in_its_pixel() -> None:
@@ -198,16 +186,16 @@ def test_an_edge_may_lie_anywhere_in_its_pixel() -> None:
 def test_all_that_a_rim_carries_shares_its_error() -> None:
     """No slope on the top of a table errs, but all of it stands on the steps of its rim."""
     z, slope = (0.08 * part for part in table())
-    sharp, blurred = (stated_error(z, slope, 1e-6, blur=blur)[MIDDLE] for blur in (0, 0.8))
-    assert blurred.min() > 2 * sharp.max()
-    assert np.ptp(blurred) < 0.3 * blurred.mean()
+    bent, known = (stated_error(z, slope, 1e-6, apparent=k * slope) for k in (0.8, 1))
+    assert bent[TOP].min() > 2 * known[TOP].max()
+    assert np.ptp(bent[TOP]) < 0.3 * bent[TOP].mean()
 
 
 def test_what_shadows_say_otherwise_is_an_error_of_all_that_a_rim_carries() -> None:
-    z, slope = (np.float32(0.02) * part for part in table())
+    z, slope = table()
     pixels = np.arange(z.size, dtype=np.int32).reshape(SHAPE)
     top, foot = (pixels[rows, 20:36].ravel() for rows in ([12, 27], [10, 29]))
-    rises = ShadowRises(top, foot, np.full(32, z.max()), np.ones(32, np.uint8))
+    rises = ShadowRises(top, foot, np.ones(32, np.float32), np.ones(32, np.uint8))
     system = equations(slope, 1e-4, at_rest(z), rises)
     longer = system._replace(rise=system.rise + np.float32(0.1))
     agreed, apart = (stated_error(z, slope, 1e-6, system=each)[TOP] for each in (system, longer))
