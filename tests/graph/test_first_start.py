@@ -28,9 +28,10 @@ outputs: {small: small}
 
 
 @pytest.fixture
-def run(about: Command, programs: Path, tmp_path: Path) -> Command:
-    """Run the graph where no kernel is built yet."""
+def run(about: Command, programs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
+    """Run the graph where no kernel is built yet; tests beside this one leave no core idle."""
     assert not programs.exists()
+    monkeypatch.setattr(first_start, "LOWEST_PRIORITY", 0)
 
     def run_graph(*words: str, capture: Path = CAPTURES / "cat_film", text: str = GRAPH) -> Outcome:
         places = f"capture={capture}", f"out={tmp_path}"
