@@ -327,7 +327,8 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     # Level film at the left; an edge that no pixel resolves in the middle.
     rising = np.linspace(0, 1, columns)
     height = 0.01 * np.sin(np.arange(rows) / 9)[:, None] + 0.3 * (rising > 0.5)
-    slope = np.float32(3 * rising * np.sin(rng.uniform(0, 6, (2, 1, 1)) + np.arange(rows)[:, None]))
+    waves = np.sin(rng.uniform(0, 6, (2, 1, 1)) + np.arange(rows)[:, None])
+    slope = np.asarray(3 * rising * waves, np.float32)
     return {
         **example_system(rng, slope, **sizes),
         "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),

@@ -199,10 +199,6 @@ from tactograph.nodes.optics.gauss_newton import (
 from tactograph.nodes.optics.harmonics import (
     harmonics as harmonics,
 )
-from tactograph.nodes.optics.lens import (
-    camera_offset as camera_offset,
-    half_diagonal as half_diagonal,
-)
 from tactograph.nodes.optics.near_light import (
     expected_light as expected_light,
     places as places,
