@@ -101,8 +101,7 @@ LANED __kernel void interpolate(
     const float share)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    floats results[LEDS];
-    for (int k = 0; k < LEDS; ++k) results[k] = 0.0f;
+    floats results[LEDS] = {0.0f};
     if (bounced) between_cells(bounced, y, x, count, factor, h, w, LEDS, results);
     for (int k = 0; k < LEDS; ++k) {
         const int i = (k * H + y) * W + x;
