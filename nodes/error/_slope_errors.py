@@ -174,8 +174,8 @@ def _shown(at: Unperturbed, film: Film) -> tuple[F4, F4]:
         diffuse=0 * film.diffuse, harmonics=0 * film.harmonics
     )
     sharper = coat_sharpness(film, normal, (place[0], place[1], place[2]), weight)
-    light = predict(plain, normal, *place)
-    return light.reshape(at.sigma.shape), np.asarray(sharper.reshape(at.height.shape), np.float32)
+    light = predict(plain, normal, *place).reshape(at.sigma.shape)
+    return light, np.asarray(sharper.reshape(at.height.shape), np.float32)
 
 
 def _root_of_noise(noise: F4) -> tuple[F4, F4, F4]:

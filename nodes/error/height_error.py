@@ -269,7 +269,6 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
     inputs = run.inputs
     frame = tuple(run.sizes[symbol] for symbol in "KHW")
     slopes = run.scratch((ERROR_COUNT, 2, *networks.shape))
-    signs = run.keep("kinds", lambda: run.put(kinds()))
     # First what neighbours read of one another, with the coat's part, as long as all else.
     light, blunt = run.scratch((frame[0], *networks.shape)), run.scratch(networks.shape)
     run.kernel(
@@ -287,8 +286,8 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
         *frame, *networks.place, networks.pixel,
         float(STUDENT_FACTOR) * math.sqrt(inputs.get("correlation") or 1.0),
         inputs["film.uneven"], (inputs.get("blur") or 0.0) ** 2 / 2,
-        signs, run.put(np.array(keys)), inputs["misfit"], inputs["apparent"],
-        *(inputs.get(name) for name in ("bounced", "earlier", "tilt")),
+        run.keep("kinds", lambda: run.put(kinds())), run.put(np.array(keys)), inputs["misfit"],
+        inputs["apparent"], *(inputs.get(name) for name in ("bounced", "earlier", "tilt")),
         # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
@@ -327,8 +326,8 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     # Level film at the left; an edge that no pixel resolves in the middle.
     rising = np.linspace(0, 1, columns)
     height = 0.01 * np.sin(np.arange(rows) / 9)[:, None] + 0.3 * (rising > 0.5)
-    waves = np.sin(rng.uniform(0, 6, (2, 1, 1)) + np.arange(rows)[:, None])
-    slope = np.asarray(3 * rising * waves, np.float32)
+    turns = rng.uniform(0, 6, (2, 1, 1)) + np.arange(rows)[:, None]
+    slope = (3 * rising * np.sin(turns)).astype(np.float32)
     return {
         **example_system(rng, slope, **sizes),
         "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),
