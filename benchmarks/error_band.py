@@ -156,7 +156,7 @@ def drawn_rig(rng: np.random.Generator) -> Rig:
         float(rng.uniform(28, 42)),
         float(np.exp(rng.uniform(np.log(45), np.log(300)))),
     )
-    return Rig(slant, distance, float(rng.uniform(0, 90)), 1 / 14, (320, 240), 8, there)
+    return Rig(slant, distance, float(rng.uniform(0, 90)), 0.8 / 7, (200, 150), 8, there)
 
 
 def drawn_touches(rng: np.random.Generator) -> dict[str, list[Any]]:

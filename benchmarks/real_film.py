@@ -26,6 +26,7 @@ import csv
 import json
 import shutil
 import tempfile
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -562,10 +563,11 @@ def through_a_mosaic(image: Image) -> Image:
 
 
 def blurred(image: Image, width_px: float) -> Image:
-    """An image that a lens spreads, with as much noise as before."""
+    """An image that a lens spreads, with as much noise as before; each image has its own."""
     noise = np.median(np.abs(image - cv2.GaussianBlur(image, (0, 0), 1.5))) / 0.6745
     lost = np.sqrt(max(1 - 1 / (4 * np.pi * width_px**2), 0))
-    again = np.random.default_rng(0).normal(0, noise * lost, image.shape)
+    own = np.random.default_rng(zlib.crc32(image.tobytes()))
+    again = own.normal(0, noise * lost, image.shape)
     return np.clip(cv2.GaussianBlur(image, (0, 0), width_px) + again, 0, 255)
 
 
