@@ -123,7 +123,7 @@ class Job:
 
 
 def takes_capture(graph: Graph) -> bool:
-    return graph.capture_param is not None
+    return CAPTURE_PARAM in graph.params
 
 
 def make_jobs(study: Study) -> list[Job]:
