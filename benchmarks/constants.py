@@ -17,10 +17,15 @@ ROOMS = {
     "The trust in a touch": ("nodes/trust/*.py",),
     "Right touches that are drawn": ("nodes/calibrate/ranks/*.py",),
     "Stated errors": ("nodes/error/*.py", "rings/*/nodes/**/doubt_*.py"),
-    "Doubts of a calibration": ("nodes/**/judge_*.py", "rings/*/nodes/**/judge_*.py"),
+    "Doubts of a calibration": (
+        "nodes/**/judge_*.py",
+        "nodes/calibrate/rating/pressed_ball.py",
+        "rings/*/nodes/**/judge_*.py",
+    ),
     "The fit of a film": (
         "nodes/calibrate/film/*.py",
         "nodes/calibrate/ball/balls_on_film.py",
+        "nodes/calibrate/lights/light_samples.py",
         "rings/*/nodes/refit_film.py",
     ),
 }

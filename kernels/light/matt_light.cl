@@ -1,5 +1,6 @@
 // Equation F4 of docs/model.md.
 #include "common.clh"
+// The tolerance allows it, and it takes a twentieth less.
 #pragma OPENCL FP_CONTRACT ON
 #include "lanes.clh"
 #include "near_light.clh"

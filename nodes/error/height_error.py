@@ -269,7 +269,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
     inputs = run.inputs
     frame = tuple(run.sizes[symbol] for symbol in "KHW")
     slopes = run.scratch((ERROR_COUNT, 2, *networks.shape))
-    # First what neighbours read of one another, with the coat's part, as long as all else.
+    # A launch of its own, as neighbours read its light; under a coat it takes as long as the rest.
     light, blunt = run.scratch((frame[0], *networks.shape)), run.scratch(networks.shape)
     run.kernel(
         "shine", run.in_row_lanes(*networks.shape),

@@ -77,6 +77,7 @@ from tactograph.nodes.calibrate.ball.ball_search import (
     Circle as Circle,
 )
 from tactograph.nodes.calibrate.ball.balls_on_film import (
+    FINAL_SAMPLES as FINAL_SAMPLES,
     MAX_ROUNDS as MAX_ROUNDS,
     Balls as Balls,
     Fitted as Fitted,
@@ -100,6 +101,7 @@ from tactograph.nodes.calibrate.film.film_misfit import (
     Held as Held,
 )
 from tactograph.nodes.calibrate.film.film_unknowns import (
+    PART_UNKNOWNS as PART_UNKNOWNS,
     Unknown as Unknown,
 )
 from tactograph.nodes.calibrate.film.judge_radius import (

@@ -117,12 +117,8 @@ class Balls:
         beneath = None if self.beneath is None else self.beneath.only(chosen)
         return replace(self, **some, beneath=beneath)
 
-    def thinned(self, most: int | None = None, *, final: bool = False) -> Self:
-        """Return about `most` samples, evenly over each ball, but one or more for each part.
-
-        None: as many as count as independent, or, for the `final` fit, `FINAL_SAMPLES`.
-        """
-        most = most or (FINAL_SAMPLES if final else MAX_INDEPENDENT_SAMPLES)
+    def thinned(self, most: int = MAX_INDEPENDENT_SAMPLES) -> Self:
+        """Return about `most` samples, evenly over each ball, but one or more for each part."""
         each = max(BALL_PARTS, most // len(self.centre))
         first = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
         number = np.arange(self.ball.size) - first[self.ball]

@@ -192,7 +192,7 @@ def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
         film, rim = best.fitted.film, trial.balls.rim
         trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
         whole = trial.balls
-        trial = trial._replace(balls=whole.thinned(final=True))
+        trial = trial._replace(balls=whole.thinned(FINAL_SAMPLES))
         best = best._replace(fitted=trial.fit(best.parts, placed))
         moved = np.abs(whole.rim / rim - 1).max()
         changed = abs(best.fitted.film.albedo - film.albedo)

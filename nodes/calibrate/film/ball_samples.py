@@ -168,8 +168,9 @@ class FilmEvidence(NamedTuple):
     """What a film is fitted to: presses, film at rest, LEDs as placed for a matt film, and noise.
 
     The light is K x S x W on a sheet, relative to the film at rest, K x H x W; circles are B x 3 in
-    px, radii B in mm, `of` the press that each ball is in; `shape` is the film at rest if it is no
-    plane, which then ends with the frame.
+    px, radii B in mm, `of` the press that each ball is in; the selection is P, 1 for presses that
+    are used; the first lights are K x 3 in mm, their strength K; the noise is that of the camera,
+    the pixel in mm; `shape` is the film at rest if it is no plane, which then ends with the frame.
     """
 
     light: SheetLight

@@ -31,11 +31,6 @@ class Unknown(NamedTuple):
         stored = FILM_VALUES[name].stored
         return each._replace(low=stored.low, high=stored.high)
 
-    @staticmethod
-    def of_part(part: str) -> tuple[str, ...]:
-        """Return the names of the unknowns of a part of the model."""
-        return PART_UNKNOWNS[part]
-
     def within(self, value: F8) -> F8:
         """Return values within the limits."""
         return np.clip(value, self.low, self.high)

@@ -49,7 +49,7 @@ def draw_touches(
     film, (level, width, light, bounce, _tilt) = sensor.film, sensor.misfit.tolist()
     doubts = Doubts(level, width, light, film.uneven, film.contact)
     for number in range(count):
-        # The mean of the squares of these deviations is the variance (`places_within`).
+        # The mean of the squares of these deviations is the variance (`LedPlaces.sampled`).
         chance = rng.normal(size=len(film.others)) / np.sqrt(len(film.others))
         moved = film.lights + np.tensordot(chance, film.others - film.lights, axes=1)
         albedo = float(np.clip(film.albedo * (1 + bounce * rng.normal()), 0, MAX_ALBEDO))

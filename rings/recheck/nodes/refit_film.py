@@ -12,6 +12,8 @@ from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
 from tactograph.sdk import F4, F8, Film, Light, Metrics, NodeCall, PixelSize, SizeLimit, node, warn
 from tactograph.sdk.nodes import film_bounce
 from tactograph.sdk.unstable import (
+    FINAL_SAMPLES,
+    PART_UNKNOWNS,
     Balls,
     FilmEvidence,
     Fitted,
@@ -31,8 +33,8 @@ SHALLOW_SHARE = 0.5
 """Smallest slopes of a check press, as a share of those pressed for the calibration."""
 THICKNESS_DEVIATION_MM = 0.3
 """Standard deviation of the thickness of a gel."""
-COAT_UNKNOWNS = Unknown.of_part("lobe")
-ANOTHER_GEL = ("thicker", "gain", "diffuse", *Unknown.of_part("bounce"))
+COAT_UNKNOWNS = PART_UNKNOWNS["lobe"]
+ANOTHER_GEL = ("thicker", "gain", "diffuse", *PART_UNKNOWNS["bounce"])
 FILM_CHANGES = (("thicker",), ANOTHER_GEL, (*ANOTHER_GEL, *COAT_UNKNOWNS))
 """The changes tried, the simplest first: another thickness in mm, another gel, another coat.
 `diffuse` is added to the share of every LED."""
@@ -144,7 +146,7 @@ def refit_film(
         renewed = evidence.sample(
             best.film, most=None, shifts=best.shifts, rim=some.rim, fine=True, bounce=bounce
         )
-        more = renewed.thinned(final=True)
+        more = renewed.thinned(FINAL_SAMPLES)
         other = _choose(before_refit, more)
         if np.mean(other[1]) < np.mean(errors):
             whole, some, (best, errors, fold_fits) = renewed, more, other
