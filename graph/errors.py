@@ -91,10 +91,14 @@ class DeviceError(NodeError):
 class NotBuiltError(TactographError):
     """Kernels would have to be compiled first, and whoever asks does not wait for that.
 
-    `share` is that of the programs that are not built among those that are needed.
+    Parameters
+    ----------
+    share : of the programs that are needed, those that are not built, 0 to 1
     """
 
-    share = 1.0
+    def __init__(self, message: str, share: float = 1.0) -> None:
+        super().__init__(message)
+        self.share = share
 
 
 class EndOfStream(Exception):  # noqa: N818  (nothing went wrong)

@@ -65,9 +65,8 @@ def build_ahead(
     awaited = [recipe for recipe in needed if recipe in missing]
     if awaited and not waits:
         count = f"{len(awaited)} of {len(needed)} programs"
-        error = NotBuiltError(f"its kernels are not built yet ({count})")
-        error.share = len(awaited) / len(needed)
-        raise error
+        share = len(awaited) / len(needed)
+        raise NotBuiltError(f"its kernels are not built yet ({count})", share)
     ahead.extend(awaited)
     if len(missing) >= MIN_AHEAD_PROGRAMS:
         begin_helpers(handle)

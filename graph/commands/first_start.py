@@ -58,7 +58,7 @@ def open_soonest(
 
 def _yields_one(pipeline: Pipeline, most: float) -> bool:
     """Return whether the graph has a stream, as for touches but not for fits, of one small item."""
-    if (stream := pipeline.begin()) is None:
+    if pipeline.endless or (stream := pipeline.begin()) is None:
         return False
     with closing(stream), collect_warnings([]), suppress(TactographError):
         item = None if stream.reads_two() else stream.next()

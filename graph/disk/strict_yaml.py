@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import json
 import re
+import unicodedata
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeVar
 
@@ -19,6 +21,7 @@ from ruamel.yaml import YAML, __version__ as _ruamel_version
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
+from tactograph.graph import errors
 from tactograph.graph.disk.disk_cache import cached_file, read_cached, write_cached
 from tactograph.graph.disk.yaml_errors import in_words
 from tactograph.graph.errors import GraphError, InputError, did_you_mean, printable, shortened
@@ -126,15 +129,24 @@ def dotted(path: Path_) -> str:
     return text
 
 
+@cache
+def _rules() -> tuple[object, ...]:
+    """All that decides what a text is read as."""
+    sources = (Path(file).read_bytes() for file in (__file__, errors.__file__))
+    return *sources, _ruamel_version, unicodedata.unidata_version
+
+
+@lru_cache(64)
 def _kept(text: str, name: str) -> Document:
-    """`_parsed`, or what that made of the same text by the rules of this file before."""
-    file = cached_file("graphs", text, Path(__file__).read_bytes(), _ruamel_version)
+    """`_parsed`, or what that made of the same text by the same rules before."""
+    file = cached_file("graphs", text, *_rules())
     if file is None:
         return _parsed(text, name)
     if (kept := read_cached(file)) is None:
         document = _parsed(text, name)
         marks = [(path, place.line, place.column) for path, place in document.places.items()]
-        write_cached(file, json.dumps((document.data, marks)).encode(), MAX_KEPT_BYTES)
+        with suppress(ValueError):  # a number with more digits than Python writes
+            write_cached(file, json.dumps((document.data, marks)).encode(), MAX_KEPT_BYTES)
         return document
     data, marks = json.loads(kept)
     places = ((tuple(path), line, column) for path, line, column in marks)

@@ -174,9 +174,8 @@ class Graph:
 
     @property
     def capture_param(self) -> str | None:
-        """The param that takes a capture's folder, if it has one."""
-        param = self.params.get(CAPTURE_PARAM)
-        return CAPTURE_PARAM if param is not None and param.kind == "path" else None
+        """The name of the param that takes a capture's folder, if it has one."""
+        return CAPTURE_PARAM if CAPTURE_PARAM in self.params else None
 
     @property
     def file(self) -> Path:

@@ -58,7 +58,6 @@ class Pipeline:
         self._stand_ins = StandIns(plan, device)
         self._items = Items(plan, device)
         self._runner = self._items.runner
-        self._cache = cache
         if cache is not None:
             self._items.keep(cache)
         self._has_run = False
@@ -300,7 +299,7 @@ class Pipeline:
         new = with_parameters(self.plan, node, settings)
         with self._turn:
             new.apply(self.plan)
-            self.keep()
+            self._keep()
             self._items.settings_changed(new.settings)
 
     def again(self, outputs: Collection[str] | None = None) -> Result:
@@ -343,22 +342,15 @@ class Pipeline:
         """
         value = self.plan.value(reference)
         with self._turn:
-            self.keep()
+            self._keep()
             self._refuse_without_item(f"inspect {reference}")
             return self._items.inspect(value)
 
-    def keep(self) -> Cache:
-        """Keep the results of the items to come, as after the first `set`.
-
-        Returns
-        -------
-        What keeps them, for ``load(…, cache=…)``: another pipeline of this thread may share it.
-        """
-        if self._cache is None:
-            self._cache = Cache()
-            self._items.keep(self._cache)
+    def _keep(self) -> None:
+        """Keep the results of the items to come."""
+        if not self._items.keeps:
+            self._items.keep(Cache())
             self._has_run = False
-        return self._cache
 
     def _refuse_without_item(self, method: str) -> None:
         if not self._has_run:

@@ -57,7 +57,7 @@ def make_job(
     sinks, by capture, and the store in it holds the rest.  Raises InputError if the graph takes no
     capture, or `out` cannot be.
     """
-    if graph.capture_param is None:
+    if graph.capture_param is None or graph.params[graph.capture_param].kind != "path":
         raise InputError(
             f"{graph.name} has no parameter 'capture' for the folder of a capture"
             f" (it has: {', '.join(graph.params)})"

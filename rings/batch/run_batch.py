@@ -36,7 +36,7 @@ def run_batch(job: Job, captures: Captures, number: int | None, *, retry_failed:
     if (out := job.folders) is not None:
         places = filter(None, (captures.below, *captures.captures))
         refuse_to_write_over(f"--out {out}", out, {f"--over {place}": place for place in places})
-    with ProgressLine() as line, ExitStack() as closing:
+    with ProgressLine(wanted=False) as line, ExitStack() as closing:
         number = number or worker_count(job.graph, job.options, len(captures.captures))
         workers: Workers = Worker(job)
         if number > 1:
@@ -54,7 +54,7 @@ def run_batch(job: Job, captures: Captures, number: int | None, *, retry_failed:
             line.say(f"{damaged} finished capture{plural} damaged: done again", err=True)
         chunks = open_chunks(store, retry_failed=retry_failed)
         line.say(f"{_before(store, retry_failed=retry_failed)}; {workers.name}")
-        _show(line, workers.run(iter(chunks)), sum(len(each.captures) for each in chunks))
+        _show(workers.run(iter(chunks)), sum(len(each.captures) for each in chunks))
         return _conclude(line, store, job)
 
 
@@ -67,20 +67,22 @@ def _before(store: Store, *, retry_failed: bool) -> str:
     return f"{line}, {failed} failed ({'' if retry_failed else 'not '}done again)"
 
 
-def _show(line: ProgressLine, tallies: Iterator[Tally], total: int) -> None:
+def _show(tallies: Iterator[Tally], total: int) -> None:
     """Show what is done, how fast, and the time left; and fallbacks."""
     start = time.monotonic()
     done = failed = 0
     shown_lines: set[str] = set()
-    line.at(f"0 of {total} captures", 0.0)
-    for tally in tallies:
-        for text in {*tally.fallbacks} - shown_lines:
-            line.say(f"fallback: {text}", err=True)
-        shown_lines.update(tally.fallbacks)
-        done, failed = done + tally.done + tally.failed, failed + tally.failed
-        rate = done / max(time.monotonic() - start, 1e-9)
-        line.at(f"{done} of {total} captures, {failed} failed, {rate:.1f} captures/s", done / total)
-    line.at("", 1.0)
+    with ProgressLine() as line:
+        line.at(f"0 of {total} captures", 0.0)
+        for tally in tallies:
+            for text in {*tally.fallbacks} - shown_lines:
+                line.say(f"fallback: {text}", err=True)
+            shown_lines.update(tally.fallbacks)
+            done, failed = done + tally.done + tally.failed, failed + tally.failed
+            rate = done / max(time.monotonic() - start, 1e-9)
+            line.at(
+                f"{done} of {total} captures, {failed} failed, {rate:.1f} captures/s", done / total
+            )
 
 
 def _conclude(line: ProgressLine, store: Store, job: Job) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tactograph.sdk import Graph, InputError, Pipeline, Result, load
-from tactograph.sdk.unstable import captures_in
+from tactograph.sdk.unstable import Cache, captures_in
 
 
 def captures_of(graph: Graph, params: Mapping[str, Any]) -> list[Path]:
@@ -19,7 +19,8 @@ class Runner:
     """A pipeline that follows a graph, opened again only if more than settings changed."""
 
     def __init__(self, params: Mapping[str, Any], backend: str | None, device: str | None) -> None:
-        self._params, self._backend, self._device = dict(params), backend, device
+        self._params, self._cache = dict(params), Cache()
+        self._backend, self._device = backend, device
         self._graph: Graph | None = None
         self.pipeline: Pipeline | None = None
         self._stream: Iterator[Result] | None = None
@@ -70,9 +71,7 @@ class Runner:
         at = {} if capture is None else {str(graph.capture_param): str(capture)}
         params = {**self._params, **at}
         params = {name: value for name, value in params.items() if name in graph.params}
-        cache = None if self.pipeline is None else self.pipeline.keep()
-        opened = load(graph, params, backend=self._backend, device=self._device, cache=cache)
-        opened.keep()
+        opened = load(graph, params, backend=self._backend, device=self._device, cache=self._cache)
         self.close()
         self.pipeline, self._graph, self._at = opened, graph, (capture, -1)
 

@@ -1,4 +1,5 @@
 from tactograph.graph import (
+    Cache as Cache,
     Whole as Whole,
 )
 from tactograph.graph.commands import (

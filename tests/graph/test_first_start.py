@@ -173,18 +173,24 @@ def test_who_builds_kernels_ends_with_the_command_that_waits_for_it(
         assert process.stdout is not None
         stat = Path("/proc", process.stdout.readline().strip(), "stat")
         assert is_running(stat)
+        # Only who waits for its builder says that it is stopped.
+        assert waited_for(lambda: state_of(Path("/proc", str(process.pid), "stat")) == "S")
         process.send_signal(how)
         told = process.stdout.read()
     assert told == ("stopped; the next run builds the rest\n" if how == signal.SIGINT else "")
     assert waited_for(lambda: not is_running(stat))
 
 
-def is_running(stat: Path) -> bool:
-    """Whether a process runs; nobody may have fetched the exit code of one that has ended."""
+def state_of(stat: Path) -> str:
+    """The state of a process: "S" sleeps; "Z" has ended, and nobody has fetched its exit code."""
     try:
-        return stat.read_text().rpartition(") ")[2][0] != "Z"
+        return stat.read_text().rpartition(") ")[2][0]
     except FileNotFoundError:
-        return False
+        return "Z"
+
+
+def is_running(stat: Path) -> bool:
+    return state_of(stat) != "Z"
 
 
 def waited_for(holds: Callable[[], bool], seconds: float = 60) -> bool:

@@ -9,6 +9,7 @@ from tactograph.graph import warn
 from tactograph.nodes import Metrics
 from tactograph.nodes.calibrate import FOLD_COUNT
 from tactograph.nodes.calibrate.ball.balls_on_film import (
+    FINAL_SAMPLES,
     MAX_INDEPENDENT_SAMPLES,
     MAX_ROUNDS,
     Balls,

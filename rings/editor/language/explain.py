@@ -40,7 +40,11 @@ def definition_at(cursor: Cursor, file: Path, graph: Graph | None) -> Spot | Non
     word = str(_value(cursor))
     try:
         if "extends" in cursor.path[-2:]:
-            return Spot(find_file(word, file.parent, "overlays") or read_graph(word).file)
+            return Spot(
+                find_file(word, file.parent, "overlays")
+                or find_file(word, file.parent, "graphs")
+                or read_graph(word).file
+            )
         if cursor.inside == ("op",):
             function = inspect.unwrap(find_node(word).function)
             return Spot(Path(inspect.getfile(function)), inspect.getsourcelines(function)[1] - 1)

@@ -156,14 +156,22 @@ def test_a_file_is_parsed_once_and_then_read_as_it_was(
     first = Document.read(file)
     parsed = Mock(side_effect=strict_yaml._parsed)
     monkeypatch.setattr(strict_yaml, "_parsed", parsed)
+    strict_yaml._kept.cache_clear()
     assert Document.read(file) == first == Document.parse(TEXT, str(file))
     assert parsed.call_count == 1, "for the text that is no file's"
     (kept,) = (tmp_path / "cache").rglob("*.cached")
     kept.write_bytes(b"damaged")
+    strict_yaml._kept.cache_clear()
     assert Document.read(file) == first
     assert parsed.call_count == 2
     file.write_text(TEXT.replace("no", "yes"))
     assert Document.read(file).data["a"][3]["b"] == "yes"
+
+
+def test_a_number_with_more_digits_than_python_writes_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "g.yaml"
+    file.write_text(f"a: 0x{'f' * 5000}")
+    assert Document.read(file).data["a"] > 0
 
 
 def test_a_wrong_file_is_refused_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

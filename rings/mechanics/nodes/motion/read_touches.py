@@ -98,7 +98,10 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
     heights = [read_height_file(file).height for file in files]
     pixels = [read_pixel_size(height=file, mm=pixel) for file in files]
     for result, file in zip(results, files, strict=True):
-        if StoredResult.beside(file).has_relief:
+        stored = StoredResult.beside(file)
+        if not stored.about:
+            raise InputError(f"{stored.file}: cannot be read; reconstruct again")
+        if stored.has_relief:
             raise InputError(
                 f"{result}: its film is no plane at rest; touches of planes alone are put together"
             )
@@ -173,7 +176,9 @@ def _replayed(folder: Path, most: int, calibration: Path) -> Touches:
 def _calibrated_view(calibration: Path) -> View:
     """The view of a sensor's calibration; a film that is no plane is refused."""
     module = FileKind.module_of(calibration)
-    arrays: dict[str, Any] = {} if module is None else module.KIND.read(calibration)[0]
+    if module is None:
+        raise InputError(f"{calibration}: is no calibration")
+    arrays: dict[str, Any] = module.KIND.read(calibration)[0]
     if np.any(arrays.get("rest", 0)):
         raise InputError(
             f"{calibration}: its film is no plane at rest; touches of planes alone are put together"
