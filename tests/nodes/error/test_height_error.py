@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4, Film, ShadowRises
+from tactograph.nodes.error._slope_errors import Unperturbed, _shown as shown_light
 from tactograph.nodes.error.doubt_rest import doubt_rest
 from tactograph.nodes.error.height_error import height_error
 from tactograph.nodes.height.height_equations import HeightSystem
@@ -89,6 +90,22 @@ def test_a_blur_flattens_by_half_its_variance_times_the_laplacian() -> None:
     lost = np.sqrt(cv2.GaussianBlur(flatter * flatter, (0, 0), 3))
     much = (rest == 0) & (lost > 0.3 * lost.max())
     assert stated[much] == pytest.approx(lost[much], rel=0.1)
+
+
+def test_a_gaussian_takes_half_its_variance_times_the_laplacian_of_a_coats_light() -> None:
+    z, slope = (np.float32(0.5) * part for part in dome())
+    lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
+    film = Film.matt(lights)._replace(refraction=np.float32(1.5), roughness=np.float32(0.3))
+    y, x = (PIXEL * (np.arange(n, dtype=np.float32) - (n - 1) / 2) for n in SHAPE)
+    used, none = np.full(SHAPE, 15, np.uint8), np.zeros((4, *SHAPE), np.float32)
+    sigma = none + np.float32(0.01)
+    at = Unperturbed(sigma, slope, z, x[None], y[:, None], used, used > 0, none, none, slope, slope)
+    light, _ = shown_light(at, film)
+    taken = np.stack([cv2.GaussianBlur(plane, (0, 0), 0.8) for plane in light]) - light
+    told = 0.32 * np.stack([cv2.Laplacian(plane, cv2.CV_32F) for plane in light])
+    smooth = np.abs(taken) < 0.02
+    inside = np.s_[:, 4:-4, 4:-4]
+    assert np.corrcoef(taken[inside][smooth[inside]], told[inside][smooth[inside]])[0, 1] > 0.98
 
 
 def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest() -> None:
