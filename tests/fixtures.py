@@ -159,7 +159,9 @@ def images_of(rig: Path) -> dict[str, object]:
     return {"capture": str(rig / "calibration"), "flat": str(rig / "flat"), **known}
 
 
-def simulated_sensor(folder: Path, *, radius_mm: float = 5.0, **rig: float) -> Path:
+def simulated_sensor(
+    folder: Path, *, radius_mm: float = 5.0, ranked: bool = True, **rig: float
+) -> Path:
     """A folder with a ball's press, the flat frame and the calibration of a simulated sensor."""
     ball, flat = str(folder / "ball"), str(folder / "flat")
     known = {"ball_radius_mm": radius_mm, "pixel_size_mm": rig["pixel_size_mm"]}
@@ -168,8 +170,8 @@ def simulated_sensor(folder: Path, *, radius_mm: float = 5.0, **rig: float) -> P
         ("simulate_flat", {"seed": 2, "out": flat, **rig}),
         ("calibrate", {"capture": ball, "flat": flat, "out": str(folder / "cal.npz"), **known}),
     ):
-        bare = without_ranks(without_pictures(read_graph(graph)))
-        list(open_pipeline(bare, given).items())
+        bare = without_pictures(read_graph(graph))
+        list(open_pipeline(bare if ranked else without_ranks(bare), given).items())
     return folder
 
 

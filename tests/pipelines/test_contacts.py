@@ -17,7 +17,7 @@ SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": PIXEL}
 @pytest.fixture(scope="module")
 def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A calibrated sensor, a touch and the untouched film at another time."""
-    folder = simulated_sensor(tmp_path_factory.mktemp("sensor"), **SIZE)
+    folder = simulated_sensor(tmp_path_factory.mktemp("sensor"), ranked=False, **SIZE)
     run("simulate_flat", folder / "untouched", seed=5, **SIZE)
     run("simulate_press", folder / "touch", radius_mm=4.0, seed=3, **SIZE)
     return folder
