@@ -23,7 +23,6 @@ def command(graph: str, values: tuple[str, ...], every: bool, options: RunOption
     A group that is used is one line.
     Params that are not given do not matter to the plan.  No node runs.
     """
-
     from tactograph.graph.files.typed_values import read_words
 
     read = options.read(graph)

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph.show.colours import label_colour
+from tactograph.graph.show.colours import BIT_COLOURS, label_colour
 from tactograph.nodes import F4, F8, U1, Height, Light, Metrics, PixelSize
 from tactograph.nodes.optics.camera_view import View
 
@@ -106,7 +106,7 @@ class Regions:
     @staticmethod
     def colour(number: int) -> str:
         """Return the colour of a region."""
-        return label_colour(1 << (number - 1) % 8)
+        return label_colour(1 << (number - 1) % len(BIT_COLOURS))
 
 
 class ArrowsInImage(NamedTuple):

@@ -16,6 +16,7 @@ from tactograph.sdk import F4, F8, InputError, Light, Metrics, NodeCall, PixelSi
 from tactograph.sdk.nodes import film_bounce, find_balls, label_lit
 from tactograph.sdk.unstable import (
     DERIVATIVE_STEP,
+    UM_PER_MM,
     BallOnShape,
     Circle,
     FilmEvidence,
@@ -206,7 +207,7 @@ def find_rest(
     size = even.shape[1], even.shape[2]
     whole = bent(size, even_pixel, camera, bend.unknowns)
     deviation = _deviation(bend, flat.shape[1:], pixel)
-    figures = {"rest_deviation_um": 1e3 * deviation}
+    figures = {"rest_deviation_um": UM_PER_MM * deviation}
     for axis, k in (("x", bend.unknowns[0]), ("y", bend.unknowns[2])):
         figures[f"rest_radius_{axis}_mm"] = float(1 / k) if k else math.inf
     scale = _scale_error(bend, presses.radii)

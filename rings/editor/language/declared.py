@@ -47,8 +47,7 @@ def of_node(op: str) -> Declared:
 def of_group(graph: Graph, name: str) -> Declared:
     """What the group of that name, or of the use of that name, takes from each use."""
     group = graph.group_of(name)
-    if group is None:
-        return NO_DECLARATION
+    assert group is not None
     inputs = {
         name: f"{'needed' if each.required else f'default {each.default}'}; {each.help}"
         for name, each in group.inputs.items()

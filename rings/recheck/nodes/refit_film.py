@@ -271,6 +271,9 @@ def _fit(prior: _Prior, balls: Balls, names: tuple[str, ...], start: dict[str, f
     places = balls.place_deviations.ravel()
     spread = np.concatenate([places, [each.spread for each in about]])
 
+    # Without a change, the flat frames tell how alike they are.
+    blocks = prior.fall.spread(prior.ratio) if prior.fall.x.size else 1.0
+
     def at(values: F8) -> _Refitted:
         named = dict(zip(names, values[3 * count :].tolist(), strict=True))
         return _Refitted(named, _changed(film, named), values[: 3 * count].reshape(-1, 3))
@@ -285,8 +288,6 @@ def _fit(prior: _Prior, balls: Balls, names: tuple[str, ...], start: dict[str, f
         if names and prior.fall.x.size:
             farther = {name: getattr(prior.fall, name) * scale for name in ("x", "y")}
             fallen = candidate.fitted.at_rest(replace(prior.fall, **farther)) - level
-            # Without a change, the flat frames tell how alike they are.
-            blocks = prior.fall.spread(prior.ratio)
             parts.append(((prior.ratio - _level(fallen)) / blocks).ravel())
         return np.concatenate(parts)
 
