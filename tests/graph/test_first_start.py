@@ -31,7 +31,7 @@ outputs: {small: small}
 def run(about: Command, programs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
     """Run the graph where no kernel is built yet; tests beside this one leave no core idle."""
     assert not programs.exists()
-    monkeypatch.setattr(first_start, "LOWEST_PRIORITY", 0)
+    monkeypatch.setattr(first_start, "BUILDER_NICENESS", 0)
 
     def run_graph(*words: str, capture: Path = CAPTURES / "cat_film", text: str = GRAPH) -> Outcome:
         places = f"capture={capture}", f"out={tmp_path}"
