@@ -26,6 +26,12 @@ LANED __kernel void view_slope(
         const floats by = 1.0f / MORE_OF(share, least);
         p *= by;
         q *= by;
+        // What faces the camera by less is not seen.
+        const floats square = p * p + q * q, most = 1.0f / (MIN_VIEW_SHARE * MIN_VIEW_SHARE) - 1.0f;
+        const floats less = inverse ? square : LESS_OF(square, most);
+        const floats shorter = sqrt(less / square);
+        p = less < square ? p * shorter : p;
+        q = less < square ? q * shorter : q;
     }
     store_floats(p, out + at, count);
     store_floats(q, out + H * W + at, count);

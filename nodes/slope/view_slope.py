@@ -1,10 +1,15 @@
 """Slopes of the film as a camera near the film sees them."""
 
+from typing import Any
+
 import numpy as np
 
 from tactograph.graph import Close, node
 from tactograph.nodes import Height, PixelSize, Slope, Vergence
 from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, places
+
+MAX_SQUARE = 1 / MIN_VIEW_SHARE**2 - 1
+"""The square of the steepest slope of film that is seen."""
 
 
 def is_orthographic(camera: Vergence) -> bool:
@@ -23,7 +28,8 @@ def view_slope(
     planes and straight lines: shadows and integration in (u, v, Z) are those of an
     orthographic camera (equation V1).  The film's plane z = p x + q y + c becomes
     Z = (p u + q v + c) / (1 - c / D), and back Z = P u + Q v + C becomes
-    z = (P x + Q y + C) / (1 + C / D) (equation V2).
+    z = (P x + Q y + C) / (1 + C / D) (equation V2).  Film that faces the camera by less than
+    `MIN_VIEW_SHARE` is not seen, so that no seen slope is steeper.
 
     Parameters
     ----------
@@ -43,8 +49,18 @@ def view_slope(
         return slope / np.maximum(1 + by * (height - p * u - q * v), MIN_VIEW_SHARE)
     z = height / (1 + by * height)
     nearer = 1 - by * z
-    return slope / np.maximum(1 - by * (z - (p * u + q * v) * nearer), MIN_VIEW_SHARE)
+    seen = slope / np.maximum(1 - by * (z - (p * u + q * v) * nearer), MIN_VIEW_SHARE)
+    square = seen[0] * seen[0] + seen[1] * seen[1]
+    steeper = square > MAX_SQUARE
+    return np.where(steeper, seen * np.sqrt(MAX_SQUARE / np.where(steeper, square, 1)), seen)
 
 
 view_slope.opencl(grid="H W", lanes="grid")
 view_slope.idle(is_orthographic)
+
+
+@view_slope.example
+def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, Any]:
+    """Gentle slopes, and a few of rims, which hardly face the camera."""
+    steep = rng.random((H, W)) < 0.1
+    return {"slope": (rng.normal(0, 0.3, (2, H, W)) * np.where(steep, 60, 1)).astype(np.float32)}

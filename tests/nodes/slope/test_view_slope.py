@@ -40,6 +40,16 @@ def test_the_slopes_of_a_pressed_ball_integrate_to_its_height_and_come_back() ->
     assert back == pytest.approx(slope, abs=1e-5)
 
 
+def test_film_that_hardly_faces_the_camera_is_seen_no_steeper_than_what_is_seen() -> None:
+    """Slopes of 28, as noise makes them at rims, would rise by metres in the camera's view."""
+    slope = np.zeros((2, *SIZE), np.float32)
+    slope[:, 40:110, 60:140] = np.float32([28, 3])[:, None, None]
+    seen = view_slope(slope, np.full(SIZE, 2, np.float32), CAMERA, PIXEL)
+    steepest = np.hypot(*seen).max()
+    assert steepest == pytest.approx(np.sqrt(1 / 0.1**2 - 1), rel=1e-4)
+    assert seen[0, 75, 100] == pytest.approx(seen[1, 75, 100] * 28 / 3, rel=1e-4)
+
+
 def test_a_camera_far_away_changes_nothing() -> None:
     seen, slope, _ = ball_seen(6.0, 4.0, (2.0, -1.0), 0.0, SIZE)
     assert view_slope(slope, seen, 0.0, PIXEL) is slope
