@@ -18,7 +18,6 @@ from tactograph.graph.compare.stored_views import save_views, views_of
 from tactograph.graph.compare.sweep import Sweep, check_targets, points, seed_like, seeds
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.graph.errors import InputError, TactographError, WriteError
-from tactograph.graph.files.captures_in import CAPTURE_PARAM
 from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.typed_values import read_words
@@ -63,7 +62,7 @@ class Study:
             choices = ", ".join(seed_like(self.graphs)) or "no node has one"
             raise InputError(f"--repeats needs --seed node.param to vary (seeds: {choices})")
         for graph in self.graphs:
-            if takes_capture(graph) and not self.captures:
+            if graph.capture_param and not self.captures:
                 raise InputError(f"{graph.name} takes captures; give --over DIR")
 
 
@@ -122,10 +121,6 @@ class Job:
     row: Row
 
 
-def takes_capture(graph: Graph) -> bool:
-    return CAPTURE_PARAM in graph.params
-
-
 def make_jobs(study: Study) -> list[Job]:
     """Make all combinations, capture by capture, so that related rows are neighbours.
 
@@ -133,7 +128,7 @@ def make_jobs(study: Study) -> list[Job]:
     """
     jobs: dict[Path, Job] = {}
     for capture, graph in product((None, *study.captures), study.graphs):
-        if takes_capture(graph) != (capture is not None):
+        if bool(graph.capture_param) != (capture is not None):
             continue
         name = "" if capture is None else capture.resolve().name
         all_seeds = seeds(graph, study.seed, study.repeats, study.arguments[graph.name])
@@ -213,7 +208,7 @@ def _places(job: Job, folder: Path) -> dict[str, str]:
     """The places of the capture and of the results, for params that the graph has."""
     places = {"out": str(folder)}
     if job.capture is not None:
-        places[CAPTURE_PARAM] = str(job.capture)
+        places |= job.graph.at_capture(job.capture)
     return {name: place for name, place in places.items() if name in job.graph.params}
 
 

@@ -177,6 +177,10 @@ class Graph:
         """The name of the param that takes a capture's folder, if it has one."""
         return CAPTURE_PARAM if CAPTURE_PARAM in self.params else None
 
+    def at_capture(self, folder: str | Path) -> dict[str, str]:
+        """The value of that param for a capture; empty for a graph that takes none."""
+        return {} if self.capture_param is None else {self.capture_param: str(folder)}
+
     @property
     def file(self) -> Path:
         """The file that holds it."""

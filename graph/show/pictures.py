@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tactograph.graph.declare.ports import PortType
-from tactograph.graph.show.colours import label_colour
+from tactograph.graph.show.colours import BIT_COLOURS, NO_BIT_COLOUR, SEVERAL_COLOUR
 from tactograph.graph.show.figures import Estimate, words
 from tactograph.graph.show.views import View, kind_of
 
@@ -90,9 +90,7 @@ def draw_labels(panels: Panels, unit: str) -> str:
     """Draw labels in a colour for each bit, dark where several are set."""
     count = max(int(array.max()).bit_length() for array in panels.values()) or 1
     name = unit.removesuffix("bits").strip() or "bit"
-    colours = ListedColormap(
-        [label_colour(bits) for bits in (0, *(1 << k for k in range(count)), 3)]
-    )
+    colours = ListedColormap([NO_BIT_COLOUR, *BIT_COLOURS[:count], SEVERAL_COLOUR])
     norm = BoundaryNorm(np.arange(-0.5, count + 2), colours.N)
     numbers = {title: _numbers(array, count) for title, array in panels.items()}
     figure = _images(numbers, bar=True, cmap=colours, norm=norm, interpolation="nearest")

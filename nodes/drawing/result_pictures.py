@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from tactograph.graph.cache.keys import content_key
-from tactograph.graph.show.colours import BIT_COLOURS
+from tactograph.graph.show.colours import BIT_COLOURS, SEVERAL_COLOUR
 from tactograph.nodes import (
     BAND_DEVIATIONS,
     F4,
@@ -156,8 +156,7 @@ class _Plate:
     def __init__(self, shape: tuple[int, ...], leds: int) -> None:
         figure, self._axes = _one_plane()
         empty = np.zeros(shape)
-        single = [LedLabels.colour(1 << led) for led in range(leds)]
-        chosen = [*single, LedLabels.colour(3)] if leds else BIT_COLOURS
+        chosen = [*BIT_COLOURS[:leds], SEVERAL_COLOUR] if leds else BIT_COLOURS
         colours = ListedColormap(chosen)
         norm = BoundaryNorm(np.arange(0.5, len(chosen) + 1), colours.N)
         self._grey = self._axes.imshow(empty, cmap="gray", vmin=0, animated=True)

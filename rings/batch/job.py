@@ -28,13 +28,8 @@ class Job:
 
     def open(self) -> Pipeline:
         """Open the pipeline.  Raises TactographError if it cannot be opened here."""
-        arguments = {**self.arguments, **self.at(".")}
+        arguments = {**self.arguments, **self.graph.at_capture(".")}
         return self.options.open(self.graph, arguments, sinks=self.folders is not None)
-
-    def at(self, capture: str) -> dict[str, str]:
-        """The graph's param that names a capture."""
-        assert self.graph.capture_param is not None
-        return {self.graph.capture_param: capture}
 
     def identity(self, origin: Mapping[str, Any]) -> dict[str, Any]:
         """All that decides a capture's results, and must not change between parts of a store."""

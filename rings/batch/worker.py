@@ -134,7 +134,7 @@ class Worker:
 
     def _read(self, pipeline: Pipeline, place: str) -> _Ready:
         """Read a capture, in any thread, while the one before it is computed."""
-        aims, folders = self._job.at(place), self._job.folders
+        aims, folders = self._job.graph.at_capture(place), self._job.folders
         if folders is not None:
             aims["out"] = str(Path(folders) / folder_name(place, self._store.below))
         try:

@@ -50,7 +50,7 @@ class Runner:
             return pipeline.again(only)
         if capture is not None and self._at[0] != capture:
             self._end()
-            pipeline.aim(**{str(graph.capture_param): str(capture)})
+            pipeline.aim(**graph.at_capture(capture))
         if self._stream is None:
             self._stream = pipeline.items()
         result = next(self._stream, None)
@@ -68,8 +68,7 @@ class Runner:
         self.pipeline, self._graph = None, None
 
     def _open(self, graph: Graph, capture: Path | None) -> None:
-        at = {} if capture is None else {str(graph.capture_param): str(capture)}
-        params = {**self._params, **at}
+        params = {**self._params, **({} if capture is None else graph.at_capture(capture))}
         params = {name: value for name, value in params.items() if name in graph.params}
         opened = load(graph, params, backend=self._backend, device=self._device, cache=self._cache)
         self.close()
