@@ -2,7 +2,7 @@
 
 from setuptools import find_packages, setup
 
-FOLDERS = ("graph", "nodes", "kernels", "pipelines", "firmware", "rings")
+FOLDERS = ("graph", "nodes", "kernels", "pipelines", "rings")
 
 setup(
     packages=[
