@@ -56,7 +56,7 @@ def test_a_film_is_not_found_without_its_own_light(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_round_film_that_is_told_to_be_flat_is_named(tmp_path: Path) -> None:
+def test_a_round_film_declared_flat_is_named(tmp_path: Path) -> None:
     """In place of the ball's radius, the pixel size or the images' order."""
     rig = ROOT / "tests/data/dome"
     given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70}
@@ -90,6 +90,6 @@ def test_a_ray_traced_dome_is_calibrated_and_measured(
             assert found["metrics"]["trust"] > 0.01, (shape, graph)
 
 
-def test_a_shape_that_the_plain_calibration_is_given_names_the_overlay() -> None:
+def test_a_shape_for_the_plain_calibration_is_refused_with_the_overlays_name() -> None:
     with pytest.raises(InputError, match=r"no param 'rest_radius_mm', but .*--with curved_film"):
         read_words(read_graph("calibrate"), ["rest_radius_mm=9"])

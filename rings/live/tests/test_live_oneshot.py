@@ -34,7 +34,7 @@ def test_every_frame_gives_a_height(mini: Path) -> None:
 
 
 @pytest.mark.parametrize("lights", ["bgr", "rgb"])
-def test_a_calibration_sees_its_own_film_as_it_is(mini: Path, lights: str) -> None:
+def test_a_calibration_renders_its_own_film(mini: Path, lights: str) -> None:
     """Nothing is stated of the rig: pictures are rendered through the calibration itself."""
     given = {"calibration": mini, "camera": "simulated?press_s=4", "lights": lights}
     assert np.median(errors("live_oneshot", given, 15, least_mm=0.3)) < 0.02
@@ -80,10 +80,10 @@ def test_a_recording_is_shown_in_colour(mini: Path, tmp_path: Path) -> None:
 
 def test_it_says_how_it_did(mini: Path, tmp_path: Path) -> None:
     run("live_oneshot", calibration=str(mini), camera=MOVING, seconds=3, out=str(tmp_path))
-    told = json.loads((tmp_path / "result.json").read_text())
-    assert told["metrics"]["rmse_um"] < 10
-    assert told["settings"]["lights"] == "bgr"
-    assert "cycle" not in told["settings"]
+    record = json.loads((tmp_path / "result.json").read_text())
+    assert record["metrics"]["rmse_um"] < 10
+    assert record["settings"]["lights"] == "bgr"
+    assert "cycle" not in record["settings"]
 
 
 def test_rerun_gets_one_picture_in_colour(mini: Path, tmp_path: Path) -> None:
@@ -119,7 +119,7 @@ def test_a_guided_session_asks_press_by_press_and_calibrates(guided: Path) -> No
     assert "held out" in guided.with_suffix(".out").read_text()
 
 
-def test_what_a_guided_session_keeps_can_be_calibrated_from_again(guided: Path) -> None:
+def test_a_guided_sessions_captures_can_be_calibrated_from_again(guided: Path) -> None:
     kept = guided.with_name("mini_presses")
     again = read_presses(folder=kept / "pressed", flat=kept / "untouched")
     assert again.names == ["01", "02", "03", "04"]

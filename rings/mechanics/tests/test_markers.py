@@ -41,16 +41,16 @@ def sensor(made_once: MadeOnce) -> Path:
 
 
 @pytest.mark.slow
-def test_markers_cost_little_height_once_they_are_told_and_move_with_the_film(
+def test_marked_markers_cost_little_height_and_move_with_the_film(
     sensor: Path, tmp_path: Path
 ) -> None:
     error, out = [], tmp_path / "markers"
     for film, ending in (("plain", ""), ("printed", ""), ("printed", "_markers")):
         captured = {"capture": sensor / film / "touch", "calibration": sensor / film / "cal.npz"}
         error.append(run(f"reconstruct{ending}", out, **captured)["metrics"]["rmse_px"])
-    plain, untold, told = error
-    assert told <= 1.3 * plain
-    assert untold > 3 * told
+    plain, unmarked, marked = error
+    assert marked <= 1.3 * plain
+    assert unmarked > 3 * marked
     table = np.genfromtxt(out / "markers.csv", delimiter=",", names=True)
     assert table["visible"].mean() >= 0.95
     assert table["dx_mm"].max() == pytest.approx(DRAG_MM, abs=0.05)

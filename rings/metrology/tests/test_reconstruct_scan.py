@@ -50,15 +50,15 @@ def test_edges_within_pixels_are_stated_and_level_film_is_at_zero(tmp_path: Path
     assert np.mean(np.abs(off[deep]) < BAND_DEVIATIONS * found["error"][deep]) > 0.8
 
 
-def test_a_model_for_other_pixels_than_the_scans_is_told(tmp_path: Path) -> None:
+def test_a_model_for_other_pixels_gives_a_warning(tmp_path: Path) -> None:
     file = tmp_path / "model.yaml"
     write_scan(tmp_path / "scan", seen(cap(), write_model(file)))
     file.write_text(file.read_text().replace(f"mmperpixel: {PIXEL}", "mmperpixel: 0.05"))
     given = {"capture": tmp_path / "scan", "model": file}
     found = run("reconstruct_scan", **given)
     assert found["pixel"] == PIXEL
-    told = f"the scan says {PIXEL} mm per px, its light model 0.05: the scan's is taken"
-    assert any(told in warning for warning in found.warnings)
+    message = f"the scan says {PIXEL} mm per px, its light model 0.05: the scan's is taken"
+    assert any(message in warning for warning in found.warnings)
     stated = run("reconstruct_scan", **given, pixel_size_mm=0.03)
     assert stated["pixel"] == pytest.approx(0.03)
     assert not any("the scan says" in warning for warning in stated.warnings)
@@ -89,7 +89,7 @@ def test_a_step_of_known_depth_settles_the_scale(tmp_path: Path) -> None:
             run("reconstruct_scan", **given, **(known | wrong))
     settled_by_it = run("reconstruct_scan", **given, **known)
     assert settled_by_it["height"].min() == pytest.approx(-0.06, abs=2e-3)
-    assert any("known: its step is 13" in told for told in settled_by_it.warnings)
+    assert any("known: its step is 13" in line for line in settled_by_it.warnings)
     found = run("measure_step", height=tmp_path / "result/height.npy")["step"]
     assert found["step_depth_um"] == pytest.approx(60, abs=0.5)
     assert 0.1 < found["step_uncertainty_um"] < 0.6
@@ -130,7 +130,7 @@ def test_a_model_of_another_frame_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_grooves_seen_through_real_sensors_models_have_their_depth() -> None:
+def test_grooves_through_real_sensors_models_have_their_depth() -> None:
     """500 um with walls of 30 degrees, 1 % of noise.  The rows of one share their error."""
     held = []
     for device in DEVICES:

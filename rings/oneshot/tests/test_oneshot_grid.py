@@ -70,6 +70,6 @@ def test_two_presses_of_a_grid_calibrate(folder: Path) -> None:
     assert np.sqrt(np.mean(off**2)) < 0.012
 
 
-def test_a_grid_without_its_pitch_is_told_of_it(folder: Path) -> None:
+def test_a_grid_without_its_pitch_is_refused(folder: Path) -> None:
     with pytest.raises(InputError, match="give ball_pitch_mm=MM if a press shows a grid of balls"):
         calibrated(folder, pixel_size_mm=PIXEL_MM)

@@ -56,7 +56,7 @@ def test_a_new_gel_is_measured_as_the_old_one_was(gels: Path, tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_it_says_what_is_left_and_that_a_dent_stays(gels: Path) -> None:
+def test_recalibration_reports_its_residual_and_that_a_dent_stays(gels: Path) -> None:
     about = np.load(gels / "new" / "cal.npz")["about"]
     quality = json.loads(str(about))["quality"]
     assert quality["check_deg/held_out"] < 0.5 * quality["check_deg/before"]

@@ -33,7 +33,7 @@ def calibrated(folder: Path, lights: str, lamps: np.ndarray) -> object:
 
 
 def error(folder: Path, lamps: np.ndarray, graph: str = "reconstruct") -> float:
-    """Root mean square error in mm of a touch, which nothing is said against."""
+    """Root mean square error in mm of a touch without warnings."""
     touch = write(folder / "touch", taken(TOUCH, 1, lamps))
     result = run(graph, capture=touch, calibration=str(folder / "cal.npz"), sinks=False)
     assert said(result) == []
@@ -90,13 +90,13 @@ def test_lamps_suffice_where_no_film_at_rest_was_taken(tmp_path: Path) -> None:
     assert error(tmp_path, FAR, "reconstruct_no_flat") < 0.03
 
 
-def test_a_mirror_ball_is_no_film(tmp_path: Path) -> None:
+def test_a_mirror_ball_is_not_a_film(tmp_path: Path) -> None:
     ball = write(tmp_path / "mirror", mirror(FAR, (71.0, 64.5), 20.0))
     with pytest.raises(InputError, match=r"too dark to measure.*calibrate_lights_mirror"):
         run("calibrate", capture=ball, ball_radius_mm=4.0, pixel_size_mm=PIXEL_MM)
 
 
-def test_a_ball_without_highlights_is_told(tmp_path: Path) -> None:
+def test_a_ball_without_highlights_is_refused(tmp_path: Path) -> None:
     ball = write(tmp_path / "dull", taken(TOUCH, 1, NEAR))
     with pytest.raises(InputError, match="LED 1 makes no highlight on the ball"):
         find_highlights(folder=Path(ball), center_px=(80.0, 60.0), radius_px=50.0)
@@ -115,9 +115,9 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("told", WRONG)
-def test_wrong_lamps_are_told(tmp_path: Path, told: str) -> None:
-    file = tmp_path / ("lamps.lp" if "into a" in told else "leds.csv")
-    file.write_text(WRONG[told])
-    with pytest.raises(InputError, match=told):
+@pytest.mark.parametrize("message", WRONG)
+def test_wrong_lamps_are_refused(tmp_path: Path, message: str) -> None:
+    file = tmp_path / ("lamps.lp" if "into a" in message else "leds.csv")
+    file.write_text(WRONG[message])
+    with pytest.raises(InputError, match=message):
         calibrated(tmp_path, str(file), NEAR)

@@ -192,8 +192,8 @@ def run_main(*host: str | int) -> Pico:
             else:
                 yield frame(one)
 
-    said = script()
-    modules = pico.modules(lambda size: next(said))
+    commands = script()
+    modules = pico.modules(lambda size: next(commands))
 
     def find(name: str, *rest: Any) -> Any:
         return modules[name] if name in modules else __import__(name, *rest)

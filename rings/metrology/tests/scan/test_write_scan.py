@@ -14,7 +14,7 @@ from tactograph.rings.metrology.nodes.scan.scan_file import read_scan
 from tactograph.rings.metrology.nodes.scan.write_scan import write_scan
 
 
-def test_a_scan_is_what_was_exported(tmp_path: Path) -> None:
+def test_an_exported_scan_is_read_back(tmp_path: Path) -> None:
     model = write_model(tmp_path / "model: 1.yaml")
     made_scan(tmp_path / "first", seen(cap(), model))
     np.save(tmp_path / "height.npy", cap())
