@@ -73,12 +73,12 @@ def test_a_store_of_version_2_is_refused_and_its_pickles_are_not_read(tmp_path: 
     assert sorted(hostile.rglob("*")) == before
 
 
-@pytest.mark.parametrize("given", [None, 3, [1], "x"])
-def test_a_store_whose_job_is_of_other_types_is_refused(tmp_path: Path, given: Any) -> None:
+@pytest.mark.parametrize("arguments", [None, 3, [1], "x"])
+def test_a_store_whose_job_is_of_other_types_is_refused(tmp_path: Path, arguments: Any) -> None:
     place = tmp_path / "out.zarr"
     new_store(place, HEIGHT)
     about = json.loads((place / "zarr.json").read_text())
-    about["attributes"]["tactograph"]["identity"]["arguments"] = given
+    about["attributes"]["tactograph"]["identity"]["arguments"] = arguments
     (place / "zarr.json").write_text(json.dumps(about))
     with pytest.raises(InputError, match="no store of a batch"):
         open_store(str(place))

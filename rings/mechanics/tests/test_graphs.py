@@ -20,7 +20,7 @@ def test_a_graphs_own_variant_goes_before_the_overlay_of_that_name() -> None:
 
 
 @pytest.mark.parametrize(
-    ("graph", "given"),
+    ("graph", "arguments"),
     [
         ("reconstruct_pose", {}),
         ("reconstruct_markers", {}),
@@ -28,14 +28,14 @@ def test_a_graphs_own_variant_goes_before_the_overlay_of_that_name() -> None:
     ],
 )
 def test_nodes_for_plane_film_refuse_curved_film(
-    graph: str, given: dict[str, float], calibration: Calibration, tmp_path: Path
+    graph: str, arguments: dict[str, float], calibration: Calibration, tmp_path: Path
 ) -> None:
     with np.load(calibration("near33")) as known:
         arrays = dict(known)
     arrays["rest"] = np.full(arrays["flat"].shape[1:], 0.1, np.float32)
     np.savez(tmp_path / "round.npz", **arrays)  # type: ignore[arg-type]
     with (
-        load(graph, given, calibration=tmp_path / "round.npz") as pipeline,
+        load(graph, arguments, calibration=tmp_path / "round.npz") as pipeline,
         pytest.raises(InputError, match="no plane at rest"),
     ):
         pipeline(frames=arrays["flat"])

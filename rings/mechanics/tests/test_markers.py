@@ -34,8 +34,8 @@ def sensor(made_once: MadeOnce) -> Path:
         run("simulate_markers", printed / "ball", radius_mm=7.0, **PRINT, **SIZE)
         run("simulate_markers", printed / "touch", drag_x_mm=DRAG_MM, **TOUCH, **PRINT, **SIZE)
         for film, graph in ((plain, "calibrate"), (printed, "calibrate_markers")):
-            given = {"capture": film / "ball", "flat": film / "flat", "ball_radius_mm": 7.0}
-            run(graph, film / "cal.npz", ranked=False, pixel_size_mm=PIXEL_MM, **given)
+            arguments = {"capture": film / "ball", "flat": film / "flat", "ball_radius_mm": 7.0}
+            run(graph, film / "cal.npz", ranked=False, pixel_size_mm=PIXEL_MM, **arguments)
 
     return made_once("marker_sensor", make)
 

@@ -37,10 +37,10 @@ def seen(sensor: Path, brighter: float) -> tuple[F4, float]:
 
 
 def measured(
-    graph: str, sensor: Path, brighter: float, **given: object
+    graph: str, sensor: Path, brighter: float, **arguments: object
 ) -> tuple[dict[str, float], Result]:
     image, pixel = seen(sensor, brighter)
-    found = load(graph, calibration=sensor, accept_contradictions=True, **given)(frames=image)
+    found = load(graph, calibration=sensor, accept_contradictions=True, **arguments)(frames=image)
     known = (1e3 * DEPTH_MM, 0.2)
     return measure_step(found["height"], pixel, found.get("error"), certified_um=known), found
 

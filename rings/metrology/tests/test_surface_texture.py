@@ -101,8 +101,8 @@ def test_without_its_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
 
 def test_a_height_unknown_in_parts_has_a_texture(tmp_path: Path) -> None:
     np.save(tmp_path / "height.npy", partly_known())
-    given = {"height": tmp_path / "height.npy", "pixel_size_mm": PIXEL_MM}
-    (found,) = open_pipeline("texture", given).items()
+    arguments = {"height": tmp_path / "height.npy", "pixel_size_mm": PIXEL_MM}
+    (found,) = open_pipeline("texture", arguments).items()
     known = (24 * 32 - 15) * PIXEL_MM**2
     assert found["texture"]["texture_area_mm2"] == pytest.approx(known)
 

@@ -154,10 +154,10 @@ def test_an_empty_film_is_left_out_and_named() -> None:
 
 def test_a_stated_contact_is_not_searched_for() -> None:
     images = np.full((4, 3, *SHAPE), 0.4, np.float32)
-    given = np.full((4, 3), np.nan, np.float32)
-    given[1] = 30, 20, 11
-    found = find_presses(images, FLAT, list("abcd"), PIXEL, given, radius_mm=RADIUS_MM, fewest=1)
-    assert np.array_equal(found.circle[1], given[1])
+    stated = np.full((4, 3), np.nan, np.float32)
+    stated[1] = 30, 20, 11
+    found = find_presses(images, FLAT, list("abcd"), PIXEL, stated, radius_mm=RADIUS_MM, fewest=1)
+    assert np.array_equal(found.circle[1], stated[1])
     assert list(np.flatnonzero(found.goodness)) == [1]
 
 
@@ -284,8 +284,8 @@ def test_a_real_sensor_measures_a_press_that_it_was_not_calibrated_with(tmp_path
     fit = fit_reflectance_map(stack, images.flat, names, circle, PX, radius_mm=3.155, rounds=3)
     kept = images.flat, PX, fit.reflectance, {}, ""
     write_press_calibration(*kept, file=calibration, provenance=MADE)
-    given = {"capture": data / f"6.310mm/{held_out}", "calibration": calibration}
-    (result,) = open_pipeline("gelsight_mini", {**given, "out": tmp_path / "out"}).items()
+    arguments = {"capture": data / f"6.310mm/{held_out}", "calibration": calibration}
+    (result,) = open_pipeline("gelsight_mini", {**arguments, "out": tmp_path / "out"}).items()
     slope, height = result.outputs["slope"], result.outputs["height"]
     light = stack[around.index(held_out)] / images.flat
     ball = find_ball(light, PX, radius_mm=3.155)

@@ -193,8 +193,8 @@ def test_lerobot_record_takes_the_heights_of_two_sensors_into_one_dataset(
         "dataset.reset_time_s": 0, "dataset.vcodec": "h264", "dataset.push_to_hub": "false",
         "play_sounds": "false",
     }  # fmt: skip
-    given = [f"--{name}={value}" for name, value in options.items()]
-    monkeypatch.setattr(sys, "argv", ["lerobot-record", *given])
+    arguments = [f"--{name}={value}" for name, value in options.items()]
+    monkeypatch.setattr(sys, "argv", ["lerobot-record", *arguments])
     monkeypatch.setattr(lerobot_record, "init_keyboard_listener", lambda: (None, KEYS))
     lerobot_record.main()
     rows = LeRobotDataset("local/data", root=tmp_path / "data")

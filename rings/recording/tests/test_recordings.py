@@ -51,8 +51,8 @@ def test_a_replayed_stream_runs_through_a_graph_and_is_recorded(
     tmp_path: Path, graph: Path
 ) -> None:
     frames = make_recording(tmp_path / "first", 3)
-    given = {"recording": tmp_path / "first", "again": tmp_path / "again"}
-    with open_pipeline(str(graph), given) as pipeline:
+    arguments = {"recording": tmp_path / "first", "again": tmp_path / "again"}
+    with open_pipeline(str(graph), arguments) as pipeline:
         heights = [result["smooth"] for result in pipeline.items()]
     assert len(heights) == 3
     assert np.abs(heights[1] - light_of(frames[LEDS : 2 * LEDS])).mean() < 0.3

@@ -73,9 +73,9 @@ def test_a_mirror_ball_tells_where_lamps_are(tmp_path: Path) -> None:
     center, radius = (71.0, 64.5), 45.0
     images = {"capture": write(tmp_path / "mirror", mirror(FAR, center, radius))}
     images["flat"] = write(tmp_path / "flat", taken(FLAT, 0, FAR))
-    given = {"ball_center_px": center, "ball_radius_px": radius, "pixel_size_mm": PIXEL_MM}
+    arguments = {"ball_center_px": center, "ball_radius_px": radius, "pixel_size_mm": PIXEL_MM}
     out = str(tmp_path / "cal.npz")
-    found = run("calibrate_lights_mirror", **images, **given, out=out)["lights"]
+    found = run("calibrate_lights_mirror", **images, **arguments, out=out)["lights"]
     found, true = (at / np.linalg.norm(at, axis=1, keepdims=True) for at in (found, FAR))
     assert np.degrees(np.arccos((found * true).sum(axis=1).clip(-1, 1))).max() < 0.5
     assert error(tmp_path, FAR) < 0.015
@@ -84,8 +84,8 @@ def test_a_mirror_ball_tells_where_lamps_are(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_lamps_suffice_where_no_film_at_rest_was_taken(tmp_path: Path) -> None:
     touch = write(tmp_path / "first", taken(TOUCH, 2, FAR))
-    given = {"lights": dome(tmp_path / "lamps.lp", FAR), "pixel_size_mm": PIXEL_MM}
-    made = run("calibrate_lights_no_flat", **given, touch=touch, out=str(tmp_path / "cal.npz"))
+    arguments = {"lights": dome(tmp_path / "lamps.lp", FAR), "pixel_size_mm": PIXEL_MM}
+    made = run("calibrate_lights_no_flat", **arguments, touch=touch, out=str(tmp_path / "cal.npz"))
     assert any(note.startswith("no flat frame was given") for note in said(made))
     assert error(tmp_path, FAR, "reconstruct_no_flat") < 0.03
 

@@ -140,8 +140,8 @@ class Pico:
             self.changes.append((self.time, f"GP{pin}", on))
         self.lit[pin] = on
 
-    def state_machine(self, *given: Any, **named: Any) -> StateMachine:
-        machine = StateMachine(*given, **named)
+    def state_machine(self, *arguments: Any, **named: Any) -> StateMachine:
+        machine = StateMachine(*arguments, **named)
         machine.flags, machine.raised, machine.pin = self.flags, self.raised, self.trigger
         self.machines.append(machine)
         return machine

@@ -66,11 +66,11 @@ def test_the_guide_says_what_to_do(guided: Path) -> None:
 
 def test_the_kept_captures_give_the_same_calibration(guided: Path) -> None:
     folder, again = guided.with_name("cal_presses"), guided.with_name("again.npz")
-    given = {
+    arguments = {
         "capture": folder / "pressed", "flat": folder / "untouched", "dark": folder / "dark.png",
         "pixel_size_mm": 0.15, "out": again,
     }  # fmt: skip
-    with open_pipeline("calibrate", given) as pipeline:
+    with open_pipeline("calibrate", arguments) as pipeline:
         list(pipeline.items())
     one, two = read_calibration(file=guided), read_calibration(file=again)
     np.testing.assert_allclose(one.film.lights, two.film.lights, rtol=1e-4)
@@ -99,16 +99,16 @@ def test_a_wrong_ball_is_reported_and_not_taken(
             raise KeyboardInterrupt(line)
 
     monkeypatch.setattr("tactograph.rings.live.nodes.guide._watch_film.tell", stop)
-    given = GIVEN | {"ball_radius_mm": 0.5}
+    arguments = GIVEN | {"ball_radius_mm": 0.5}
     with pytest.raises(KeyboardInterrupt, match=r"no ball of radius 0\.5 mm is seen: let go"):
-        next(guide_presses(camera=SCENE, **given, file=tmp_path / "cal.npz"))
+        next(guide_presses(camera=SCENE, **arguments, file=tmp_path / "cal.npz"))
     assert not (tmp_path / "cal_presses" / "pressed").exists()
 
 
 def test_leds_that_flash_by_themselves_are_refused(tmp_path: Path) -> None:
-    given = GIVEN | {"port": "none"}
+    arguments = GIVEN | {"port": "none"}
     with pytest.raises(InputError, match=r"`port`=none: .* cannot be lit one by one"):
-        next(guide_presses(camera=SCENE, **given, file=tmp_path / "cal.npz"))
+        next(guide_presses(camera=SCENE, **arguments, file=tmp_path / "cal.npz"))
 
 
 def test_a_burnt_out_led_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -109,9 +109,9 @@ def test_each_press_is_held_out_of_a_stream(noise: float, tmp_path: Path) -> Non
 
 def test_the_thickness_adds_its_share_of_the_error(tmp_path: Path) -> None:
     forces = press(tmp_path, 2.5)
-    given = {"results": tmp_path, "force_n": forces}
-    known = calibrate_force(**given, thickness_mm=2.5, thickness_error_mm=0.25)
-    thicker = calibrate_force(**given, thickness_mm=2.75)
+    arguments = {"results": tmp_path, "force_n": forces}
+    known = calibrate_force(**arguments, thickness_mm=2.5, thickness_error_mm=0.25)
+    thicker = calibrate_force(**arguments, thickness_mm=2.75)
     change = 100 * abs(np.log(thicker["modulus_kpa"] / known["modulus_kpa"]))
     assert known["thickness_percent"] == pytest.approx(change, rel=0.2)
     assert known["modulus_error"] > known["thickness_percent"] / 100
@@ -142,6 +142,6 @@ def test_tables_that_name_no_force_are_refused(text: str, message: str, tmp_path
 
 @pytest.mark.parametrize("gel", [(0.2, 4.0), (2e5, 4.0), (200.0, 1e-9), (200.0, 4000.0)])
 def test_a_modulus_in_other_units_is_refused(gel: tuple[float, float]) -> None:
-    given = {"modulus_kpa": gel[0], "thickness_mm": gel[1], "capture": "x", "calibration": "x"}
+    arguments = {"modulus_kpa": gel[0], "thickness_mm": gel[1], "capture": "x", "calibration": "x"}
     with pytest.raises(InputError, match=r"input should be (less|greater) than or equal to"):
-        open_pipeline(with_overlays(read_graph("reconstruct"), ["force"]), given, sinks=False)
+        open_pipeline(with_overlays(read_graph("reconstruct"), ["force"]), arguments, sinks=False)

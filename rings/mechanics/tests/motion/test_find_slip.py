@@ -75,8 +75,8 @@ def follow(film: Film, way: list[tuple[F8, float]], *, fitted: bool) -> Iterator
             state, pose = found[2:4], ObjectPose(found.pose, found.covariance)
         else:
             spread = POSE_SD * (frame > 0)
-            given = shift_and_turn(motion) + rng.normal(0, 1, 6) * spread
-            pose = ObjectPose(given.astype(np.float32), np.diag(spread**2).astype(np.float32))
+            drawn = shift_and_turn(motion) + rng.normal(0, 1, 6) * spread
+            pose = ObjectPose(drawn.astype(np.float32), np.diag(spread**2).astype(np.float32))
         slip = find_slip(height, contact, tracks, pose, PIXEL, VIEW, slides)
         slides = slip.slides
         yield slip

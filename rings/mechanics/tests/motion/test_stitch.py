@@ -212,8 +212,8 @@ def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) 
     for number, name in enumerate(("one", "two")):
         maps = {"height": touches[0][number], "error": touches[1][number]}
         result(tmp_path / "results" / name, **maps)
-    given = {"over": str(tmp_path / "results"), "out": tmp_path / "whole", "ply": True}
-    (found,) = open_pipeline("stitch", given).items()
+    arguments = {"over": str(tmp_path / "results"), "out": tmp_path / "whole", "ply": True}
+    (found,) = open_pipeline("stitch", arguments).items()
     about = json.loads((tmp_path / "whole/result.json").read_text())
     assert about["metrics"]["stitched_touches"] == 2
     assert np.array_equal(np.load(tmp_path / "whole/height.npy"), found["height"], equal_nan=True)
@@ -265,15 +265,15 @@ def test_frames_of_a_recording_become_one(
         ]
         record_touch(session, frames, f"{touch:06}", folder=tmp_path / "frames")
     session.close()
-    given = {"over": str(tmp_path / "frames"), "out": tmp_path / "whole"}
+    arguments = {"over": str(tmp_path / "frames"), "out": tmp_path / "whole"}
     with pytest.raises(InputError, match="or a recording with its sensor's"):
-        list(open_pipeline("stitch", given).items())
+        list(open_pipeline("stitch", arguments).items())
     doubtful = tmp_path / "cal.npz"
     with np.load(calibration("near33")) as file:
         about = {**json.loads(str(file["about"])), "doubts": ["the ball was an egg"]}
         np.savez(doubtful, **{**file, "about": np.array(json.dumps(about))})
-    given |= {"calibration": doubtful, "most": 2}
-    (found,) = open_pipeline("stitch", given).items()
+    arguments |= {"calibration": doubtful, "most": 2}
+    (found,) = open_pipeline("stitch", arguments).items()
     (warning,) = [line for line in found.warnings if "doubtful" in line]
     assert "the ball was an egg" in warning
     assert found["metrics"]["stitched_touches"] == 2

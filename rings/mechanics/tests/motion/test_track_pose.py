@@ -243,9 +243,9 @@ def test_a_touch_at_rest_does_not_move(
     """Two captures that are the same, through the whole graph."""
     for name in ("0", "1"):
         (tmp_path / name).symlink_to(raytraced / "near33" / "cat_film")
-    given = {"calibration": calibration("near33"), "capture": str(tmp_path)}
+    arguments = {"calibration": calibration("near33"), "capture": str(tmp_path)}
     posed = with_overlays(read_graph("reconstruct"), ["pose"])
-    _, second = open_pipeline(posed, given, sinks=False).items()
+    _, second = open_pipeline(posed, arguments, sinks=False).items()
     assert second["metrics"]["pose_frames"] == 2
     assert np.abs(second["pose"]).max() < 1e-3
     assert np.all(np.linalg.eigvalsh(second["covariance"]) > 0)

@@ -94,8 +94,8 @@ def test_a_statement_holds_exactly_the_measured_characteristics(
     sensor: Path, tmp_path: Path
 ) -> None:
     known = ("calibration=cal.npz", "captures=balls", "still=still", "flats=flats")
-    given = [f"{name}={sensor / value}" for name, value in (each.split("=") for each in known)]
-    stated = certify(tmp_path, *given, f"ball_radius_mm={RADIUS_MM}", "ripples=0")
+    arguments = [f"{name}={sensor / value}" for name, value in (each.split("=") for each in known)]
+    stated = certify(tmp_path, *arguments, f"ball_radius_mm={RADIUS_MM}", "ripples=0")
     blank = {name for name, value in stated.items() if value is None}
     assert blank == {
         "topographic_spatial_resolution_mm",
@@ -129,10 +129,16 @@ def test_the_transfer_function_is_that_of_the_rendered_truth(sensor: Path, tmp_p
 
 @pytest.mark.slow
 def test_wrong_input_is_refused_in_one_line(raytraced: Raytraced, calibration: Calibration) -> None:
-    given = [f"calibration={calibration('near33')}", f"captures={raytraced / 'near33' / 'flat'}"]
+    arguments = [
+        f"calibration={calibration('near33')}",
+        f"captures={raytraced / 'near33' / 'flat'}",
+    ]
     for words, message in (
-        (given, "no touch shows a whole known shape"),
-        ([*given[:1], f"grid={raytraced / 'near33'}"], "a grid needs both: grid=IMAGE pitch_mm="),
+        (arguments, "no touch shows a whole known shape"),
+        (
+            [*arguments[:1], f"grid={raytraced / 'near33'}"],
+            "a grid needs both: grid=IMAGE pitch_mm=",
+        ),
         (["captures=x"], "calibration"),
     ):
         done = python("-m", "tactograph", "certify", *words, "ripples=0", code=2)
