@@ -21,10 +21,10 @@ outputs: {image: frames.image}
 
 
 def job_of(
-    graph: Graph, given: Mapping[str, Any] | None = None, *, out: str = "out.zarr",
+    graph: Graph, arguments: Mapping[str, Any] | None = None, *, out: str = "out.zarr",
     device: str | None = None,
 ) -> Job:  # fmt: skip
-    return make_job(graph, given or {}, RunOptions((), (), None, device, strict=False), out=out)
+    return make_job(graph, arguments or {}, RunOptions((), (), None, device, strict=False), out=out)
 
 
 def new_store(place: Path | str, types: Mapping[str, MapType], chunk: int = 4) -> Store:

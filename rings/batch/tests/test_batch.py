@@ -115,7 +115,7 @@ def written_together(captures: int) -> Iterator[None]:
 
 
 class Batch(NamedTuple):
-    """Runs a graph over captures, or what else is said; returns exit code and what is told."""
+    """Runs a graph over captures; returns the exit code and stderr."""
 
     tactograph: Command
     graph: str
@@ -124,8 +124,8 @@ class Batch(NamedTuple):
     place: Path
 
     def __call__(self, *more: object, **other: object) -> tuple[int, str]:
-        said = {"graph": self.graph, "over": self.over, "out": self.place} | other
-        words = (said["graph"], "--over", said["over"], "--out", said["out"])
+        options = {"graph": self.graph, "over": self.over, "out": self.place} | other
+        words = (options["graph"], "--over", options["over"], "--out", options["out"])
         with written_together(3):
             outcome = self.tactograph("batch", *words, *more)
         return outcome.code, outcome.err
@@ -237,7 +237,7 @@ def test_a_layer_of_another_package_is_stored(ring: Lay, tmp_path: Path) -> None
     assert stored.attrs["unit"] == "mm"
 
 
-def test_what_runs_elsewhere_is_told_once(batch: Batch, write: Write, no_device: None) -> None:
+def test_a_fallback_to_numpy_is_reported_once(batch: Batch, write: Write, no_device: None) -> None:
     graph = write(LIT.replace("[numpy]", "[opencl, numpy]"), "elsewhere.yaml")
     reason = "opencl is preferred, but no OpenCL device works"
     assert batch(graph=graph) == (0, f"fallback: lit runs on numpy: {reason}\n")
@@ -255,7 +255,7 @@ def test_a_tilde_is_the_user_s_home(
     assert not (tmp_path / "~").exists()
 
 
-def test_warnings_are_counted_told_and_in_the_table(
+def test_warnings_are_counted_printed_and_in_the_table(
     tactograph: Command, toys: list[str], write: Write, over: str, captures: list[Path],
     tmp_path: Path,
 ) -> None:  # fmt: skip
@@ -268,7 +268,7 @@ def test_warnings_are_counted_told_and_in_the_table(
         assert [row["warnings"] for row in csv.DictReader(table)] == ["a warning"] * 7
 
 
-def test_what_is_finished_is_not_done_again(
+def test_finished_captures_are_not_run_again(
     batch: Batch, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     batch()
@@ -294,12 +294,12 @@ def test_no_process_opens_the_graph_where_nothing_is_left_to_do(
     assert not idle.submit.called
 
 
-def test_a_capture_that_fails_is_told_and_stops_no_other(batch: Batch, tmp_path: Path) -> None:
+def test_a_failing_capture_is_reported_and_stops_no_other(batch: Batch, tmp_path: Path) -> None:
     (batch.captures[2] / "led2.png").write_bytes(b"no image")
     code, err = batch()
     assert code == 1
     assert "capture_02/led2.png: not an image" in err
-    assert err.count(str(batch.captures[2])) == 1, "its place is told once"
+    assert err.count(str(batch.captures[2])) == 1, "its place is named once"
     store = batch.store
     assert list(store.statuses) == [DONE, DONE, FAILED, DONE, DONE, DONE, DONE]
     with (tmp_path / "out.csv").open() as table:
@@ -308,7 +308,7 @@ def test_a_capture_that_fails_is_told_and_stops_no_other(batch: Batch, tmp_path:
     assert "not an image" in rows[2]["reason"]
 
 
-def test_what_a_terminal_obeys_is_spelled_out_in_the_table(tmp_path: Path) -> None:
+def test_control_characters_are_escaped_in_the_table(tmp_path: Path) -> None:
     entry = Entry(status=FAILED, reason="a name \x1b[31m of a file")
     write_table(tmp_path / "out.csv", ["c\x1b1"], [entry])
     text = (tmp_path / "out.csv").read_text()
@@ -364,7 +364,7 @@ def test_a_chunk_is_written_while_the_next_is_computed(
     assert batch.store.statuses.tolist() == [DONE] * len(batch.captures)
 
 
-def test_what_failed_is_done_again_only_when_asked_and_never_told_as_finished(
+def test_failed_captures_run_again_only_on_request_and_never_count_as_finished(
     tactograph: Command, batch: Batch
 ) -> None:
     words = ["batch", batch.graph, "--over", batch.over, "--out", batch.place]
@@ -373,11 +373,11 @@ def test_what_failed_is_done_again_only_when_asked_and_never_told_as_finished(
     damaged.write_bytes(b"no image")
     assert f"{number} captures, 0 of them finished before; " in tactograph(*words).out
     damaged.write_bytes(whole)
-    said = f"{number} captures, {number - 1} of them finished before, 1 failed"
+    summary = f"{number} captures, {number - 1} of them finished before, 1 failed"
     left = tactograph(*words)
-    assert (left.code, f"{said} (not done again); " in left.out) == (1, True)
+    assert (left.code, f"{summary} (not done again); " in left.out) == (1, True)
     done = tactograph(*words, "--retry-failed")
-    assert (done.code, f"{said} (done again); " in done.out) == (0, True)
+    assert (done.code, f"{summary} (done again); " in done.out) == (0, True)
     np.testing.assert_array_equal(lit(batch.store, 2), expected(batch.captures[2]))
 
 
@@ -388,7 +388,7 @@ def test_images_of_another_size_fail_and_leave_the_store(batch: Batch, tmp_path:
     assert "5 x 5, but the store holds 6 x 7" in err
 
 
-def test_a_folder_of_captures_is_no_capture(batch: Batch, saving: str, tmp_path: Path) -> None:
+def test_a_folder_of_captures_is_not_a_capture(batch: Batch, saving: str, tmp_path: Path) -> None:
     over = str(tmp_path / "da*")
     assert "several captures; let --over match each of them" in refusal(batch(over=over))
     code, err = batch(graph=saving, over=over, out=tmp_path / "folders")
@@ -431,7 +431,9 @@ def test_files_alone_are_captures_and_a_folder_with_files_is_one(captures: list[
         (["/*"], ""),
     ],
 )
-def test_captures_lie_below_what_their_patterns_begin_with(patterns: list[str], below: str) -> None:
+def test_captures_lie_below_the_fixed_part_of_their_pattern(
+    patterns: list[str], below: str
+) -> None:
     assert _common_start(patterns) == below
 
 
@@ -541,7 +543,7 @@ def test_folders_need_a_graph_that_writes(batch: Batch, write: Write, tmp_path: 
     assert "else give a store, NAME.zarr" in refusal(batch(graph=graph, out=tmp_path / "folders"))
 
 
-def test_what_is_no_store_is_not_written_into(batch: Batch, tmp_path: Path) -> None:
+def test_a_folder_that_is_not_a_store_is_not_written_into(batch: Batch, tmp_path: Path) -> None:
     zarr.create_group(str(tmp_path / "other.zarr"))
     assert "no store of a batch" in refusal(batch(out=tmp_path / "other.zarr"))
 
@@ -554,8 +556,8 @@ def test_two_batches_do_not_work_in_one_store_at_once(batch: Batch) -> None:
 
 
 def test_a_mistake_in_the_first_command_leaves_nothing_that_stops_the_second(batch: Batch) -> None:
-    told = refusal(batch(over=str(batch.captures[0] / "led1.png")))
-    assert told.startswith("tactograph: the capture cannot be processed: ")
+    message = refusal(batch(over=str(batch.captures[0] / "led1.png")))
+    assert message.startswith("tactograph: the capture cannot be processed: ")
     assert batch("level=0.25") == (0, "")
     assert batch.store.captures == list(map(str, batch.captures))
 
@@ -569,7 +571,7 @@ def test_a_batch_does_not_take_its_own_store_for_a_capture(batch: Batch, tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["--maps", "lid"], "did you mean 'lit'"),
         (["capture=x"], "in a batch --over says that"),
@@ -579,12 +581,12 @@ def test_a_batch_does_not_take_its_own_store_for_a_capture(batch: Batch, tmp_pat
         (["--out", " "], "--out is empty"),
     ],
 )
-def test_what_a_batch_cannot_mean_is_refused_before_a_store_is_made(
-    batch: Batch, words: list[str], told: str
+def test_contradictory_options_are_refused_before_a_store_exists(
+    batch: Batch, words: list[str], message: str
 ) -> None:
     code, err = batch(*words)
     assert code == 2
-    assert told in err
+    assert message in err
     assert not batch.place.exists()
 
 
@@ -626,7 +628,7 @@ def test_captures_survive_dead_processes(graph: str, tmp_path: Path, killer: lis
 
 
 @pytest.mark.parametrize("fails_at", ["a map", "a word"])
-def test_a_full_disk_is_told_and_the_batch_goes_on_once_there_is_room(
+def test_a_batch_resumes_after_a_full_disk_which_it_reports(
     graph: str, over: str, captures: list[Path], tmp_path: Path, tactograph: Command,
     monkeypatch: pytest.MonkeyPatch, fails_at: str,
 ) -> None:  # fmt: skip
@@ -645,9 +647,9 @@ def test_a_full_disk_is_told_and_the_batch_goes_on_once_there_is_room(
 
     command = ("batch", graph, "--over", over, "--out", str(tmp_path / "out.zarr"))
     monkeypatch.setattr(Store, "_merge", limited)
-    said = one_line(tactograph(*command))
-    assert "out.zarr: cannot be written: File too large" in said
-    assert "once that is mended the same command goes on" in said
+    message = one_line(tactograph(*command))
+    assert "out.zarr: cannot be written: File too large" in message
+    assert "once that is mended the same command goes on" in message
     assert not (opened(tmp_path / "out.zarr").statuses == DONE).any()
     monkeypatch.setattr(Store, "_merge", merge)
     assert tactograph(*command).code == 0
@@ -711,7 +713,7 @@ def lose_array(store: Path, name: str) -> None:
 @pytest.mark.parametrize(
     ("damage", "again"), [(spoil_chunk, "finished capture"), (lose_chunk, "3"), (lose_array, "7")]
 )
-def test_what_is_called_done_but_is_damaged_is_done_again(batch: Batch, damage, again) -> None:
+def test_damaged_results_that_count_as_done_are_computed_again(batch: Batch, damage, again) -> None:
     batch()
     damage(batch.place, "lit")
     code, err = batch()
@@ -724,13 +726,15 @@ def test_what_is_called_done_but_is_damaged_is_done_again(batch: Batch, damage, 
 
 
 @pytest.mark.parametrize(
-    ("lost", "told"),
+    ("lost", "message"),
     [("capture", "'capture' is missing"), ("capture/c/0", "'capture' lacks 3 of 7 names")],
 )
-def test_a_store_without_names_of_captures_is_refused(batch: Batch, lost: str, told: str) -> None:
+def test_a_store_without_names_of_captures_is_refused(
+    batch: Batch, lost: str, message: str
+) -> None:
     batch()
     (batch.place / lost).rename(batch.place.with_name("lost"))
-    assert f"{told}; remove it, or give another --out" in refusal(batch())
+    assert f"{message}; remove it, or give another --out" in refusal(batch())
 
 
 def test_captures_that_were_half_added_are_added_again(
@@ -776,7 +780,7 @@ def test_a_store_that_speaks_of_endless_captures_is_refused_unread(batch: Batch)
     assert "is damaged" in refusal(batch())
 
 
-def test_removed_results_are_made_again(batch: Batch, saving: str, tmp_path: Path) -> None:
+def test_removed_results_are_computed_again(batch: Batch, saving: str, tmp_path: Path) -> None:
     place = tmp_path / "out"
     batch(graph=saving, out=place)
     removed = place / batch.captures[2].name

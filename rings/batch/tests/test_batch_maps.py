@@ -55,7 +55,7 @@ def test_processes_that_are_started_read_the_same(place: Path, method: str) -> N
     np.testing.assert_array_equal(there[0]["height"], first["height"])
 
 
-def test_what_is_not_there_is_refused(place: Path, tmp_path: Path) -> None:
+def test_a_missing_store_map_or_chunk_is_refused(place: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"no\.zarr: there is no store of a batch"):
         BatchMaps(tmp_path / "no.zarr")
     with pytest.raises(InputError, match="no map 'hight'; did you mean 'height'"):

@@ -21,8 +21,8 @@ def hidden(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, tmp_
 
 def test_the_command_names_the_extra(tactograph: Command, hidden: str) -> None:
     words = ("paper", "calibration=cal.npz", "--over", CAPTURE, "--out", "a.zarr")
-    said = one_line(tactograph("batch", *words))
-    assert said.endswith(f"a batch needs {hidden}: pip install 'tactograph[batch]'\n")
+    message = one_line(tactograph("batch", *words))
+    assert message.endswith(f"a batch needs {hidden}: pip install 'tactograph[batch]'\n")
     assert not [*Path().iterdir()]
 
 

@@ -108,7 +108,7 @@ def test_processes_end_with_the_one_that_started_them(start: Start, number: int)
 
 
 @pytest.mark.slow
-def test_ctrl_c_ends_what_is_under_way(start: Start) -> None:
+def test_ctrl_c_ends_running_work(start: Start) -> None:
     main = start(ONE_CHUNK)
     assert wait_for(lambda: len(session(main.pid)) == 4)
     main.send_signal(signal.SIGINT)

@@ -21,15 +21,15 @@ __all__ = ["calibrated", "plug_in"]
 
 
 @pytest.mark.parametrize(
-    ("what", "said"),
+    ("what", "message"),
     [
         ("code", r"other code \(felt\)"),
         ("version", r"other versions \(scipy\)"),
         ("file", r"other inputs \(made\.text\)"),
     ],
 )
-def test_a_batch_goes_on_only_with_what_began_it(
-    plug_in: Path, write: Write, monkeypatch: pytest.MonkeyPatch, what: str, said: str
+def test_a_batch_resumes_only_with_the_inputs_that_began_it(
+    plug_in: Path, write: Write, monkeypatch: pytest.MonkeyPatch, what: str, message: str
 ) -> None:
     graph = read_graph(write(GRAPH))
     first, job = find_origin(graph, {}), job_of(graph, out="x.zarr")
@@ -41,7 +41,7 @@ def test_a_batch_goes_on_only_with_what_began_it(
         monkeypatch.setattr(result_origin, "versions", lambda: {**first["versions"], "scipy": "99"})
     else:
         Path("made.txt").write_text("another")
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         open_batch(job, find_origin(graph, {}), ["a", "b"], Worker(job))
 
 
@@ -73,5 +73,5 @@ def test_a_store_of_another_sensor_is_refused_by_both_names(
     assert "calibration: hash" in shown
     assert "sensor left, date 20" in shown
     calibrated("right").replace(used)
-    said = one_line(tactograph(*words))
-    assert "other inputs (calibration), for sensor 'left' and not 'right'" in said
+    message = one_line(tactograph(*words))
+    assert "other inputs (calibration), for sensor 'left' and not 'right'" in message

@@ -45,7 +45,7 @@ def is_imported(module: str) -> bool:
     return module in sys.modules
 
 
-def test_what_takes_long_is_imported_before_a_process_starts() -> None:
+def test_slow_imports_happen_before_a_process_starts() -> None:
     with Processes(JOB, 2) as workers:
         assert workers.ask(is_imported, "tactograph.rings.batch.imported_ahead")
 

@@ -8,11 +8,11 @@ from tactograph.graph.cores import cores
 from tactograph.rings.batch.fork_server import environment, share_of
 from tests.fixtures import python
 
-TOLD = "from tactograph.graph.cores import cores; print(cores())"
+PRINT_CORES = "from tactograph.graph.cores import cores; print(cores())"
 
 
-def told() -> int:
-    return int(python("-c", TOLD).stdout)
+def cores_of_a_process() -> int:
+    return int(python("-c", PRINT_CORES).stdout)
 
 
 def test_processes_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -33,13 +33,13 @@ def test_an_environment_is_taken_over_whole(monkeypatch: pytest.MonkeyPatch) -> 
     assert os.environ["TACTOGRAPH_CORES"] == "3"
 
 
-def test_a_process_started_there_starts_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_share_below_one_core_is_one_core(monkeypatch: pytest.MonkeyPatch) -> None:
     with environment(share_of(1000)):
-        assert told() == 1
+        assert cores_of_a_process() == 1
 
 
 @pytest.mark.parametrize("name", ["OMP_NUM_THREADS", "POCL_MAX_PTHREAD_COUNT"])
-def test_what_the_user_has_set_stays(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_the_users_own_setting_stays(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setenv(name, "7")
     with environment(share_of(2)):
         assert os.environ[name] == "7"

@@ -73,12 +73,12 @@ def test_a_store_of_version_2_is_refused_and_its_pickles_are_not_read(tmp_path: 
     assert sorted(hostile.rglob("*")) == before
 
 
-@pytest.mark.parametrize("given", [None, 3, [1], "x"])
-def test_a_store_whose_job_is_of_other_types_is_refused(tmp_path: Path, given: Any) -> None:
+@pytest.mark.parametrize("arguments", [None, 3, [1], "x"])
+def test_a_store_whose_job_is_of_other_types_is_refused(tmp_path: Path, arguments: Any) -> None:
     place = tmp_path / "out.zarr"
     new_store(place, HEIGHT)
     about = json.loads((place / "zarr.json").read_text())
-    about["attributes"]["tactograph"]["identity"]["arguments"] = given
+    about["attributes"]["tactograph"]["identity"]["arguments"] = arguments
     (place / "zarr.json").write_text(json.dumps(about))
     with pytest.raises(InputError, match="no store of a batch"):
         open_store(str(place))
@@ -95,15 +95,15 @@ def test_descriptions_not_by_zarr_are_refused(tmp_path: Path, name: str, text: s
         open_store(str(place))
 
 
-def test_a_store_shows_what_became_of_each_capture(tmp_path: Path, tactograph: Command) -> None:
+def test_a_store_shows_the_state_of_each_capture(tmp_path: Path, tactograph: Command) -> None:
     place = tmp_path / "out.zarr"
     store = new_store(place, {})
     store.append(["a", "b", "c"])
     store.write({0: Entry(DONE, warnings=["too bright"]), 1: Entry(FAILED, "all black")})
-    told = tactograph("show", place).out
-    assert "captures: 3, done 1, failed 1, pending 1" in told
-    assert "  b: all black" in told
-    assert "  1 x too bright" in told
+    printed = tactograph("show", place).out
+    assert "captures: 3, done 1, failed 1, pending 1" in printed
+    assert "  b: all black" in printed
+    assert "  1 x too bright" in printed
 
 
 @pytest.mark.parametrize("text", ["{", "3", "[[1]]"])

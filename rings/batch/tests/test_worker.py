@@ -16,7 +16,7 @@ def test_a_pipeline_that_was_opened_ahead_is_the_one_that_works() -> None:
     assert worker._pipeline is opened
 
 
-def test_what_cannot_be_opened_ahead_is_told_to_whoever_needs_it() -> None:
+def test_a_failure_to_open_ahead_is_raised_where_the_result_is_needed() -> None:
     worker = Worker(job_of(graph_of(TAKING), device="no such device"))
     worker.open_ahead()
     for _ in range(2):

@@ -73,7 +73,7 @@ def test_a_bent_checkerboard_tells_the_lens(pitch: float) -> None:
     assert largest_departure(found.lens, lens) < 0.3
 
 
-def test_a_tilted_camera_is_told_in_degrees() -> None:
+def test_a_tilted_camera_is_reported_in_degrees() -> None:
     """The film's far side is 2 % smaller than its near side, as at 40 mm and 2.8 degrees."""
     lens = np.float32([0.02, 0, 0, 0, 0, 0, 0.02, 0])
     image = pixels(dots(*on_film(SHAPE, lens, 20, 0.1, (0, 0))))
@@ -159,7 +159,7 @@ def test_marks_on_no_even_grid_are_refused() -> None:
         fit_lens(np.zeros(SHAPE, np.float32), marks, pitch_mm=1.0)
 
 
-def test_a_lens_beyond_the_model_is_told_from_a_grid_that_is_not_flat() -> None:
+def test_a_lens_beyond_the_model_is_distinguished_from_a_bent_grid() -> None:
     """A fisheye of 140 degrees, whose radius grows with the angle."""
     cell = np.int32(np.argwhere(np.ones((61, 61))) - 30)
     far = 0.1 * np.hypot(*cell.T)
@@ -185,9 +185,9 @@ def round_view(strength: float, view: float) -> F4:
 def test_a_round_view_is_fitted_within_the_crop_that_is_named() -> None:
     """The middle's pitch is larger than the usual one; beyond the view the fit folds the image."""
     image = round_view(0.8, 0.42)
-    with pytest.raises(InputError, match=r"folds the image beyond the marks.*give crop=") as told:
+    with pytest.raises(InputError, match=r"folds the image beyond the marks.*give crop=") as caught:
         camera_of(image)
-    ((x0, y0, x1, y1),) = re.findall(r"crop=(\d+),(\d+),(\d+),(\d+)", str(told.value))
+    ((x0, y0, x1, y1),) = re.findall(r"crop=(\d+),(\d+),(\d+),(\d+)", str(caught.value))
     found = camera_of(image[int(y0) : int(y1), int(x0) : int(x1)])
     assert found.residual < 0.15
     assert found.quality["marks"] > 60
@@ -286,7 +286,7 @@ def test_a_camera_of_other_images_is_refused(tmp_path: Path) -> None:
         read_lens(np.zeros((4, 240, 300), np.float32), file=file)
 
 
-def test_a_calibration_is_no_camera(tmp_path: Path) -> None:
+def test_a_calibration_is_refused_as_a_camera(tmp_path: Path) -> None:
     file = tmp_path / "cal.npz"
     np.savez(file, about=np.array(json.dumps({"kind": "tactograph calibration", "format": 1})))
     with pytest.raises(InputError, match="not a camera; 'run calibrate_camera' makes one"):
@@ -342,7 +342,7 @@ def test_a_pixel_of_one_length_or_of_two_and_no_file_are_no_lens_or_an_oblong_on
             pixel_size(mm=wrong)
 
 
-def test_arrays_of_others_stay(tmp_path: Path) -> None:
+def test_arrays_of_other_programs_stay(tmp_path: Path) -> None:
     file, settings = tmp_path / "mine.npz", {"file": str(tmp_path / "mine.npz")}
     stored(file, np.zeros(8, np.float32))
     check_settings(write_camera, settings, str)
@@ -366,8 +366,8 @@ def test_a_lens_shows_its_numbers_and_grid(
     bent = np.array([0.03, 0, 0, 0, 0, 0, 0, 0], np.float32)
     file = stored(tmp_path / "camera.npz", bent)
     run_command(["show", str(file), "--out", str(tmp_path / "drawn")])
-    told = capsys.readouterr().out
-    assert told.startswith(f"{file}: camera, format 1\n")
-    assert "lens        0.03 0 0 0 0 0 0 0" in told
-    assert "marks  20" in told
+    printed = capsys.readouterr().out
+    assert printed.startswith(f"{file}: camera, format 1\n")
+    assert "lens        0.03 0 0 0 0 0 0 0" in printed
+    assert "marks  20" in printed
     assert (tmp_path / "drawn" / "camera.png").is_file()

@@ -17,8 +17,8 @@ from tests.pipelines.conftest import run
 @pytest.mark.slow
 def test_a_round_sensor_goes_from_its_drawing_to_heights(tmp_path: Path) -> None:
     rig, file = ROOT / "tests/data/dome", tmp_path / "cal.npz"
-    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest_radius_mm": 35.0}
-    run("calibrate_curved", file, capture=rig / "presses", flat=rig / "flat", **given)
+    arguments = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest_radius_mm": 35.0}
+    run("calibrate_curved", file, capture=rig / "presses", flat=rig / "flat", **arguments)
     off, band = {}, 0.0
     for graph in ("paper", "reconstruct", "precise"):
         found = run(graph, capture=rig / "cat_film", calibration=file)["metrics"]
@@ -32,10 +32,10 @@ def test_a_round_sensor_goes_from_its_drawing_to_heights(tmp_path: Path) -> None
 def test_a_round_film_is_found_from_presses_and_says_how_well(tmp_path: Path) -> None:
     """What is not known of its curvature is not known of the scale of heights above it."""
     rig, file = ROOT / "tests/data/dome", tmp_path / "cal.npz"
-    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest": "find"}
-    figures = run("calibrate_curved", file, capture=rig / "presses", flat=rig / "flat", **given)[
-        "quality"
-    ]
+    arguments = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest": "find"}
+    figures = run(
+        "calibrate_curved", file, capture=rig / "presses", flat=rig / "flat", **arguments
+    )["quality"]
     found = read_calibration(file=file)
     assert found.rest is not None
     off_um = 1e3 * np.std(found.rest - np.load(rig / "rest_height_mm.npy"))
@@ -45,25 +45,31 @@ def test_a_round_film_is_found_from_presses_and_says_how_well(tmp_path: Path) ->
 
 
 def test_a_film_is_not_found_without_its_own_light(tmp_path: Path) -> None:
-    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest": "find"}
+    arguments = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70, "rest": "find"}
     with pytest.raises(InputError, match="needs flat"):
         run(
             "calibrate_curved",
             tmp_path / "cal.npz",
             capture=ROOT / "tests/data/dome/presses",
-            **given,
+            **arguments,
         )
 
 
 @pytest.mark.slow
-def test_a_round_film_that_is_told_to_be_flat_is_named(tmp_path: Path) -> None:
+def test_a_round_film_declared_flat_is_named(tmp_path: Path) -> None:
     """In place of the ball's radius, the pixel size or the images' order."""
     rig = ROOT / "tests/data/dome"
-    given = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70}
+    arguments = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70}
     with pytest.raises(
         InputError, match=r"no plane at rest: a bend with a radius of 3\d.* odds of"
     ):
-        run("calibrate", tmp_path / "cal.npz", capture=rig / "presses", flat=rig / "flat", **given)
+        run(
+            "calibrate",
+            tmp_path / "cal.npz",
+            capture=rig / "presses",
+            flat=rig / "flat",
+            **arguments,
+        )
 
 
 @pytest.mark.slow
@@ -79,9 +85,9 @@ def test_a_ray_traced_dome_is_calibrated_and_measured(
     for press in ("calibration", "calibration_off", "calibration_left"):
         shutil.copytree(scene / press, tmp_path / "presses" / press)
     file, rest = tmp_path / "cal.npz", np.load(scene / "rest_height_mm.npy")
-    given = {"capture": tmp_path / "presses", "flat": scene / "flat", "ball_radius_mm": 6.0}
-    given |= {"rest": scene / "rest_height_mm.npy", "pixel_size_mm": 5 / 70}
-    run("calibrate_curved", file, **given, **({"camera_mm": 65.0} if rig == "dome" else {}))
+    arguments = {"capture": tmp_path / "presses", "flat": scene / "flat", "ball_radius_mm": 6.0}
+    arguments |= {"rest": scene / "rest_height_mm.npy", "pixel_size_mm": 5 / 70}
+    run("calibrate_curved", file, **arguments, **({"camera_mm": 65.0} if rig == "dome" else {}))
     for shape in ("sphere_film", "corner_film", "cat_film"):
         above = np.load(scene / shape / "truth_height_mm.npy") - rest
         for graph, most in (("reconstruct", quick_um), ("precise", careful_um)):
@@ -90,6 +96,6 @@ def test_a_ray_traced_dome_is_calibrated_and_measured(
             assert found["metrics"]["trust"] > 0.01, (shape, graph)
 
 
-def test_a_shape_that_the_plain_calibration_is_given_names_the_overlay() -> None:
+def test_a_shape_for_the_plain_calibration_is_refused_with_the_overlays_name() -> None:
     with pytest.raises(InputError, match=r"no param 'rest_radius_mm', but .*--with curved_film"):
         read_words(read_graph("calibrate"), ["rest_radius_mm=9"])

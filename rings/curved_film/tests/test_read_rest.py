@@ -17,8 +17,8 @@ PIXEL_MM, SIZE = 0.1, (60, 80)
 STRAIGHT = np.zeros(8, np.float32)
 
 
-def read(**given: Any) -> Any:
-    return read_rest(np.zeros((4, *SIZE), np.float32), PIXEL_MM, STRAIGHT, **given)
+def read(**arguments: Any) -> Any:
+    return read_rest(np.zeros((4, *SIZE), np.float32), PIXEL_MM, STRAIGHT, **arguments)
 
 
 def places() -> tuple[F4, F4]:
@@ -54,24 +54,24 @@ def test_slopes_of_the_film_are_those_of_its_form_under_a_near_camera() -> None:
 
 
 @pytest.mark.parametrize("camera_mm", [None, 30.0])
-def test_a_mesh_is_the_height_map_that_it_was_made_of(
+def test_a_mesh_gives_the_height_map_it_was_built_from(
     camera_mm: float | None, tmp_path: Path
 ) -> None:
     pytest.importorskip("trimesh")
     y, x = (np.mgrid[:100, :120].astype(np.float32) - np.array([49.5, 59.5])[:, None, None]) * 0.1
     write_ply(tmp_path / "gel.ply", np.float32(14) - np.sqrt(196 - x * x - y * y), 0.1)
-    given = {"camera_mm": camera_mm}
-    mesh = read(file=tmp_path / "gel.ply", **given).shape.height
-    np.testing.assert_allclose(mesh, read(radius_mm=14.0, **given).shape.height, atol=2e-4)
+    arguments = {"camera_mm": camera_mm}
+    mesh = read(file=tmp_path / "gel.ply", **arguments).shape.height
+    np.testing.assert_allclose(mesh, read(radius_mm=14.0, **arguments).shape.height, atol=2e-4)
 
 
-def test_a_height_map_is_what_each_pixel_sees(tmp_path: Path) -> None:
+def test_a_height_map_gives_the_height_that_each_pixel_sees(tmp_path: Path) -> None:
     height = np.random.default_rng(1).random(SIZE).astype(np.float32)
     np.save(tmp_path / "gel.npy", height)
     np.testing.assert_array_equal(read(file=tmp_path / "gel.npy").shape.height, height)
 
 
-def test_what_a_film_hides_by_its_own_curvature_is_left_out() -> None:
+def test_film_hidden_by_its_own_curvature_is_left_out() -> None:
     """From near, rays beyond a ball's horizon meet nothing; the area of the film ends there."""
     radius, pupil = 10.0, 5.0
     shape, visible = read(radius_mm=-radius, camera_mm=pupil)
@@ -87,7 +87,7 @@ def test_what_a_film_hides_by_its_own_curvature_is_left_out() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("arguments", "message"),
     [
         ({}, "needs one of them"),
         ({"radius_mm": 2.0}, "sees no film"),
@@ -96,9 +96,9 @@ def test_what_a_film_hides_by_its_own_curvature_is_left_out() -> None:
         ({"radius_mm": 9.0, "at_mm": (0.0, 0.0, 6.0), "camera_mm": 5.0}, "pupil|sees no film"),
     ],
 )
-def test_a_form_that_no_film_has_is_refused(given: dict[str, float], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        read(**given)
+def test_a_form_that_no_film_has_is_refused(arguments: dict[str, float], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read(**arguments)
 
 
 def test_a_height_map_of_another_size_is_refused(tmp_path: Path) -> None:

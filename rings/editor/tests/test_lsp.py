@@ -19,9 +19,9 @@ class Editor:
     def __init__(self, file: Path) -> None:
         self.file, self.uri, self.version = file, file.as_uri(), 0
         self.client = LanguageClient("test", "1")
-        self.told: asyncio.Queue[types.PublishDiagnosticsParams] = asyncio.Queue()
+        self.published: asyncio.Queue[types.PublishDiagnosticsParams] = asyncio.Queue()
         self.client.feature(types.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)(
-            lambda told: self.told.put_nowait(told)
+            lambda params: self.published.put_nowait(params)
         )
 
     async def __aenter__(self) -> "Editor":
@@ -85,9 +85,9 @@ class Editor:
     async def mistakes(self, text: str) -> list[types.Diagnostic]:
         self.type(text)
         while True:
-            told = await asyncio.wait_for(self.told.get(), WAIT_S)
-            if told.version == self.version:
-                return [*told.diagnostics]
+            params = await asyncio.wait_for(self.published.get(), WAIT_S)
+            if params.version == self.version:
+                return [*params.diagnostics]
 
     async def mends(self, mistake: types.Diagnostic) -> list[types.TextEdit]:
         context = types.CodeActionContext([mistake])

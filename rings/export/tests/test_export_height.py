@@ -49,7 +49,7 @@ def exported(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(("suffix", "step"), [("npy", 0), ("tiff", 0), ("tmd", 0), ("png", 5e-5)])
-def test_what_is_written_is_read_back(exported: Path, suffix: str, step: float) -> None:
+def test_a_written_height_is_read_back(exported: Path, suffix: str, step: float) -> None:
     read = read_height(file=exported / f"height.{suffix}")
     assert read.dtype == np.float32
     np.testing.assert_allclose(read, slope(), rtol=0, atol=1.01 * step)
@@ -126,22 +126,22 @@ def test_a_folder_that_is_called_like_a_file_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_tmd_cannot_hold_unknown_film_and_says_which_format_can(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"height\.tmd: .* at 15 pixels, .*; write tiff") as told:
+    with pytest.raises(InputError, match=r"height\.tmd: .* at 15 pixels, .*; write tiff") as caught:
         export_height(partly_known(), PIXEL, folder=tmp_path, formats=("npy", "tmd"))
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("suffix", ["npy", "tiff"])
 @pytest.mark.parametrize(
-    ("wrong", "told"), [(np.inf, "infinite values"), (np.nan, "no height, only NaN")]
+    ("wrong", "message"), [(np.inf, "infinite values"), (np.nan, "no height, only NaN")]
 )
 def test_infinite_heights_and_nothing_known_are_refused(
-    tmp_path: Path, suffix: str, wrong: float, told: str
+    tmp_path: Path, suffix: str, wrong: float, message: str
 ) -> None:
     height = np.full((6, 7), wrong, np.float32)
     export_height(height, PIXEL, folder=tmp_path, formats=(suffix,))
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         read_height(file=tmp_path / f"height.{suffix}", unknown=True)
 
 
@@ -216,19 +216,21 @@ def png_that_says(file: Path, **words: str) -> Path:
 
 @pytest.mark.parametrize("number", NO_NUMBERS)
 @pytest.mark.parametrize("name", ["step", "offset"])
-def test_a_scale_that_is_no_number_gives_no_height(tmp_path: Path, name: str, number: str) -> None:
+def test_a_scale_that_is_not_a_number_gives_no_height(
+    tmp_path: Path, name: str, number: str
+) -> None:
     file = png_that_says(tmp_path / "height.png", **{name: number})
     with pytest.raises(InputError, match=r"height\.png: (holds|cannot be decoded)"):
         read_height(file=file)
 
 
 @pytest.mark.parametrize("number", NO_NUMBERS[1:])
-def test_a_pixel_size_that_is_no_number_of_mm_is_not_stated(tmp_path: Path, number: str) -> None:
+def test_a_pixel_size_that_is_not_a_length_is_not_stated(tmp_path: Path, number: str) -> None:
     file = png_that_says(tmp_path / "height.png", pixel_size_mm=number)
     assert read_height_file(file).pixel is None
 
 
-def test_a_file_that_is_not_there_or_a_png_without_a_scale_is_told(tmp_path: Path) -> None:
+def test_a_missing_file_or_a_png_without_a_scale_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         read_height(file=tmp_path / "none.tmd")
     cv2.imwrite(str(tmp_path / "grey.png"), np.zeros((4, 5), np.uint16))
@@ -237,14 +239,14 @@ def test_a_file_that_is_not_there_or_a_png_without_a_scale_is_told(tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("height", "told"),
+    ("height", "message"),
     [(np.zeros((0, 0)), "holds no pixel"), (np.full((4, 4), 1e300), "holds NaN or infinite")],
 )
 def test_a_height_map_of_no_pixel_or_beyond_float32_is_refused(
-    tmp_path: Path, height: F4, told: str
+    tmp_path: Path, height: F4, message: str
 ) -> None:
     np.save(tmp_path / "height.npy", height)
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         read_height(file=tmp_path / "height.npy")
 
 
@@ -267,9 +269,9 @@ def test_a_mesh_of_a_curved_film_is_the_films_own_shape(
     np.savez(tmp_path / "cal.npz", **arrays)
     height = 0.1 * (x > 0).astype(np.float32)
     np.save(tmp_path / "height.npy", height)
-    said = {"pixel_size_mm": 1 / 14, "metrics": {"rest_relief_mm": 1.0}}
-    said |= {"lens": [0.0] * 8, "camera": 1 / 60, "files": ["height.npy"]}
-    (tmp_path / "result.json").write_text(json.dumps(said))
+    record = {"pixel_size_mm": 1 / 14, "metrics": {"rest_relief_mm": 1.0}}
+    record |= {"lens": [0.0] * 8, "camera": 1 / 60, "files": ["height.npy"]}
+    (tmp_path / "result.json").write_text(json.dumps(record))
     given = {"height": tmp_path / "height.npy", "formats": "ply"}
     laid_out = run("export", tmp_path / "flat", **given)
     assert any("meshes lay the height out on a plane" in line for line in laid_out.warnings)
@@ -280,7 +282,7 @@ def test_a_mesh_of_a_curved_film_is_the_films_own_shape(
     np.testing.assert_allclose(found, lies, atol=2e-5)
 
 
-def test_after_success_it_says_what_range_the_height_has_and_where_it_is(
+def test_success_prints_the_range_of_the_height_and_its_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     np.save(tmp_path / "height.npy", np.float32([[-0.25, 0], [0.5, 1.5]]))

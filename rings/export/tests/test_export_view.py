@@ -19,8 +19,8 @@ VIEWS = {"lens": View(LENS, 1 / 65), "camera": View(None, 1 / 65), "plain": View
 @pytest.mark.parametrize("name", ["height.npy", "height.tiff"])
 def test_an_export_has_the_mesh_of_the_run(tmp_path: Path, view: str, name: str) -> None:
     file = write(tmp_path / "run", VIEWS[view]).with_name(name)
-    given = {"height": str(file), "out": str(tmp_path / "out"), "formats": "ply"}
-    with open_pipeline("export", given) as pipeline:
+    arguments = {"height": str(file), "out": str(tmp_path / "out"), "formats": "ply"}
+    with open_pipeline("export", arguments) as pipeline:
         list(pipeline.items())
     meshes = tmp_path / "out" / "height.ply", tmp_path / "run" / "height.ply"
     exported, own = (trimesh.load(mesh, process=False).vertices for mesh in meshes)
@@ -28,14 +28,14 @@ def test_an_export_has_the_mesh_of_the_run(tmp_path: Path, view: str, name: str)
     np.testing.assert_allclose(exported, own, rtol=0 if name == "height.npy" else 1e-6)
 
 
-def test_an_exported_image_says_that_it_is_as_seen(tmp_path: Path) -> None:
+def test_an_exported_image_gives_a_warning_and_keeps_its_view(tmp_path: Path) -> None:
     """It warns by how much, and keeps its view for the next reader."""
     file = write(tmp_path / "run", VIEWS["lens"])
-    given = {"height": str(file), "out": str(tmp_path / "out"), "formats": "npy,tmd,stl"}
-    with open_pipeline("export", given) as pipeline:
+    arguments = {"height": str(file), "out": str(tmp_path / "out"), "formats": "npy,tmd,stl"}
+    with open_pipeline("export", arguments) as pipeline:
         (result,) = pipeline.items()
-    (told,) = [line for line in result.warnings if "even grid" in line]
-    assert told.startswith("height.npy, height.tmd: ")
+    (warning,) = [line for line in result.warnings if "even grid" in line]
+    assert warning.startswith("height.npy, height.tmd: ")
     for name in "height.npy", "height.tmd":
         with pytest.raises(InputError, match=r"save\.grid=metric"):
             read_height(file=tmp_path / "out" / name)

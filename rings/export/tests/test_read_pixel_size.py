@@ -34,12 +34,12 @@ def stored(folder: Path, suffix: str, result: object = None) -> Path:
 
 
 @pytest.mark.parametrize("suffix", ["tiff", "png", "tmd"])
-def test_a_format_that_states_the_pixel_size_needs_no_more(tmp_path: Path, suffix: str) -> None:
+def test_a_format_with_a_pixel_size_needs_no_other_source(tmp_path: Path, suffix: str) -> None:
     file = stored(tmp_path, suffix, {"pixel_size_mm": 0.07})
     assert read_pixel_size(height=file) == pytest.approx(PIXEL)
 
 
-def test_the_result_beside_a_npy_states_it(tmp_path: Path) -> None:
+def test_the_result_file_next_to_an_npy_states_it(tmp_path: Path) -> None:
     assert read_pixel_size(height=stored(tmp_path, "npy", {"pixel_size_mm": 0.07})) == 0.07
 
 
@@ -57,10 +57,10 @@ def test_the_result_beside_a_npy_states_it(tmp_path: Path) -> None:
         {"pixel_size_mm": int("9" * 330)},
     ],
 )
-def test_where_nothing_states_it_one_line_says_what_to_give(tmp_path: Path, result: object) -> None:
-    with pytest.raises(InputError, match=r"height\.npy: states no .*; give `mm`=") as told:
+def test_without_any_source_one_line_says_what_to_give(tmp_path: Path, result: object) -> None:
+    with pytest.raises(InputError, match=r"height\.npy: states no .*; give `mm`=") as caught:
         read_pixel_size(height=stored(tmp_path, "npy", result))
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_a_result_that_is_cut_off_states_nothing(tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_a_result_that_is_cut_off_states_nothing(tmp_path: Path) -> None:
         ("npy", 0.05, ""),
     ],
 )
-def test_a_given_size_wins_and_a_contradiction_is_told(
+def test_the_users_size_wins_and_a_contradiction_is_reported(
     tmp_path: Path, suffix: str, mm: float, warned: str
 ) -> None:
     with collect_warnings([]) as notes:
@@ -93,7 +93,9 @@ def test_a_given_size_wins_and_a_contradiction_is_told(
 @pytest.mark.parametrize(
     ("text", "unit"), [("a scan", 3), (TIFF_TEXT, 2)], ids=["another program's", "per inch"]
 )
-def test_the_resolution_of_a_printer_is_no_pixel_size(tmp_path: Path, text: str, unit: int) -> None:
+def test_a_printers_resolution_does_not_count_as_pixel_size(
+    tmp_path: Path, text: str, unit: int
+) -> None:
     file = tmp_path / "height.tiff"
     tags = {270: text, 282: 72.0, 283: 72.0, 296: unit}
     Image.fromarray(ramp()).save(file, tiffinfo=tags)

@@ -54,12 +54,12 @@ def result(tmp_path: Path) -> Path:
 def test_a_calibration_shows_verdict_values_and_picture(tmp_path: Path, shown: Shown) -> None:
     file = tmp_path / "cal.npz"
     write_flashed(file, doubts=["LED 1 is 1.2 m away"], lights="bgr")
-    told = shown(file)
-    assert "verdict: doubtful\n  LED 1 is 1.2 m away\n" in told
-    assert "lights=bgr" in told
-    assert "date: 20" in told
-    assert "entries  50" in told
-    assert re.search(r"pixel_size +0\.07  \[mm/px\]", told)
+    printed = shown(file)
+    assert "verdict: doubtful\n  LED 1 is 1.2 m away\n" in printed
+    assert "lights=bgr" in printed
+    assert "date: 20" in printed
+    assert "entries  50" in printed
+    assert re.search(r"pixel_size +0\.07  \[mm/px\]", printed)
     picture = cv2.imread(str(tmp_path / "drawn" / "cal.png"))
     assert picture is not None
     assert np.ptp(picture) > 200
@@ -72,7 +72,7 @@ def test_leds_that_share_a_place_share_a_label() -> None:
     assert [text.get_text() for text in axes.texts] == ["1, 3", "2", "4"]
 
 
-def test_a_reader_that_has_gone_is_no_error_of_the_node(tmp_path: Path) -> None:
+def test_a_closed_pipe_is_no_error_of_the_node(tmp_path: Path) -> None:
     file = tmp_path / "cal.npz"
     write_flashed(file)
     reader, writer = os.pipe()
@@ -84,11 +84,11 @@ def test_a_reader_that_has_gone_is_no_error_of_the_node(tmp_path: Path) -> None:
 
 
 def test_a_result_shows_figures_and_warnings(result: Path, shown: Shown) -> None:
-    told = shown(result)
-    assert "made by: graph toy [f00], version 0\nparams: lights=bgr\n" in told
-    assert "warnings:\n  too bright\n" in told
-    assert "calibration: hash c0ffee\n" in told
-    assert "contacts  0" in told
+    printed = shown(result)
+    assert "made by: graph toy [f00], version 0\nparams: lights=bgr\n" in printed
+    assert "warnings:\n  too bright\n" in printed
+    assert "calibration: hash c0ffee\n" in printed
+    assert "contacts  0" in printed
 
 
 def test_captures_show_their_light(tmp_path: Path, shown: Shown) -> None:
@@ -98,9 +98,9 @@ def test_captures_show_their_light(tmp_path: Path, shown: Shown) -> None:
         (tmp_path / "touches" / touch).mkdir(parents=True)
         for led, image in enumerate(images, start=1):
             write_image(tmp_path / "touches" / touch / f"led{led}.png", image)
-    told = shown(tmp_path / "touches" / "a")
-    assert "images: 4 lights of 32 x 24 pixels" in told
-    assert "  4: median 0.400, brightest 0.800" in told
+    printed = shown(tmp_path / "touches" / "a")
+    assert "images: 4 lights of 32 x 24 pixels" in printed
+    assert "  4: median 0.400, brightest 0.800" in printed
     assert "2 captures; the first:" in shown(tmp_path / "touches")
 
 
@@ -122,8 +122,8 @@ ESCAPES = "\x1b[31mred\x07\nTrust: 1\r\u202e\ud800"
 def test_texts_of_files_cannot_command_the_terminal(tmp_path: Path, shown: Shown) -> None:
     calibration, result = tmp_path / "cal.npz", tmp_path / "result.json"
     write_flashed(calibration, doubts=[ESCAPES, "a" * 10**6], lights=ESCAPES)
-    told = {"graph": {"name": ESCAPES}, "warnings": [ESCAPES], "metrics": {ESCAPES: 1.0}}
-    result.write_text(json.dumps(told))
+    record = {"graph": {"name": ESCAPES}, "warnings": [ESCAPES], "metrics": {ESCAPES: 1.0}}
+    result.write_text(json.dumps(record))
     for file in (calibration, result):
         text = shown(file)
         assert "red" in text
@@ -146,12 +146,12 @@ def test_a_result_tells_which_files_are_not_as_written(result: Path, shown: Show
     assert "not as they were written" not in shown(result)
     (result / "shadow.png").unlink()
     (result / "height.tiff").write_bytes(b"another")
-    told = shown(result)
-    assert "not as they were written:\n  height.tiff: changed\n  shadow.png: missing\n" in told
+    printed = shown(result)
+    assert "not as they were written:\n  height.tiff: changed\n  shadow.png: missing\n" in printed
 
 
 @pytest.mark.parametrize("out", ["taken/drawn", "a" * 300])
-def test_pictures_that_cannot_be_written_are_told(tmp_path: Path, out: str) -> None:
+def test_pictures_that_cannot_be_written_are_reported(tmp_path: Path, out: str) -> None:
     (tmp_path / "taken").write_text("")
     write_flashed(tmp_path / "cal.npz")
     with pytest.raises(WriteError, match="cannot be written"):
@@ -159,6 +159,6 @@ def test_pictures_that_cannot_be_written_are_told(tmp_path: Path, out: str) -> N
 
 
 @pytest.mark.parametrize("name", ["none.npz", "a" * 5000])
-def test_a_file_that_is_not_there_or_cannot_be_is_said(name: str) -> None:
+def test_a_missing_or_impossible_file_is_refused(name: str) -> None:
     with pytest.raises(InputError, match="there is no such file"):
         run_command(["show", name])

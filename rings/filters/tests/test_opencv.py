@@ -1,4 +1,4 @@
-"""OpenCV's functions by name: what a graph may call, and what it is told else."""
+"""OpenCV's functions by name: what a graph may call, and how other calls are refused."""
 
 from typing import Any
 
@@ -37,7 +37,7 @@ def graph(call: Any) -> dict[str, Any]:
     }
 
 
-def test_the_slope_of_a_ramp_is_what_sobel_finds() -> None:
+def test_sobel_finds_the_slope_of_a_ramp() -> None:
     ramp = np.broadcast_to(np.arange(9, dtype=np.float32), (2, 7, 9))
     call = {"Sobel": {"dx": 1, "dy": 0, "scale": 1 / 8}}
     load(graph(call))
@@ -53,7 +53,7 @@ def test_every_listed_function_gives_an_image_of_the_same_size(name: str) -> Non
 
 
 @pytest.mark.parametrize(
-    ("call", "said"),
+    ("call", "message"),
     [
         ({"sobel": {"dx": 1, "dy": 0}}, "'sobel' is not on the list.*did you mean 'Sobel'"),
         ({"imwrite": {"filename": "x.png"}}, "'imwrite' is not on the list"),
@@ -71,6 +71,6 @@ def test_every_listed_function_gives_an_image_of_the_same_size(name: str) -> Non
         ({"blur": {"ksize": [3, 3], "borderType": "imread"}}, "'blur': borderType"),
     ],
 )
-def test_a_call_that_is_not_right_is_refused_before_anything_runs(call: Any, said: str) -> None:
-    with pytest.raises(GraphError, match=said):
+def test_a_call_that_is_not_right_is_refused_before_anything_runs(call: Any, message: str) -> None:
+    with pytest.raises(GraphError, match=message):
         load(graph(call))

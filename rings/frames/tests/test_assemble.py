@@ -29,7 +29,7 @@ def after_a_cycle(level: int = 100, dtype: type = np.uint8, **settings) -> Assem
     return assembling
 
 
-def test_a_rolling_touch_comes_with_every_frame_once_all_leds_were_seen() -> None:
+def test_a_rolling_touch_comes_with_every_frame_after_one_full_cycle() -> None:
     assembling, due = assembler(), []
     for n in range(10):
         assembling.add(frame(n, n % 4 + 1, 10 * n))
@@ -67,7 +67,7 @@ def test_frames_from_before_a_gap_are_not_mixed_with_those_after_it() -> None:
     assert assembling.due
 
 
-def test_ambient_light_is_what_exceeds_the_calibrations_dark() -> None:
+def test_ambient_light_is_the_excess_over_the_calibrations_dark() -> None:
     assembling = assembler(cycle=(1, 2, 3, 4, 0))
     assembling.add(frame(0, 0, 51))
     for n, led in enumerate(LEDS, start=1):

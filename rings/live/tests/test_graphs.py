@@ -28,7 +28,7 @@ def test_a_variant_with_a_base_lies_over_no_other_graph() -> None:
 
 @pytest.mark.parametrize("overlay", ["preview", "rerun", "ros2", "record", "lerobot"])
 @pytest.mark.parametrize("graph", ["live", "live_oneshot", "live_follow_drift", "live_markers"])
-def test_what_shows_a_stream_fits_every_live_graph(graph: str, overlay: str) -> None:
+def test_the_viewers_fit_every_live_graph(graph: str, overlay: str) -> None:
     if (graph, overlay) == ("live_markers", "preview"):
         return  # it has one
     plan = make_plan(*to_plan(with_overlays(read_graph(graph), [overlay])), device=None)

@@ -35,26 +35,26 @@ def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return simulated_sensor(tmp_path_factory.mktemp("live"), **SIZE, **RIG)
 
 
-def given(sensor: Path, **more: object) -> dict[str, object]:
+def arguments(sensor: Path, **more: object) -> dict[str, object]:
     cal, out = str(sensor / "cal.npz"), str(sensor / "out")
     return {"calibration": cal, "camera": CAMERA, "out": out, **more}
 
 
 @pytest.mark.parametrize("port", ["none", "simulated"])
 def test_heights_agree_with_the_truth_while_the_ball_moves(sensor: Path, port: str) -> None:
-    assert np.median(errors("live", given(sensor, port=port), 25)) < 0.01
+    assert np.median(errors("live", arguments(sensor, port=port), 25)) < 0.01
 
 
 @pytest.mark.parametrize("port", ["none", "simulated"])
-def test_a_calibration_sees_its_own_film_as_it_is(sensor: Path, port: str) -> None:
+def test_a_calibration_renders_its_own_film(sensor: Path, port: str) -> None:
     """Nothing is stated of the rig: images are rendered through the calibration itself."""
-    trial = given(sensor, port=port, camera="simulated?press_s=4")
+    trial = arguments(sensor, port=port, camera="simulated?press_s=4")
     assert np.median(errors("live", trial, 15, least_mm=0.3)) < 0.01
 
 
 def test_three_leds_go_on_when_one_is_burnt_out(sensor: Path) -> None:
     """A dark LED is to the flow what a shadow is that lies everywhere."""
-    with open_pipeline("live", given(sensor, port="none")) as camera:
+    with open_pipeline("live", arguments(sensor, port="none")) as camera:
         result = next(itertools.islice(camera.items(), 20, None))
     image = next(made for value, made in result.item.items() if value.port == "image").copy()
     image[1] = 0.03 * image.max()  # hardly more than what is refused as dark
@@ -62,17 +62,17 @@ def test_three_leds_go_on_when_one_is_burnt_out(sensor: Path) -> None:
     assert np.sqrt(np.mean((three["height"] - result["height"]) ** 2)) < 0.02
 
 
-def test_it_ends_after_the_seconds_it_was_given_and_says_how_it_did(
+def test_a_run_ends_after_its_seconds_and_reports_its_figures(
     sensor: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run("live", **given(sensor, port="simulated", seconds=4, out=str(sensor / "told")))
-    told = json.loads((sensor / "told" / "result.json").read_text())
-    metrics = told["metrics"]
+    run("live", **arguments(sensor, port="simulated", seconds=4, out=str(sensor / "record")))
+    record = json.loads((sensor / "record" / "result.json").read_text())
+    metrics = record["metrics"]
     assert metrics["heights"] > 10
     assert metrics["rmse_um"] < 10
     assert 0 < metrics["latency_median_ms"] <= metrics["latency_99_percent_ms"] < 1000
-    assert told["graph"]["name"] == "live"
-    assert told["settings"]["cycle"] == [1, 2, 3, 4]
+    assert record["graph"]["name"] == "live"
+    assert record["settings"]["cycle"] == [1, 2, 3, 4]
     assert "heights_per_s" in capsys.readouterr().out
 
 
@@ -100,7 +100,7 @@ def test_ctrl_c_ends_it_in_order(sensor: Path) -> None:
         ({"calibration": "nothing.npz"}, "nothing.npz"),
     ],
 )
-def test_what_is_missing_is_one_line(sensor: Path, wrong: dict[str, object], says: str) -> None:
+def test_a_missing_input_is_one_line(sensor: Path, wrong: dict[str, object], says: str) -> None:
     with pytest.raises(InputError, match=says) as error:
-        run("live", **{**given(sensor), **wrong})
+        run("live", **{**arguments(sensor), **wrong})
     assert "\n" not in str(error.value)

@@ -29,40 +29,40 @@ def run(graph: str, **values: object) -> None:
 
 
 def test_every_frame_gives_a_height(mini: Path) -> None:
-    given = {"calibration": mini, "camera": MOVING}
-    assert np.median(errors("live_oneshot", given, 15)) < 0.008
+    arguments = {"calibration": mini, "camera": MOVING}
+    assert np.median(errors("live_oneshot", arguments, 15)) < 0.008
 
 
 @pytest.mark.parametrize("lights", ["bgr", "rgb"])
-def test_a_calibration_sees_its_own_film_as_it_is(mini: Path, lights: str) -> None:
+def test_a_calibration_renders_its_own_film(mini: Path, lights: str) -> None:
     """Nothing is stated of the rig: pictures are rendered through the calibration itself."""
-    given = {"calibration": mini, "camera": "simulated?press_s=4", "lights": lights}
-    assert np.median(errors("live_oneshot", given, 15, least_mm=0.3)) < 0.02
+    arguments = {"calibration": mini, "camera": "simulated?press_s=4", "lights": lights}
+    assert np.median(errors("live_oneshot", arguments, 15, least_mm=0.3)) < 0.02
 
 
 def test_leds_that_warm_up_are_followed(mini: Path) -> None:
     """All colours begin a fifth brighter, and fade each at its own pace."""
-    given = {"calibration": mini, "camera": f"{MOVING}&warm_up=0.2&warm_s=6"}
-    assert np.median(errors("live_oneshot", given, 40)[25:]) < 0.012
+    arguments = {"calibration": mini, "camera": f"{MOVING}&warm_up=0.2&warm_s=6"}
+    assert np.median(errors("live_oneshot", arguments, 40)[25:]) < 0.012
 
 
 def test_read_camera_stands_in_for_read_capture(mini: Path, tmp_path: Path) -> None:
-    given = {"camera": "$camera", "calibration": "$calibration"}
+    arguments = {"camera": "$camera", "calibration": "$calibration"}
     graph = {
         "format": 1,
         "extends": "gelsight_mini",
         "params": {"camera": {"kind": "text"}, "capture": {"kind": "path", "default": None}},
-        "patch": [{"replace": "frames", "op": "read_camera", "with": given}],
+        "patch": [{"replace": "frames", "op": "read_camera", "with": arguments}],
     }
-    given = {"calibration": mini, "camera": MOVING, "out": tmp_path}
-    assert np.median(errors(graph, given, 5)) < 0.008
+    arguments = {"calibration": mini, "camera": MOVING, "out": tmp_path}
+    assert np.median(errors(graph, arguments, 5)) < 0.008
 
 
 def test_a_recording_gives_the_same_heights_again(mini: Path, tmp_path: Path) -> None:
-    given = {"calibration": mini, "recording": tmp_path / "kept"}
-    with open_pipeline("record_oneshot", {**given, "camera": MOVING}) as pipeline:
+    arguments = {"calibration": mini, "recording": tmp_path / "kept"}
+    with open_pipeline("record_oneshot", {**arguments, "camera": MOVING}) as pipeline:
         live = [result["height"].copy() for result in islice(pipeline.items(), 4)]
-    with load("replay_oneshot", **given, speed=0, out=str(tmp_path / "preview")) as pipeline:
+    with load("replay_oneshot", **arguments, speed=0, out=str(tmp_path / "preview")) as pipeline:
         again = [result["height"].copy() for result in pipeline.items()]
     assert len(again) >= len(live)
     for height in live:
@@ -70,9 +70,9 @@ def test_a_recording_gives_the_same_heights_again(mini: Path, tmp_path: Path) ->
 
 
 def test_a_recording_is_shown_in_colour(mini: Path, tmp_path: Path) -> None:
-    given = {"calibration": mini, "recording": tmp_path / "kept"}
-    run("record_oneshot", **given, camera=MOVING, seconds=1, out=str(tmp_path / "out"))
-    run("replay_oneshot", **given, speed=0, out=str(tmp_path / "preview"))
+    arguments = {"calibration": mini, "recording": tmp_path / "kept"}
+    run("record_oneshot", **arguments, camera=MOVING, seconds=1, out=str(tmp_path / "out"))
+    run("replay_oneshot", **arguments, speed=0, out=str(tmp_path / "preview"))
     picture = cv2.imread(str(tmp_path / "preview" / "latest.png"))
     camera = picture[60:200, 760:1000].astype(int)
     assert (np.ptp(camera, axis=2) > 60).mean() > 0.2
@@ -80,16 +80,16 @@ def test_a_recording_is_shown_in_colour(mini: Path, tmp_path: Path) -> None:
 
 def test_it_says_how_it_did(mini: Path, tmp_path: Path) -> None:
     run("live_oneshot", calibration=str(mini), camera=MOVING, seconds=3, out=str(tmp_path))
-    told = json.loads((tmp_path / "result.json").read_text())
-    assert told["metrics"]["rmse_um"] < 10
-    assert told["settings"]["lights"] == "bgr"
-    assert "cycle" not in told["settings"]
+    record = json.loads((tmp_path / "result.json").read_text())
+    assert record["metrics"]["rmse_um"] < 10
+    assert record["settings"]["lights"] == "bgr"
+    assert "cycle" not in record["settings"]
 
 
 def test_rerun_gets_one_picture_in_colour(mini: Path, tmp_path: Path) -> None:
     file = tmp_path / "live.rrd"
-    given = {"calibration": mini, "camera": MOVING, "viewer": "none", "file": file}
-    run("live_oneshot_rerun", **given, seconds=1, out=str(tmp_path / "out"))
+    arguments = {"calibration": mini, "camera": MOVING, "viewer": "none", "file": file}
+    run("live_oneshot_rerun", **arguments, seconds=1, out=str(tmp_path / "out"))
     held = file.read_bytes()
     assert b"/camera/colour" in held
     assert b"/camera/led1" not in held
@@ -119,7 +119,7 @@ def test_a_guided_session_asks_press_by_press_and_calibrates(guided: Path) -> No
     assert "held out" in guided.with_suffix(".out").read_text()
 
 
-def test_what_a_guided_session_keeps_can_be_calibrated_from_again(guided: Path) -> None:
+def test_a_guided_sessions_captures_can_be_calibrated_from_again(guided: Path) -> None:
     kept = guided.with_name("mini_presses")
     again = read_presses(folder=kept / "pressed", flat=kept / "untouched")
     assert again.names == ["01", "02", "03", "04"]

@@ -16,7 +16,7 @@ from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor, open_
 
 
 @pytest.mark.parametrize("name", sorted(shipped_presets()))
-def test_what_ships_can_be_copied(name: str, tmp_path: Path) -> None:
+def test_a_shipped_preset_can_be_copied(name: str, tmp_path: Path) -> None:
     copy = tmp_path / "mine.yaml"
     copy.write_text(shipped_presets()[name].read_text().replace("turn_deg: 0 ", "turn_deg: 180"))
     mine, shipped = SensorPreset.read(str(copy)), SensorPreset.read(name)
@@ -42,7 +42,7 @@ def test_a_stated_pixel_size_goes_before_the_sensors() -> None:
         ),
     ],
 )
-def test_a_mistake_is_told_with_its_place(text: str, says: str, tmp_path: Path) -> None:
+def test_a_mistake_is_reported_with_its_place(text: str, says: str, tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text(text)
     with pytest.raises(InputError, match=says):
         SensorPreset.read(str(tmp_path / "mine.yaml"))
@@ -64,7 +64,7 @@ def test_a_number_that_no_camera_has_is_refused(place: str, number: str, tmp_pat
 FLASHING = "format: 1\nleds: 4\nsize: [160, 120]\npixel_size_mm: 0.1\ncamera: {gain: 3}\n"
 
 
-def test_a_preset_says_how_leds_that_flash_are_seen(tmp_path: Path) -> None:
+def test_a_preset_states_the_cycle_of_flashing_leds(tmp_path: Path) -> None:
     file = tmp_path / "bench.yaml"
     file.write_text(FLASHING)
     preset = preset_of(str(file), flashing=True)
@@ -85,12 +85,12 @@ def test_a_preset_of_the_other_kind_is_refused(flashing: bool, tmp_path: Path) -
         preset_of(str(file), flashing=flashing)
 
 
-def test_an_unknown_sensor_is_told_with_those_there_are() -> None:
+def test_an_unknown_sensor_is_refused_with_the_known_ones() -> None:
     with pytest.raises(InputError, match=r"`sensor`=mimi: is neither .* digit, gelsight_mini"):
         SensorPreset.read("mimi")
 
 
-def test_a_picture_is_turned_cut_and_shrunk_or_stays_as_it_is() -> None:
+def test_a_picture_is_turned_cropped_and_shrunk_or_unchanged() -> None:
     picture = np.zeros((40, 60, 3), np.uint8)
     picture[:, 50:] = (10, 20, 30)  # what is right becomes what is above
     seen = View(90, (0.0, 0.0, 1.0, 0.5), (20, 15)).of(picture)

@@ -76,6 +76,6 @@ def test_right_presses_of_a_one_shot_sensor_are_trusted(one_shot: OneShot) -> No
 
 
 @pytest.mark.parametrize("what", COLOURS)
-def test_wrong_pictures_of_a_one_shot_sensor_are_told(one_shot: OneShot, what: str) -> None:
+def test_wrong_pictures_of_a_one_shot_sensor_give_a_warning(one_shot: OneShot, what: str) -> None:
     pipeline, presses = one_shot
     assert all(verdict(pipeline, COLOURS[what](press, press)) for press in presses)

@@ -20,22 +20,22 @@ def test_a_graphs_own_variant_goes_before_the_overlay_of_that_name() -> None:
 
 
 @pytest.mark.parametrize(
-    ("graph", "given"),
+    ("graph", "arguments"),
     [
         ("reconstruct_pose", {}),
         ("reconstruct_markers", {}),
         ("precise_force", {"modulus_kpa": 100.0, "thickness_mm": 2.0}),
     ],
 )
-def test_what_takes_the_film_for_a_plane_refuses_any_other(
-    graph: str, given: dict[str, float], calibration: Calibration, tmp_path: Path
+def test_nodes_for_plane_film_refuse_curved_film(
+    graph: str, arguments: dict[str, float], calibration: Calibration, tmp_path: Path
 ) -> None:
     with np.load(calibration("near33")) as known:
         arrays = dict(known)
     arrays["rest"] = np.full(arrays["flat"].shape[1:], 0.1, np.float32)
     np.savez(tmp_path / "round.npz", **arrays)  # type: ignore[arg-type]
     with (
-        load(graph, given, calibration=tmp_path / "round.npz") as pipeline,
+        load(graph, arguments, calibration=tmp_path / "round.npz") as pipeline,
         pytest.raises(InputError, match="no plane at rest"),
     ):
         pipeline(frames=arrays["flat"])
@@ -45,7 +45,7 @@ def test_touches_of_a_round_film_are_not_put_together(tmp_path: Path) -> None:
     for name in ("one", "two"):
         (tmp_path / name).mkdir()
         np.save(tmp_path / name / "height.npy", np.zeros((20, 30), np.float32))
-        said = {"pixel_size_mm": 0.1, "metrics": {"rest_relief_mm": 3.0}}
-        (tmp_path / name / "result.json").write_text(json.dumps(said))
+        record = {"pixel_size_mm": 0.1, "metrics": {"rest_relief_mm": 3.0}}
+        (tmp_path / name / "result.json").write_text(json.dumps(record))
     with pytest.raises(InputError, match="one: its film is no plane at rest"):
         read_touches(folder=tmp_path)

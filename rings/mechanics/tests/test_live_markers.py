@@ -53,20 +53,22 @@ def test_a_pyramid_that_is_pushed_with_its_film_is_stuck_and_without_slips(
         pyramid = {"inradius_mm": 4.0, "rise_mm": 1.5, "offset_mm": [step_mm * n, 0.0], **SIZE}
         shape = {"replace": "shape", "op": "shape_pyramid", "with": pyramid}
         pushed = {"format": 1, "extends": "simulate_markers", "title": "pushed", "patch": [shape]}
-        given = {"out": tmp_path / f"{n}", "drag_x_mm": drag * step_mm * n, **PRINT, **RIG}
-        list(open_pipeline(pushed, given).items())
-    given = {"calibration": printed, "capture": tmp_path}
+        arguments = {"out": tmp_path / f"{n}", "drag_x_mm": drag * step_mm * n, **PRINT, **RIG}
+        list(open_pipeline(pushed, arguments).items())
+    arguments = {"calibration": printed, "capture": tmp_path}
     graph = read_graph("reconstruct_slip")
-    *_, last = [result["metrics"] for result in open_pipeline(graph, given, sinks=False).items()]
+    *_, last = [
+        result["metrics"] for result in open_pipeline(graph, arguments, sinks=False).items()
+    ]
     assert last["pose_x_mm"] == pytest.approx(2 * step_mm, abs=0.02)
     assert last["contact_slip/c1"] == slips
     assert last["contact_slip_markers/c1"] > 5
 
 
-def followed(graph: str, given: dict[str, Any]) -> np.ndarray:
+def followed(graph: str, arguments: dict[str, Any]) -> np.ndarray:
     """Of each touch the height's RMSE, true depth, longest shift in x in px, and share seen."""
     touches = []
-    with open_pipeline(graph, given) as pipeline:
+    with open_pipeline(graph, arguments) as pipeline:
         for result in pipeline.items():
             truth = next(made for value, made in result.item.items() if value.port == "truth")
             error = np.sqrt(np.mean((result["height"] - truth) ** 2))
@@ -80,9 +82,9 @@ def followed(graph: str, given: dict[str, Any]) -> np.ndarray:
 def test_heights_and_markers_are_followed_while_the_ball_presses_and_drags(
     printed: Path, tmp_path: Path
 ) -> None:
-    given = {"calibration": printed, "camera": CAMERA, "port": "none", "seconds": 12}
-    given |= {"out": tmp_path, "pictures": str(tmp_path / "pictures")}
-    errors, depths, shifts, seen = followed("live_markers", given)
+    arguments = {"calibration": printed, "camera": CAMERA, "port": "none", "seconds": 12}
+    arguments |= {"out": tmp_path, "pictures": str(tmp_path / "pictures")}
+    errors, depths, shifts, seen = followed("live_markers", arguments)
     assert np.median(errors) < 0.012
     assert np.median(seen) > 0.95
     # The markers go with the ball, and come back with it.
@@ -93,11 +95,11 @@ def test_heights_and_markers_are_followed_while_the_ball_presses_and_drags(
 
 @pytest.mark.realtime
 def test_a_recording_gives_contacts_and_markers_as_topics(printed: Path, tmp_path: Path) -> None:
-    given = {"calibration": printed, "recording": tmp_path / "frames"}
+    arguments = {"calibration": printed, "recording": tmp_path / "frames"}
     live = {"camera": CAMERA, "port": "none", "seconds": 6, "out": tmp_path / "live"}
     written = {"out": tmp_path / "heights", "refresh": "cycle"}
     for graph, more in (("record", live), ("replay_mcap_markers", written)):
-        with open_pipeline(graph, {**given, **more}) as pipeline:
+        with open_pipeline(graph, {**arguments, **more}) as pipeline:
             list(pipeline.items())
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
@@ -185,9 +187,9 @@ def test_a_one_shot_sensor_is_calibrated_and_read_in_spite_of_its_markers(one_sh
 @pytest.mark.realtime
 def test_a_one_shot_sensors_markers_are_followed_live(one_shot: Path, tmp_path: Path) -> None:
     camera = BY_HAND.replace("&by_hand=true&path_mm=8&press_s=0.8&rest_s=4", "&path_mm=1&press_s=4")
-    given = {"calibration": one_shot / "printed/cal.npz", "camera": camera, "seconds": 8}
-    given |= {"out": tmp_path, "pictures": str(tmp_path / "pictures")}
-    errors, _, shifts, seen = followed("live_oneshot_markers", given)
+    arguments = {"calibration": one_shot / "printed/cal.npz", "camera": camera, "seconds": 8}
+    arguments |= {"out": tmp_path, "pictures": str(tmp_path / "pictures")}
+    errors, _, shifts, seen = followed("live_oneshot_markers", arguments)
     assert np.median(errors) < 0.015
     assert np.median(seen) > 0.9
     assert KNOWN["pixel_size_mm"] * shifts.max() == pytest.approx(0.5, abs=0.15)

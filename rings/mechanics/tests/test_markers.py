@@ -34,23 +34,23 @@ def sensor(made_once: MadeOnce) -> Path:
         run("simulate_markers", printed / "ball", radius_mm=7.0, **PRINT, **SIZE)
         run("simulate_markers", printed / "touch", drag_x_mm=DRAG_MM, **TOUCH, **PRINT, **SIZE)
         for film, graph in ((plain, "calibrate"), (printed, "calibrate_markers")):
-            given = {"capture": film / "ball", "flat": film / "flat", "ball_radius_mm": 7.0}
-            run(graph, film / "cal.npz", ranked=False, pixel_size_mm=PIXEL_MM, **given)
+            arguments = {"capture": film / "ball", "flat": film / "flat", "ball_radius_mm": 7.0}
+            run(graph, film / "cal.npz", ranked=False, pixel_size_mm=PIXEL_MM, **arguments)
 
     return made_once("marker_sensor", make)
 
 
 @pytest.mark.slow
-def test_markers_cost_little_height_once_they_are_told_and_move_with_the_film(
+def test_marked_markers_cost_little_height_and_move_with_the_film(
     sensor: Path, tmp_path: Path
 ) -> None:
     error, out = [], tmp_path / "markers"
     for film, ending in (("plain", ""), ("printed", ""), ("printed", "_markers")):
         captured = {"capture": sensor / film / "touch", "calibration": sensor / film / "cal.npz"}
         error.append(run(f"reconstruct{ending}", out, **captured)["metrics"]["rmse_px"])
-    plain, untold, told = error
-    assert told <= 1.3 * plain
-    assert untold > 3 * told
+    plain, unmarked, marked = error
+    assert marked <= 1.3 * plain
+    assert unmarked > 3 * marked
     table = np.genfromtxt(out / "markers.csv", delimiter=",", names=True)
     assert table["visible"].mean() >= 0.95
     assert table["dx_mm"].max() == pytest.approx(DRAG_MM, abs=0.05)

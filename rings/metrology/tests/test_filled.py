@@ -1,4 +1,4 @@
-"""An object that fills the frame: no film is at rest, and its brightness is told by none."""
+"""An object that fills the frame: no film is at rest, so nothing shows its brightness."""
 
 from pathlib import Path
 
@@ -37,10 +37,10 @@ def seen(sensor: Path, brighter: float) -> tuple[F4, float]:
 
 
 def measured(
-    graph: str, sensor: Path, brighter: float, **given: object
+    graph: str, sensor: Path, brighter: float, **arguments: object
 ) -> tuple[dict[str, float], Result]:
     image, pixel = seen(sensor, brighter)
-    found = load(graph, calibration=sensor, accept_contradictions=True, **given)(frames=image)
+    found = load(graph, calibration=sensor, accept_contradictions=True, **arguments)(frames=image)
     known = (1e3 * DEPTH_MM, 0.2)
     return measure_step(found["height"], pixel, found.get("error"), certified_um=known), found
 
@@ -54,11 +54,11 @@ def test_the_depth_of_a_groove_through_the_frame(sensor: Path, graph: str) -> No
 
 
 @pytest.mark.slow
-def test_what_brightness_may_hide_is_stated_and_told(sensor: Path) -> None:
+def test_the_error_states_what_brightness_may_hide(sensor: Path) -> None:
     figures, found = measured("precise_filled", sensor, 0.05)
     band = BAND_DEVIATIONS * figures["step_uncertainty_um"]
     assert abs(figures["step_depth_um"] - 1e3 * DEPTH_MM) < band
-    assert any("no film is taken for film at rest" in told for told in found.warnings)
+    assert any("no film is taken for film at rest" in line for line in found.warnings)
 
 
 @pytest.mark.slow
@@ -68,4 +68,4 @@ def test_a_known_step_settles_the_scale(sensor: Path) -> None:
     again, found = measured("precise_filled", sensor, 0.01, scale=scale)
     assert again["step_depth_um"] == pytest.approx(1e3 * DEPTH_MM, abs=1)
     assert again["step_uncertainty_um"] < first["step_uncertainty_um"]
-    assert not any("no film is taken" in told for told in found.warnings)
+    assert not any("no film is taken" in line for line in found.warnings)

@@ -40,8 +40,8 @@ def test_the_nesting_indices_stand_in_the_result(tmp_path: Path) -> None:
     found = filter_surface(wave(0.5), PIXEL, s_filter_mm=0.1, l_filter_mm=2.0)
     metrics = found.metrics
     export_height(found.height, PIXEL, metrics=metrics, folder=tmp_path, formats=("npy",))
-    said = json.loads((tmp_path / "result.json").read_text())
-    assert said["metrics"] == {"form_degree": 1, "s_filter_mm": 0.1, "l_filter_mm": 2}
+    record = json.loads((tmp_path / "result.json").read_text())
+    assert record["metrics"] == {"form_degree": 1, "s_filter_mm": 0.1, "l_filter_mm": 2}
     assert read_pixel_size(height=tmp_path / "height.npy") == PIXEL
 
 
@@ -65,7 +65,7 @@ def test_exchanged_nesting_indices_are_refused() -> None:
         filter_surface(wave(1.0), PIXEL, s_filter_mm=0.8, l_filter_mm=0.1)
 
 
-def test_a_plane_is_found_beside_what_stands_on_it() -> None:
+def test_a_plane_is_fitted_despite_objects_on_it() -> None:
     y, x = np.mgrid[:120, :160]
     z = (0.002 * x - 0.001 * y + 0.3).astype(np.float32)
     pressed = z + np.where((x - 80) ** 2 + (y - 60) ** 2 < 30**2, 0.4, 0).astype(np.float32)

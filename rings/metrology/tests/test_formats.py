@@ -89,14 +89,14 @@ def _rewritten(file: Path, change: Callable[[bytes], bytes]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "message"),
     [
         (lambda text: text.replace(b"ISO5436_2", b"ISO5436"), "its root is ISO5436"),
         (lambda text: text + b"\n", "was changed since its checksum was made"),
     ],
 )
-def test_other_programs_roots_and_stale_checksums_are_told_and_read(
-    tmp_path: Path, height: F4, change: Callable[[bytes], bytes], told: str
+def test_foreign_roots_and_stale_checksums_are_read_with_a_warning(
+    tmp_path: Path, height: F4, change: Callable[[bytes], bytes], message: str
 ) -> None:
     export_height(height, PIXEL, folder=tmp_path, formats=("x3p",))
     file = tmp_path / "height.x3p"
@@ -104,5 +104,5 @@ def test_other_programs_roots_and_stale_checksums_are_told_and_read(
     with collect_warnings([]) as lines:
         found = read_height_file(file)
     assert len(lines) == 1
-    assert told in lines[0]
+    assert message in lines[0]
     np.testing.assert_allclose(found.height, height, rtol=1e-6)

@@ -30,8 +30,8 @@ def test_a_step_over_any_part_of_the_frame_is_not_tilted(share: float) -> None:
     found, notes = levelled(step)
     ground = 0.3 if share > 0.5 else 0.0
     assert np.abs(found - (step - ground)).max() < 0.02
-    told = [note for note in notes if "two planes hold" in note]
-    assert len(told) == (0.25 < share < 0.75)
+    warnings = [note for note in notes if "two planes hold" in note]
+    assert len(warnings) == (0.25 < share < 0.75)
 
 
 @pytest.mark.parametrize(

@@ -46,14 +46,14 @@ def test_a_groove_has_its_depth_width_and_walls(
     assert figures["wall_2_deg"] == pytest.approx(wall, abs=4)
 
 
-def test_walls_that_reach_into_the_levels_are_told() -> None:
-    with collect_warnings([]) as told:
+def test_walls_that_reach_into_the_levels_give_a_warning() -> None:
+    with collect_warnings([]) as messages:
         measure_step(groove(0.3, 0.5, 32), PIXEL)
-    assert "the height states no error" in told[0]
-    assert "too narrow for its walls" in told[1]
+    assert "the height states no error" in messages[0]
+    assert "too narrow for its walls" in messages[1]
 
 
-def test_ridges_turned_maps_and_unknown_film_are_measured_alike() -> None:
+def test_ridges_turned_maps_and_unknown_film_measure_the_same() -> None:
     z = groove(0.1, 0.6, 45)
     assert measure_step(-z, PIXEL)["step_depth_um"] == pytest.approx(-100, abs=1)
     assert measure_step(np.ascontiguousarray(z.T), PIXEL, along="y") == measure_step(z, PIXEL)
@@ -91,7 +91,7 @@ def test_a_known_depth_gives_the_scale_of_heights() -> None:
         measure_step(groove(0.1, 0.6, 45), PIXEL, certified_um=(0.0, 0.5))
 
 
-def test_the_command_takes_the_error_beside_the_height(tmp_path: Path) -> None:
+def test_the_command_reads_the_error_next_to_the_height(tmp_path: Path) -> None:
     z, given = groove(0.1, 0.6, 45), {"height": tmp_path / "height.npy", "pixel_size_mm": PIXEL}
     np.save(tmp_path / "height.npy", z)
     alone = run("measure_step", **given)["step"]
@@ -114,7 +114,7 @@ def test_a_picture_shows_the_levels_and_the_depth(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("depth", "wall"), [(0.5, 40.0), (0.2, 20.0)])
 @pytest.mark.parametrize("along", ["x", "y"])
-def test_a_groove_measures_as_it_was_made(depth: float, wall: float, along: str) -> None:
+def test_a_measured_groove_has_its_true_dimensions(depth: float, wall: float, along: str) -> None:
     angle = 0.0 if along == "x" else 90.0
     one = {"middle": "groove", "period_mm": 9.0, "duty": 2 / 3, "rise_mm": depth}
     made = shape_grating(wall_deg=wall, angle_deg=angle, **one)

@@ -18,13 +18,13 @@ def test_a_cap_has_its_height(tmp_path: Path) -> None:
     model = write_model(tmp_path / "model.yaml")
     z = cap(radius=0.9, depth=0.06)
     write_scan(tmp_path / "scan", seen(z, model), calib="model.yaml")
-    given = {"capture": tmp_path / "scan", "model": tmp_path / "scan"}
-    found = run("reconstruct_scan", **given)
+    arguments = {"capture": tmp_path / "scan", "model": tmp_path / "scan"}
+    found = run("reconstruct_scan", **arguments)
     assert found["height"].shape == z.shape
     assert found["pixel"] == PIXEL
     assert found["height"].max() == pytest.approx(z.max(), rel=0.02)
     assert np.sqrt(np.mean((found["height"] - z) ** 2)) < 2e-3
-    scaled = run("reconstruct_scan", **given, scale=(1.1, 0.05), cell_px=1)
+    scaled = run("reconstruct_scan", **arguments, scale=(1.1, 0.05), cell_px=1)
     np.testing.assert_allclose(scaled["height"], 1.1 * z, atol=2e-3)
     np.testing.assert_allclose(scaled["error"], 0.05 * np.abs(z), atol=1e-4)
 
@@ -42,24 +42,24 @@ def test_edges_within_pixels_are_stated_and_level_film_is_at_zero(tmp_path: Path
     mean = light.reshape(len(light), rows, fine, columns, fine).mean(axis=(2, 4))
     noise = np.random.default_rng(2).normal(1, 0.01, mean.shape)
     write_scan(tmp_path / "scan", (mean * noise).astype(np.float32))
-    given = {"capture": tmp_path / "scan", "model": file, "cell_px": 4}
-    found = run("reconstruct_scan", **given)
+    arguments = {"capture": tmp_path / "scan", "model": file, "cell_px": 4}
+    found = run("reconstruct_scan", **arguments)
     true = np.roll(z, 3, axis=1)[fine // 2 :: fine, fine // 2 :: fine]
     off, level, deep = found["height"] - true, true == 0, true < -0.119
     assert abs(off[level].mean()) < 2e-4
     assert np.mean(np.abs(off[deep]) < BAND_DEVIATIONS * found["error"][deep]) > 0.8
 
 
-def test_a_model_for_other_pixels_than_the_scans_is_told(tmp_path: Path) -> None:
+def test_a_model_for_other_pixels_gives_a_warning(tmp_path: Path) -> None:
     file = tmp_path / "model.yaml"
     write_scan(tmp_path / "scan", seen(cap(), write_model(file)))
     file.write_text(file.read_text().replace(f"mmperpixel: {PIXEL}", "mmperpixel: 0.05"))
-    given = {"capture": tmp_path / "scan", "model": file}
-    found = run("reconstruct_scan", **given)
+    arguments = {"capture": tmp_path / "scan", "model": file}
+    found = run("reconstruct_scan", **arguments)
     assert found["pixel"] == PIXEL
-    told = f"the scan says {PIXEL} mm per px, its light model 0.05: the scan's is taken"
-    assert any(told in warning for warning in found.warnings)
-    stated = run("reconstruct_scan", **given, pixel_size_mm=0.03)
+    message = f"the scan says {PIXEL} mm per px, its light model 0.05: the scan's is taken"
+    assert any(message in warning for warning in found.warnings)
+    stated = run("reconstruct_scan", **arguments, pixel_size_mm=0.03)
     assert stated["pixel"] == pytest.approx(0.03)
     assert not any("the scan says" in warning for warning in stated.warnings)
 
@@ -72,7 +72,7 @@ def test_a_step_of_known_depth_settles_the_scale(tmp_path: Path) -> None:
         z = 1.1 * groove_shape(depth, 30, 0.6)
         noise = np.random.default_rng(int(1e3 * depth)).normal(1, 0.01, (6, *z.shape))
         write_scan(folder, (seen(z, model) * noise).astype(np.float32))
-    given = {"capture": part, "model": file, "cell_px": 2, "out": tmp_path / "result"}
+    arguments = {"capture": part, "model": file, "cell_px": 2, "out": tmp_path / "result"}
     known = {"step": tmp_path / "known", "certified_um": (120, 0.2)}
     for wrong, message in (
         ({"certified_um": None}, "a known step needs both: step=SCAN certified_um=DEPTH"),
@@ -86,10 +86,10 @@ def test_a_step_of_known_depth_settles_the_scale(tmp_path: Path) -> None:
         ({"step_crop": (0, 0, 99, 20)}, "/known has only 96 x 64 pixels"),
     ):
         with pytest.raises(InputError, match=message):
-            run("reconstruct_scan", **given, **(known | wrong))
-    settled_by_it = run("reconstruct_scan", **given, **known)
+            run("reconstruct_scan", **arguments, **(known | wrong))
+    settled_by_it = run("reconstruct_scan", **arguments, **known)
     assert settled_by_it["height"].min() == pytest.approx(-0.06, abs=2e-3)
-    assert any("known: its step is 13" in told for told in settled_by_it.warnings)
+    assert any("known: its step is 13" in line for line in settled_by_it.warnings)
     found = run("measure_step", height=tmp_path / "result/height.npy")["step"]
     assert found["step_depth_um"] == pytest.approx(60, abs=0.5)
     assert 0.1 < found["step_uncertainty_um"] < 0.6
@@ -99,7 +99,7 @@ def test_a_step_of_known_depth_settles_the_scale(tmp_path: Path) -> None:
     np.save(parts, np.load(parts)[0])
     with pytest.raises(InputError, match=r"error_parts\.npy: is damaged"):
         run("measure_step", height=parts.with_name("height.npy"))
-    run("reconstruct_scan", **given)
+    run("reconstruct_scan", **arguments)
     assert not parts.exists()
 
 
@@ -130,7 +130,7 @@ def test_a_model_of_another_frame_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_grooves_seen_through_real_sensors_models_have_their_depth() -> None:
+def test_grooves_through_real_sensors_models_have_their_depth() -> None:
     """500 um with walls of 30 degrees, 1 % of noise.  The rows of one share their error."""
     held = []
     for device in DEVICES:

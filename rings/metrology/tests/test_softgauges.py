@@ -104,7 +104,7 @@ def test_a_groove_and_a_step(write: Write, depth_um: float, tmp_path: Path) -> N
         assert found["step_depth_um"] == pytest.approx(depth_um, rel=MOST_OFF)
 
 
-def test_what_is_exported_as_a_softgauge_is_read_back(tmp_path: Path) -> None:
+def test_an_exported_softgauge_is_read_back(tmp_path: Path) -> None:
     height = np.asarray(1e-3 * X[:20, :30] + 0.01, np.float32)
     height[3, 4] = np.nan
     export_height(height, 1e-3 * PIXEL_UM, folder=tmp_path, formats=("sdf",))

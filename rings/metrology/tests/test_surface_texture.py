@@ -51,7 +51,7 @@ def test_the_form_that_is_taken_off_is_of_the_degree_asked_for() -> None:
     assert surface_texture(WAVES, PIXEL_MM, np.zeros((ROWS, COLUMNS), np.uint8)) == {}
 
 
-def test_what_is_not_known_is_left_out_and_not_filled() -> None:
+def test_unknown_pixels_are_left_out_and_not_filled() -> None:
     height = (WAVES + 0.05 * Y).astype(np.float32)
     height[:, :16] = np.nan  # one wave
     height[40:50, 60:90] = np.nan
@@ -101,13 +101,13 @@ def test_without_its_package_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
 
 def test_a_height_unknown_in_parts_has_a_texture(tmp_path: Path) -> None:
     np.save(tmp_path / "height.npy", partly_known())
-    given = {"height": tmp_path / "height.npy", "pixel_size_mm": PIXEL_MM}
-    (found,) = open_pipeline("texture", given).items()
+    arguments = {"height": tmp_path / "height.npy", "pixel_size_mm": PIXEL_MM}
+    (found,) = open_pipeline("texture", arguments).items()
     known = (24 * 32 - 15) * PIXEL_MM**2
     assert found["texture"]["texture_area_mm2"] == pytest.approx(known)
 
 
-def test_texture_is_the_same_with_the_size_given_or_left_out(tmp_path: Path) -> None:
+def test_texture_is_the_same_with_or_without_the_size(tmp_path: Path) -> None:
     file = stored(tmp_path, "npy", {"pixel_size_mm": PIXEL_MM})
     found = []
     for more in ({}, {"pixel_size_mm": PIXEL_MM}):

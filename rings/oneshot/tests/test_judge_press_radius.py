@@ -56,11 +56,11 @@ def judged(film: Film, gamma: float, noise: float = 0.004) -> Judged:
     return judge_press_radius(image, flat, circle, kept, pixel, radius_mm=5.0)
 
 
-def test_a_coat_is_no_gamma() -> None:
+def test_a_coat_is_not_mistaken_for_gamma() -> None:
     assert not judged(COATED, 1.0).doubts
     assert "the camera raises to the power" in judged(MATT, 1.4).doubts[0]
 
 
-def test_a_film_is_matt_where_noise_explains_what_is_open() -> None:
+def test_a_film_counts_as_matt_where_noise_explains_the_residual() -> None:
     assert judged(MATT, 1.0, noise=0.02).quality.get("matt") == 1
     assert "matt" not in judged(COATED, 1.0, noise=0.02).quality

@@ -24,10 +24,10 @@ def pressed(depth: float, share: float) -> F4:
     return np.asarray(FLAT * mapped_light(shown, film, reflectance(3)), np.float32)
 
 
-def judged(share: float, depths: tuple[float, ...], told: tuple[float, ...] | None) -> Judged:
+def judged(share: float, depths: tuple[float, ...], stated: tuple[float, ...] | None) -> Judged:
     image = np.stack([pressed(depth, share) for depth in depths])
     names = [f"p{number}" for number in range(len(depths))]
-    return judge_punches(image, FLAT, names, reflectance(3), RESIDUAL, PIXEL, depth_mm=told)
+    return judge_punches(image, FLAT, names, reflectance(3), RESIDUAL, PIXEL, depth_mm=stated)
 
 
 def test_one_punch_is_a_check_and_changes_nothing() -> None:
@@ -37,7 +37,7 @@ def test_one_punch_is_a_check_and_changes_nothing() -> None:
     assert quality["punch_percent"] == pytest.approx(quality["punch_um"] / 7)
 
 
-def test_walls_get_back_what_several_punches_show_that_they_lack() -> None:
+def test_walls_are_corrected_by_what_several_punches_show() -> None:
     quality = judged(0.8, DEPTHS, DEPTHS).quality
     each = [judged(0.8, (depth,), (depth,)).quality["punch_um"] for depth in DEPTHS]
     assert quality["wall_gain"] > 0
@@ -60,7 +60,7 @@ def test_depths_must_match_and_punches_must_show() -> None:
         judge_punches(FLAT[None], FLAT, ["p0"], reflectance(3), RESIDUAL, PIXEL, depth_mm=(0.5,))
 
 
-def test_level_and_round_film_is_left_as_it_is() -> None:
+def test_level_and_round_film_is_unchanged() -> None:
     y, x = PIXEL * (np.indices(SHAPE) - (np.array(SHAPE)[:, None, None] - 1) / 2)
     cap = np.stack([-x, -y]).astype(np.float32) / 12
     assert np.abs(raise_walls(cap, 1.0) - cap).max() < 0.01

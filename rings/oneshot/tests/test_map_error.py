@@ -57,7 +57,7 @@ def test_walls_carry_their_error_to_the_plateau() -> None:
     assert doubtful > 2 * known
 
 
-def test_a_flat_punch_is_a_contact_and_its_top_is_no_film_at_rest() -> None:
+def test_the_top_of_a_flat_punch_counts_as_contact() -> None:
     for depth in (0.1, 0.25, 1.0):
         height, error = found(punch(depth, 10.0), dimmed=0.4)
         contact = find_contact(height, error, enter=4.0, leave=2.0)

@@ -34,11 +34,11 @@ def test_a_one_shot_sensor_may_have_oblong_pixels(tmp_path: Path) -> None:
     for x, y in product((-4.7, -1.6, 1.3, 4.4), (-3.1, 0.2, 2.8)):
         ball = shape_ball(radius_mm=BALL_MM, rise_mm=0.8, offset_mm=(x, y), **CANVAS).height
         write_colours(f"presses/{x} {y}", ball, 2)
-    given = {"captures": str(tmp_path / "presses"), "flat": flat, "ball_radius_mm": BALL_MM}
+    arguments = {"captures": str(tmp_path / "presses"), "flat": flat, "ball_radius_mm": BALL_MM}
 
     def calibrated(pixel_size_mm: float | tuple[float, float], out: str) -> list[str]:
         out = str(tmp_path / out)
-        return said(run("calibrate_presses", **given, pixel_size_mm=pixel_size_mm, out=out))
+        return said(run("calibrate_presses", **arguments, pixel_size_mm=pixel_size_mm, out=out))
 
     assert not any("not square" in line for line in calibrated((PIXEL_MM, LENGTH_MM), "cal.npz"))
     percent = oblong_percent(calibrated(PIXEL_MM, "square.npz"))

@@ -105,7 +105,7 @@ def test_a_reflectance_that_varies_is_recovered_and_a_wrong_centre_put_right(fit
     np.testing.assert_allclose(fitted.circle[:, :2], CENTERS, atol=0.4)
 
 
-def test_three_lights_suffice_for_a_press_that_was_not_seen(fitted) -> None:
+def test_three_lights_suffice_for_an_unseen_press(fitted) -> None:
     slope, height = pressed(40.0, 30.0)
     light = light_of(slope, height)
     found = solve_reflectance_map(light, FLAT, height.astype(np.float32), fitted.reflectance)
@@ -152,12 +152,12 @@ def test_an_empty_film_is_left_out_and_named() -> None:
     np.testing.assert_allclose(found.circle[0, :2], CENTERS[5], atol=1.5)
 
 
-def test_a_contact_that_is_given_is_not_searched_for() -> None:
+def test_a_stated_contact_is_not_searched_for() -> None:
     images = np.full((4, 3, *SHAPE), 0.4, np.float32)
-    given = np.full((4, 3), np.nan, np.float32)
-    given[1] = 30, 20, 11
-    found = find_presses(images, FLAT, list("abcd"), PIXEL, given, radius_mm=RADIUS_MM, fewest=1)
-    assert np.array_equal(found.circle[1], given[1])
+    stated = np.full((4, 3), np.nan, np.float32)
+    stated[1] = 30, 20, 11
+    found = find_presses(images, FLAT, list("abcd"), PIXEL, stated, radius_mm=RADIUS_MM, fewest=1)
+    assert np.array_equal(found.circle[1], stated[1])
     assert list(np.flatnonzero(found.goodness)) == [1]
 
 
@@ -217,7 +217,7 @@ def change(file: Path, **arrays) -> None:
     np.savez(file, **{name: array for name, array in kept.items() if array is not None})
 
 
-def test_what_was_written_is_read_and_a_fresh_film_stands_for_the_one_inside(file: Path) -> None:
+def test_a_written_file_is_read_and_a_fresh_flat_frame_replaces_its_own(file: Path) -> None:
     found = read_press_calibration(file=file)
     np.testing.assert_array_equal(found.flat, FLAT)
     np.testing.assert_array_equal(found.reflectance, true_map().astype(np.float32))
@@ -284,8 +284,8 @@ def test_a_real_sensor_measures_a_press_that_it_was_not_calibrated_with(tmp_path
     fit = fit_reflectance_map(stack, images.flat, names, circle, PX, radius_mm=3.155, rounds=3)
     kept = images.flat, PX, fit.reflectance, {}, ""
     write_press_calibration(*kept, file=calibration, provenance=MADE)
-    given = {"capture": data / f"6.310mm/{held_out}", "calibration": calibration}
-    (result,) = open_pipeline("gelsight_mini", {**given, "out": tmp_path / "out"}).items()
+    arguments = {"capture": data / f"6.310mm/{held_out}", "calibration": calibration}
+    (result,) = open_pipeline("gelsight_mini", {**arguments, "out": tmp_path / "out"}).items()
     slope, height = result.outputs["slope"], result.outputs["height"]
     light = stack[around.index(held_out)] / images.flat
     ball = find_ball(light, PX, radius_mm=3.155)

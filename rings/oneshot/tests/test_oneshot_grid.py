@@ -51,10 +51,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-def calibrated(folder: Path, **given: object) -> object:
+def calibrated(folder: Path, **arguments: object) -> object:
     captures = {"captures": str(folder / "balls"), "flat": str(folder / "flat")}
     out = str(folder / "cal.npz")
-    return run("calibrate_presses", **captures, ball_radius_mm=RADIUS_MM, out=out, **given)
+    return run("calibrate_presses", **captures, ball_radius_mm=RADIUS_MM, out=out, **arguments)
 
 
 @pytest.mark.slow
@@ -63,13 +63,13 @@ def test_two_presses_of_a_grid_calibrate(folder: Path) -> None:
     result = calibrated(folder, ball_pitch_mm=PITCH_MM, lens=str(folder / "cam.npz"))
     assert result["quality"]["presses"] >= 24
     assert result["quality"]["heldout_normal_deg"] < 1.5
-    given = {"capture": str(folder / "touch"), "calibration": str(folder / "cal.npz")}
-    found = run("gelsight_mini", **given, sinks=False)
+    arguments = {"capture": str(folder / "touch"), "calibration": str(folder / "cal.npz")}
+    found = run("gelsight_mini", **arguments, sinks=False)
     assert not said(found)
     off = found["height"] - distort_height(TOUCH, LENS)
     assert np.sqrt(np.mean(off**2)) < 0.012
 
 
-def test_a_grid_without_its_pitch_is_told_of_it(folder: Path) -> None:
+def test_a_grid_without_its_pitch_is_refused(folder: Path) -> None:
     with pytest.raises(InputError, match="give ball_pitch_mm=MM if a press shows a grid of balls"):
         calibrated(folder, pixel_size_mm=PIXEL_MM)

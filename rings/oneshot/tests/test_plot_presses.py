@@ -12,10 +12,10 @@ def test_contacts_and_their_errors_are_drawn(tmp_path: Path) -> None:
     flat = np.full((3, 60, 80), 0.5, np.float32)
     circle = np.array([[20, 20, 8], [60, 30, 9], [40, 40, 8], [0, 0, 0]], np.float32)
     kept, errors = np.array([1, 1, 0, 0], np.uint8), np.array([0.5, 2, 0, 0], np.float32)
-    said = {"verdict": "nothing speaks against it", "advice": "press deeper"}
+    header = {"verdict": "nothing speaks against it", "advice": "press deeper"}
     drawn = []
     for used in (kept, 0 * kept):
-        plot_presses(flat, circle, used, errors, file=tmp_path / "cal.npz", **said)
+        plot_presses(flat, circle, used, errors, file=tmp_path / "cal.npz", **header)
         drawn.append(cv2.imread(str(tmp_path / "cal.png")))
     assert drawn[0].shape == (500, 1200, 3)
     blue = [

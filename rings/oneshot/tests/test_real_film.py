@@ -23,5 +23,5 @@ def test_one_press_of_a_grid_calibrates_a_sensor_of_three_colours(sensor: Sensor
         flat=folder / "colours/film", ball_radius_mm=RADIUS_MM, pixel_size_mm=PIXEL_MM,
         ball_pitch_mm=1.0,
     )  # fmt: skip
-    given = {"capture": folder / "colours/touch", "calibration": folder / "colours.npz"}
-    assert degrees(run("gelsight_mini", **given)["height"], sensor.centres) < 1.8
+    arguments = {"capture": folder / "colours/touch", "calibration": folder / "colours.npz"}
+    assert degrees(run("gelsight_mini", **arguments)["height"], sensor.centres) < 1.8

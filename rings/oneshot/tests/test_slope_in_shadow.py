@@ -45,7 +45,7 @@ def seen(film: F4, slope: F4) -> F4:
 
 
 def measured(light: F4, film: F4, deviation: float) -> tuple[F4, F4]:
-    """Slope with shadows told at this deviation, and its height."""
+    """Slope with shadows labelled at this deviation, and its height."""
     by_all = solve_reflectance_map(light, FLAT, 0 * film, matt_film())
     slope = slope_in_shadow(by_all, light, FLAT, 0 * film, matt_film(), deviation)
     return slope, rest_at_border(integrate_dct(slope, PIXEL))

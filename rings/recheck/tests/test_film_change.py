@@ -1,4 +1,4 @@
-"""What has changed on an untouched film is told cause by cause."""
+"""Each cause of a change on untouched film is named."""
 
 import cv2
 import numpy as np
@@ -38,7 +38,9 @@ def wrong(light: F4) -> set[str]:
     """The causes that are found."""
     verdicts = judged(light)._asdict()
     return {
-        name for name, said in verdicts.items() if isinstance(said, str) and said[:5] != "right"
+        name
+        for name, verdict in verdicts.items()
+        if isinstance(verdict, str) and not verdict.startswith("right")
     }
 
 
@@ -68,7 +70,7 @@ def test_the_same_film_is_right_whatever_its_noise_and_drift(seed: int) -> None:
 @pytest.mark.parametrize(
     ("change", "by"), [("dent", -54.4), ("strength", -3.08), ("ambient", -0.3)]
 )
-def test_what_no_film_led_or_camera_can_do_is_another_sensor(change: str, by: float) -> None:
+def test_an_impossible_change_means_another_sensor(change: str, by: float) -> None:
     found = changed(GEL.seen())
     value = getattr(found, change)
     if change == "dent":
@@ -77,8 +79,8 @@ def test_what_no_film_led_or_camera_can_do_is_another_sensor(change: str, by: fl
         value = value + np.array([0, 0, by, 0], np.float32)
     else:
         value = by
-    said = judge_film(found._replace(**{change: value}), PIXEL_MM)
-    assert all("is this another sensor" in verdict for verdict in said[:5])
+    verdicts = judge_film(found._replace(**{change: value}), PIXEL_MM)
+    assert all("is this another sensor" in verdict for verdict in verdicts[:5])
 
 
 def test_a_weak_led_is_named() -> None:
@@ -107,16 +109,16 @@ def test_an_image_that_moved_is_measured(by: tuple[float, float]) -> None:
     assert changed(light).shift == pytest.approx(by, abs=0.25)
 
 
-def test_a_black_level_that_changed_is_no_dent_and_no_scratch() -> None:
+def test_a_changed_black_level_is_neither_dent_nor_scratch() -> None:
     """Dark corners end at black: they say nothing of the film."""
     dark = 1 - 0.95 * np.clip(np.hypot(X / X.max(), Y / Y.max()) / 1.4, 0, 1) ** 3
     then = GEL.seen() * dark
     now = np.clip(then - np.float32(0.026), 0, 1)
     change = film_change(at_rest(then), at_rest(now), TILT, PIXEL_MM)
     assert change.ambient == pytest.approx(-0.026, rel=0.1)
-    said = judge_film(change, PIXEL_MM)
-    assert said.ambient.startswith("the black level has changed: every image is 2.")
-    assert said.film.startswith("right")
+    verdicts = judge_film(change, PIXEL_MM)
+    assert verdicts.ambient.startswith("the black level has changed: every image is 2.")
+    assert verdicts.film.startswith("right")
 
 
 def test_a_dent_above_the_noise_is_named() -> None:
@@ -124,7 +126,7 @@ def test_a_dent_above_the_noise_is_named() -> None:
     assert wrong(noisy(dented(0.001), 1)) == set()
 
 
-def test_a_dent_has_its_height_and_a_touch_is_no_dent() -> None:
+def test_a_dent_has_its_height_and_a_touch_is_not_a_dent() -> None:
     light = dented(0.03)
     assert wrong(light) == {"film"}
     assert changed(light).dent.max() == pytest.approx(0.03, rel=0.3)
@@ -137,9 +139,9 @@ def test_images_in_another_order_are_refused(order: list[int], new_film: bool) -
     gel = Gel(seed=9, thicker=0.3, albedo=0.5) if new_film else GEL
     with pytest.raises(InputError) as caught:
         film_change(THEN, at_rest(gel.seen())[order], TILT, PIXEL_MM, new_film=new_film)
-    said = str(caught.value)
+    message = str(caught.value)
     for image, led in enumerate(order, start=1):
-        assert (f"image {image} has the light of LED {led + 1}" in said) == (image != led + 1)
+        assert (f"image {image} has the light of LED {led + 1}" in message) == (image != led + 1)
 
 
 def test_noise_is_not_another_order() -> None:

@@ -36,8 +36,8 @@ def gels(made_once: MadeOnce) -> Path:
         old, new = folder / "old", folder / "new"
         take(old, Gel(), SPOTS)
         take(new, Gel(seed=2, **CHANGED), [])
-        given = {"capture": old / "presses", "flat": old / "flat", "pixel_size_mm": PIXEL_MM}
-        run("calibrate", old / "cal.npz", ball_radius_mm=RADIUS_MM, **given)
+        arguments = {"capture": old / "presses", "flat": old / "flat", "pixel_size_mm": PIXEL_MM}
+        run("calibrate", old / "cal.npz", ball_radius_mm=RADIUS_MM, **arguments)
         again = {"calibration": old / "cal.npz", "capture": new / "check", "flat": new / "flat"}
         run("recalibrate", new / "cal.npz", ball_radius_mm=RADIUS_MM, **again)
 
@@ -56,7 +56,7 @@ def test_a_new_gel_is_measured_as_the_old_one_was(gels: Path, tmp_path: Path) ->
 
 
 @pytest.mark.slow
-def test_it_says_what_is_left_and_that_a_dent_stays(gels: Path) -> None:
+def test_recalibration_reports_its_residual_and_that_a_dent_stays(gels: Path) -> None:
     about = np.load(gels / "new" / "cal.npz")["about"]
     quality = json.loads(str(about))["quality"]
     assert quality["check_deg/held_out"] < 0.5 * quality["check_deg/before"]
@@ -83,6 +83,6 @@ def test_a_calibration_is_right_for_its_own_film_alone(gels: Path, tmp_path: Pat
     }
     assert seen["old"]["quality"]["wrong"] == 0
     assert "dent" in seen["new"]["film"]
-    given = {"calibration": old, "capture": gels / "new" / "flat", "out": out}
-    list(open_pipeline("check_calibration", given).items())
+    arguments = {"calibration": old, "capture": gels / "new" / "flat", "out": out}
+    list(open_pipeline("check_calibration", arguments).items())
     assert out.is_file()

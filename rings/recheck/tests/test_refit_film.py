@@ -46,7 +46,7 @@ def test_a_calibration_keeps_the_steepest_slope_that_was_pressed(old: FilmFit) -
 
 
 @pytest.mark.slow
-def test_a_check_press_much_shallower_than_the_calibrations_is_told(old: FilmFit) -> None:
+def test_a_check_press_much_shallower_than_the_calibrations_gives_a_warning(old: FilmFit) -> None:
     (note,) = told_of(old, 1.5)
     assert "slopes of up to 0.31, the calibration's presses of up to" in note
     assert told_of(old, RIM) == []

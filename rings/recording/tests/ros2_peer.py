@@ -91,7 +91,7 @@ def plain(message: Any) -> Any:
     return [plain(each) for each in message] if isinstance(message, list) else message
 
 
-def publish(given: str) -> dict[str, Any]:
+def publish(touch_file: str) -> dict[str, Any]:
     """Publish the touch of a file of arrays by the node, until every topic was heard."""
     from tactograph.graph import Provenance, Session
     from tactograph.nodes.stream.touch import Touch
@@ -103,7 +103,7 @@ def publish(given: str) -> dict[str, Any]:
     kinds |= {"contacts": "PointCloud2", "markers": "PointCloud2", "shadow": "Image"}
     kinds |= {"pose": "PoseWithCovarianceStamped"}
     peer = Peer({f"/pad/{name}": kind for name, kind in kinds.items()} | DIAGNOSTICS)
-    parts = dict(np.load(given))
+    parts = dict(np.load(touch_file))
     figures = json.loads(str(parts.pop("metrics")))
     tracks = MarkerTracks(*(parts.pop(name) for name in MarkerTracks._fields))
     pose = ObjectPose(*(parts.pop(name) for name in ObjectPose._fields))
@@ -145,8 +145,8 @@ def graph(calibration: str, capture: str) -> dict[str, Any]:
 
     camera = threading.Thread(target=flash)
     camera.start()
-    given = {"calibration": calibration, "seconds": TIMEOUT_S}
-    with open_pipeline("ros2", given, backend="numpy") as pipeline:
+    arguments = {"calibration": calibration, "seconds": TIMEOUT_S}
+    with open_pipeline("ros2", arguments, backend="numpy") as pipeline:
         for _ in pipeline.items():
             if not peer.waits:
                 break

@@ -50,7 +50,7 @@ def test_a_height_survives_as_a_picture_to_half_a_level() -> None:
     assert np.abs(back - HEIGHT).max() < 0.51 * STEP_MM
 
 
-def test_what_a_row_cannot_hold_is_refused() -> None:
+def test_a_value_that_a_row_cannot_hold_is_refused() -> None:
     high = np.where(HEIGHT > 1.4, np.float32(6), HEIGHT)
     with pytest.raises(InputError, match=r"from -0.10 to 6.00 mm do not fit into -0.9999 to 5.55"):
         columns_of(a_touch(height=high))
@@ -64,8 +64,8 @@ def test_a_row_holds_height_lights_contacts_pose_and_time() -> None:
     feature = columns["observation.images.left_height"].feature
     assert (feature["dtype"], feature["shape"]) == ("image", (*SIZE, 3))
     assert feature["names"] == ["height", "width", "channels"]
-    said = {"unit": "mm", "step": 1e-4, "offset": -1.0, "sensor": "bench", "hash": "0"}
-    assert said.items() <= feature["info"].items()
+    scale = {"unit": "mm", "step": 1e-4, "offset": -1.0, "sensor": "bench", "hash": "0"}
+    assert scale.items() <= feature["info"].items()
     first, second = (columns[f"observation.images.left_lights{n}"] for n in (1, 4))
     np.testing.assert_array_equal(first.value, BYTES[:3].transpose(1, 2, 0))
     np.testing.assert_array_equal(second.value[..., 0], BYTES[3])
@@ -83,7 +83,7 @@ def test_a_row_holds_height_lights_contacts_pose_and_time() -> None:
     assert not fewer & {"observation.left.pose", "observation.left.contacts"}
 
 
-def test_a_folder_of_something_else_is_no_dataset(tmp_path: Path) -> None:
+def test_another_kind_of_folder_is_not_a_dataset(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"is no LeRobot dataset, meta/info.json is missing"):
         next(read_lerobot(dataset=tmp_path))
 

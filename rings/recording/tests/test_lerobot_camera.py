@@ -90,7 +90,7 @@ def test_a_picture_for_people_and_policies_has_three_channels_of_bytes(
     assert [(each.shape, each.dtype) for each in (shown, latest)] == [((60, 80, 3), np.uint8)] * 2
 
 
-def test_a_missing_sensor_is_told_when_it_is_connected(sensor: Callable[..., Camera]) -> None:
+def test_a_missing_sensor_is_reported_on_connect(sensor: Callable[..., Camera]) -> None:
     camera = sensor(params={**PARAMS, "camera": "simulated?radius=4"})
     with pytest.raises(ConnectionError, match="the stream has ended: camera=simulated"):
         camera.connect()
@@ -193,8 +193,8 @@ def test_lerobot_record_takes_the_heights_of_two_sensors_into_one_dataset(
         "dataset.reset_time_s": 0, "dataset.vcodec": "h264", "dataset.push_to_hub": "false",
         "play_sounds": "false",
     }  # fmt: skip
-    given = [f"--{name}={value}" for name, value in options.items()]
-    monkeypatch.setattr(sys, "argv", ["lerobot-record", *given])
+    arguments = [f"--{name}={value}" for name, value in options.items()]
+    monkeypatch.setattr(sys, "argv", ["lerobot-record", *arguments])
     monkeypatch.setattr(lerobot_record, "init_keyboard_listener", lambda: (None, KEYS))
     lerobot_record.main()
     rows = LeRobotDataset("local/data", root=tmp_path / "data")

@@ -52,7 +52,7 @@ def test_a_recording_is_read_by_the_libraries_of_ros_as_standard_images(tmp_path
     assert np.ptp(np.subtract(stamps, exposed)) < 1e-6
 
 
-def test_leds_and_settings_stand_beside_the_frames(tmp_path: Path) -> None:
+def test_leds_and_settings_are_stored_with_the_frames(tmp_path: Path) -> None:
     make_recording(tmp_path, 2)
     file = McapFile(log_files(tmp_path)[0])
     touches = [json.loads(m.body.data) for m in file.messages() if m.topic == "/touch"]
@@ -72,7 +72,7 @@ def test_sixteen_bits_stay_sixteen_bits(tmp_path: Path) -> None:
     assert [image.data for image in images] == [frame.data.tobytes() for frame in frames]
 
 
-def test_what_was_handed_over_is_in_the_file_before_the_next_touch(tmp_path: Path) -> None:
+def test_a_touch_is_in_the_file_before_the_next_one(tmp_path: Path) -> None:
     session = Session()
     for touch in range(3):
         record_touch(session, make_cycle(touch), str(touch), folder=tmp_path)
@@ -184,7 +184,7 @@ class Disk:
         return written
 
 
-def test_a_full_disk_costs_touches_but_neither_the_stream_nor_what_was_written(
+def test_a_full_disk_costs_touches_but_neither_the_stream_nor_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mcap_log, "RETRY_S", 0.0)
@@ -210,7 +210,7 @@ def test_a_full_disk_costs_touches_but_neither_the_stream_nor_what_was_written(
     assert read_numbers(tmp_path) == [*before, *range(5 * LEDS, 8 * LEDS)]
 
 
-def test_a_disk_that_is_full_at_the_last_touch_is_told_at_the_end(
+def test_a_disk_full_at_the_last_touch_is_reported_at_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mcap_log, "PATIENCE_S", 0.0)

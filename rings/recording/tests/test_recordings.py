@@ -47,10 +47,12 @@ def graph(tmp_path: Path) -> Path:
     return file
 
 
-def test_a_replayed_stream_runs_through_a_graph_and_is_kept(tmp_path: Path, graph: Path) -> None:
+def test_a_replayed_stream_runs_through_a_graph_and_is_recorded(
+    tmp_path: Path, graph: Path
+) -> None:
     frames = make_recording(tmp_path / "first", 3)
-    given = {"recording": tmp_path / "first", "again": tmp_path / "again"}
-    with open_pipeline(str(graph), given) as pipeline:
+    arguments = {"recording": tmp_path / "first", "again": tmp_path / "again"}
+    with open_pipeline(str(graph), arguments) as pipeline:
         heights = [result["smooth"] for result in pipeline.items()]
     assert len(heights) == 3
     assert np.abs(heights[1] - light_of(frames[LEDS : 2 * LEDS])).mean() < 0.3
@@ -63,7 +65,7 @@ def test_a_replayed_stream_runs_through_a_graph_and_is_kept(tmp_path: Path, grap
     assert "Replay, record again" in file.about["graph"]
 
 
-def test_a_file_that_is_no_recording_is_one_line_and_exit_code_2(
+def test_a_file_that_is_not_a_recording_is_one_line_and_exit_code_2(
     tmp_path: Path, graph: Path, tactograph: Command
 ) -> None:
     (tmp_path / "notes.mcap").write_text("not this\n")
@@ -92,6 +94,6 @@ def test_recording_without_its_package_names_the_extra(monkeypatch: pytest.Monke
 def test_a_recording_shows_how_long_and_what(tmp_path: Path, tactograph: Command) -> None:
     make_recording(tmp_path, 3)
     (file,) = tmp_path.glob("*.mcap")
-    told = tactograph("show", file).out
-    assert "recording, 0." in told
-    assert all(f"/led{led}/image_raw  3" in told for led in range(1, LEDS + 1))
+    printed = tactograph("show", file).out
+    assert "recording, 0." in printed
+    assert all(f"/led{led}/image_raw  3" in printed for led in range(1, LEDS + 1))

@@ -28,7 +28,7 @@ from tactograph.rings.recording.files.ros_messages import image_message, text_me
 from tactograph.rings.recording.nodes.replay import replay
 
 
-def test_every_cycle_comes_back_as_it_was(tmp_path: Path) -> None:
+def test_every_cycle_is_replayed_unchanged(tmp_path: Path) -> None:
     frames = make_recording(tmp_path, 3)
     touches = list(replay(recording=tmp_path, speed=0, refresh="cycle"))
     assert [touch.name for touch in touches] == ["000001", "000002", "000003"]
@@ -126,7 +126,7 @@ def test_light_with_all_leds_off_is_taken_off_less_the_cameras_own_dark(tmp_path
     np.testing.assert_allclose(touch.image, plain.image - 20 / 255, atol=1e-6)
 
 
-def test_a_torn_end_is_told_once_and_everything_before_it_replayed(tmp_path: Path) -> None:
+def test_a_torn_end_is_reported_once_and_everything_before_it_replayed(tmp_path: Path) -> None:
     make_recording(tmp_path, 3)
     (path,) = log_files(tmp_path)
     path.write_bytes(path.read_bytes()[:-5000])
@@ -138,7 +138,7 @@ def test_a_torn_end_is_told_once_and_everything_before_it_replayed(tmp_path: Pat
     assert 0 < len(touches) < 3 * LEDS - 3
 
 
-def test_an_end_that_is_torn_between_two_records_is_told(tmp_path: Path) -> None:
+def test_an_end_torn_between_two_records_is_reported(tmp_path: Path) -> None:
     make_recording(tmp_path, 3)
     (path,) = log_files(tmp_path)
     content = path.read_bytes()
@@ -155,7 +155,7 @@ def test_an_end_that_is_torn_between_two_records_is_told(tmp_path: Path) -> None
     ]
 
 
-def test_an_empty_file_beside_others_does_not_hurt(tmp_path: Path) -> None:
+def test_an_empty_file_among_others_does_no_harm(tmp_path: Path) -> None:
     make_recording(tmp_path, 1)
     with collect_warnings([]) as notes:
         list(replay(recording=tmp_path, speed=0))
@@ -172,7 +172,7 @@ def make_foreign(folder: Path, topic: str) -> None:
     log.close()
 
 
-def test_what_is_no_recording_is_one_line_that_names_it(tmp_path: Path) -> None:
+def test_a_foreign_file_is_named_in_one_line(tmp_path: Path) -> None:
     empty = tmp_path / "empty"
     empty.mkdir()
     text = tmp_path / "notes.mcap"

@@ -58,8 +58,8 @@ def started(task: str, *words: object) -> subprocess.Popen[str]:
 def ask(task: str, *words: object) -> dict[str, Any]:
     """Let the peer do something under ROS, and return what it heard."""
     with started(task, *words) as peer:
-        out, said = peer.communicate(timeout=100)
-    assert peer.returncode == 0, said
+        out, output = peer.communicate(timeout=100)
+    assert peer.returncode == 0, output
     heard: dict[str, Any] = json.loads(out.splitlines()[-1])
     return heard
 
@@ -153,11 +153,11 @@ def heard_of(words: list[str], frame: Path | None = None) -> dict[str, Any]:
         finally:
             run.send_signal(signal.SIGINT)
             try:
-                _, said = run.communicate(timeout=60)
+                _, output = run.communicate(timeout=60)
             finally:
                 run.kill()  # or its end would be waited for without an end
-    assert set(heard) == set(topics), said
-    assert run.returncode == 0, said
+    assert set(heard) == set(topics), output
+    assert run.returncode == 0, output
     return {name: heard[f"/pad/{name}"] for name in kinds}
 
 
@@ -200,7 +200,7 @@ def test_colour_images_on_a_topic_give_heights_on_another(mini: Path, tmp_path: 
 
 
 @needs_ros
-def test_a_name_that_ros_refuses_is_told_in_one_line() -> None:
+def test_a_name_that_ros_refuses_is_one_line() -> None:
     refused = ask("refuse", "")["refused"]
     assert "`node_name`=not a name" in refused
     assert "\n" not in refused
@@ -260,7 +260,7 @@ def test_a_camera_that_fills_12_of_16_bits_reaches_full_scale() -> None:
         (np.zeros((4, 5), np.uint8), "led1", "yuv422", "yuv422"),
     ],
 )
-def test_what_is_no_image_of_an_led_is_left_out_and_told(
+def test_messages_without_an_led_image_are_left_out_and_reported(
     data: np.ndarray, frame: str, encoding: str | None, says: str
 ) -> None:
     with collect_warnings([]) as notes:

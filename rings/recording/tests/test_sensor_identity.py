@@ -42,10 +42,10 @@ def test_a_recording_is_replayed_with_its_sensor(tmp_path: Path, calibrated: Cal
     assert "is of sensor 'left', but the calibration" in line
     assert "is of sensor 'right'" in line
     assert "`another_sensor`=true" in line
-    with collect_warnings([]) as told:
+    with collect_warnings([]) as messages:
         again = replay(recording=recording, calibration=right, another_sensor=True, speed=0)
         assert len(list(again)) == 1
-    assert "taken on purpose" in told[0]
+    assert "taken on purpose" in messages[0]
 
 
 def test_sensors_of_one_name_differ_by_camera(tmp_path: Path, calibrated: Calibrated) -> None:
@@ -65,9 +65,7 @@ def test_a_file_that_does_not_know_its_sensor_fits_any(
     assert len(list(replay(recording=recording, calibration=other, speed=0))) == 1
 
 
-def test_a_recording_keeps_the_calibration_that_it_was_made_with(
-    tmp_path: Path, calibrated: Calibrated
-) -> None:
+def test_a_recording_holds_the_calibration_in_use(tmp_path: Path, calibrated: Calibrated) -> None:
     left = calibrated("left")
     (file,) = log_files(recorded(tmp_path / "touch", left))
     read = McapFile(file)

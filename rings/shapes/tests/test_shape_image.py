@@ -39,7 +39,7 @@ def test_floats_are_millimetres(tmp_path):
         ("a.npy", np.full((2, 2), np.nan), "not finite"),
     ],
 )
-def test_what_is_no_height_is_refused(tmp_path, name, content, message):
+def test_an_image_without_heights_is_refused(tmp_path, name, content, message):
     file = tmp_path / name
     if isinstance(content, bytes):
         file.write_bytes(content)

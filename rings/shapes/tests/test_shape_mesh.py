@@ -79,7 +79,7 @@ def test_part_outside_the_image_is_cut_off(saved):
     assert not height[:, :120].any()
 
 
-def test_what_is_no_mesh_is_refused(saved, tmp_path):
+def test_a_file_that_is_not_a_mesh_is_refused(saved, tmp_path):
     points = saved(trimesh.PointCloud(np.eye(3)), "points.ply")
     for name in ("a.stl", "a.xyzzy"):
         (tmp_path / name).write_bytes(b"what is this")

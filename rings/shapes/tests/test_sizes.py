@@ -16,6 +16,6 @@ from tactograph.rings.shapes.nodes.shape_text import shape_text
         lambda: shape_text(text="large", size_mm=1e4, pixel_size_mm=1e-4),
     ],
 )
-def test_what_would_fill_the_memory_or_the_day_is_refused(make) -> None:
+def test_sizes_beyond_memory_or_patience_are_refused(make) -> None:
     with pytest.raises(InputError, match=r"million|fine pixels|px"):
         make()

@@ -25,9 +25,11 @@ class Browser:
             stdout=subprocess.DEVNULL,
         )  # fmt: skip
         self.pid = self._process.pid
-        told = folder / "DevToolsActivePort"
-        self._until(lambda: told.exists() and len(told.read_text().splitlines()) == 2, "chromium")
-        port, path = told.read_text().splitlines()
+        port_file = folder / "DevToolsActivePort"
+        self._until(
+            lambda: port_file.exists() and len(port_file.read_text().splitlines()) == 2, "chromium"
+        )
+        port, path = port_file.read_text().splitlines()
         # 'make test-all' installs it.
         from websockets.sync.client import connect
 

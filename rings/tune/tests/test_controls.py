@@ -73,14 +73,14 @@ def test_a_slider_goes_there_and_back(name: str) -> None:
 def test_every_place_of_every_slider_is_a_value_that_the_node_takes() -> None:
     for name in shipped_nodes():
         declared = find_node(name)
-        given = {p.name: p.default for p in declared.parameters.values() if not p.required}
+        arguments = {p.name: p.default for p in declared.parameters.values() if not p.required}
         for parameter in declared.parameters.values():
             default = parameter.default
             found = control_of(parameter.type, parameter.limits, default, default)
             if parameter.required or found.kind != "slider":
                 continue
             for place in (0, 1, 137, 500, 1000):
-                value = {**given, parameter.name: found.value(place)}
+                value = {**arguments, parameter.name: found.value(place)}
                 needed = {n for n, p in declared.parameters.items() if p.required}
                 try:
                     check_settings(declared, value, Entry(name).where)

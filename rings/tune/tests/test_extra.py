@@ -9,5 +9,5 @@ from tests.graph.conftest import Command, one_line
 
 def test_the_command_names_the_extra(tactograph: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "nicegui", None)
-    said = one_line(tactograph("tune", "paper"))
-    assert said.endswith("tune needs nicegui: pip install 'tactograph[tune]'\n")
+    message = one_line(tactograph("tune", "paper"))
+    assert message.endswith("tune needs nicegui: pip install 'tactograph[tune]'\n")

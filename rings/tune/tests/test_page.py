@@ -137,13 +137,13 @@ def test_the_page_shows_the_graph_its_result_and_figures(page: Page) -> None:
     page.browser.wait(drawn("picture"))
 
 
-def test_the_value_under_the_cursor_is_told(page: Page) -> None:
+def test_the_value_under_the_cursor_is_shown(page: Page) -> None:
     page.browser.hover(f"{element('picture')} img", 0.5, 0.5)
     wait_for(page, "value", " mm")
     assert "x " in text_of(page, "value")
 
 
-def test_a_click_on_a_node_shows_what_it_does_and_makes(page: Page) -> None:
+def test_a_click_on_a_node_shows_its_description_and_outputs(page: Page) -> None:
     choose(page, "slope")
     wait_for(page, "inside-text", "mm/mm")
     page.browser.wait(drawn("inside"))
@@ -160,7 +160,7 @@ def test_a_slider_is_moved_and_the_result_follows(page: Page) -> None:
     page.browser.drag(element("param-threshold"), places, hold=followed)
 
 
-def test_a_half_typed_value_outlasts_what_the_page_shows_meanwhile(page: Page) -> None:
+def test_a_half_typed_value_survives_a_refresh(page: Page) -> None:
     choose(page, "shadow")
     page.browser.look(f"{THRESHOLD}.focus(), {THRESHOLD}.select()")
     page.browser.insert("4.")
@@ -173,7 +173,7 @@ def test_a_half_typed_value_outlasts_what_the_page_shows_meanwhile(page: Page) -
     page.browser.wait(f"{THRESHOLD}.value === '3.5'")
 
 
-def test_a_wrong_value_is_told_and_changes_nothing(page: Page) -> None:
+def test_a_wrong_value_is_reported_and_changes_nothing(page: Page) -> None:
     choose(page, "shadow")
     page.browser.type(f"input{element('param-threshold-text')}", "-1")
     page.browser.wait("document.body.innerText.includes('should be greater than 0')")

@@ -82,7 +82,7 @@ def test_two_browsers_show_the_same_node_and_values(tuning: Tuning) -> None:
         assert seen.element("param-above-text").props["value"] == "1.5"
 
 
-def test_a_file_of_others_stays(tuning: Tuning, tmp_path: Path) -> None:
+def test_a_foreign_file_stays(tuning: Tuning, tmp_path: Path) -> None:
     tuning.set("high", "above", 5.0)
     theirs, mine = tmp_path / "theirs.yaml", tmp_path / "mine.yaml"
     theirs.write_text("theirs: 1\n")

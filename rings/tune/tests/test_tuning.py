@@ -65,7 +65,7 @@ def test_a_node_of_a_group_is_changed_in_one_use_or_in_every(opened: Open, tmp_p
     assert lit() == (0, 20)
 
 
-def test_the_latest_of_many_changes_is_what_is_shown(tuning: Tuning) -> None:
+def test_the_latest_of_many_changes_is_shown(tuning: Tuning) -> None:
     first = settled(tuning).number
     for value in np.linspace(0, 9, 400):
         tuning.set("high", "above", float(value))
@@ -85,7 +85,7 @@ def test_the_latest_of_many_changes_is_what_is_shown(tuning: Tuning) -> None:
         (lambda t: t.save(Path("v.yaml")), "nothing was changed"),
     ],
 )
-def test_what_cannot_be_is_refused_and_changes_nothing(
+def test_an_impossible_change_is_refused_and_changes_nothing(
     tuning: Tuning, change: Callable[[Tuning], None], message: str
 ) -> None:
     before = settled(tuning)
@@ -94,7 +94,7 @@ def test_what_cannot_be_is_refused_and_changes_nothing(
     assert settled(tuning) is before
 
 
-def test_a_node_that_fails_is_told_and_the_next_change_mends_it(tuning: Tuning) -> None:
+def test_a_failing_node_is_reported_and_the_next_change_mends_it(tuning: Tuning) -> None:
     good = settled(tuning).result
     tuning.set("fail", "at", 2.0)
     shown = settled(tuning)
@@ -126,7 +126,7 @@ def test_reset_takes_the_file_s_word(tuning: Tuning) -> None:
     assert tuning.changes() == []
 
 
-def test_a_stream_goes_on_and_ends(tuning: Tuning) -> None:
+def test_a_stream_continues_and_ends(tuning: Tuning) -> None:
     for level in (2, 4, 6):
         assert settled(tuning).result["light"][0, 0, 0] == level
         tuning.go(1)
@@ -158,7 +158,7 @@ def test_a_stream_runs_while_its_parameters_change(opened: Open) -> None:
     assert tuning.asked.item > 3
 
 
-def test_what_is_saved_reads_back_as_what_is_shown(tuning: Tuning, tmp_path: Path) -> None:
+def test_a_saved_graph_reads_back_as_shown(tuning: Tuning, tmp_path: Path) -> None:
     tuning.set("high", "above", 5.0)
     tuning.set_backend("high", "numpy")
     file = tuning.save(tmp_path / "sub" / "kept.yaml")
@@ -166,7 +166,7 @@ def test_what_is_saved_reads_back_as_what_is_shown(tuning: Tuning, tmp_path: Pat
     assert len(file.read_text().splitlines()) == 8
 
 
-def test_a_file_of_others_is_not_replaced(tuning: Tuning, tmp_path: Path) -> None:
+def test_a_foreign_file_is_not_replaced(tuning: Tuning, tmp_path: Path) -> None:
     tuning.set("high", "above", 5.0)
     theirs = tmp_path / "theirs.yaml"
     theirs.write_text("site_name: of others\n")

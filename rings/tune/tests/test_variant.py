@@ -18,7 +18,7 @@ def changed(graph: Graph, name: str, **what: Any) -> Graph:
     return graph.with_entry(name, replace(graph.nodes[name], **what))
 
 
-def test_only_what_differs_is_written() -> None:
+def test_only_differences_are_written() -> None:
     base = read_graph("paper")
     graph = changed(base, "shadow", settings={"threshold": 4.5})
     graph = changed(graph, "integrate.raw", backend="numpy")
@@ -43,7 +43,7 @@ def test_a_node_is_taken_out_and_put_back(tmp_path: Path, name: str, base: str) 
     assert saved.nodes["shadow"].inputs == turned.nodes["shadow"].inputs
 
 
-def test_what_every_use_has_alike_is_said_once(tmp_path: Path) -> None:
+def test_a_change_to_every_use_is_written_once(tmp_path: Path) -> None:
     base = read_graph("reconstruct")
     graph = base
     for name in base.uses_of("rough_pass"):
@@ -76,7 +76,7 @@ def test_a_variant_extends_a_file_by_its_place(tmp_path: Path) -> None:
     assert "extends: ../mine.yaml" in (tmp_path / "deep" / "v.yaml").read_text()
 
 
-def test_what_cannot_be_a_variant_is_refused(tmp_path: Path) -> None:
+def test_changes_that_no_variant_can_hold_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="nothing was changed"):
         write_variant(tmp_path / "v.yaml", "paper", [], "same")
     change = [{"neutral": "shadow"}]

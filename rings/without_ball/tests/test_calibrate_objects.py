@@ -23,8 +23,8 @@ def scale_of(height: F4, truth: F4) -> float:
 @pytest.mark.slow
 def test_one_object_tells_the_lights_of_a_matt_film(raytraced: Raytraced, tmp_path: Path) -> None:
     rig, file = raytraced / "near33", tmp_path / "cal.npz"
-    given = {"flat": rig / "flat", "pixel_size_mm": RIG_PIXEL_MM["near33"]}
-    run("calibrate_objects", file, capture=rig / "cat_film", **given)
+    arguments = {"flat": rig / "flat", "pixel_size_mm": RIG_PIXEL_MM["near33"]}
+    run("calibrate_objects", file, capture=rig / "cat_film", **arguments)
     with np.load(file) as known:
         assert np.linalg.norm(known["lights"], axis=1) == pytest.approx(np.full(4, 55), rel=0.05)
         assert known["refraction"] == 1
@@ -41,8 +41,8 @@ def test_three_objects_tell_as_much_of_a_coated_film_as_a_ball(
     scene, file = raytraced / "hand", tmp_path / "cal.npz"
     for piece in ("cat_film", "corner_film", "teapot_film"):
         shutil.copytree(scene / piece, tmp_path / "pieces" / piece)
-    given = {"flat": scene / "flat", "pixel_size_mm": 5 / 70, "camera_mm": 65.0}
-    run("calibrate_objects", file, capture=tmp_path / "pieces", **given)
+    arguments = {"flat": scene / "flat", "pixel_size_mm": 5 / 70, "camera_mm": 65.0}
+    run("calibrate_objects", file, capture=tmp_path / "pieces", **arguments)
     found = run("reconstruct", capture=scene / "sphere_film", calibration=file)
     truth = np.load(scene / "sphere_film" / "truth_height_mm.npy")
     assert abs(scale_of(found["height"], truth) - 1) < MAX_SCALE_ERROR
@@ -51,6 +51,6 @@ def test_three_objects_tell_as_much_of_a_coated_film_as_a_ball(
 
 def test_objects_need_the_untouched_film(raytraced: Raytraced, tmp_path: Path) -> None:
     rig = raytraced / "near33"
-    given = {"capture": rig / "cat_film", "flat": rig / "cat_film"}
+    arguments = {"capture": rig / "cat_film", "flat": rig / "cat_film"}
     with pytest.raises(InputError, match="is the folder of the presses"):
-        run("calibrate_objects", tmp_path / "cal.npz", **given, pixel_size_mm=0.07)
+        run("calibrate_objects", tmp_path / "cal.npz", **arguments, pixel_size_mm=0.07)

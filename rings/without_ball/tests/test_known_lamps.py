@@ -33,7 +33,7 @@ def calibrated(folder: Path, lights: str, lamps: np.ndarray) -> object:
 
 
 def error(folder: Path, lamps: np.ndarray, graph: str = "reconstruct") -> float:
-    """Root mean square error in mm of a touch, which nothing is said against."""
+    """Root mean square error in mm of a touch without warnings."""
     touch = write(folder / "touch", taken(TOUCH, 1, lamps))
     result = run(graph, capture=touch, calibration=str(folder / "cal.npz"), sinks=False)
     assert said(result) == []
@@ -73,9 +73,9 @@ def test_a_mirror_ball_tells_where_lamps_are(tmp_path: Path) -> None:
     center, radius = (71.0, 64.5), 45.0
     images = {"capture": write(tmp_path / "mirror", mirror(FAR, center, radius))}
     images["flat"] = write(tmp_path / "flat", taken(FLAT, 0, FAR))
-    given = {"ball_center_px": center, "ball_radius_px": radius, "pixel_size_mm": PIXEL_MM}
+    arguments = {"ball_center_px": center, "ball_radius_px": radius, "pixel_size_mm": PIXEL_MM}
     out = str(tmp_path / "cal.npz")
-    found = run("calibrate_lights_mirror", **images, **given, out=out)["lights"]
+    found = run("calibrate_lights_mirror", **images, **arguments, out=out)["lights"]
     found, true = (at / np.linalg.norm(at, axis=1, keepdims=True) for at in (found, FAR))
     assert np.degrees(np.arccos((found * true).sum(axis=1).clip(-1, 1))).max() < 0.5
     assert error(tmp_path, FAR) < 0.015
@@ -84,19 +84,19 @@ def test_a_mirror_ball_tells_where_lamps_are(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_lamps_suffice_where_no_film_at_rest_was_taken(tmp_path: Path) -> None:
     touch = write(tmp_path / "first", taken(TOUCH, 2, FAR))
-    given = {"lights": dome(tmp_path / "lamps.lp", FAR), "pixel_size_mm": PIXEL_MM}
-    made = run("calibrate_lights_no_flat", **given, touch=touch, out=str(tmp_path / "cal.npz"))
+    arguments = {"lights": dome(tmp_path / "lamps.lp", FAR), "pixel_size_mm": PIXEL_MM}
+    made = run("calibrate_lights_no_flat", **arguments, touch=touch, out=str(tmp_path / "cal.npz"))
     assert any(note.startswith("no flat frame was given") for note in said(made))
     assert error(tmp_path, FAR, "reconstruct_no_flat") < 0.03
 
 
-def test_a_mirror_ball_is_no_film(tmp_path: Path) -> None:
+def test_a_mirror_ball_is_not_a_film(tmp_path: Path) -> None:
     ball = write(tmp_path / "mirror", mirror(FAR, (71.0, 64.5), 20.0))
     with pytest.raises(InputError, match=r"too dark to measure.*calibrate_lights_mirror"):
         run("calibrate", capture=ball, ball_radius_mm=4.0, pixel_size_mm=PIXEL_MM)
 
 
-def test_a_ball_without_highlights_is_told(tmp_path: Path) -> None:
+def test_a_ball_without_highlights_is_refused(tmp_path: Path) -> None:
     ball = write(tmp_path / "dull", taken(TOUCH, 1, NEAR))
     with pytest.raises(InputError, match="LED 1 makes no highlight on the ball"):
         find_highlights(folder=Path(ball), center_px=(80.0, 60.0), radius_px=50.0)
@@ -115,9 +115,9 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("told", WRONG)
-def test_wrong_lamps_are_told(tmp_path: Path, told: str) -> None:
-    file = tmp_path / ("lamps.lp" if "into a" in told else "leds.csv")
-    file.write_text(WRONG[told])
-    with pytest.raises(InputError, match=told):
+@pytest.mark.parametrize("message", WRONG)
+def test_wrong_lamps_are_refused(tmp_path: Path, message: str) -> None:
+    file = tmp_path / ("lamps.lp" if "into a" in message else "leds.csv")
+    file.write_text(WRONG[message])
+    with pytest.raises(InputError, match=message):
         calibrated(tmp_path, str(file), NEAR)

@@ -43,7 +43,7 @@ def test_cameras_have_names_and_serial_numbers(sysfs: Path) -> None:
     ]
 
 
-def test_a_serial_number_is_the_device_that_has_it_now(sysfs: Path) -> None:
+def test_a_serial_number_names_the_device_that_has_it_now(sysfs: Path) -> None:
     assert device_of("serial:D20001") == "/dev/video4"
     assert device_of("0") == "0"
     with pytest.raises(InputError, match=r"there are 28F5K4RR \(GelSight Mini\), D20001"):
@@ -57,9 +57,9 @@ def test_the_command_lists_them_or_says_that_there_is_none(
     sysfs: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     run_command(["cameras"])
-    told = capsys.readouterr().out
-    assert "28F5K4RR" in told
-    assert "/dev/video10" in told
+    printed = capsys.readouterr().out
+    assert "28F5K4RR" in printed
+    assert "/dev/video10" in printed
     monkeypatch.setattr(_camera_names, "CAMERA_FOLDER", sysfs / "none")
     run_command(["cameras"])
     assert "no camera is plugged in" in capsys.readouterr().out

@@ -52,9 +52,9 @@ def producer(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 def test_cameras_are_listed_with_serial_and_formats(capsys: pytest.CaptureFixture[str]) -> None:
     assert [each.device for each in genicam_cameras()] == [RED, GREEN, "genicam:2"]
     list_cameras()
-    told = capsys.readouterr().out
-    assert "genicam:1" in told
-    assert "RGBa8 Mono8: 400x400" in told
+    printed = capsys.readouterr().out
+    assert "genicam:1" in printed
+    assert "RGBa8 Mono8: 400x400" in printed
 
 
 def test_size_and_rate_reach_the_camera_and_frames_are_counted() -> None:
@@ -129,28 +129,28 @@ def test_ctrl_c_stays_the_pipelines() -> None:
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_what_the_library_warns_of_stays_its_own() -> None:
-    told = (
+def test_the_librarys_own_warnings_stay_with_it() -> None:
+    program = (
         "import warnings\n"
         "from tactograph.rings.live.nodes.camera._genicam_camera import genicam_cameras\n"
         "genicam_cameras(); print('once' in [kind for kind, *_ in warnings.filters])"
     )
-    assert subprocess.check_output([sys.executable, "-c", told], text=True) == "False\n"
+    assert subprocess.check_output([sys.executable, "-c", program], text=True) == "False\n"
 
 
-def test_a_serial_number_that_no_camera_has_is_told_with_those_there_are() -> None:
+def test_an_unknown_serial_number_is_refused_with_the_known_ones() -> None:
     with pytest.raises(InputError, match=r"genicam:7: no camera has .* 0 \(Machine Vision"):
         check_camera("genicam:7")
     assert not open_capture("genicam:7").isOpened()
 
 
-def test_pixels_that_cannot_be_read_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreadable_pixel_formats_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(GenicamCapture, "formats", ["Mono12p", "YUV422_8"])
     with pytest.raises(InputError, match="its pixels are Mono12p, YUV422_8"):
         check_genicam(RED)
 
 
-def test_a_camera_that_another_program_has_is_told_with_the_reason() -> None:
+def test_a_camera_in_use_by_another_program_is_refused_with_the_reason() -> None:
     mine = GenicamCapture(RED, colour=False)
     with pytest.raises(InputError, match="genicam:0: cannot be opened: ") as error:
         check_genicam(RED)
@@ -158,7 +158,7 @@ def test_a_camera_that_another_program_has_is_told_with_the_reason() -> None:
     assert "\n" not in str(error.value)
 
 
-def test_without_a_producer_or_the_library_one_line_says_what_to_do(
+def test_without_a_producer_or_the_library_one_line_names_the_cure(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv(PRODUCER_VARIABLE, str(tmp_path))
@@ -231,7 +231,7 @@ def test_a_stamp_is_in_seconds_whatever_the_cameras_clock_counts() -> None:
     assert _Clock().host(None, 12.5) == 12.5
 
 
-def test_what_the_camera_has_not_is_reported_where_it_was_asked_for() -> None:
+def test_a_missing_camera_feature_is_reported_where_it_was_requested() -> None:
     capture = open_capture(RED)
     refused = settle(capture, CameraSettings(400, 400, 30.0, exposure=5000.0))
     assert refused == ["the camera keeps exposure at -1 instead of 5000"]

@@ -79,7 +79,7 @@ def test_a_damaged_frame_is_passed_over(driver: Driver) -> None:
     assert capture.sequence == 1
 
 
-def test_what_is_unplugged_delivers_nothing(driver: Driver) -> None:
+def test_an_unplugged_camera_delivers_nothing(driver: Driver) -> None:
     capture = LinuxCapture(driver.node, colour=True)
     assert capture.grab()
     driver.frames.clear()
@@ -105,7 +105,7 @@ def test_lost_frames_are_counted_by_the_kernels_numbers(driver: Driver) -> None:
     assert camera.faults["lost"] == 4
 
 
-def test_without_the_library_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_library_one_line_names_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "linuxpy", None)
     with pytest.raises(InputError, match=r"pip install 'tactograph\[linux\]'"):
         LinuxCapture("/dev/video0", colour=True)

@@ -62,5 +62,5 @@ def test_it_is_a_command(tactograph: Command) -> None:  # noqa: F811
         assert done.code == 0, done.err
         assert "round_trip_ms" in done.out
         assert "firmware 1.0, id e6614c311b000000" in done.out
-    said = one_line(tactograph("run", "check_leds", "port=/dev/ttyACM77"))
-    assert "there is no such port" in said
+    message = one_line(tactograph("run", "check_leds", "port=/dev/ttyACM77"))
+    assert "there is no such port" in message

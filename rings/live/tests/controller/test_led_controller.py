@@ -1,4 +1,4 @@
-"""The LED controller behind a pseudo-terminal: what it is told, and what happens to it."""
+"""The LED controller behind a pseudo-terminal: its commands, and its faults."""
 
 import itertools
 import os
@@ -104,17 +104,17 @@ def test_of_two_boards_the_one_with_the_firmware_is_taken(
 
 def test_without_a_controller_the_ports_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
     on_usb(monkeypatch)
-    said = refusal(None)
-    assert "no LED controller found" in said
-    assert "`port`=simulated for a simulated camera" in said
-    assert "/dev/ttyUSB9 (Mouse)" in said
+    message = refusal(None)
+    assert "no LED controller found" in message
+    assert "`port`=simulated for a simulated camera" in message
+    assert "/dev/ttyUSB9 (Mouse)" in message
 
 
 def test_a_missing_port(monkeypatch: pytest.MonkeyPatch, board: FaultyController) -> None:
     on_usb(monkeypatch, board)
-    said = refusal("/dev/ttyACM77")
-    assert "no such port" in said
-    assert f"there is a controller at {board.port}" in said
+    message = refusal("/dev/ttyACM77")
+    assert "no such port" in message
+    assert f"there is a controller at {board.port}" in message
 
 
 def test_no_two_hosts_have_one_board(board: FaultyController, controller: LedController) -> None:
@@ -138,14 +138,14 @@ def test_without_permission_the_way_to_it_is_named(board: FaultyController) -> N
         os._exit(0)
     os.close(write)
     with os.fdopen(read, "rb") as pipe:
-        said = pipe.read().decode()
+        message = pipe.read().decode()
     os.waitpid(child, 0)
-    assert said.startswith(f"InputError: {board.port}: no permission to open it")
-    assert "sudo usermod -aG dialout " in said
+    assert message.startswith(f"InputError: {board.port}: no permission to open it")
+    assert "sudo usermod -aG dialout " in message
 
 
 @pytest.mark.parametrize(
-    ("board", "answer", "told"),
+    ("board", "answer", "message"),
     [
         ({"protocol": 2}, None, r"speaks protocol 2, but 1 is needed.*docs/hardware\.md"),
         ({"leds": 3}, None, "has 3 LEDs, 4 are needed"),
@@ -155,11 +155,11 @@ def test_without_permission_the_way_to_it_is_named(board: FaultyController) -> N
     ids=["another protocol", "too few LEDs", "silence", "no firmware"],
 )
 def test_a_board_that_does_not_suit_is_refused(
-    board: dict[str, Any], answer: bytes | None, told: str
+    board: dict[str, Any], answer: bytes | None, message: str
 ) -> None:
     with FaultyController(**board) as made:
         made.garble = None if answer is None else lambda line: answer
-        assert re.search(told, refusal(made.port))
+        assert re.search(message, refusal(made.port))
 
 
 # What goes wrong later
@@ -277,7 +277,7 @@ HUGE = b"9" * 330
 
 @pytest.mark.parametrize("word", [HUGE, b"-1", b"1_0", b"1e3", b""])
 @pytest.mark.parametrize("event", [b"! cycle 1 ", b"! watchdog ", b"! cycle "])
-def test_an_event_whose_number_is_none_is_a_bad_line(
+def test_an_event_without_a_valid_number_is_a_bad_line(
     board: FaultyController, flashing: LedController, event: bytes, word: bytes
 ) -> None:
     board.noise(frame((event + word).decode()))
@@ -286,7 +286,7 @@ def test_an_event_whose_number_is_none_is_a_bad_line(
     assert flashing.status().state == "cycle"
 
 
-def test_an_answer_whose_number_is_none_is_no_answer(
+def test_an_answer_without_a_valid_number_loses_the_controller(
     board: FaultyController, controller: LedController
 ) -> None:
     def garble(line: bytes) -> bytes:
@@ -369,7 +369,7 @@ def test_closing_after_the_cable_was_pulled_does_not_wait_for_it(
     assert not closing.is_alive()
 
 
-def test_what_the_controller_refuses_is_told_with_its_reason(controller: LedController) -> None:
+def test_a_refusal_by_the_controller_is_reported_with_its_reason(controller: LedController) -> None:
     with pytest.raises(InputError, match="LED must be a whole number from 0 to 4"):
         controller.set(5)
     with pytest.raises(InputError, match="do not suit"):
@@ -386,7 +386,7 @@ def test_many_threads_may_ask(controller: LedController) -> None:
 
 
 @pytest.mark.parametrize("port", ["spy:///dev/null?file=written", "socket://localhost:1"])
-def test_a_url_is_no_port(port: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_url_is_not_a_port(port: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match="is no device"):
         open_port(port, 1.0)

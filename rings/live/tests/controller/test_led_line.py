@@ -69,7 +69,7 @@ def test_any_text_is_an_answer_an_event_or_nothing(body: str) -> None:
     assert isinstance(host.parse(body), host.Answer | host.Event | None)
 
 
-def test_answers_and_events_are_told_apart() -> None:
+def test_answers_and_events_are_distinguished() -> None:
     assert host.parse("3 ok") == host.Answer(3, {})
     assert host.parse("3 ok t=5 state=off") == host.Answer(3, {"t": "5", "state": "off"})
     assert host.parse("3 no such LED") == host.Answer(3, {}, "such LED")

@@ -57,7 +57,7 @@ def converse(Controller, frame, wrap):
     controller = Controller(board, 4, "e66")
 
     def say(body):
-        print("said", body)
+        print("answer", body)
         controller.receive(frame(body))
         print("light", board.levels[1:])
 

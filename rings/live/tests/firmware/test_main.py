@@ -140,8 +140,8 @@ class Pico:
             self.changes.append((self.time, f"GP{pin}", on))
         self.lit[pin] = on
 
-    def state_machine(self, *given: Any, **named: Any) -> StateMachine:
-        machine = StateMachine(*given, **named)
+    def state_machine(self, *arguments: Any, **named: Any) -> StateMachine:
+        machine = StateMachine(*arguments, **named)
         machine.flags, machine.raised, machine.pin = self.flags, self.raised, self.trigger
         self.machines.append(machine)
         return machine
@@ -192,8 +192,8 @@ def run_main(*host: str | int) -> Pico:
             else:
                 yield frame(one)
 
-    said = script()
-    modules = pico.modules(lambda size: next(said))
+    commands = script()
+    modules = pico.modules(lambda size: next(commands))
 
     def find(name: str, *rest: Any) -> Any:
         return modules[name] if name in modules else __import__(name, *rest)

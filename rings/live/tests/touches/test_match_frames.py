@@ -93,7 +93,7 @@ def test_a_dimmer_led_is_still_that_led() -> None:
     assert sight.gain == pytest.approx(0.7, abs=0.02)
 
 
-def test_what_is_no_picture_of_the_film() -> None:
+def test_pictures_that_do_not_show_the_film() -> None:
     rng = np.random.default_rng(1)
     assert see(frame(0, 2.7), film()).kind == "off"
     assert see(np.full((ROWS, COLUMNS), 255, np.uint8), film()).kind == "saturated"
@@ -116,8 +116,8 @@ def clock(delay: float = 0.0, cycle: tuple[int, ...] = LEDS) -> Clock:
     return lambda time: cycle[int(np.floor((time - delay) * RATE)) % len(cycle)]
 
 
-def matcher(told: Clock | None = None, cycle: tuple[int, ...] = LEDS) -> Matcher:
-    return Matcher(film(), cycle, RATE, told)
+def matcher(known: Clock | None = None, cycle: tuple[int, ...] = LEDS) -> Matcher:
+    return Matcher(film(), cycle, RATE, known)
 
 
 def play(
@@ -135,10 +135,10 @@ def faults(verdicts: list[Verdict]) -> list[str]:
     return [verdict.fault for verdict in verdicts if verdict.fault]
 
 
-@pytest.mark.parametrize("told", [None, clock(), clock(0.021), clock(-0.09)])
-def test_frames_in_their_turn_are_all_taken(told: Clock | None) -> None:
+@pytest.mark.parametrize("known", [None, clock(), clock(0.021), clock(-0.09)])
+def test_frames_in_their_turn_are_all_taken(known: Clock | None) -> None:
     """However late the camera's times are against the controller's."""
-    verdicts = play(matcher(told), range(24))
+    verdicts = play(matcher(known), range(24))
     assert [verdict.led for verdict in verdicts] == [n % 4 + 1 for n in range(24)]
 
 
@@ -166,9 +166,9 @@ def test_a_frame_that_comes_twice_counts_once() -> None:
     assert not faults(play(matching, range(13, 20)))
 
 
-@pytest.mark.parametrize("told", [None, clock()])
-def test_a_burnt_out_led_is_named_and_goes_on_as_dark(told: Clock | None) -> None:
-    matching = matcher(told)
+@pytest.mark.parametrize("known", [None, clock()])
+def test_a_burnt_out_led_is_named_and_counts_as_dark(known: Clock | None) -> None:
+    matching = matcher(known)
     play(matching, range(12))
     verdicts = play(matching, range(12, 36), lambda n: 0 if n % 4 == 1 else n % 4 + 1)
     assert {verdict.about for verdict in verdicts if verdict.fault} == {2}
@@ -188,10 +188,10 @@ def test_no_led_is_burnt_out_when_all_are_dark() -> None:
     assert not faults(play(matching, range(40, 48)))
 
 
-@pytest.mark.parametrize("told", [None, clock(cycle=(1, 2, 3, 4, 0))])
-def test_the_ambient_step_is_found_and_its_light_taken_off(told: Clock | None) -> None:
+@pytest.mark.parametrize("known", [None, clock(cycle=(1, 2, 3, 4, 0))])
+def test_the_ambient_step_is_found_and_its_light_taken_off(known: Clock | None) -> None:
     cycle = (1, 2, 3, 4, 0)
-    matching = matcher(told, cycle)
+    matching = matcher(known, cycle)
     lamp = np.random.default_rng(0).uniform(0.1, 0.2, (ROWS, 1)) * 255
     found = []
     for n in range(25):
@@ -205,7 +205,7 @@ def test_the_ambient_step_is_found_and_its_light_taken_off(told: Clock | None) -
 @pytest.mark.parametrize("rig", RIGS)
 @pytest.mark.parametrize("moment", [0.0, 2.7])
 @pytest.mark.parametrize("second", [2, 4])
-def test_two_hundredths_of_a_neighbour_are_seen_from_its_pattern(
+def test_a_fiftieth_of_a_neighbours_light_shows_in_its_pattern(
     rig: str, moment: float, second: int
 ) -> None:
     """So little of it tilts the whole height map by tens of microns."""

@@ -69,7 +69,7 @@ class Running:
         self.lines: list[str] = []
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._end = False
-        # What is told while no touch comes goes there at once.
+        # Messages while no touch comes go there at once.
         self._handler = logging.Handler()
         self._handler.emit = lambda record: self.lines.append(record.getMessage())
         logging.getLogger("tactograph").addHandler(self._handler)
@@ -141,7 +141,7 @@ LASTING: dict[str, tuple[str, object, object]] = {
 
 
 @pytest.mark.parametrize("fault", [*LASTING, "controller lost"])
-def test_what_fails_for_a_while_is_back_soon_after(
+def test_the_stream_recovers_soon_after_a_lasting_fault(
     running: Running, fault: str, record_property: Callable[[str, object], None]
 ) -> None:
     name = "camera lost" if fault == "camera hangs" else fault
@@ -184,7 +184,7 @@ TROUBLES: dict[str, Callable[[Running], None]] = {
 
 
 @pytest.mark.parametrize("fault", TROUBLES)
-def test_what_goes_wrong_once_costs_frames_and_no_height(
+def test_a_single_fault_costs_frames_and_no_height(
     running: Running, fault: str, record_property: Callable[[str, object], None]
 ) -> None:
     before = running.count(fault)
@@ -196,7 +196,7 @@ def test_what_goes_wrong_once_costs_frames_and_no_height(
     running.check_clean()
 
 
-def test_a_burnt_out_led_is_named_and_the_others_go_on(running: Running) -> None:
+def test_a_burnt_out_led_is_named_and_the_stream_continues(running: Running) -> None:
     running.board.burnt_out.add(2)
     time.sleep(1.0)
     running.back_after(time.monotonic())
@@ -210,10 +210,10 @@ def test_a_burnt_out_led_is_named_and_the_others_go_on(running: Running) -> None
     running.check_clean()
 
 
-def test_every_fault_was_told_in_one_line(running: Running) -> None:
-    told = "\n".join(running.lines)
+def test_every_fault_was_reported_in_one_line(running: Running) -> None:
+    printed = "\n".join(running.lines)
     for part in ("another size", "film", "saturated", "twice", "missing", "camera is gone"):
-        assert part in told
+        assert part in printed
     assert all("\n" not in line for line in running.lines)
 
 
@@ -260,7 +260,7 @@ def test_ambient_light_is_measured_in_a_step_of_its_own_and_taken_off() -> None:
     assert np.median(touch.image / FLAT, axis=(1, 2)) == pytest.approx(1, abs=0.003)
 
 
-def test_a_camera_at_another_rate_than_the_leds_is_told() -> None:
+def test_a_camera_at_another_rate_than_the_leds_is_reported() -> None:
     """Half of the frames are missing; each of the others shows its LED all the same."""
     sensor = opened()
     sensor.rate = 2 * RATE
@@ -285,7 +285,7 @@ def test_an_led_that_is_not_as_bright_as_calibrated_is_named() -> None:
     assert any(line.startswith("LED 3 is not as bright") for line in lines)
 
 
-def test_the_truth_of_a_simulated_touch_is_what_the_film_was() -> None:
+def test_the_truth_of_a_simulated_touch_is_the_films_height() -> None:
     sensor = opened()
     (touch,) = stream_of(sensor).touches(items=1)
     sensor.close()
@@ -329,7 +329,7 @@ class Stubborn:
         return {cv2.CAP_PROP_AUTO_EXPOSURE: 3.0, cv2.CAP_PROP_FPS: 15.0}.get(prop, 0.0)
 
 
-def test_what_the_driver_refuses_is_told() -> None:
+def test_a_setting_refused_by_the_driver_is_reported() -> None:
     camera = Stubborn()
     refused = settle(camera, CameraSettings(640, 480, 30.0, exposure=50))
     assert camera.asked[cv2.CAP_PROP_AUTO_EXPOSURE] == 1
@@ -348,7 +348,7 @@ def test_what_the_driver_refuses_is_told() -> None:
         ("simulated?radius_mm=-3", "none", "greater than 0"),
     ],
 )
-def test_what_cannot_be_opened_is_said_in_one_line(camera: str, port: str, says: str) -> None:
+def test_a_camera_that_cannot_be_opened_is_one_line(camera: str, port: str, says: str) -> None:
     with pytest.raises(InputError, match=says) as error:
         opened(port, camera).close()
     assert "\n" not in str(error.value)

@@ -24,7 +24,7 @@ CYCLE = (1, 2, 3, 4)
 SHAPE = (60, 80)
 MIXED = Verdict(None, "mixed", 2, 3, 0.3)
 DIM = Verdict(1, gain=0.8)
-Said = Callable[..., list[str]]
+MessagesOf = Callable[..., list[str]]
 
 
 @pytest.fixture
@@ -38,11 +38,11 @@ def stream() -> Stream:
 
 
 @pytest.fixture
-def said(stream: Stream, monkeypatch: pytest.MonkeyPatch) -> Said:
+def messages_of(stream: Stream, monkeypatch: pytest.MonkeyPatch) -> MessagesOf:
     numbers = iter(range(10**6))
 
     def take(*verdicts: Verdict) -> list[str]:
-        """What the stream says of such frames."""
+        """The messages that such frames cause."""
         notes: list[str] = []
         for verdict in verdicts:
             number = next(numbers)
@@ -59,29 +59,29 @@ def in_turn(cycles: int) -> list[Verdict]:
     return [Verdict(led) for led in CYCLE * cycles]
 
 
-def test_what_to_expect_until_the_phase_is_found_is_one_line(stream: Stream, said: Said) -> None:
-    assert said(MIXED, MIXED, MIXED._replace(about=3), DIM, MIXED) == [SEARCH_MESSAGE]
+def test_the_search_for_the_phase_is_one_line(stream: Stream, messages_of: MessagesOf) -> None:
+    assert messages_of(MIXED, MIXED, MIXED._replace(about=3), DIM, MIXED) == [SEARCH_MESSAGE]
     assert stream.state.faults == {"mixed": 4, "brightness": 1}
-    assert said(*in_turn(CLEAN_CYCLES)) == []
-    assert said(MIXED) == [FAULT_LINES["mixed"].format(led=2)], "this is no search any more"
+    assert messages_of(*in_turn(CLEAN_CYCLES)) == []
+    assert messages_of(MIXED) == [FAULT_LINES["mixed"].format(led=2)], "this is no search any more"
 
 
-def test_what_remains_is_warned_of(said: Said) -> None:
-    assert said(*[MIXED] * len(CYCLE) * MAX_SEARCH_CYCLES) == [SEARCH_MESSAGE]
-    assert said(MIXED, DIM) == [
+def test_a_lasting_fault_gives_a_warning(messages_of: MessagesOf) -> None:
+    assert messages_of(*[MIXED] * len(CYCLE) * MAX_SEARCH_CYCLES) == [SEARCH_MESSAGE]
+    assert messages_of(MIXED, DIM) == [
         FAULT_LINES["mixed"].format(led=2),
         FAULT_LINES["brightness"].format(led=1),
     ]
 
 
 def test_a_frame_that_is_lit_in_part_is_in_no_touch_while_the_phase_is_found(
-    stream: Stream, said: Said
+    stream: Stream, messages_of: MessagesOf
 ) -> None:
-    said(DIM, Verdict(2), Verdict(3), Verdict(4))
+    messages_of(DIM, Verdict(2), Verdict(3), Verdict(4))
     assert not stream._assembler.due
-    said(Verdict(1))
+    messages_of(Verdict(1))
     assert stream._assembler.due
 
 
-def test_other_faults_are_told_at_once(said: Said) -> None:
-    assert said(Verdict(None, "saturated")) == [FAULT_LINES["saturated"]]
+def test_other_faults_are_reported_at_once(messages_of: MessagesOf) -> None:
+    assert messages_of(Verdict(None, "saturated")) == [FAULT_LINES["saturated"]]

@@ -1,4 +1,4 @@
-"""What is told of a stream is what happened in it."""
+"""The statistics of a stream agree with what happened in it."""
 
 import json
 import time
@@ -33,7 +33,7 @@ def test_latency_is_from_the_exposures_end_until_now() -> None:
     assert figures["latency_99_percent_ms"] == pytest.approx(300, abs=5)
 
 
-def test_the_error_is_told_where_the_truth_is_known() -> None:
+def test_the_error_is_printed_where_the_truth_is_known() -> None:
     statistics = Statistics()
     statistics.take(STILL, time.monotonic(), LiveState(), STILL + np.float32(0.003))
     statistics.take(STILL, time.monotonic(), LiveState(), STILL + np.float32(0.004))
@@ -48,9 +48,9 @@ def test_faults_and_settings_are_in_the_result_when_the_stream_ends(
 ) -> None:
     state = LiveState(9, 5, 2, Counter(swapped=3), {"rate": 30.0})
     session = Session()
-    told = {"folder": tmp_path / "new", "session": session, "provenance": None}
+    engine = {"folder": tmp_path / "new", "session": session, "provenance": None}
     for _ in range(3):
-        module.live_statistics(STILL, time.monotonic(), state, None, **told)
+        module.live_statistics(STILL, time.monotonic(), state, None, **engine)
     session.close()
     result = json.loads((tmp_path / "new" / "result.json").read_text())
     assert result["settings"] == {"rate": 30.0}
@@ -59,7 +59,7 @@ def test_faults_and_settings_are_in_the_result_when_the_stream_ends(
     assert "heights_per_s" in capsys.readouterr().out
 
 
-def test_doubtful_heights_are_counted_and_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_doubtful_heights_are_counted_and_reported(capsys: pytest.CaptureFixture[str]) -> None:
     statistics, unjudged = Statistics(every_s=1e-9), Statistics()
     for trust in (0.94, 0.003, 0.5, 0.007, 0.9):  # the first begins the time between two lines
         judged = {"contacts": 0.0, "trust": trust}
@@ -72,7 +72,7 @@ def test_doubtful_heights_are_counted_and_told(capsys: pytest.CaptureFixture[str
     assert unjudged.figures().get("doubtful_percent", 0.0) == 0
 
 
-def test_contacts_are_counted_and_the_newest_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_contacts_are_counted_and_the_newest_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
     statistics = Statistics(every_s=1e-9)
     touch = {
         "contacts": 2.0, "contact_area_mm2/c1": 3.0, "contact_depth_mm/c1": 0.2,
@@ -84,7 +84,7 @@ def test_contacts_are_counted_and_the_newest_is_told(capsys: pytest.CaptureFixtu
     figures = statistics.figures()
     assert figures["touched_percent"] == 50
     assert figures["deepest_contact_mm"] == 0.41
-    told = capsys.readouterr().out.splitlines()
-    assert "2 contacts, 0.41 mm deep" in told[0]
-    assert "contact" not in told[-1]
+    printed = capsys.readouterr().out.splitlines()
+    assert "2 contacts, 0.41 mm deep" in printed[0]
+    assert "contact" not in printed[-1]
     assert "touched_percent" not in Statistics().figures()

@@ -30,7 +30,7 @@ def touch(**parts: Any) -> Touch:
 
 
 def show(session: Session, **settings: Any) -> list[str]:
-    """Preview one touch; what the user is told."""
+    """Preview one touch; return the messages."""
     settings = {"rate_hz": 1e9, **settings}
     with collect_warnings([]) as notes:
         preview(touch(), session=session, **settings)
@@ -44,7 +44,7 @@ def no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tactograph.rings.live.nodes.view.preview.sys.platform", "linux")
 
 
-def test_without_a_screen_the_picture_is_a_file_and_that_is_said_once(tmp_path: Path) -> None:
+def test_without_a_screen_the_picture_is_a_file_and_one_line_says_so(tmp_path: Path) -> None:
     session = Session()
     notes = show(session, folder=tmp_path)
     assert len(notes) == 1
@@ -55,7 +55,7 @@ def test_without_a_screen_the_picture_is_a_file_and_that_is_said_once(tmp_path: 
     assert Image.open(tmp_path / "latest.png").mode == "RGB"
 
 
-def test_an_opencv_without_windows_is_told_apart_from_a_missing_screen(
+def test_opencv_without_windows_is_distinguished_from_a_missing_screen(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("DISPLAY", ":99")
@@ -127,7 +127,7 @@ class Screen:
 
 
 @pytest.mark.parametrize("how", ["button", "key"])
-def test_a_window_that_is_closed_stays_closed_and_the_stream_goes_on(
+def test_a_closed_window_stays_closed_and_the_stream_continues(
     monkeypatch: pytest.MonkeyPatch, how: str
 ) -> None:
     screen, session = Screen(monkeypatch), Session()

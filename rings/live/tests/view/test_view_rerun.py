@@ -135,7 +135,7 @@ def test_the_file_does_not_grow_beyond_its_limit(tmp_path: Path) -> None:
     assert "as large as it may be; view_rerun has ended" in notes[0]
 
 
-def test_a_viewer_that_is_closed_costs_one_line_and_the_file_goes_on(
+def test_a_closed_viewer_costs_one_line_and_the_file_continues(
     tmp_path: Path, viewer: tuple[subprocess.Popen[bytes], str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(view_rerun_module, "CHECK_EVERY_S", 0.0)
@@ -155,7 +155,7 @@ def test_a_viewer_that_is_closed_costs_one_line_and_the_file_goes_on(
     rerun_program("rrd", "verify", file)
 
 
-def test_without_a_screen_the_error_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_screen_the_error_names_the_cure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setattr("tactograph.rings.live.nodes.view.view_rerun.sys.platform", "linux")
@@ -178,7 +178,7 @@ def test_wrong_settings_are_one_line(settings: dict[str, Any], message: str) -> 
     assert "\n" not in str(caught.value)
 
 
-def test_without_rerun_the_error_says_what_to_install(
+def test_without_rerun_the_error_names_the_package(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)

@@ -54,7 +54,7 @@ def test_presses_of_different_radii_tell_the_thickness(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("presses", "force_n", "thickness", "folder", "told"),
+    ("presses", "force_n", "thickness", "folder", "message"),
     [
         (3, (1.0, 1.0), 2.5, "", "holds 3 results, but `force_n` names 2 forces"),
         (2, (1.0, 1.0), None, "", "do not tell modulus and thickness apart"),
@@ -65,13 +65,13 @@ def test_presses_of_different_radii_tell_the_thickness(tmp_path: Path) -> None:
     ],
 )
 def test_presses_that_tell_no_modulus_are_refused(
-    presses: int, force_n: tuple[float, ...], thickness: float | None, folder: str, told: str,
+    presses: int, force_n: tuple[float, ...], thickness: float | None, folder: str, message: str,
     tmp_path: Path,
 ) -> None:  # fmt: skip
     press(tmp_path, 2.5)
     for number in range(presses, 3):
         (tmp_path / f"press{number}" / "height.tiff").unlink()
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         calibrate_force(results=tmp_path / folder, force_n=force_n, thickness_mm=thickness)
 
 
@@ -107,18 +107,18 @@ def test_each_press_is_held_out_of_a_stream(noise: float, tmp_path: Path) -> Non
     assert abs(figures["modulus_kpa"] / MODULUS - 1) < 2 * figures["modulus_error"]
 
 
-def test_the_thickness_adds_what_it_changes(tmp_path: Path) -> None:
+def test_the_thickness_adds_its_share_of_the_error(tmp_path: Path) -> None:
     forces = press(tmp_path, 2.5)
-    given = {"results": tmp_path, "force_n": forces}
-    known = calibrate_force(**given, thickness_mm=2.5, thickness_error_mm=0.25)
-    thicker = calibrate_force(**given, thickness_mm=2.75)
+    arguments = {"results": tmp_path, "force_n": forces}
+    known = calibrate_force(**arguments, thickness_mm=2.5, thickness_error_mm=0.25)
+    thicker = calibrate_force(**arguments, thickness_mm=2.75)
     change = 100 * abs(np.log(thicker["modulus_kpa"] / known["modulus_kpa"]))
     assert known["thickness_percent"] == pytest.approx(change, rel=0.2)
     assert known["modulus_error"] > known["thickness_percent"] / 100
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("name,force_n\npress9,1\n", "no result is called press9"),
         ("name,force_n\n", "names no force"),
@@ -128,11 +128,11 @@ def test_the_thickness_adds_what_it_changes(tmp_path: Path) -> None:
         ("name,force_n\npress0,1\npress0,2\n", "each name needs one row"),
     ],
 )
-def test_tables_that_name_no_force_are_refused(text: str, told: str, tmp_path: Path) -> None:
+def test_tables_that_name_no_force_are_refused(text: str, message: str, tmp_path: Path) -> None:
     press(tmp_path / "frames", 2.5)
     file = tmp_path / "gauge.csv"
     file.write_text(text)
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         calibrate_force(results=tmp_path / "frames", forces=file, thickness_mm=2.5)
     with pytest.raises(InputError, match="cannot be read"):
         calibrate_force(results=tmp_path / "frames", forces=tmp_path / "no.csv", thickness_mm=2.5)
@@ -142,6 +142,6 @@ def test_tables_that_name_no_force_are_refused(text: str, told: str, tmp_path: P
 
 @pytest.mark.parametrize("gel", [(0.2, 4.0), (2e5, 4.0), (200.0, 1e-9), (200.0, 4000.0)])
 def test_a_modulus_in_other_units_is_refused(gel: tuple[float, float]) -> None:
-    given = {"modulus_kpa": gel[0], "thickness_mm": gel[1], "capture": "x", "calibration": "x"}
+    arguments = {"modulus_kpa": gel[0], "thickness_mm": gel[1], "capture": "x", "calibration": "x"}
     with pytest.raises(InputError, match=r"input should be (less|greater) than or equal to"):
-        open_pipeline(with_overlays(read_graph("reconstruct"), ["force"]), given, sinks=False)
+        open_pipeline(with_overlays(read_graph("reconstruct"), ["force"]), arguments, sinks=False)

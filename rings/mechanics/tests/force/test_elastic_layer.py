@@ -29,7 +29,7 @@ def through_the_layer(k: float, thickness: float, poisson: float) -> np.ndarray:
 
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.48])
 @pytest.mark.parametrize("kh", [0.05, 0.7, 2.0, 6.0])
-def test_the_closed_form_is_what_elasticity_gives(poisson: float, kh: float) -> None:
+def test_the_closed_form_agrees_with_elasticity(poisson: float, kh: float) -> None:
     thickness = 2.5
     answer = layer_compliance(np.array([kh / thickness]), thickness, poisson)
     found = through_the_layer(kh / thickness, thickness, poisson)
@@ -55,7 +55,7 @@ def test_a_layer_that_cannot_be_compressed_only_flows_aside() -> None:
 
 
 @pytest.mark.slow
-def test_another_solver_moves_a_half_space_alike() -> None:
+def test_another_solver_gives_the_same_displacement_of_a_half_space() -> None:
     """All nine numbers of the compliance, with `tamaas`; its means are zero."""
     tamaas = pytest.importorskip("tamaas", reason="'make test-all' installs it on Linux")
     pixel, poisson = 0.1, 0.35

@@ -47,13 +47,13 @@ def found(
 
 @pytest.mark.parametrize("gel", GELS)
 def test_force_and_pressure_of_a_ball(gel: Gel) -> None:
-    told = found(height(*gel), contact(), gel=gel)
-    assert told.figures["contact_force_n/c1"] == pytest.approx(FORCE, rel=0.02)
+    result = found(height(*gel), contact(), gel=gel)
+    assert result.figures["contact_force_n/c1"] == pytest.approx(FORCE, rel=0.02)
     inner = distance() < 0.8 * RADIUS
     ball = PEAK * np.sqrt(np.maximum(1 - (distance() / RADIUS) ** 2, 0))
-    np.testing.assert_allclose(told.pressure[inner], ball[inner], atol=0.05 * PEAK)
-    assert told.figures["contact_force_x_px/c1"] == pytest.approx((SHAPE[1] - 1) / 2, abs=0.1)
-    assert not told.pressure[contact() == 0].any()
+    np.testing.assert_allclose(result.pressure[inner], ball[inner], atol=0.05 * PEAK)
+    assert result.figures["contact_force_x_px/c1"] == pytest.approx((SHAPE[1] - 1) / 2, abs=0.1)
+    assert not result.pressure[contact() == 0].any()
 
 
 def test_a_lens_and_a_near_camera_leave_force_and_pressure() -> None:
@@ -70,20 +70,20 @@ def test_a_lens_and_a_near_camera_leave_force_and_pressure() -> None:
     settings = {"modulus_kpa": MODULUS, "thickness_mm": GELS[2][0], "poisson": GELS[2][1]}
     touched = (reach < 1.2 * RADIUS).astype(np.uint8)
     error = np.full(SHAPE, 0.005, np.float32)
-    told = press_to_pressure(seen, touched, PIXEL, error, view, **settings)
+    result = press_to_pressure(seen, touched, PIXEL, error, view, **settings)
     plain = found(film, contact(), 0.005)
     # The edge that a deviation knows of is a cell of the image, here 3 % more than one of the film.
     for name, within in ("force_n", 0.02), ("force_sd_n", 0.03), ("pressure_kpa", 0.02):
         key = f"contact_{name}/c1"
-        assert told.figures[key] == pytest.approx(plain.figures[key], rel=within)
+        assert result.figures[key] == pytest.approx(plain.figures[key], rel=within)
     inner = reach < 0.8 * RADIUS
     ball = PEAK * np.sqrt(np.maximum(1 - (reach / RADIUS) ** 2, 0))
-    np.testing.assert_allclose(told.pressure[inner], ball[inner], atol=0.06 * PEAK)
+    np.testing.assert_allclose(result.pressure[inner], ball[inner], atol=0.06 * PEAK)
 
 
 def test_a_wrong_zero_and_tilt_hardly_matter() -> None:
-    told = found(height(*GELS[2]) + 0.01 + 2e-4 * np.arange(160), contact())
-    assert told.figures["contact_force_n/c1"] == pytest.approx(FORCE, rel=0.02)
+    result = found(height(*GELS[2]) + 0.01 + 2e-4 * np.arange(160), contact())
+    assert result.figures["contact_force_n/c1"] == pytest.approx(FORCE, rel=0.02)
 
 
 @pytest.mark.parametrize("gel", [(2.5, 0.48), (4.0, 0.48), (8.0, 0.48)])
@@ -129,11 +129,11 @@ def test_the_moduluss_error_is_part_of_the_forces() -> None:
     assert figures["contact_force_sd_n/c1"] == pytest.approx(0.1 * FORCE, rel=0.05)
 
 
-def test_limits_of_the_model_are_told() -> None:
-    with collect_warnings([]) as told:
+def test_the_models_limits_give_warnings() -> None:
+    with collect_warnings([]) as messages:
         found(height(*GELS[2]), np.ones(SHAPE, np.uint8), thickness_mm=0.4)
-    assert "no longer linear" in told[0]
-    assert "reaches the image's border" in told[1]
+    assert "no longer linear" in messages[0]
+    assert "reaches the image's border" in messages[1]
 
 
 def test_without_a_contact_there_is_no_pressure() -> None:

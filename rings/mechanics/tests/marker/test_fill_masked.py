@@ -9,7 +9,7 @@ from tactograph.rings.mechanics.nodes.marker.fill_masked import fill_masked
 Y, X = np.indices((30, 40)).astype(np.float32)
 
 
-def test_light_that_changes_evenly_goes_on_across_a_hole() -> None:
+def test_light_that_changes_evenly_continues_across_a_hole() -> None:
     light: F4 = (0.3 + 0.01 * X - 0.005 * Y)[None].astype(np.float32)
     mask = np.ones((30, 40), np.uint8)
     mask[10:15, 20:25] = 0

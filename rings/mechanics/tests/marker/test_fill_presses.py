@@ -28,7 +28,7 @@ def test_every_press_is_filled_at_its_own_markers() -> None:
     assert after < 0.1 * before
 
 
-def test_film_far_from_markers_stays_as_it_was_seen() -> None:
+def test_film_far_from_markers_is_unchanged() -> None:
     seen = np.stack([printed(press, 0.0) for press in BARE])
     filled = fill_presses(seen, width_px=7)
     changed = (filled != seen).any(axis=1)

@@ -99,13 +99,13 @@ def test_a_film_without_markers_has_none() -> None:
     light = (np.round(LEVEL * 255) / 255).astype(np.float32)
     assert len(find_markers(darkness(light))) == 0
     assert bare_film(darkness(light)).all()
-    with collect_warnings([]) as told:
+    with collect_warnings([]) as messages:
         found = track_markers(darkness(light), np.zeros((0, 3), np.float32), PIXEL_MM)
     assert found.quality["markers"] == 0
-    assert told == ["the film at rest shows no markers, so nothing tells of slip and shear"]
+    assert messages == ["the film at rest shows no markers, so nothing tells of slip and shear"]
 
 
-def test_a_marker_is_no_light_and_what_fills_it_is_the_film_around() -> None:
+def test_a_marker_is_filled_with_the_light_of_the_film_around_it() -> None:
     light = seen(LEVEL)
     bare = bare_film(darkness(light), grow_px=2)
     assert 0.7 < bare.mean() < 0.95

@@ -75,30 +75,30 @@ def follow(film: Film, way: list[tuple[F8, float]], *, fitted: bool) -> Iterator
             state, pose = found[2:4], ObjectPose(found.pose, found.covariance)
         else:
             spread = POSE_SD * (frame > 0)
-            given = shift_and_turn(motion) + rng.normal(0, 1, 6) * spread
-            pose = ObjectPose(given.astype(np.float32), np.diag(spread**2).astype(np.float32))
+            drawn = shift_and_turn(motion) + rng.normal(0, 1, 6) * spread
+            pose = ObjectPose(drawn.astype(np.float32), np.diag(spread**2).astype(np.float32))
         slip = find_slip(height, contact, tracks, pose, PIXEL, VIEW, slides)
         slides = slip.slides
         yield slip
 
 
 def front(film: Film) -> tuple[F8, F8, F8]:
-    """State, share told and true share of slip by frame.
+    """State, stated share and true share of slip by frame.
 
     Stuck at first; a front of 3 mm runs inwards, all slips, and the drag ends.
     """
     way = [(moved(STEP_MM * n - 0.5, 0, 0, 0, 0, 0.3 * n), edge) for n, edge in enumerate(FRONTS)]
-    way, told = way + [way[-1]] * 6, []
+    way, stated = way + [way[-1]] * 6, []
     for slip, (motion, edge) in zip(follow(film, way, fitted=True), way, strict=True):
         away = np.hypot(*(film.at - motion[:2, 3]).T)
         true = float(np.mean(away[away < 2.8] > edge))
         names = "contact_slip/c1", "contact_slip_share/c1", "contact_slip_mm/c1"
-        told.append([*(slip.figures.get(name, 0.0) for name in names), true])
-    return np.array(told).T
+        stated.append([*(slip.figures.get(name, 0.0) for name in names), true])
+    return np.array(stated).T
 
 
 def onsets(state: F8, true: F8) -> list[int]:
-    """Frames by which partial and whole slip are told late."""
+    """Frames by which partial and whole slip are reported late."""
     return [
         int(np.argmax(state >= level) - np.argmax(true > least))
         for level, least in ((1, 0.1), (2, 0.9))
@@ -106,7 +106,7 @@ def onsets(state: F8, true: F8) -> list[int]:
 
 
 @pytest.mark.slow
-def test_a_front_that_runs_inwards_is_told_within_two_frames() -> None:
+def test_an_inward_slip_front_is_reported_within_two_frames() -> None:
     state, share, way_mm, true = front(Film(coin))
     assert all(-1 <= late <= 2 for late in onsets(state, true))
     dragged = np.arange(len(state)) < len(FRONTS)

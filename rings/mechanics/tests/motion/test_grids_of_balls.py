@@ -37,7 +37,7 @@ def test_a_grid_of_balls_is_found_where_the_vendor_marked_it(
 
 
 @pytest.mark.slow
-def test_the_pitch_of_a_grid_goes_on_across_a_seam(scans: list[dict[str, Any]]) -> None:
+def test_the_pitch_of_a_grid_continues_across_a_seam(scans: list[dict[str, Any]]) -> None:
     """The left part of one scan and the right part of the other as one surface."""
     left, right = (scan["height"].copy() for scan in scans)
     width = left.shape[1]

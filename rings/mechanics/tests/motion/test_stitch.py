@@ -143,10 +143,10 @@ def test_a_touch_of_another_object_is_left_out_and_named(touches: tuple[F4, F4])
     rng = np.random.default_rng(8)
     other = seen(pressed(lambda x, y: plate(y + 31, -x), np.eye(4)), rng)[0]
     heights = np.stack([*touches[0][:2], other])
-    with collect_warnings([]) as told:
+    with collect_warnings([]) as messages:
         found = stitch(heights, touches[1][:3], PIXEL, ["one", "two", "stranger"])
     assert found.figures["stitched_touches"] == 2
-    assert told == ["stitch: touches that fit no other are left out: stranger"]
+    assert messages == ["stitch: touches that fit no other are left out: stranger"]
 
 
 def test_without_stated_errors_touches_tell_their_own(touches: tuple[F4, F4]) -> None:
@@ -161,9 +161,9 @@ def test_places_that_the_shape_does_not_tell_are_named(shape: Shape) -> None:
     rng = np.random.default_rng(4)
     way = [moved(0.7 * n, -0.4 * n, 0, 0, 0, 3 * n) for n in range(3)]
     heights = np.array([seen(pressed(shape, motion), rng)[0] for motion in way])
-    with collect_warnings([]) as told:
+    with collect_warnings([]) as messages:
         found = stitch(heights, np.full_like(heights, 0.002), PIXEL, ["a", "b", "c"])
-    (line,) = told
+    (line,) = messages
     assert "places are not told" in line
     unsure = [found.figures[f"stitched_unsure_mm/{name}"] for name in "abc"]
     assert sorted(unsure)[1] > 4 * PIXEL
@@ -173,16 +173,16 @@ def test_textured_touches_are_sure(whole: StitchedSurface) -> None:
     assert all(whole.figures[f"stitched_unsure_mm/{name}"] < 2 * PIXEL for name in NAMES)
 
 
-def test_a_time_limit_says_what_remains(touches: tuple[F4, F4]) -> None:
+def test_a_time_limit_reports_the_untried_pairs(touches: tuple[F4, F4]) -> None:
     heights, errors = touches[0][:3], touches[1][:3]
     refused = pytest.raises(InputError, match="no two of 3 touches fit")
-    with collect_warnings([]) as told, refused:
+    with collect_warnings([]) as messages, refused:
         stitch(heights, errors, PIXEL, ["one", "two", "three"], seconds=1e-9)
-    assert "3 likely pairs of touches were left untried" in told[0]
+    assert "3 likely pairs of touches were left untried" in messages[0]
     assert progress_text() == "touch 3 of 3 compared with all others"
 
 
-def test_each_touch_is_matched_with_few_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_each_touch_is_matched_with_a_few_neighbours(monkeypatch: pytest.MonkeyPatch) -> None:
     """The number of fits grows as n log n, not as the number of pairs."""
     rng, tried = np.random.default_rng(5), []
     surface = seen(pressed(plate, np.eye(4)), rng)[0][::3, ::3]
@@ -212,8 +212,8 @@ def test_results_of_a_folder_become_one(touches: tuple[F4, F4], tmp_path: Path) 
     for number, name in enumerate(("one", "two")):
         maps = {"height": touches[0][number], "error": touches[1][number]}
         result(tmp_path / "results" / name, **maps)
-    given = {"over": str(tmp_path / "results"), "out": tmp_path / "whole", "ply": True}
-    (found,) = open_pipeline("stitch", given).items()
+    arguments = {"over": str(tmp_path / "results"), "out": tmp_path / "whole", "ply": True}
+    (found,) = open_pipeline("stitch", arguments).items()
     about = json.loads((tmp_path / "whole/result.json").read_text())
     assert about["metrics"]["stitched_touches"] == 2
     assert np.array_equal(np.load(tmp_path / "whole/height.npy"), found["height"], equal_nan=True)
@@ -265,17 +265,17 @@ def test_frames_of_a_recording_become_one(
         ]
         record_touch(session, frames, f"{touch:06}", folder=tmp_path / "frames")
     session.close()
-    given = {"over": str(tmp_path / "frames"), "out": tmp_path / "whole"}
+    arguments = {"over": str(tmp_path / "frames"), "out": tmp_path / "whole"}
     with pytest.raises(InputError, match="or a recording with its sensor's"):
-        list(open_pipeline("stitch", given).items())
+        list(open_pipeline("stitch", arguments).items())
     doubtful = tmp_path / "cal.npz"
     with np.load(calibration("near33")) as file:
         about = {**json.loads(str(file["about"])), "doubts": ["the ball was an egg"]}
         np.savez(doubtful, **{**file, "about": np.array(json.dumps(about))})
-    given |= {"calibration": doubtful, "most": 2}
-    (found,) = open_pipeline("stitch", given).items()
-    (told,) = [line for line in found.warnings if "doubtful" in line]
-    assert "the ball was an egg" in told
+    arguments |= {"calibration": doubtful, "most": 2}
+    (found,) = open_pipeline("stitch", arguments).items()
+    (warning,) = [line for line in found.warnings if "doubtful" in line]
+    assert "the ball was an egg" in warning
     assert found["metrics"]["stitched_touches"] == 2
     assert found["metrics"]["stitched_x_mm/00002"] == pytest.approx(0, abs=1e-3)
     truth = np.load(press / "truth_height_mm.npy")

@@ -66,7 +66,7 @@ def test_steps_of_a_textured_object() -> None:
         assert found.figures["pose_open"] == 0
 
 
-def test_a_camera_from_near_enlarges_what_moves() -> None:
+def test_a_near_camera_enlarges_motion() -> None:
     """Each pixel looks at the point that lies 1 - z / D as far from the middle."""
     camera, before, motion = 1 / 25, None, moved(1.5, 0, 0, 0, 0, 0)
     rows, columns = ((np.indices(SHAPE) - np.array([[[59.5]], [[79.5]]])) * PIXEL).astype(float)
@@ -109,14 +109,14 @@ def pose_of_film(
 
 @pytest.mark.parametrize(("reach_mm", "least_deg"), [(0.5, 0.1), (1.0, 0.15), (2.0, 0.35)])
 def test_film_that_hangs_holds_hardly_any_tilt_back(reach_mm: float, least_deg: float) -> None:
-    """Its deviation holds what it does, and a film that is very tight is told."""
+    """The stated deviation covers its effect, and very tight film gives a warning."""
     motions = [moved(0.3 * n, 0.1 * n, 0, 2.0 * n, 0, 3.0 * n) for n in range(2)]
-    with collect_warnings([]) as told:
+    with collect_warnings([]) as messages:
         found = pose_of_film(motions, np.random.default_rng(5), STATED, reach_mm)
     off = np.abs(astray(found, motions[1]))
     assert np.all(off < [0.015, 0.015, 0.02, *[least_deg] * 3])
     assert np.all(off[3:] < 3 * np.sqrt(np.diag(found.covariance))[3:])
-    assert any("film is tight" in line for line in told) == (reach_mm > 1)
+    assert any("film is tight" in line for line in messages) == (reach_mm > 1)
 
 
 @pytest.mark.parametrize(
@@ -172,18 +172,18 @@ def test_a_jump_of_many_small_balls_is_found(shift: tuple[float, float]) -> None
 
 
 @pytest.mark.parametrize("side_mm", [20.0, 2.0], ids=["large", "small"])
-def test_another_object_is_told(side_mm: float) -> None:
+def test_another_object_is_reported(side_mm: float) -> None:
     def part(x: F8, y: F8) -> F8:
         return plate(x, y) - 0.2 * np.maximum(np.hypot(x, y) - side_mm, 0)
 
-    rng, told = np.random.default_rng(5), list[str]()
+    rng, messages = np.random.default_rng(5), list[str]()
     key = track_pose(*seen(pressed(part, np.eye(4)), rng), PIXEL, STATED)
     other = seen(pressed(lambda x, y: plate(y + 31, -x) + part(x, y) - plate(x, y), np.eye(4)), rng)
-    with collect_warnings(told):
+    with collect_warnings(messages):
         found = track_pose(*other, PIXEL, STATED, *key[2:4])
     assert found.figures["pose_sure"] == 0
     assert np.abs(found.pose[:2]).max() < 1
-    assert told
+    assert messages
 
 
 @pytest.mark.parametrize(
@@ -195,11 +195,11 @@ def test_another_object_is_told(side_mm: float) -> None:
     ],
     ids=["ball", "cylinder", "plate"],
 )
-def test_a_motion_that_leaves_no_trace_is_told(shape: Shape, still: set[str]) -> None:
+def test_an_unobservable_motion_gives_a_warning(shape: Shape, still: set[str]) -> None:
     _, surfaces = way(shape, np.array([0.1, 0.1, 0.02, 0, 0, 1.1]), 1)
-    with collect_warnings([]) as told:
+    with collect_warnings([]) as messages:
         _, found = track(surfaces)
-    assert "leaves motions open" in told[0]
+    assert "leaves motions open" in messages[0]
     assert {name for name in found.figures if "/" in name} == {f"pose_open/{n}" for n in still}
     assert found.figures["pose_open"] == len(still)
     for name in still:
@@ -215,14 +215,14 @@ def test_a_ball_is_followed_though_it_may_turn() -> None:
     assert np.abs(last.pose[3:]).max() < 1
 
 
-def test_a_touch_that_ends_begins_anew() -> None:
+def test_a_new_touch_restarts_tracking() -> None:
     surface, nothing = pressed(coin, np.eye(4)), np.zeros(SHAPE)
     found = [*track([surface, surface, nothing, surface])]
     assert [each.figures["pose_frames"] for each in found] == [1, 2, 0, 1]
     assert [each.figures["pose_sd_x_mm"] > 10 for each in found] == [False, False, True, False]
 
 
-def test_a_jump_to_another_part_of_the_object_begins_anew() -> None:
+def test_a_jump_to_another_part_of_the_object_restarts_tracking() -> None:
     surfaces = [pressed(coin, moved(x, 0, 0, 0, 0, 0)) for x in (-8.5, 8.5)]
     _, second = track(surfaces)
     assert second.figures["pose_frames"] == 1
@@ -243,9 +243,9 @@ def test_a_touch_at_rest_does_not_move(
     """Two captures that are the same, through the whole graph."""
     for name in ("0", "1"):
         (tmp_path / name).symlink_to(raytraced / "near33" / "cat_film")
-    given = {"calibration": calibration("near33"), "capture": str(tmp_path)}
+    arguments = {"calibration": calibration("near33"), "capture": str(tmp_path)}
     posed = with_overlays(read_graph("reconstruct"), ["pose"])
-    _, second = open_pipeline(posed, given, sinks=False).items()
+    _, second = open_pipeline(posed, arguments, sinks=False).items()
     assert second["metrics"]["pose_frames"] == 2
     assert np.abs(second["pose"]).max() < 1e-3
     assert np.all(np.linalg.eigvalsh(second["covariance"]) > 0)

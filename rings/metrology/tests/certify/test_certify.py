@@ -58,12 +58,12 @@ def write(light: F4, folder: Path, seed: int, truth: F8 | None = None) -> Path:
 def certify(out: Path, *words: str) -> dict[str, float | None]:
     """The characteristics and the uncertainty of a statement, by the command line."""
     python("-m", "tactograph", "certify", *words, f"out={out}")
-    said = json.loads((out / "statement.json").read_text())
-    found = {each["name"]: each["value"] for each in said["characteristics"]}
+    record = json.loads((out / "statement.json").read_text())
+    found = {each["name"]: each["value"] for each in record["characteristics"]}
     page = (out / "statement.html").read_text()
     assert all(name in page for name in found)
-    assert [name for name, value in found.items() if value is None] == said["not_measured"]
-    return {**found, **said["uncertainty"]}
+    assert [name for name, value in found.items() if value is None] == record["not_measured"]
+    return {**found, **record["uncertainty"]}
 
 
 def cap(x: float, depth: float) -> F8:
@@ -90,10 +90,12 @@ def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_a_statement_has_all_that_was_measured_and_no_more(sensor: Path, tmp_path: Path) -> None:
+def test_a_statement_holds_exactly_the_measured_characteristics(
+    sensor: Path, tmp_path: Path
+) -> None:
     known = ("calibration=cal.npz", "captures=balls", "still=still", "flats=flats")
-    given = [f"{name}={sensor / value}" for name, value in (each.split("=") for each in known)]
-    stated = certify(tmp_path, *given, f"ball_radius_mm={RADIUS_MM}", "ripples=0")
+    arguments = [f"{name}={sensor / value}" for name, value in (each.split("=") for each in known)]
+    stated = certify(tmp_path, *arguments, f"ball_radius_mm={RADIUS_MM}", "ripples=0")
     blank = {name for name, value in stated.items() if value is None}
     assert blank == {
         "topographic_spatial_resolution_mm",
@@ -126,15 +128,21 @@ def test_the_transfer_function_is_that_of_the_rendered_truth(sensor: Path, tmp_p
 
 
 @pytest.mark.slow
-def test_wrong_input_is_told_in_one_line(raytraced: Raytraced, calibration: Calibration) -> None:
-    given = [f"calibration={calibration('near33')}", f"captures={raytraced / 'near33' / 'flat'}"]
-    for words, told in (
-        (given, "no touch shows a whole known shape"),
-        ([*given[:1], f"grid={raytraced / 'near33'}"], "a grid needs both: grid=IMAGE pitch_mm="),
+def test_wrong_input_is_refused_in_one_line(raytraced: Raytraced, calibration: Calibration) -> None:
+    arguments = [
+        f"calibration={calibration('near33')}",
+        f"captures={raytraced / 'near33' / 'flat'}",
+    ]
+    for words, message in (
+        (arguments, "no touch shows a whole known shape"),
+        (
+            [*arguments[:1], f"grid={raytraced / 'near33'}"],
+            "a grid needs both: grid=IMAGE pitch_mm=",
+        ),
         (["captures=x"], "calibration"),
     ):
         done = python("-m", "tactograph", "certify", *words, "ripples=0", code=2)
-        assert told in done.stderr.splitlines()[-1]
+        assert message in done.stderr.splitlines()[-1]
         assert "Traceback" not in done.stderr
 
 

@@ -28,7 +28,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(3)
 
 
-def test_noise_is_what_repeats_differ_by_and_drift_what_they_grow_by(
+def test_noise_is_the_spread_of_repeats_and_drift_their_trend(
     rng: np.random.Generator,
 ) -> None:
     film = 0.3 * np.sin(X) + 1e-3 * rng.normal(0, 0.8, (6, ROWS, COLUMNS))
@@ -82,7 +82,7 @@ def test_a_shape_that_nothing_tells_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("zero", "off"), [("rest", 0.62), ("free", 0.32), ("plane", 0.0)])
-def test_what_is_left_free_of_a_height_with_a_truth(zero: str, off: float) -> None:
+def test_free_terms_of_a_height_are_fitted_to_its_truth(zero: str, off: float) -> None:
     """A height that is 0.3 mm too high, and tilted by 0.32 mm from its middle to its sides."""
     truth = (0.1 + 0.05 * np.sin(3 * X)).astype(np.float32)
     wrong = truth + 0.3 + 0.2 * (X - X.mean())
@@ -132,11 +132,11 @@ def test_the_half_of_a_gaussian_filter_is_found_under_noise(
     assert resolved == pytest.approx(wave_px * PIXEL, rel=0.03)
 
 
-def test_pixels_limit_what_nothing_else_does() -> None:
+def test_pixels_limit_resolution_where_nothing_else_does() -> None:
     truth = np.random.default_rng(1).normal(0, 1e-2, (1, ROWS, COLUMNS)).astype(np.float32)
-    with collect_warnings(told := []):
+    with collect_warnings(messages := []):
         got = transfer_function(truth, truth, PIXEL).metrics
-    assert "pixels limit resolution" in told[0]
+    assert "pixels limit resolution" in messages[0]
     assert got["topographic_spatial_resolution_mm"] == pytest.approx(2 * PIXEL)
 
 

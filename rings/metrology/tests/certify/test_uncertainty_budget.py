@@ -40,19 +40,19 @@ def test_known_inputs_count_and_are_not_counted_twice() -> None:
     """Noise is a part of what known shapes show; the radius adds to it."""
     plain = uncertainty_budget(touched(50), {}, {}, draws=1000).metrics
     noise = {"measurement_noise_um": 0.6}
-    told = uncertainty_budget(
+    result = uncertainty_budget(
         touched(50), noise, {}, radius_mm=0.25, radius_error_um=5.0, draws=1000
     )
-    rows = {row.name: row for row in told.rows}
+    rows = {row.name: row for row in result.rows}
     assert rows["measurement noise"].uncertainty == 0.6
     assert rows["topography fidelity"].uncertainty == pytest.approx(0.8, rel=0.05)
-    same = told.metrics["uncertainty_constant_um"]
+    same = result.metrics["uncertainty_constant_um"]
     assert same == pytest.approx(plain["uncertainty_constant_um"], rel=1e-6)
     wider = np.hypot(plain["uncertainty_relative"], 0.02)
-    assert told.metrics["uncertainty_relative"] == pytest.approx(wider, rel=1e-6)
+    assert result.metrics["uncertainty_relative"] == pytest.approx(wider, rel=1e-6)
 
 
-def test_what_was_not_measured_is_a_blank_row() -> None:
+def test_an_unmeasured_characteristic_is_a_blank_row() -> None:
     budget = uncertainty_budget(Compared(), {}, {})
     assert budget.metrics == {}
     assert {row.uncertainty for row in budget.rows} == {None}

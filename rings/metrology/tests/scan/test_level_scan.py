@@ -56,7 +56,7 @@ def test_a_fold_hides_no_noise() -> None:
 
 
 def levelled(file: Path, z: F4, level: str = "flat") -> tuple[F4, list[str]]:
-    """The height of a surface, less its own, and what is told."""
+    """The error of a reconstructed height, and the warnings."""
     light = seen(z, read_light_model(file=file).model)
     found = load("reconstruct_scan", model=file, level=level, cell_px=4)(frames=light)
     off = found["height"] - z
@@ -69,20 +69,20 @@ def bowed(slope: float) -> F4:
     return np.tile(-slope / (2 * PIXEL * WIDTH) * x * x, (HEIGHT, 1)).astype(np.float32)
 
 
-def test_a_bow_of_flat_film_is_taken_for_the_models_and_told(model_file: Path) -> None:
+def test_a_bow_of_flat_film_is_removed_with_a_warning(model_file: Path) -> None:
     press, bow = cap(radius=0.9, depth=0.06), bowed(0.08)
-    off, told = levelled(model_file, press + bow)
+    off, messages = levelled(model_file, press + bow)
     assert np.ptp(off + bow - np.median(off + bow)) < 0.3 * np.ptp(bow)
-    assert any("level=plane leaves it" in warning for warning in told)
-    kept, told = levelled(model_file, press + bow, "plane")
+    assert any("level=plane leaves it" in warning for warning in messages)
+    kept, messages = levelled(model_file, press + bow, "plane")
     assert np.ptp(kept) < 0.3 * np.ptp(bow)
-    assert not told
+    assert not messages
 
 
-def test_a_surface_that_bends_much_is_no_flat_film(model_file: Path) -> None:
-    off, told = levelled(model_file, bowed(0.4))
+def test_a_strongly_bent_surface_is_not_flat_film(model_file: Path) -> None:
+    off, messages = levelled(model_file, bowed(0.4))
     assert np.ptp(off) < 0.05 * np.ptp(bowed(0.4))
-    assert any("too much for flat film" in warning for warning in told)
+    assert any("too much for flat film" in warning for warning in messages)
 
 
 def mask_of(file: Path, marked: slice | tuple[slice, ...]) -> str:
@@ -93,9 +93,7 @@ def mask_of(file: Path, marked: slice | tuple[slice, ...]) -> str:
 
 
 @pytest.mark.parametrize(("columns", "taken"), [(WIDTH, True), (WIDTH // 4, False)])
-def test_marked_film_tells_a_bow_where_there_is_enough_of_it(
-    model_file: Path, columns: int, taken: bool
-) -> None:
+def test_enough_marked_film_shows_a_bow(model_file: Path, columns: int, taken: bool) -> None:
     bow = bowed(0.08)
     off, _ = levelled(model_file, bow, mask_of(model_file, np.s_[:, :columns]))
     assert bool(np.ptp(off + bow) < 0.1 * np.ptp(bow)) == taken

@@ -43,7 +43,7 @@ def test_the_leds_that_do_not_light_a_pixel_are_labelled(model: LightModel) -> N
     np.testing.assert_array_equal(light_model_slope(light, model).shadow, expected)
 
 
-def test_light_of_another_kind_is_told_or_refused(model: LightModel) -> None:
+def test_light_of_another_kind_is_reported_or_refused(model: LightModel) -> None:
     light = seen(cap() + 0.4 * RAMP, model)
     faint = np.float32([1, 1, 0.9, 1, 1, 1])[:, None, None] * light
     kinds = [
@@ -55,10 +55,10 @@ def test_light_of_another_kind_is_told_or_refused(model: LightModel) -> None:
         ("1.5 times as bright", False, 1.5 * light),
     ]
     for words, refused, images in kinds:
-        with collect_warnings([]) as told:
+        with collect_warnings([]) as messages:
             found = light_model_slope(np.float32(images), model)
             judge_light_model(found, force=True)
-        assert words in told[0] if words else not told
+        assert words in messages[0] if words else not messages
         with pytest.raises(InputError, match=words) if refused else nullcontext():
             judge_light_model(found, np.float32(images), model)
 
@@ -78,14 +78,14 @@ def test_an_order_turned_or_mirrored_is_refused_and_the_right_one_named(order: l
 
 
 @pytest.mark.parametrize(("tilt", "told_of"), [(0.0, False), (0.04, True)])
-def test_untouched_film_that_seems_tilted_is_told(
+def test_untouched_film_that_appears_tilted_gives_a_warning(
     tmp_path: Path, model: LightModel, tilt: float, told_of: bool
 ) -> None:
     write_scan(tmp_path / "flat", seen(0 * cap() + np.float32(tilt) * RAMP, model))
-    with collect_warnings([]) as told:
+    with collect_warnings([]) as messages:
         figures = judge_untouched(model, folder=tmp_path / "flat", cell=4)
     assert figures["untouched_slope"] == pytest.approx(tilt, abs=2e-3)
-    assert bool(told) == told_of
+    assert bool(messages) == told_of
     assert judge_untouched(model) == {}
     write_scan(tmp_path / "part", seen(cap(), model)[:, 2:])
     with pytest.raises(InputError, match=r"of 96 x 64 pixels, but .*part has 6"):

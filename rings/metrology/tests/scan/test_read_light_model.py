@@ -85,7 +85,7 @@ def test_a_damaged_model_is_refused(model_file: Path, old: str, new: str, messag
 
 
 @pytest.mark.parametrize("name", ["gone.yaml", "g" * 300])
-def test_a_scan_without_its_model_says_what_to_give(scan: Path, name: str) -> None:
+def test_a_scan_without_its_model_names_the_missing_file(scan: Path, name: str) -> None:
     scan.write_text(scan.read_text().replace('""', name))
     with pytest.raises(InputError, match=rf"light model {name} is not there; give it as `file`="):
         read_light_model(file=scan.parent)
@@ -146,10 +146,10 @@ def test_a_scan_says_how_large_its_balls_are(
     scan: Path, target: str, mark: int, message: str
 ) -> None:
     scan.write_text(scan.read_text().replace("r: 9", f"r: {mark}") + target)
-    told: list[str] = []
+    messages: list[str] = []
     try:
-        with collect_warnings(told):
+        with collect_warnings(messages):
             assert read_balls(folder=scan.parent).radius == pytest.approx(0.18)
     except InputError as error:
-        told.append(str(error))
-    assert any(message in each for each in told) if message else not told
+        messages.append(str(error))
+    assert any(message in each for each in messages) if message else not messages

@@ -25,15 +25,15 @@ def test_a_model_tells_light_at_rest_leds_and_pixels(model_file: Path, model: Li
     assert GAIN * found.rest.mean() == pytest.approx(0.43, abs=0.1)
 
 
-def test_film_and_images_that_are_not_the_models_are_told(
+def test_film_and_images_foreign_to_the_model_give_warnings(
     model_file: Path, model: LightModel, tmp_path: Path
 ) -> None:
     light = seen(0 * cap(), model)
     write_scan(tmp_path / "flat", light * np.linspace(0.8, 1, LEDS)[:, None, None])
-    with collect_warnings([]) as told:
+    with collect_warnings([]) as messages:
         found = read_start(light, file=model_file, flat=tmp_path / "flat")
     assert found.metrics["untouched_slope"] > 0.02
-    assert any("untouched film for tilted" in each for each in told)
+    assert any("untouched film for tilted" in each for each in messages)
     with pytest.raises(InputError, match="describes 6 lights of 96 x 64 pixels, but the press"):
         read_start(light[:, :32].copy(), file=model_file)
 
@@ -42,7 +42,7 @@ def test_film_and_images_that_are_not_the_models_are_told(
 def test_a_calibration_that_starts_from_the_vendors_needs_no_untouched_film(
     tmp_path: Path,
 ) -> None:
-    """Fitted to a grid of balls, tried on another; nothing is said of pitch or pixels."""
+    """Fitted to a grid of balls, tried on another; no warning about pitch or pixels."""
     grids = real_data("gelsight_six_led")
     cal = tmp_path / "cal.npz"
     start = real_data("gelsight_scans") / "oem/demo-calibration.yaml"

@@ -14,17 +14,17 @@ from tactograph.rings.metrology.nodes.scan.scan_file import read_scan
 from tactograph.rings.metrology.nodes.scan.write_scan import write_scan
 
 
-def test_a_scan_is_what_was_exported(tmp_path: Path) -> None:
+def test_an_exported_scan_is_read_back(tmp_path: Path) -> None:
     model = write_model(tmp_path / "model: 1.yaml")
     made_scan(tmp_path / "first", seen(cap(), model))
     np.save(tmp_path / "height.npy", cap())
-    given = {
+    arguments = {
         "capture": tmp_path / "first",
         "height": tmp_path / "height.npy",
         "model": "model: 1.yaml",
         "out": tmp_path / "second",
     }
-    assert list(open_pipeline("export_scan_height", given).items())
+    assert list(open_pipeline("export_scan_height", arguments).items())
     (first,), (second,) = (read_capture(folder=tmp_path / name) for name in ("first", "second"))
     np.testing.assert_allclose(second.image, first.image, atol=1e-6)
     assert second.pixel_size == PIXEL
@@ -43,8 +43,8 @@ def test_balls_are_marked_where_a_crop_moves_them(tmp_path: Path) -> None:
     (captured / "scan.yaml").unlink()
     about = "ball_radius_mm: 0.1\nball_center_px: [20, 15.5]\n"
     (captured / "capture.yaml").write_text(about)
-    given = {"capture": captured.parent, "pixel_size_mm": PIXEL, "crop": (10, 5, 60, 40)}
-    list(open_pipeline("export_scan", {**given, "out": tmp_path / "out"}).items())
+    arguments = {"capture": captured.parent, "pixel_size_mm": PIXEL, "crop": (10, 5, 60, 40)}
+    list(open_pipeline("export_scan", {**arguments, "out": tmp_path / "out"}).items())
     marked, ours = (read_scan(tmp_path / "out" / name) for name in ("marked", "ours"))
     assert marked.balls == ((1, -2, 20.5, 15, 9),)
     assert ours.balls == ((0, 0, 10, 10.5, pytest.approx(0.1 / PIXEL)),)
