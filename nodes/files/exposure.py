@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, warn
 from tactograph.nodes import FALSE_ALARMS
-from tactograph.nodes.files.image_files import bits_in, size_of
+from tactograph.nodes.files.image_files import bits_in, check_white, size_of
 
 MIN_SIDE_PX = 4
 """Least rows and columns of a capture: a cell of those on which rough heights are found."""
@@ -20,6 +20,8 @@ GLINT_SHARE = 0.5
 """Share of full scale of a highlight in an otherwise dark image."""
 MIN_COUNTS = 4
 """... and number of converter steps that it must reach, because fewer show no gradation."""
+UNUSUAL_DEPTHS = (8, 10, 12)
+"""Bits of a camera's values that may be meant where no more of 16 bits are in use."""
 MIN_LEVELS = 255
 """Steps from black to white of an image of 8 bits; fewer are reported."""
 MAX_SATURATED = 1e-3
@@ -70,14 +72,18 @@ def check_exposed(
     full = white or int(np.iinfo(stack.dtype).max) if counts else 1
     brightest = [plane.max().item() for plane in stack]
     shallow, has_warned = "", False
-    if counts and full > 4095 and max(brightest) < 4096:
-        depth = 8 if max(brightest) < 256 else 12
-        shallow = f"if it is {depth} bit, {how_depth.format(bits=depth, full=2**depth - 1)}"
+    depths = [bits for bits in UNUSUAL_DEPTHS if max(brightest) < 2**bits]
+    if counts and full > 4095 and depths:
+        # Of 12 bits a dim image uses ten; of 8 bits in wider numbers any uses eight.
+        depths = depths[:1] if depths[0] == 8 else depths
+        shallow = "; ".join(
+            f"if it is {bits} bit, {how_depth.format(bits=bits, full=2**bits - 1)}"
+            for bits in depths
+        )
     for plane, name, most in zip(stack, names, brightest, strict=True):
         if most == 0:
             raise InputError(f"{name}: all black; is the LED on and the lens cap off?")
-        if most > full:
-            raise InputError(f"{name}: has values up to {most}, but white is {full}")
+        check_white(most, full, plane, name)
         _check_bright(plane, full, name, shallow)
         saturated = _saturated(plane, most, full)
         if saturated > MAX_SATURATED:
@@ -94,7 +100,9 @@ def check_exposed(
                 raise InputError(mosaic)
             warn(mosaic)
     if shallow and white is None:
-        warn(f"{names[0]}: {bits_in(stack)} bit, but no value above {2**depth - 1}; {shallow}")
+        warn(
+            f"{names[0]}: {bits_in(stack)} bit, but no value above {2 ** depths[0] - 1}; {shallow}"
+        )
     if _has_jpeg_blocks(stack[0]):
         if Path(names[0]).suffix.lower() not in JPEG_SUFFIXES:  # of these the reader warns
             warn(
