@@ -89,7 +89,7 @@ CHECK_FIGURES = {
     "moved": Figure(
         "rest",
         "the film at rest does not lie where the flat frame shows it: {moved} (put camera, lens, "
-        "zoom and crop back as they were for the calibration, or calibrate again)",
+        "zoom and crop back as they were for the calibration, or calibrate again){lit}",
     ),
     "brighter": WRONG_BRIGHTNESS,
     "darker": WRONG_BRIGHTNESS,
