@@ -89,6 +89,7 @@ def judge_touch(
     """
     at_light = evidence.read().dirty >= 0
     on_rims = rim_share is not None and rim_share > MAX_RIM_SHARE
+    open_rims = on_rims and not rims_measured
     row = (Ranked.RIGID if rims_measured and on_rims else Ranked.SOFT) if at_light else Ranked.PLAIN
     quantiles = None if ranks is None else ranks[row].astype(np.float64)
     figures: Metrics = {}
@@ -115,17 +116,19 @@ def judge_touch(
                     lights,
                     lambda residual: residual_share(quantiles, residual) >= false_alarms,
                     has_moved=motion is not None and bool(motion.any()),
+                    # Walls change the light, but neither the curl nor the film at rest.
+                    has_walls=open_rims and [*causes] == ["light"],
                 )
             elif light is not None and flat is not None:
                 likely = other_colours(light * flat, flat)
             lit = "" if light is None or flat is None else _lit(light, flat)
-            doubt = likely or _sentence([*causes.values()], evidence, motion, on_rims, lit)
+            doubt = likely or _sentence([*causes.values()], evidence, motion, open_rims, lit)
             if len(causes) == len(alone) and not force:
                 raise InputError(f"{doubt}: no height follows; `force`=true goes on all the same")
             warn(f"{doubt}; the height may be wrong")
     if rim_share is not None:
         figures["rim_share"] = rim_share
-        if on_rims and not rims_measured:
+        if open_rims:
             warn(
                 f"{rim_share:.0%} of the touch hangs on rims that light does not measure: steeper "
                 "than a cell shows, or in the shadow of several LEDs. It may stand higher "
@@ -152,7 +155,7 @@ def _sentence(
     causes: list[str],
     evidence: TouchEvidence,
     motion: FilmMotion | None,
-    on_rims: bool,
+    open_rims: bool,
     lit: str,
 ) -> str:
     """The causes with the facts of this touch."""
@@ -162,7 +165,7 @@ def _sentence(
     together = np.abs(apart).max() < np.abs(change.mean())
     by = change.mean() if together else change[one]
     facts = {
-        "rims": "; walls and rims need the graph precise" if on_rims else "",
+        "rims": "; walls and rims need the graph precise" if open_rims else "",
         "bright": "brighter" if brighter > 0 else "darker",
         "excess": abs(brighter),
         "led": "all LEDs are" if together else f"LED {one + 1} is",

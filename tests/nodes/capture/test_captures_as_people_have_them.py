@@ -193,6 +193,48 @@ def test_bright_light_that_is_not_cut_off_is_not_saturated(tmp_path: Path) -> No
         assert read_one(write(tmp_path, LEDS, (255 * light).astype(np.uint8)))[1] == []
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_hot_pixels_are_no_saturated_light(tmp_path: Path, dtype: type) -> None:
+    """To expose shorter does not help against them."""
+    light = RNG.normal(0.5, 0.02, (4, 60, 80))
+    light.reshape(4, -1)[:, RNG.choice(60 * 80, 12, replace=False)] = 1
+    images = (np.iinfo(dtype).max * light).astype(dtype)
+    _, notes = read_one(write(tmp_path, LEDS, images))
+    assert len(notes) == 4
+    assert all("as hot pixels do" in note and "expose shorter" not in note for note in notes)
+    light[:, 20:30, 30:50] = 1
+    _, notes = read_one(write(tmp_path, LEDS, (np.iinfo(dtype).max * light).astype(dtype)))
+    assert all("saturated; expose shorter" in note for note in notes)
+
+
+LINES = {
+    "row 20": np.s_[:, 20],
+    "rows 20 to 22": np.s_[:, 20:23],
+    "column 33": np.s_[:, :, 33],
+}
+
+
+@pytest.mark.parametrize("value", [0, 16, 255])
+@pytest.mark.parametrize("line", LINES)
+def test_a_dead_line_is_told(tmp_path: Path, line: str, value: int) -> None:
+    """`reconstruct` was 9 um off by one dead row across a touch, and said nothing."""
+    images = RNG.normal(120, 3, (4, 60, 80)).astype(np.uint8)
+    images[LINES[line]] = value
+    _, notes = read_one(write(tmp_path, LEDS, images))
+    notes = [note for note in notes if "of the pixels" not in note]
+    assert len(notes) == 1, "once, not for each image"
+    assert f"led1.png: {line} of one value, unlike those beside" in notes[0]
+
+
+def test_lines_of_even_light_and_black_frames_are_not_dead(tmp_path: Path) -> None:
+    ramp = np.tile(np.arange(40, 100, dtype=np.uint8)[:, None], (4, 1, 80))
+    ramp[:, :5] = 0
+    assert read_one(write(tmp_path / "ramp", LEDS, ramp))[1] == []
+    noisy = RNG.normal(120, 3, (4, 60, 80)).astype(np.uint8)
+    noisy[:, :5], noisy[:, :, -9:] = 0, 0
+    assert read_one(write(tmp_path / "framed", LEDS, noisy))[1] == []
+
+
 PARITY = np.indices((72, 80))
 UNEVEN = {
     "a mosaic of every second pixel": PARITY.sum(0) % 2 == 0,

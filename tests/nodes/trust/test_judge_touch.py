@@ -178,3 +178,10 @@ def test_rims_are_a_warning_unless_something_else_measures_them(
     assert found["rim_share"] == hanging
     assert notes == [note for note in notes if "50% of the touch hangs on rims" in note]
     assert len(notes) == told
+
+
+@pytest.mark.parametrize(("measured", "said"), [(False, True), (True, False)])
+def test_precise_is_not_advised_where_it_ran(measured: bool, said: bool) -> None:
+    (line, *_) = told(0.1, light=9.0, rim_share=0.5, rims_measured=measured, force=True)
+    assert line.startswith("the light of the touch is that of no surface")
+    assert ("walls and rims need the graph precise" in line) == said
