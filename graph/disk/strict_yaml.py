@@ -122,6 +122,8 @@ class Document:
             message = first["msg"].lower()
             if first["type"] == "extra_forbidden":
                 message = f"unknown key{did_you_mean(str(first['loc'][-1]), kind.model_fields)}"
+            elif first["type"] == "model_type":
+                message = "is no mapping; write 'name: value' lines"
             raise InputError(f"{self.place(first['loc'])}: {message}") from None
 
 

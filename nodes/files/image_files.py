@@ -235,17 +235,20 @@ def white_of(files: Sequence[Path], bits: int | None) -> int | None:
     Raises
     ------
     InputError
-        If one PGM says another than the first.
+        If one PGM says another than the first, or than the stated depth.
     """
-    if bits is not None:
-        return 2**bits - 1
     whites = [_white_in(file) for file in files]
     for file, white in zip(files, whites, strict=True):
-        if white != whites[0]:
+        if bits is not None and white not in (None, 2**bits - 1):
+            raise InputError(
+                f"{file}: says that white is {white}, but 'bits: {bits}' in capture.yaml says "
+                f"{2**bits - 1}"
+            )
+        if bits is None and white != whites[0]:
             raise InputError(
                 f"{file}: says that white is {white}, but {files[0].name} says {whites[0]}"
             )
-    return whites[0]
+    return whites[0] if bits is None else 2**bits - 1
 
 
 def check_white(most: float, white: int, plane: NDArray[Any], name: Path | str) -> None:

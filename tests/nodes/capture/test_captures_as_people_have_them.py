@@ -57,6 +57,14 @@ def test_upper_case_and_leading_zeros_are_the_usual_name(tmp_path: Path, name: s
     assert notes == []
 
 
+def test_leds_count_from_one_whatever_the_files_numbers(tmp_path: Path) -> None:
+    """LED 0 was said to be missing, with the name of a file that was there."""
+    folder = write(tmp_path, ["led0.png", "led1.png", "led2.png", "led3.png"])
+    assert read_one(folder, leds=(4, 3, 2, 1))[0].image.shape == IMAGES.shape
+    with pytest.raises(InputError, match="there is no LED 0: led0 to led3 are LEDs 1 to 4"):
+        read_one(folder, leds=(0, 1, 2, 3))
+
+
 def test_images_of_other_names_are_named_as_left_out(tmp_path: Path) -> None:
     write(tmp_path, [f"led{k}.png" for k in range(1, 5)])
     write(tmp_path, ["IMG_2041.png", "picture.png"])
@@ -172,6 +180,11 @@ def test_the_white_of_a_pgm_is_obeyed(tmp_path: Path, bits: int) -> None:
     capture, notes = read_one(tmp_path, whole=True)
     assert np.allclose(capture.image, images / (2**bits - 1), atol=1e-6)
     assert notes == []
+    (tmp_path / "capture.yaml").write_text(f"bits: {bits}\n")
+    assert np.array_equal(read_one(tmp_path)[0].image, capture.image)
+    (tmp_path / "capture.yaml").write_text("bits: 14\n")
+    with pytest.raises(InputError, match=rf"white is {2**bits - 1}, but 'bits: 14'.*says 16383"):
+        read_one(tmp_path)
 
 
 PLATEAUS = {"12 bits at the top of 16": (65520, np.uint16), "video": (235, np.uint8)}

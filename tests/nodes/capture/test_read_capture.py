@@ -220,6 +220,9 @@ SPOIL = {
         (d / "led2.png").unlink(),
         (d / "led2.png").symlink_to("gone.png"),
     ],
+    "capture.yaml:1:1: is no mapping; write 'name: value' lines": lambda d: (
+        d / "capture.yaml"
+    ).write_text("- leds\n"),
     "capture.yaml:1:18: ball_center_px[0]": lambda d: (d / "capture.yaml").write_text(
         "ball_center_px: [.inf, 5.0]\n"
     ),
