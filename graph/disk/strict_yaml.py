@@ -37,6 +37,10 @@ _COLLECTION_TAGS = {f"{_YAML_TAG}map", f"{_YAML_TAG}seq"}
 _DIRECTIVE_LINE = re.compile(r"\ufeff?(?:[ \t]*(?:#[^\n]*)?\r?\n)*%")
 
 
+class EmptyFileError(GraphError):
+    """A file that holds nothing, or comments alone."""
+
+
 class Place(NamedTuple):
     """A place in a graph file, counted from 1; line 0: not from a file.
 
@@ -118,6 +122,8 @@ class Document:
             message = first["msg"].lower()
             if first["type"] == "extra_forbidden":
                 message = f"unknown key{did_you_mean(str(first['loc'][-1]), kind.model_fields)}"
+            elif first["type"] == "model_type":
+                message = "is no mapping; write 'name: value' lines"
             raise InputError(f"{self.place(first['loc'])}: {message}") from None
 
 
@@ -172,7 +178,7 @@ def _parsed(text: str, name: str) -> Document:
     except RecursionError:
         raise GraphError(f"{name}: nested too deeply for a graph file") from None
     if root is None:
-        raise GraphError(f"{name}: the file is empty; a graph file starts with 'format: 1'")
+        raise EmptyFileError(f"{name}: the file is empty; a graph file starts with 'format: 1'")
     places: dict[Path_, Place] = {}
     return Document(_plain(root, (), name, places, set()), places)
 

@@ -92,6 +92,12 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> Na
     missing = [led for led in leds_due if led not in file_of]
     if missing:
         name = pattern.format(missing[0])
+        if pattern == USUAL_PATTERN and 1 in file_of and _number_of(file_of[1]) != 1:
+            last = max(file_of)
+            raise InputError(
+                f"{folder}: there is no LED {missing[0]}: {file_of[1].stem} to "
+                f"{file_of[last].stem} are LEDs 1 to {last}, and `leds` counts as these"
+            )
         raise InputError(f"{folder}: the image of LED {missing[0]} is missing ({name}.png)")
     if leds is None and MAX_LEDS < len(leds_due) <= MAX_LED_IMAGES:
         leds_due = [leds_due[number * len(leds_due) // MAX_LEDS] for number in range(MAX_LEDS)]
@@ -140,6 +146,11 @@ def _numbered_leds(folder: Path) -> Named:
         )
     warn(f"{files[0].stem} to {files[-1].stem} are taken as LEDs 1 to {count}")
     return dict(enumerate(files, start=1))
+
+
+def _number_of(file: Path) -> int | None:
+    match = NUMBERED_NAME.fullmatch(file.stem)
+    return int(match[2]) if match else None
 
 
 def _may_be_leds(group: Named) -> bool:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 from tactograph.graph import InputError, Whole, node, warn
-from tactograph.graph.disk.strict_yaml import Document
+from tactograph.graph.disk.strict_yaml import Document, EmptyFileError
 from tactograph.graph.errors import missing
 from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.capture.led_files import (
@@ -47,6 +47,9 @@ from tactograph.nodes.files.image_files import (
 from tactograph.nodes.files.sensor_identity import SensorIdentity
 
 VIDEO_SUFFIXES = (".mp4", ".m4v", ".avi", ".mov", ".mkv", ".webm", ".mjpg", ".mjpeg")
+CAPTURE_FILE = "capture.yaml"
+LIKE_CAPTURE_FILE = ("capture.yml", "Capture.yaml", "capture.yaml.txt")
+"""What editors and other systems make of its name."""
 TRUE_HEIGHT_FILE = "truth_height_mm.npy"
 TRUE_REST_FILE = "rest_height_mm.npy"
 TRUE_SLOPE_FILE = "truth_slope.npy"
@@ -91,10 +94,18 @@ class CaptureFile(BaseModel):
     @classmethod
     def read(cls, folder: Path) -> Self:
         """Read ``capture.yaml``, if there is one."""
-        file = folder / "capture.yaml"
+        file = folder / CAPTURE_FILE
         if file.exists() and not file.is_file():
             raise InputError(f"{file}: is no plain file; put one there, or remove it")
-        return Document.read(file).checked(cls) if file.is_file() else cls()
+        if file.is_file():
+            try:
+                return Document.read(file).checked(cls)
+            except EmptyFileError:
+                return cls()
+        for name in LIKE_CAPTURE_FILE:
+            if (folder / name).is_file():
+                warn(f"{folder / name}: not read; a file of this kind is called {CAPTURE_FILE}")
+        return cls()
 
     def circle(
         self, center_px: tuple[float, float] | None = None, contact_px: float | None = None

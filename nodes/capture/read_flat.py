@@ -42,7 +42,9 @@ def read_flat(
     folder
         Capture of the untouched film, or a folder of several, whose mean is less noisy.
         None: the estimate; without one, uniform light is assumed, with a warning.
-    dark : one image taken with all LEDs off; a ``capture.yaml`` beside it may give its ``bits``
+    dark
+        One image taken with all LEDs off; a ``capture.yaml`` beside it may give its ``bits``, else
+        one of 16 bits has those of the untouched film.
     smooth_px : standard deviation of the Gaussian that smooths the flat image
 
     Raises
@@ -55,7 +57,9 @@ def read_flat(
     if black is None:
         black = np.zeros((height, width), np.float32)
     if dark is not None:
-        black = read_plane(dark, layout.crop, layout.channel, CaptureFile.read(dark.parent).bits)
+        bits = CaptureFile.read(dark.parent).bits
+        usual = None if folder is None else _bits_in(folder)
+        black = read_plane(dark, layout.crop, layout.channel, bits, usual)
     if black.shape != (height, width):
         raise InputError(
             f"{dark}: is {black.shape[1]} x {black.shape[0]} pixels, the capture {width} x {height}"
@@ -75,6 +79,12 @@ def read_flat(
             "`dark` is one image with all LEDs off"
         )
     return Flat(flat, black)
+
+
+def _bits_in(folder: Path) -> int | None:
+    """The depth that a capture states, or the first capture inside it that does."""
+    inside = [d for d in sorted(folder.iterdir()) if d.is_dir()] if folder.is_dir() else []
+    return next(filter(None, (CaptureFile.read(d).bits for d in (folder, *inside))), None)
 
 
 def _mean(image: Light, folder: Path, layout: Layout) -> F4:

@@ -5,12 +5,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, warn
 from tactograph.nodes import FALSE_ALARMS
-from tactograph.nodes.files.image_files import bits_in, size_of
+from tactograph.nodes.files.image_files import bits_in, check_white, size_of
 
 MIN_SIDE_PX = 4
 """Least rows and columns of a capture: a cell of those on which rough heights are found."""
@@ -20,6 +21,8 @@ GLINT_SHARE = 0.5
 """Share of full scale of a highlight in an otherwise dark image."""
 MIN_COUNTS = 4
 """... and number of converter steps that it must reach, because fewer show no gradation."""
+UNUSUAL_DEPTHS = (8, 10, 12)
+"""Bits of a camera's values that may be meant where no more of 16 bits are in use."""
 MIN_LEVELS = 255
 """Steps from black to white of an image of 8 bits; fewer are reported."""
 MAX_SATURATED = 1e-3
@@ -34,6 +37,8 @@ PARITY_BLOCK_PX = 64
 MAX_PARITY_SPREAD, PARITY_ERRORS = 0.04, 6.0
 """Spread of their means, relative and in standard errors, up to which they show one light."""
 
+COMPARED_PIXELS = 16
+"""Pixels of a line by which one of a single value is looked for, before all of them are."""
 JPEG_SUFFIXES = (".jpg", ".jpeg")
 JPEG_BLOCK_PX, COMPARED_BLOCKS = 8, 16
 """Side of the blocks that JPEG compresses each for itself, and of them that are looked at."""
@@ -70,19 +75,29 @@ def check_exposed(
     full = white or int(np.iinfo(stack.dtype).max) if counts else 1
     brightest = [plane.max().item() for plane in stack]
     shallow, has_warned = "", False
-    if counts and full > 4095 and max(brightest) < 4096:
-        depth = 8 if max(brightest) < 256 else 12
-        shallow = f"if it is {depth} bit, {how_depth.format(bits=depth, full=2**depth - 1)}"
+    depths = [bits for bits in UNUSUAL_DEPTHS if max(brightest) < 2**bits]
+    if counts and full > 4095 and depths:
+        # Of 12 bits a dim image uses ten; of 8 bits in wider numbers any uses eight.
+        depths = depths[:1] if depths[0] == 8 else depths
+        shallow = "; ".join(
+            f"if it is {bits} bit, {how_depth.format(bits=bits, full=2**bits - 1)}"
+            for bits in depths
+        )
     for plane, name, most in zip(stack, names, brightest, strict=True):
         if most == 0:
             raise InputError(f"{name}: all black; is the LED on and the lens cap off?")
-        if most > full:
-            raise InputError(f"{name}: has values up to {most}, but white is {full}")
+        check_white(most, full, plane, name)
         _check_bright(plane, full, name, shallow)
         saturated = _saturated(plane, most, full)
         if saturated > MAX_SATURATED:
             at = "" if most == full else f" at {most} of {full}"
-            warn(f"{name}: {saturated:.1%} of the pixels are saturated{at}; expose shorter")
+            if saturated - _share_alone(plane, most) > MAX_SATURATED:
+                warn(f"{name}: {saturated:.1%} of the pixels are saturated{at}; expose shorter")
+            else:
+                warn(
+                    f"{name}: {saturated:.1%} of the pixels stand alone at the brightest value, as "
+                    "hot pixels do: let the camera correct them, or cool it"
+                )
         if not has_warned and (spread := _parity_spread(plane)):
             has_warned = True
             mosaic = (
@@ -94,7 +109,14 @@ def check_exposed(
                 raise InputError(mosaic)
             warn(mosaic)
     if shallow and white is None:
-        warn(f"{names[0]}: {bits_in(stack)} bit, but no value above {2**depth - 1}; {shallow}")
+        warn(
+            f"{names[0]}: {bits_in(stack)} bit, but no value above {2 ** depths[0] - 1}; {shallow}"
+        )
+    if line := _dead_line(stack[0]):
+        warn(
+            f"{names[0]}: {line} of one value, unlike those beside: dead pixels? Let the camera "
+            "correct them, or crop the images (precise is harmed least)"
+        )
     if _has_jpeg_blocks(stack[0]):
         if Path(names[0]).suffix.lower() not in JPEG_SUFFIXES:  # of these the reader warns
             warn(
@@ -153,6 +175,38 @@ def _saturated(plane: NDArray[Any], most: float, full: float) -> float:
         return share
     side_share = np.count_nonzero(plane > PLATEAU_SIDE_SHARE * most) / plane.size - share
     return share if 0 < side_share < share else 0.0
+
+
+def _share_alone(plane: NDArray[Any], most: float) -> float:
+    """The share of the pixels that are cut off while their neighbours are far from it.
+
+    A lens spreads light over its neighbours.
+    """
+    values = plane if plane.dtype in (np.uint8, np.uint16) else plane.astype(np.float32)
+    around = cv2.medianBlur(values, 3)
+    alone = (plane == most) & (around < np.float32(MIN_PLATEAU_SHARE * most))
+    return np.count_nonzero(alone) / plane.size
+
+
+def _dead_line(plane: NDArray[Any]) -> str:
+    """The rows or columns of one value, outside those of the lines on both sides; "": none."""
+    if plane.ndim > 2:
+        return ""
+    for name, lines in ("row", plane), ("column", plane.T):
+        few = np.ascontiguousarray(lines[:, :: max(lines.shape[1] // COMPARED_PIXELS, 1)].T)
+        low, high = few.min(axis=0), few.max(axis=0)
+        even = np.flatnonzero(low == high)
+        if not 0 < 2 * even.size < len(lines):  # none, or nothing that is seen
+            continue
+        breaks = (np.diff(even) > 1) | (low[even[1:]] != low[even[:-1]])
+        for run in np.split(even, np.flatnonzero(breaks) + 1):
+            if run[0] == 0 or run[-1] == len(lines) - 1:  # the frame around a view
+                continue
+            value, beside = low[run[0]], [run[0] - 1, run[-1] + 1]
+            stands_out = value < low[beside].min() or value > high[beside].max()
+            if stands_out and (lines[run] == value).all():
+                return f"{name} {run[0]}" if run.size == 1 else f"{name}s {run[0]} to {run[-1]}"
+    return ""
 
 
 def _parity_spread(plane: NDArray[Any]) -> float:

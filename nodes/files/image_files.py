@@ -204,9 +204,15 @@ def grey(image: NDArray[Any], channel: Channel | None = None) -> NDArray[Any]:
 
 
 def read_plane(
-    file: Path, crop: Crop | None = None, channel: Channel | None = None, bits: int | None = None
+    file: Path,
+    crop: Crop | None = None,
+    channel: Channel | None = None,
+    bits: int | None = None,
+    usual_bits: int | None = None,
 ) -> NDArray[np.float32]:
     """Read one image file as fractions of full scale, H x W: of colours their mean.
+
+    Without `bits`, `usual_bits` are those of values in 16.
 
     Raises
     ------
@@ -216,9 +222,9 @@ def read_plane(
     plane = cropped(grey(read_image(file), channel), crop, file)
     if plane.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit is needed")
-    full = white_of([file], bits) or np.iinfo(plane.dtype).max
-    if plane.max() > full:
-        raise InputError(f"{file}: has values up to {plane.max()}, but white is {full}")
+    stated = bits or (usual_bits if plane.dtype == np.uint16 else None)
+    full = white_of([file], stated) or np.iinfo(plane.dtype).max
+    check_white(plane.max(), full, plane, file)
     light = np.asarray(plane / np.float32(full), np.float32)
     return light if light.ndim == 2 else np.asarray(light.mean(axis=-1), np.float32)
 
@@ -229,17 +235,32 @@ def white_of(files: Sequence[Path], bits: int | None) -> int | None:
     Raises
     ------
     InputError
-        If one PGM says another than the first.
+        If one PGM says another than the first, or than the stated depth.
     """
-    if bits is not None:
-        return 2**bits - 1
     whites = [_white_in(file) for file in files]
     for file, white in zip(files, whites, strict=True):
-        if white != whites[0]:
+        if bits is not None and white not in (None, 2**bits - 1):
+            raise InputError(
+                f"{file}: says that white is {white}, but 'bits: {bits}' in capture.yaml says "
+                f"{2**bits - 1}"
+            )
+        if bits is None and white != whites[0]:
             raise InputError(
                 f"{file}: says that white is {white}, but {files[0].name} says {whites[0]}"
             )
-    return whites[0]
+    return whites[0] if bits is None else 2**bits - 1
+
+
+def check_white(most: float, white: int, plane: NDArray[Any], name: Path | str) -> None:
+    """Refuse an image whose largest value, or whose type, does not fit its white."""
+    if plane.dtype.kind == "u" and white > np.iinfo(plane.dtype).max:
+        bits = white.bit_length()
+        raise InputError(
+            f"{name}: is {bits_in(plane)} bit, but 'bits: {bits}' in capture.yaml says {bits}; "
+            "remove it, or record 16 bit"
+        )
+    if most > white:
+        raise InputError(f"{name}: has values up to {most}, but white is {white}")
 
 
 def _white_in(file: Path) -> int | None:

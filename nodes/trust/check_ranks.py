@@ -55,7 +55,7 @@ WRONG_BRIGHTNESS = Figure(
     "light",
     "the touched film is {bright} by {excess:.1%} than its slopes make it (check that the images "
     "show one touch, held still, neither blurred nor averaged with others, that gamma and contrast "
-    "are off, and that other light is kept out)",
+    "are off, and that other light is kept out{rims})",
 )
 CHECK_FIGURES = {
     "curl": Figure(
@@ -89,7 +89,7 @@ CHECK_FIGURES = {
     "moved": Figure(
         "rest",
         "the film at rest does not lie where the flat frame shows it: {moved} (put camera, lens, "
-        "zoom and crop back as they were for the calibration, or calibrate again)",
+        "zoom and crop back as they were for the calibration, or calibrate again){lit}",
     ),
     "brighter": WRONG_BRIGHTNESS,
     "darker": WRONG_BRIGHTNESS,

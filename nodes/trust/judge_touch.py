@@ -19,6 +19,8 @@ from tactograph.nodes.trust.check_ranks import (
     p_values,
     residual_share,
 )
+from tactograph.nodes.trust.explained import added_share
+from tactograph.nodes.trust.fall_off import RING_CELLS, border_cells
 from tactograph.nodes.trust.film_motion import FilmMotion, motion_in_words
 from tactograph.nodes.trust.film_on_rims import RimShare
 from tactograph.nodes.trust.likely_cause import likely_cause
@@ -87,6 +89,7 @@ def judge_touch(
     """
     at_light = evidence.read().dirty >= 0
     on_rims = rim_share is not None and rim_share > MAX_RIM_SHARE
+    open_rims = on_rims and not rims_measured
     row = (Ranked.RIGID if rims_measured and on_rims else Ranked.SOFT) if at_light else Ranked.PLAIN
     quantiles = None if ranks is None else ranks[row].astype(np.float64)
     figures: Metrics = {}
@@ -113,16 +116,19 @@ def judge_touch(
                     lights,
                     lambda residual: residual_share(quantiles, residual) >= false_alarms,
                     has_moved=motion is not None and bool(motion.any()),
+                    # Walls change the light, but neither the curl nor the film at rest.
+                    has_walls=open_rims and [*causes] == ["light"],
                 )
             elif light is not None and flat is not None:
                 likely = other_colours(light * flat, flat)
-            doubt = likely or _sentence([*causes.values()], evidence, motion, on_rims)
+            lit = "" if light is None or flat is None else _lit(light, flat)
+            doubt = likely or _sentence([*causes.values()], evidence, motion, open_rims, lit)
             if len(causes) == len(alone) and not force:
                 raise InputError(f"{doubt}: no height follows; `force`=true goes on all the same")
             warn(f"{doubt}; the height may be wrong")
     if rim_share is not None:
         figures["rim_share"] = rim_share
-        if on_rims and not rims_measured:
+        if open_rims:
             warn(
                 f"{rim_share:.0%} of the touch hangs on rims that light does not measure: steeper "
                 "than a cell shows, or in the shadow of several LEDs. It may stand higher "
@@ -131,8 +137,26 @@ def judge_touch(
     return figures
 
 
+def _lit(light: CoarseLight, flat: CoarseLight) -> str:
+    """Light that film at rest has more or less of, in words: it changes the fall-off, as a zoom."""
+    ring = border_cells(flat.shape[1:], RING_CELLS)
+    added = added_share(light[:, ring], flat[:, ring])
+    if not added:
+        return ""
+    why, sense = (
+        ("other light, or a higher black level", "brighter")
+        if added > 0
+        else ("a lower black level, or other light that has gone", "darker")
+    )
+    return f"; or is it {why}? All LEDs together are {sense} by {abs(added):.1%}, most where dim"
+
+
 def _sentence(
-    causes: list[str], evidence: TouchEvidence, motion: FilmMotion | None, on_rims: bool
+    causes: list[str],
+    evidence: TouchEvidence,
+    motion: FilmMotion | None,
+    open_rims: bool,
+    lit: str,
 ) -> str:
     """The causes with the facts of this touch."""
     brighter, change = evidence.read().brighter, evidence.level.astype(np.float64) - 1
@@ -141,11 +165,12 @@ def _sentence(
     together = np.abs(apart).max() < np.abs(change.mean())
     by = change.mean() if together else change[one]
     facts = {
-        "rims": "; walls and rims need the graph precise" if on_rims else "",
+        "rims": "; walls and rims need the graph precise" if open_rims else "",
         "bright": "brighter" if brighter > 0 else "darker",
         "excess": abs(brighter),
         "led": "all LEDs are" if together else f"LED {one + 1} is",
         "sense": f"{'brighter' if by > 0 else 'darker'} by {abs(by):.0%}",
+        "lit": lit,
         "moved": "" if motion is None else motion_in_words(motion),
     }
     first, *others = (cause.format(**facts) for cause in causes)

@@ -64,6 +64,7 @@ def likely_cause(
     fits: Callable[[float], bool],
     *,
     has_moved: bool = False,
+    has_walls: bool = False,
 ) -> str:
     """Return the one mistake that explains a touch's light, in words; "" if none does.
 
@@ -74,6 +75,7 @@ def likely_cause(
     lights : K x 3, in mm
     fits : whether right touches leave as much (`matt_residual`)
     has_moved : whether the camera has (`film_motion`)
+    has_walls : whether rims alone may explain the light
     """
     raw = light * flat
     if alike := _alike(raw):
@@ -93,8 +95,8 @@ def likely_cause(
 
     if fits(_unexplained(small / rest, lights)):
         return _at_border(small, rest)
-    # Fewer LEDs fit anything better, and so do they if the camera has moved.
-    may_be_foreign = len(raw) > MIN_LEDS and not has_moved
+    # Fewer LEDs fit anything better, and so do they if the camera has moved or one is shaded.
+    may_be_foreign = len(raw) > MIN_LEDS and not has_moved and not has_walls
     in_part = chain(_torn(small), _without_one(small) if may_be_foreign else ())
     # Simple mistakes come first; what is left of a part is explained by more.
     return first_of(_mistakes(small)) or _at_border(small, rest) or first_of(in_part)

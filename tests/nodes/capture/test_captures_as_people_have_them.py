@@ -57,6 +57,14 @@ def test_upper_case_and_leading_zeros_are_the_usual_name(tmp_path: Path, name: s
     assert notes == []
 
 
+def test_leds_count_from_one_whatever_the_files_numbers(tmp_path: Path) -> None:
+    """LED 0 was said to be missing, with the name of a file that was there."""
+    folder = write(tmp_path, ["led0.png", "led1.png", "led2.png", "led3.png"])
+    assert read_one(folder, leds=(4, 3, 2, 1))[0].image.shape == IMAGES.shape
+    with pytest.raises(InputError, match="there is no LED 0: led0 to led3 are LEDs 1 to 4"):
+        read_one(folder, leds=(0, 1, 2, 3))
+
+
 def test_images_of_other_names_are_named_as_left_out(tmp_path: Path) -> None:
     write(tmp_path, [f"led{k}.png" for k in range(1, 5)])
     write(tmp_path, ["IMG_2041.png", "picture.png"])
@@ -172,6 +180,11 @@ def test_the_white_of_a_pgm_is_obeyed(tmp_path: Path, bits: int) -> None:
     capture, notes = read_one(tmp_path, whole=True)
     assert np.allclose(capture.image, images / (2**bits - 1), atol=1e-6)
     assert notes == []
+    (tmp_path / "capture.yaml").write_text(f"bits: {bits}\n")
+    assert np.array_equal(read_one(tmp_path)[0].image, capture.image)
+    (tmp_path / "capture.yaml").write_text("bits: 14\n")
+    with pytest.raises(InputError, match=rf"white is {2**bits - 1}, but 'bits: 14'.*says 16383"):
+        read_one(tmp_path)
 
 
 PLATEAUS = {"12 bits at the top of 16": (65520, np.uint16), "video": (235, np.uint8)}
@@ -191,6 +204,48 @@ def test_bright_light_that_is_not_cut_off_is_not_saturated(tmp_path: Path) -> No
     even = np.full((4, 40, 50), 0.94)
     for light in (np.stack([ramp] * 4), even):
         assert read_one(write(tmp_path, LEDS, (255 * light).astype(np.uint8)))[1] == []
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_hot_pixels_are_no_saturated_light(tmp_path: Path, dtype: type) -> None:
+    """To expose shorter does not help against them."""
+    light = RNG.normal(0.5, 0.02, (4, 60, 80))
+    light.reshape(4, -1)[:, RNG.choice(60 * 80, 12, replace=False)] = 1
+    images = (np.iinfo(dtype).max * light).astype(dtype)
+    _, notes = read_one(write(tmp_path, LEDS, images))
+    assert len(notes) == 4
+    assert all("as hot pixels do" in note and "expose shorter" not in note for note in notes)
+    light[:, 20:30, 30:50] = 1
+    _, notes = read_one(write(tmp_path, LEDS, (np.iinfo(dtype).max * light).astype(dtype)))
+    assert all("saturated; expose shorter" in note for note in notes)
+
+
+LINES = {
+    "row 20": np.s_[:, 20],
+    "rows 20 to 22": np.s_[:, 20:23],
+    "column 33": np.s_[:, :, 33],
+}
+
+
+@pytest.mark.parametrize("value", [0, 16, 255])
+@pytest.mark.parametrize("line", LINES)
+def test_a_dead_line_is_told(tmp_path: Path, line: str, value: int) -> None:
+    """`reconstruct` was 9 um off by one dead row across a touch, and said nothing."""
+    images = RNG.normal(120, 3, (4, 60, 80)).astype(np.uint8)
+    images[LINES[line]] = value
+    _, notes = read_one(write(tmp_path, LEDS, images))
+    notes = [note for note in notes if "of the pixels" not in note]
+    assert len(notes) == 1, "once, not for each image"
+    assert f"led1.png: {line} of one value, unlike those beside" in notes[0]
+
+
+def test_lines_of_even_light_and_black_frames_are_not_dead(tmp_path: Path) -> None:
+    ramp = np.tile(np.arange(40, 100, dtype=np.uint8)[:, None], (4, 1, 80))
+    ramp[:, :5] = 0
+    assert read_one(write(tmp_path / "ramp", LEDS, ramp))[1] == []
+    noisy = RNG.normal(120, 3, (4, 60, 80)).astype(np.uint8)
+    noisy[:, :5], noisy[:, :, -9:] = 0, 0
+    assert read_one(write(tmp_path / "framed", LEDS, noisy))[1] == []
 
 
 PARITY = np.indices((72, 80))

@@ -42,6 +42,27 @@ def test_the_untouched_film_is_read_and_its_noise_smoothed(tmp_path: Path) -> No
     assert np.abs(flat - UNEVEN)[:, 8:-8, 8:-8].max() < 0.006
 
 
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16])
+@pytest.mark.parametrize("inside", ["", "first"])
+def test_the_dark_image_has_the_depth_of_the_untouched_film(
+    tmp_path: Path, depth: type, inside: str
+) -> None:
+    """Of 12 bits in 16 it was taken as 16 times darker than it is; its own 8 bits count."""
+    film = write(tmp_path / "flat", UNEVEN)
+    if inside:
+        film.rename(tmp_path / inside)
+        film.mkdir()
+        film = (tmp_path / inside).rename(film / inside)
+    for file in film.glob("led*.png"):
+        cv2.imwrite(str(file), cv2.imread(str(file), cv2.IMREAD_UNCHANGED) // 16)
+    (film / "capture.yaml").write_text("bits: 12\n")
+    full = 255 if depth == np.uint8 else 4095
+    file = tmp_path / "dark.png"
+    cv2.imwrite(str(file), np.rint((DARK + 0.1) * full).astype(depth))
+    dark = read_flat(UNEVEN, folder=tmp_path / "flat", dark=file).dark
+    assert np.allclose(dark, 0.1, atol=0.003)
+
+
 def test_without_a_flat_frame_the_light_is_uniform_and_a_warning_says_so() -> None:
     with collect_warnings([]) as notes:
         flat = read_flat(UNEVEN)

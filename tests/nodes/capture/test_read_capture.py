@@ -151,6 +151,34 @@ def test_what_looks_like_twelve_bits_is_a_warning(tmp_path: Path) -> None:
     with collect_warnings([]) as notes:
         read_one(write(tmp_path, IMAGES.astype(np.uint16) * 16))
     assert "bits: 12" in notes[0]
+    assert "bits: 10" not in notes[0]
+
+
+def test_what_ten_bits_hold_may_be_a_dim_image_of_twelve(tmp_path: Path) -> None:
+    """Told of 12 bits alone, a camera of ten was a quarter as bright as it is."""
+    with collect_warnings([]) as notes:
+        read_one(write(tmp_path, IMAGES.astype(np.uint16) * 4))
+    assert "no value above 1023" in notes[0]
+    assert "if it is 10 bit, say 'bits: 10'" in notes[0]
+    assert "if it is 12 bit, say 'bits: 12'" in notes[0]
+
+
+@pytest.mark.parametrize("name", ["capture.yml", "Capture.yaml", "capture.yaml.txt"])
+def test_a_file_that_is_called_almost_as_the_captures_own_is_told(
+    tmp_path: Path, name: str
+) -> None:
+    folder = write(tmp_path)
+    (folder / name).write_text("leds: [2, 1, 3, 4]\n")
+    with collect_warnings([]) as notes:
+        read_one(folder)
+    assert notes == [f"{folder / name}: not read; a file of this kind is called capture.yaml"]
+
+
+@pytest.mark.parametrize("text", ["", "\n", "# bits: 12\n"])
+def test_a_capture_file_without_entries_states_nothing(tmp_path: Path, text: str) -> None:
+    folder = write(tmp_path)
+    (folder / "capture.yaml").write_text(text)
+    assert read_one(folder).image.shape == IMAGES.shape
 
 
 def no_folder(folder: Path) -> None:
@@ -185,6 +213,16 @@ SPOIL = {
     "capture.yaml:1:1: bitz: unknown key; did you mean 'bits'": lambda d: (
         d / "capture.yaml"
     ).write_text("bitz: 12\n"),
+    "led1.png: is 8 bit, but 'bits: 12' in capture.yaml says 12": lambda d: (
+        d / "capture.yaml"
+    ).write_text("bits: 12\n"),
+    "led2.png' links to 'gone.png'": lambda d: [
+        (d / "led2.png").unlink(),
+        (d / "led2.png").symlink_to("gone.png"),
+    ],
+    "capture.yaml:1:1: is no mapping; write 'name: value' lines": lambda d: (
+        d / "capture.yaml"
+    ).write_text("- leds\n"),
     "capture.yaml:1:18: ball_center_px[0]": lambda d: (d / "capture.yaml").write_text(
         "ball_center_px: [.inf, 5.0]\n"
     ),

@@ -7,6 +7,8 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4, U1, Metrics
 from tactograph.nodes.optics.lens import nearest_ideal
+from tactograph.nodes.trust.fall_off import fall_off
+from tactograph.nodes.trust.film_motion import film_motion
 from tactograph.nodes.trust.film_on_rims import film_on_rims
 from tactograph.nodes.trust.judge_touch import judge_touch
 from tactograph.nodes.trust.rim_cells import rim_cells
@@ -74,6 +76,30 @@ def test_the_worst_cause_is_named_first_and_what_passed_is_not() -> None:
     slopes, led = line.index("slopes are those of no surface"), line.index("LED 2 is darker by 20%")
     assert slopes < led
     assert "the light of the touch" not in line
+
+
+@pytest.mark.parametrize(
+    ("added", "shift", "words"),
+    [
+        (0.01, 0, "or is it other light, or a higher black level? All LEDs together are brighter"),
+        (-0.01, 0, "or is it a lower black level, or other light that has gone?"),
+        (0.0, 3, ""),
+    ],
+)
+def test_added_light_is_not_told_as_a_zoom_alone(added: float, shift: int, words: str) -> None:
+    """Five counts of 255 were told as a zoom of 4 %."""
+    y, x = np.mgrid[-1 : 1 : SHAPE[0] * 1j, -1 : 1 : SHAPE[1] * 1j]
+    places = [(-2, -2), (2, -2), (2, 2), (-2, 2)]
+    rest = np.float32([5 / ((x - u) ** 2 + (y - v) ** 2 + 6) for u, v in places])
+    light = (np.roll(rest, shift, 2) + np.float32(added)) / rest
+    light[:, :, :shift] = 1
+    motion = film_motion(light, fall_off(rest))
+    found = touch_evidence(HEIGHT, light, HEIGHT)
+    with collect_warnings([]) as notes:
+        judge_touch(found, RANKS, motion=motion, light=light, flat=rest, force=True)
+    assert "does not lie where the flat frame shows it" in notes[0]
+    assert words in notes[0]
+    assert ("or is it" in notes[0]) == bool(words)
 
 
 def test_leds_that_dim_together_are_not_named_apart() -> None:
@@ -152,3 +178,10 @@ def test_rims_are_a_warning_unless_something_else_measures_them(
     assert found["rim_share"] == hanging
     assert notes == [note for note in notes if "50% of the touch hangs on rims" in note]
     assert len(notes) == told
+
+
+@pytest.mark.parametrize(("measured", "said"), [(False, True), (True, False)])
+def test_precise_is_not_advised_where_it_ran(measured: bool, said: bool) -> None:
+    (line, *_) = told(0.1, light=9.0, rim_share=0.5, rims_measured=measured, force=True)
+    assert line.startswith("the light of the touch is that of no surface")
+    assert ("walls and rims need the graph precise" in line) == said

@@ -84,15 +84,23 @@ MISTAKES: dict[str, Change] = {
 }
 
 
-def cause(light: F4) -> str:
+def cause(light: F4, *, has_walls: bool = False) -> str:
     """What explains a touch of a sensor whose right touches leave half as much again as this."""
     usual = 1.5 * matt_residual(touch() / flat(), flat(), LIGHTS)
-    return likely_cause(light, flat(), LIGHTS, lambda left: left < usual)
+    return likely_cause(light, flat(), LIGHTS, lambda left: left < usual, has_walls=has_walls)
 
 
 @pytest.mark.parametrize("words", MISTAKES)
 def test_a_mistake_is_named(words: str) -> None:
     assert words in cause(MISTAKES[words](touch()) / flat())
+
+
+def test_what_a_wall_shades_is_no_image_of_another_touch() -> None:
+    """A rigid ball's own press was told as one LED's image of another touch."""
+    words = "the image of LED 3 is not of the touch"
+    light = MISTAKES[words](touch()) / flat()
+    assert words in cause(light)
+    assert words not in cause(light, has_walls=True)
 
 
 def test_images_of_a_square_sensor_are_named_as_transposed() -> None:
