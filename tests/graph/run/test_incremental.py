@@ -196,8 +196,8 @@ def test_a_value_from_inside_can_be_looked_at(toys: list[str], backend: str) -> 
     ("reference", "message"),
     [
         ("ligth", "no node 'ligth' is run; did you mean 'light'"),
-        ("cal", r"say which value; 'cal' makes cal\.flat, cal\.dark"),
-        ("light.height", r"'light' makes light\.flat_field"),
+        ("cal", r"name one value; 'cal' has cal\.flat, cal\.dark"),
+        ("light.height", r"'light' has light\.flat_field"),
     ],
 )
 def test_a_value_that_is_not_there_is_told(reference: str, message: str) -> None:
