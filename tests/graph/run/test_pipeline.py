@@ -168,7 +168,7 @@ class OnAnotherDevice:
             "masked",
         ),
         ([[[1.0, 2.0]], [[1.0]]], "a stack of images: a list is not an array"),
-        (OnAnotherDevice(), "of OnAnotherDevice: copy it to the host first"),
+        (OnAnotherDevice(), "OnAnotherDevice is not an array: copy it to the host first"),
         (np.zeros((3, 4, 6), np.float32), "6 columns of pixels in frames.image, but 5 in cal.flat"),
         (np.zeros((4, 4, 5), np.float32), "4 lights in frames.image, but 3 in cal.flat"),
     ],
