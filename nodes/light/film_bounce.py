@@ -89,7 +89,7 @@ def film_bounce(
         Relaxation factor: result = before + share (new - before).  Below 1 it damps
         oscillation; above 1 it speeds up slow convergence.
     from_above
-        Whether `light` and `height` are those straight below each pixel, as `render` makes them.
+        Whether `light` and `height` are those straight below each pixel, from `render`.
         The camera's place then matters only for a coat.
 
     Returns

@@ -62,7 +62,7 @@ def untouched_film(
         zero = np.zeros((2, *size), np.float32)
         return Surface(np.zeros(size, np.float32), zero, flat, *[None] * 6)
     if film is None or pixel is None:
-        raise InputError("a film at rest that is no plane needs `film` and `pixel` as well")
+        raise InputError("a film that is no plane needs its calibration and pixel size as well")
     factor = max(-(-side // cells) for side, cells in zip(rest.shape, size, strict=True))
     shape = RestShape.of(rest, pixel / factor, film.camera)
     if factor > 1:

@@ -79,7 +79,7 @@ def hold_out_presses(
     slope, mask, height, lit
         Of the presses, as for `calibrate_lights`; a press with an empty mask is left out.
     balls : the node that found them: circles B x 3 in px, radii in mm, and the press of each
-    noise : (shot, read), as `estimate_noise` returns it
+    noise : (shot, read), from `estimate_noise`
     pixel : mm per px
     uneven : relative standard deviation of the film's brightness
 

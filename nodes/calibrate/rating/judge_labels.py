@@ -63,10 +63,10 @@ def judge_labels(
         K x S x W, the presses as captured, relative to the film at rest, and as `matt_presses`
         returns them, on a sheet (`sheet`).
     flat : K x H x W, the film at rest
-    height : S x W in mm, of the presses, as `press_slopes` returns it
+    height : S x W in mm, of the presses, from `press_slopes`
     film : what was fitted to the presses
     balls : the node that found them: circles B x 3 in px, radii in mm, and the press of each
-    noise : (shot, read), as `estimate_noise` returns it
+    noise : (shot, read), from `estimate_noise`
     pixel : mm per px
 
     Returns

@@ -90,7 +90,7 @@ def rate_calibration(
         function of the slope, and then that raises no warning.
     goodness : of each ball, 0 to 1; 0 where none was found
     flat, noise
-        K x H x W, the film at rest, and the camera's noise, as `estimate_noise` returns it.
+        K x H x W, the film at rest, and the camera's noise, from `estimate_noise`.
         Residuals that noise explains raise no warning of a poor fit.
     pixel : mm per px
     radius : `judge_radius`: its figures, those of the fit among them, its doubts, and what is open

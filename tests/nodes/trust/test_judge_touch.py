@@ -88,7 +88,7 @@ def test_what_fails_all_checks_is_refused_unless_forced() -> None:
     with pytest.raises(InputError) as refused:
         judged(**wrong)
     line = str(refused.value)
-    assert all(cause in line for cause in ("slopes are those", "LED 2 is darker", "light of the"))
+    assert all(cause in line for cause in ("has these slopes", "LED 2 is darker", "light of the"))
     assert line.endswith("no height follows; `force`=true goes on all the same")
     assert len(told(**wrong, force=True)) == 1
     assert judged(**wrong, force=True)["trust"] < 1e-6
