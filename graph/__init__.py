@@ -1,6 +1,6 @@
-"""The engine: graph files, ports, planning passes, back ends, running.
+"""The engine: read a graph file, check it, plan its run, and run it on NumPy or a device.
 
-Of optics it knows only that images are lights x rows x columns.
+All that it knows of optics is that images are lights x rows x columns.
 
 >>> from tactograph.graph import load
 >>> pipeline = load("reconstruct", calibration="cal.npz")  # doctest: +SKIP
@@ -75,7 +75,7 @@ _LATE_MODULES = {
     "load": "run.open_pipeline",
     "parity": "backends.parity",
 }
-"""Modules of names that a node file does not need: the planner pulls in pydantic."""
+"""Names that a node file does not need, with their modules: importing the planner is slow."""
 
 
 def __getattr__(name: str) -> Any:

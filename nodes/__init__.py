@@ -5,8 +5,8 @@ is dimensionless (mm per mm).  Light is the irradiance that one LED causes: 0 to
 scale as captured, 1 on the film at rest once divided by the flat field.  LEDs are numbered
 from 1; K is their number.
 
-The text beside a quantity's port is its meaning on the page of every node that takes or gives
-it: a node's docstring adds only what it means there, or ``name : shape in unit`` alone.
+The text beside a quantity's port is its meaning on the page of every node that has such a port.  A
+node's docstring adds only what is specific to the node, or ``name : shape in unit``.
 """
 
 from typing import Annotated, Any, NamedTuple, Self
@@ -32,18 +32,18 @@ Slope = Annotated[
 ]
 Height = Annotated[F4, Port("H W", "mm", low=-1, high=5), "Height z above the film at rest"]
 CoarseLight = Annotated[F4, Port("K h w", "1")]
-"""Light of cells of several pixels, see `coarsen`."""
+"""Light averaged over cells of pixels, see `coarsen`."""
 ResizedLight = Annotated[F4, Port("K h w", "1")]
 """Light on a pixel grid other than the input's."""
 CoarseDark = Annotated[F4, Port("h w", "1", high=0.05)]
-"""Image with all LEDs off, on such cells."""
+"""Image with all LEDs off, averaged over cells."""
 CoarseHeight = Annotated[F4, Port("h w", "mm", low=-1, high=5)]
-"""Height of such cells."""
+"""Height of cells."""
 HeightError = Annotated[F4, Port("H W", "mm", high=0.1), "Standard deviation of the height"]
 DEVIATIONS_PER_MAD = 1.4826
-"""Standard deviation of a normal variable over its median magnitude."""
+"""Ratio of the standard deviation of a normal variable to its median magnitude."""
 BAND_DEVIATIONS = 1.645
-"""Half-width of the band that holds 90 % of a normal distribution, in standard deviations."""
+"""Half-width, in standard deviations, of the band that holds 90 % of a normal distribution."""
 FALSE_ALARMS = 0.01
 """Share of right input that may be doubted."""
 UM_PER_MM = 1e3
@@ -59,7 +59,7 @@ Contacts = Annotated[U1, Port("H W", "contact number", high=2)]
 """The number of the contact that a pixel belongs to, from 1; 0: none."""
 Mask = Annotated[U1, Port("H W", "flag", high=1), "1 where a pixel counts, else 0"]
 MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1.0
-"""Pixels that sensors of touch have; a size outside is one in another unit, such as um."""
+"""Range of pixel sizes; a size outside is in another unit, such as um."""
 PixelSize = Annotated[
     float,
     Port(unit="mm/px", low=0.01, high=0.2),
@@ -71,8 +71,8 @@ Still = Annotated[float, Port(unit="1", low=0, high=1), "1 where nothing has mov
 Vergence = Annotated[float, Port(unit="1/mm", high=0.02)]
 """1 / D, with D the height of the camera's pupil above the film; 0 for an orthographic camera."""
 LightPlaces = Annotated[F4, Port("8 K 3", "mm")]
-"""Eight sets of LED positions sampled from the calibration's uncertainty.  The mean square of
-their effect is the variance it causes."""
+"""Eight sets of LED positions that span the calibration's uncertainty: the mean square of their
+effects is the variance that it causes."""
 Lens = Annotated[
     F4,
     Port("8", "1", low=-0.05, high=0.05),
@@ -80,13 +80,13 @@ Lens = Annotated[
     "all zero for an ideal lens",
 ]
 Grain = Annotated[float, Port(unit="1", high=0.03)]
-"""Standard deviation of the light from the model beyond camera noise, as a share of the light."""
+"""Standard deviation of the light from its model beyond camera noise, as a share of the light."""
 Wrap = Annotated[float, Port(unit="1", high=0.3)]
-"""w: how far light goes on falling behind the terminator (`optics.near_light.wrapped`)."""
+"""w: how far light continues to fall behind the terminator (`optics.near_light.wrapped`)."""
 ScaleError = Annotated[float, Port(unit="1", high=2)]
-"""Relative error that all heights share, because nothing confirms a radius or a pixel size."""
+"""Relative error that all heights share, if nothing confirms a radius or a pixel size."""
 LabelTurn = Annotated[float, Port(unit="rad", high=1)]
-"""Angle by which leaving LEDs out must turn a normal (`label_lights`)."""
+"""Angle by which leaving out LEDs has to turn a normal (`label_lights`)."""
 Uneven = Annotated[float, Port(unit="1", high=0.05)]
 """Standard deviation of the brightness of touched film from its model, the same for all LEDs."""
 ZeroError = Annotated[float, Port(unit="mm", high=1)]
@@ -98,12 +98,12 @@ Misfit = Annotated[F4, Port("5", "1", low=0.001, high=0.02)]
 - width: distance in mm over which errors of the normals are correlated.
 - light: standard deviation of an LED's light, relative to a matt film at rest.
 - bounce: relative error of the light reflected from film to film.
-- tilt: error of the slant common to all normals of an object, in radians."""
+- tilt: error of the slant, in radians, that all normals of an object share."""
 FULL_MISFIT_SLOPE = np.float32(0.1)
-"""Slope from which on film counts as touched, and the model's error is that of the presses."""
+"""Slope above which film counts as touched and has the full model error of the presses."""
 LEVEL_MISFIT_SHARE = np.float32(0.3)
-"""Share of that error on level film around a touch.  There the flat frame cancels it, except for
-the light that the touch throws on the film."""
+"""Share of that error on level film around a touch, where the flat frame cancels all but the effect
+of light that the touch throws on the film."""
 NullVector = Annotated[F4, Port("K", "1", low=-1, high=1)]
 """The vector a of equation 11, of unit length."""
 Spread = Annotated[float, Port(unit="1", low=0.001, high=0.1)]
@@ -111,7 +111,7 @@ Spread = Annotated[float, Port(unit="1", low=0.001, high=0.1)]
 Reflectance = Annotated[F4, Port("K 9", "1", low=-0.3, high=0.3)]
 """Spherical-harmonic coefficients of each LED's reflectance (equation 4)."""
 Metrics = dict[str, float]
-"""Named figures, as in result.json; a bool where one says whether."""
+"""Named figures, as in result.json; a yes or no is a bool."""
 LightPositions = Annotated[
     F4,
     Port("K 3", "mm", low=-200, high=200),
@@ -137,23 +137,23 @@ LutLit = Annotated[U1, Port("N", "LED bits", high=255)]
 
 
 class KnownSlopes(NamedTuple):
-    """The slopes of an object of known shape, and the pixels where they hold."""
+    """The slopes of an object of known shape, and the pixels where they are valid."""
 
     slope: Slope
     mask: Mask
 
 
 OTHER_PLACES = 8
-"""Number of other positions of all LEDs that a fit allows, whose squares add up to its error."""
+"""Number of alternative positions of all LEDs within a fit's error; their squares add up to it."""
 USUAL_RIM_MM = 2.0
-"""Width of the film beyond the frame where nothing is known of it."""
+"""Assumed width of the film beyond the frame if it is unknown."""
 
 
 class Film(NamedTuple):
     """LEDs, film and camera: everything that relates light to the surface (`optics/film`).
 
-    A calibration keeps all of it; files from before films were described were made for a matt
-    one, seen from afar.
+    A calibration keeps all of it; files without a film's model were made for a matt film and a far
+    camera.
     """
 
     lights: Annotated[

@@ -1,4 +1,4 @@
-"""Values of a record that a file keeps, their limits, and what they are of a plain sensor."""
+"""The fields of a record that a file keeps: their limits, and their values for a plain sensor."""
 
 import typing
 from collections.abc import Mapping
@@ -14,14 +14,14 @@ from tactograph.graph.declare.ports import PortType, is_record, read_port
 
 @dataclass(frozen=True)
 class Stored:
-    """Metadata of a record's field that a file keeps, beside its `Port` and its meaning in words.
+    """Metadata of a record's field that a file keeps, in addition to its `Port` and its meaning.
 
     Parameters
     ----------
-    low, high : the values of any sensor: beyond them a file is damaged, not unusual
+    low, high : limits for any sensor; a file with a value beyond them is damaged
     plain
-        The value of a plain sensor: numbers, repeated to the declared shape, or the name of the
-        field that stands for it.  None: every sensor has its own.
+        The value for a plain sensor: numbers, repeated to the declared shape, or the name of the
+        field whose value to take.  None: every sensor has its own value.
     """
 
     low: float = -np.inf
@@ -30,7 +30,7 @@ class Stored:
 
 
 class Value(NamedTuple):
-    """A value of a file: its port, and the limits of what is stored."""
+    """A value of a file: its port, and its limits."""
 
     port: PortType
     stored: Stored
@@ -42,7 +42,7 @@ class Value(NamedTuple):
 
 @cache
 def stored_values(record: type) -> Mapping[str, Value]:
-    """The values that a file keeps of a record, by name: its fields that are `Stored`."""
+    """The `Stored` fields of a record, by name."""
     values: dict[str, Value] = {}
     for name, annotation in typing.get_type_hints(record, include_extras=True).items():
         if is_record(annotation):
@@ -55,9 +55,9 @@ def stored_values(record: type) -> Mapping[str, Value]:
 
 
 def with_plain(record: type, stated: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a record, those that are not known as of a plain sensor.
+    """The values of a record; missing ones are those of a plain sensor.
 
-    Arrays are shaped to the `stated` ones, and as exact as the most exact of them.
+    New arrays have the sizes of the `stated` ones, and the highest precision among them.
     """
     values = stored_values(record)
     arrays = {name: stated[name] for name in values if np.ndim(stated.get(name, 0))}

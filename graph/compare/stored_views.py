@@ -13,8 +13,8 @@ import numpy as np
 
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.disk.array_files import load_arrays
+from tactograph.graph.run.integer_images import in_fractions
 from tactograph.graph.run.result import Result
-from tactograph.graph.run.whole_images import in_fractions
 from tactograph.graph.show.views import View, kind_of
 
 

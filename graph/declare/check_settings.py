@@ -14,18 +14,18 @@ from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import GraphError, InputError, did_you_mean, shortened
 
 PARAM_PLACEHOLDER = object()
-"""Value of a param where only the plan matters, not the data."""
+"""Stands for a param's value where only the plan matters, not the data."""
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-12, 1e12
-"""Magnitudes that a node's parameters may have."""
+"""The range of a float parameter's magnitude: float32 holds its square and its inverse."""
 
 
 def check_settings(
     node: Node, settings: Mapping[str, Any], where: Callable[[str], str]
 ) -> dict[str, Any]:
-    """Return the node's parameters, defaults filled in, each of its declared type.
+    """Return all parameters of the node, each of its declared type, with defaults filled in.
 
-    `where` gives the place of a parameter's value by the parameter's name.  Raises GraphError if
-    one is unknown, missing, of a wrong type or out of its range; `PARAM_PLACEHOLDER` passes.
+    `where` maps a parameter's name to the place of its value in the graph file.  Raises GraphError
+    if a parameter is unknown, missing, of a wrong type or out of range; `PARAM_PLACEHOLDER` passes.
     """
     for name in settings:
         if name not in node.parameters:
@@ -35,7 +35,7 @@ def check_settings(
             )
     defaults = {name: p.default for name, p in node.parameters.items()}
     if not settings and not any(p.required for p in node.parameters.values()):
-        return defaults  # which need no model: it takes as long to make as a node to import
+        return defaults  # without a model, which takes as long to build as a node to import
     try:
         model = model_of(node).model_validate(dict(settings))
     except ValidationError as error:
@@ -43,7 +43,7 @@ def check_settings(
             e for e in error.errors() if settings.get(str(e["loc"][0])) is not PARAM_PLACEHOLDER
         ]
         if wrong:
-            # Where a number or a list may stand, what is wrong inside the list says more.
+            # Where a number or a list is accepted, the error inside the list is more specific.
             text = max(wrong, key=lambda e: (len(e["loc"]), e["type"] != "float_type"))
             raise GraphError(_message(node, where, text, settings)) from None
         return {**defaults, **settings}
@@ -55,7 +55,7 @@ def check_settings(
 
 
 def _beyond_numbers(value: Any) -> str:
-    """A complaint if float32 cannot hold a number's square or inverse, or 64 bits an integer."""
+    """Why a value is too large or too small for float32 or a 64-bit integer; "" if it is not."""
     for part in value if isinstance(value, list | tuple) else ():
         if reason := _beyond_numbers(part):
             return reason
@@ -81,7 +81,7 @@ def _message(
         message = message.replace(" after validation", "").partition(", not")[0]
     value = settings.get(name)
     is_pair = isinstance(value, list) and len(value) == 2 and all(type(n) is int for n in value)
-    hint = " (if the comma is a decimal one, write a point)" if is_pair else ""
+    hint = " (for a decimal number write a point, not a comma)" if is_pair else ""
     at = "".join(f"[{part}]" for part in first["loc"][1:] if isinstance(part, int))
     text = f"{message[0].lower()}{message[1:]}, not {shortened(repr(first['input']))}"
     return f"{where(name)}: {text}{at and f' at {at}'}{hint}"
@@ -99,7 +99,7 @@ def model_of(node: Node) -> type[BaseModel]:
 
 
 def _lenient(annotation: Any) -> Any:
-    """Accept ``160,120`` for a tuple and ``~`` for a home, but no flag for a number."""
+    """Accept ``160,120`` for a tuple and ``~`` for the home folder; refuse a flag for a number."""
     parts = parts_of(annotation)
     if Path in parts:
         expanded = BeforeValidator(lambda v: at_home(str(v)) if isinstance(v, str | Path) else v)
@@ -109,7 +109,7 @@ def _lenient(annotation: Any) -> Any:
 
 
 def _validator_for(parts: list[Any]) -> Callable[[Any], Any] | None:
-    """The check that a value passes before pydantic's own, if a type needs one."""
+    """The check that runs before pydantic's own, if a type needs one."""
     tuples = [part for part in parts if get_origin(part) is tuple]
     if tuples:
         members = {
@@ -125,7 +125,7 @@ def _validator_for(parts: list[Any]) -> Callable[[Any], Any] | None:
 
 
 def _words(text: str) -> list[str]:
-    """``a,b``, also written as a list of a graph file: ``[a, b]``."""
+    """The parts of ``a,b``, which may also be written ``[a, b]``."""
     inside = text.strip()
     if inside.startswith("[") and inside.endswith("]"):
         inside = inside[1:-1]
@@ -133,9 +133,9 @@ def _words(text: str) -> list[str]:
 
 
 def _split(are_numbers: bool, lengths: Collection[int], names: str, value: Any) -> Any:
-    """The values of ``a,b``, or of a list; another number of them than `lengths` is refused.
+    """Split ``a,b`` into values, or check a list; refuse a length that is not in `lengths`.
 
-    An annotation may name the values.
+    `names` are the annotation's words for the values, for the message.
     """
     if isinstance(value, str):
         value = [_scalar_of(word) if are_numbers else word for word in _words(value)]
@@ -149,7 +149,7 @@ def _split(are_numbers: bool, lengths: Collection[int], names: str, value: Any) 
 
 
 def _scalar_of(text: str) -> Any:
-    """A part of a text with commas, read like a text of its own."""
+    """Read one part of ``a,b`` as a scalar."""
     try:
         return _refuse_bool(parse_scalar(text))
     except InputError:

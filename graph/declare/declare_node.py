@@ -1,4 +1,4 @@
-"""Make a `Node` of a function: read and check its signature."""
+"""Make a function a `Node`: read and check its signature."""
 
 import collections.abc
 import inspect
@@ -27,7 +27,7 @@ from tactograph.graph.declare.tolerance import Tolerance
 _ENGINE_ARGUMENTS = (
     ("provenance", Provenance), ("session", Session), ("wanted", Wanted), ("whole", Whole)
 )  # fmt: skip
-"""The arguments that the engine gives: the field of a node that names each, and its type."""
+"""Arguments that the engine supplies: the `Node` field that names each, and its type."""
 
 
 @typing.overload
@@ -53,93 +53,41 @@ def node(
     Parameters
     ----------
     neutral
-        Replaces the node when a variant takes it out: a constant output, or the name of the
-        input that is passed on.  None: the node cannot be taken out.
+        What replaces the node when a variant takes it out: a constant output, or the name of the
+        input to pass on.  None: the node cannot be taken out.
     tolerance
         The difference allowed between other back ends and NumPy, with the reason.
     sizes
-        Limits on size symbols, each with the message for a size outside them.
+        Limits on size symbols, each with the message for a size outside the limits.
     derived
         Size symbols that follow from others: ``{"h": SizeRule("H", by="factor")}``
         divides, or has a rule of its own.
     endless
-        A source that yields until it is stopped, such as a camera, or as long as one ran: Ctrl-C
-        is then a way to end a run, not an accident, and not every item is named.
+        Whether the source yields until it is stopped, as a camera does, or replays such a source.
+        Ctrl-C then ends a run normally, and commands do not name every item.
 
     Raises
     ------
     TypeError
-        If the signature is not a declaration: a port without a type, a parameter that is
-        not keyword-only, a neutral input whose type is not the output's.
+        If the signature is not a declaration: a port has no type, two parameters share a name, or
+        the neutral input has another type than the output.
     """
     return partial(_declare, **about) if function is None else _declare(function, **about)
 
 
 def _declare(function: Callable[..., Any], **about: Any) -> Node:
-    """Read a function's signature."""
     hints = typing.get_type_hints(function, include_extras=True)
-    inputs: dict[str, PortType] = {}
-    records: dict[str, type] = {}
-    optional: set[str] = set()
-    repeated: PortType | None = None
-    named: NamedPorts | None = None
-    parameters: dict[str, Parameter] = {}
-    parameter_records: dict[str, type] = {}
-    by_engine: dict[str, Any] = {}
-    calls: dict[str, Node] = {}
+    signature = _Signature(function.__name__)
     for name, argument in _arguments(function, hints):
-        annotation = hints.get(name)
-        if annotation is None:
-            raise TypeError(f"{function.__name__}: argument '{name}' has no type")
-        if name in ENGINE_INPUTS:
-            raise TypeError(f"{function.__name__}: every node has an input '{name}' already")
-        if argument.kind is argument.KEYWORD_ONLY:
-            if field := next((f for f, kind in _ENGINE_ARGUMENTS if annotation == kind), ""):
-                by_engine[field] = name
-            elif annotation is NodeCall:
-                if not isinstance(argument.default, Node):
-                    raise TypeError(
-                        f"{function.__name__}: the default of '{name}' has to be a node"
-                    )
-                calls[name] = argument.default
-            else:
-                stated = [Parameter(name, annotation, argument.default)]
-                if is_record(annotation):
-                    parameter_records[name] = annotation
-                    stated = _fields_as_parameters(annotation)
-                for each in stated:
-                    if each.name in parameters:
-                        raise TypeError(
-                            f"{function.__name__}: two parameters are called '{each.name}'"
-                        )
-                    parameters[each.name] = each
-        elif argument.kind is argument.VAR_POSITIONAL:
-            repeated = read_port(name, annotation)
-        elif argument.kind is argument.VAR_KEYWORD:
-            named = _named_ports(function.__name__, name, annotation)
-        else:
-            ports, record = input_ports(name, annotation)
-            inputs |= ports
-            records |= {name: record} if record else {}
-            if argument.default is not argument.empty:
-                optional.add(name)
+        signature.add(argument, hints.get(name))
     outputs, record, stream = _read_outputs(function.__name__, hints.get("return"))
     declared = Node(
-        name=function.__name__,
         function=function,
-        inputs=inputs,
-        input_records=records,
-        repeated=repeated,
-        named=named,
-        parameters=parameters,
-        parameter_records=parameter_records,
         outputs=outputs,
         output_record=record,
         stream=stream,
-        calls=calls,
-        optional_inputs=frozenset(optional),
         kernel_package=_kernel_package(function.__module__),
-        **by_engine,
+        **vars(signature),
         **about,
     )
     declared.__doc__ = function.__doc__
@@ -148,10 +96,66 @@ def _declare(function: Callable[..., Any], **about: Any) -> Node:
     return declared
 
 
+class _Signature:
+    """The arguments of a function, sorted by their meaning; its attributes are fields of `Node`."""
+
+    def __init__(self, function: str) -> None:
+        self.name = function
+        self.inputs: dict[str, PortType] = {}
+        self.input_records: dict[str, type] = {}
+        self.optional_inputs: frozenset[str] = frozenset()
+        self.repeated: PortType | None = None
+        self.named: NamedPorts | None = None
+        self.parameters: dict[str, Parameter] = {}
+        self.parameter_records: dict[str, type] = {}
+        self.calls: dict[str, Node] = {}
+
+    def add(self, argument: inspect.Parameter, annotation: Any) -> None:
+        """Sort in one argument.  Raises TypeError if it declares nothing."""
+        name = argument.name
+        if annotation is None:
+            raise TypeError(f"{self.name}: argument '{name}' has no type")
+        if name in ENGINE_INPUTS:
+            raise TypeError(f"{self.name}: every node has an input '{name}' already")
+        if argument.kind is argument.KEYWORD_ONLY:
+            self._add_keyword(argument, annotation)
+        elif argument.kind is argument.VAR_POSITIONAL:
+            self.repeated = read_port(name, annotation)
+        elif argument.kind is argument.VAR_KEYWORD:
+            self.named = _named_ports(self.name, name, annotation)
+        else:
+            ports, record = input_ports(name, annotation)
+            self.inputs |= ports
+            self.input_records |= {name: record} if record else {}
+            if argument.default is not argument.empty:
+                self.optional_inputs |= {name}
+
+    def _add_keyword(self, argument: inspect.Parameter, annotation: Any) -> None:
+        name = argument.name
+        if field := next((f for f, kind in _ENGINE_ARGUMENTS if annotation == kind), ""):
+            setattr(self, field, name)
+        elif annotation is NodeCall:
+            if not isinstance(argument.default, Node):
+                raise TypeError(f"{self.name}: the default of '{name}' has to be a node")
+            self.calls[name] = argument.default
+        else:
+            parameters = [Parameter(name, annotation, argument.default)]
+            if is_record(annotation):
+                self.parameter_records[name] = annotation
+                parameters = _fields_as_parameters(annotation)
+            for each in parameters:
+                if each.name in self.parameters:
+                    raise TypeError(f"{self.name}: two parameters are called '{each.name}'")
+                self.parameters[each.name] = each
+
+
 def _arguments(
     function: Callable[..., Any], hints: dict[str, Any]
 ) -> Iterator[tuple[str, inspect.Parameter]]:
-    """A function's arguments; for ``*values: Unpack[Record]`` the record's fields, with `hints`."""
+    """A function's arguments; ``*values: Unpack[Record]`` is replaced by the record's fields.
+
+    The types of these fields are added to `hints`.
+    """
     for name, argument in inspect.signature(function).parameters.items():
         if typing.get_origin(hints.get(name)) is not typing.Unpack:
             yield name, argument
@@ -166,7 +170,7 @@ def _arguments(
 
 
 def _named_ports(function: str, name: str, annotation: Any) -> NamedPorts:
-    """The types of ``**name`` by the names of inputs."""
+    """The `NamedPorts` that the annotation of ``**name`` carries."""
     for extra in typing.get_args(annotation):
         if isinstance(extra, NamedPorts):
             return extra
@@ -174,7 +178,7 @@ def _named_ports(function: str, name: str, annotation: Any) -> NamedPorts:
 
 
 def _fields_as_parameters(record: type) -> list[Parameter]:
-    """The fields of a record of parameters."""
+    """One parameter for each field of a record."""
     defaults: Mapping[str, Any] = record._field_defaults  # type: ignore[attr-defined]
     return [
         Parameter(field, annotation, defaults.get(field, inspect.Parameter.empty))

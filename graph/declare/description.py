@@ -1,4 +1,4 @@
-"""A node's docstring (NumPy style), taken apart."""
+"""The parsed docstring (NumPy style) of a node."""
 
 import inspect
 import re
@@ -11,12 +11,12 @@ import docstring_parser
 _RETURNS_SECTION = re.compile(
     r"^Returns\n-+\n(.*?)(?=\n\n[A-Z]\w*\n-+\n|\Z)", re.DOTALL | re.MULTILINE
 )
-"""The whole section; the parser would take every line without indent for a value."""
+"""The whole section; the parser would take every line that is not indented for a value."""
 
 
 @dataclass(frozen=True)
 class Description:
-    """What a docstring says; an argument that it does not describe has an empty string."""
+    """The parts of a docstring; an argument without a description has an empty string."""
 
     summary: str
     text: str
@@ -32,9 +32,9 @@ class Description:
         quantities: Mapping[str, str],
         records: Iterable[type],
     ) -> Self:
-        """Read the docstring of a node with these arguments.
+        """Parse the docstring of a node with these arguments.
 
-        What `quantities` and the parameter records say holds where it says nothing itself.
+        Arguments that it does not describe take the words of `quantities` and of `records`.
         """
         parsed = _parsed(doc)
         meanings = {**quantities}

@@ -1,4 +1,4 @@
-"""Types of keyword-only arguments that the engine gives to a node."""
+"""Types of the keyword-only arguments that the engine supplies to a node."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,15 +10,15 @@ T = TypeVar("T")
 class Session:
     """The memory of one node of a pipeline, for objects that cannot flow along an edge.
 
-    A node with a keyword-only argument of this type is handed one by the engine, the same
-    for every item.  Plain values should come back by a `previous` edge instead.
+    A node asks for it by a keyword-only argument of this type, and gets the same object for every
+    item.  Plain values should come back by a `previous` edge instead.
     """
 
     def __init__(self) -> None:
         self._values: list[Any] = []
 
     def keep(self, make: Callable[[], T]) -> T:
-        """Return the result of the first call of `make`; it is closed with the pipeline."""
+        """Return what the first call of `make` returned; it is closed with the pipeline."""
         if not self._values:
             self._values.append(make())
         value: T = self._values[0]
@@ -34,10 +34,10 @@ class Session:
 
 @dataclass(frozen=True)
 class Wanted:
-    """The names of the wanted outputs, for a node with a keyword-only argument of this type.
+    """The names of the outputs that are read, for a node with a keyword-only argument of this type.
 
-    ``"variance" in wanted`` says whether that output is read.  The NumPy function returns None for
-    an output that it does not make; the kernel gets a null pointer.
+    ``"variance" in wanted`` is true if that output is read.  The NumPy function may return None for
+    an output that is not; the kernel gets a null pointer for it.
     """
 
     names: frozenset[str] | None = None
@@ -50,17 +50,17 @@ EVERYTHING = Wanted()
 
 
 class NodeCall(Protocol):
-    """The type of a keyword-only argument by which a node calls another: its default.
+    """The type of a keyword-only argument by which a node calls another node, its default.
 
-    ``bounce: NodeCall = film_bounce`` is called as that node is, with arrays of the host.  The
-    engine hands in one that runs on the device, where the graph prefers that and the node can.
+    ``bounce: NodeCall = film_bounce`` is called like that node, with arrays on the host.  The
+    engine replaces it by a call on the device where the graph prefers one and the node has kernels.
     """
 
     def __call__(self, *inputs: Any, **settings: Any) -> Any: ...
 
 
 Whole = Annotated[bool, "only a device reads the images"]
-"""The type of a source's keyword-only argument that is true where only a device reads the images.
+"""The type of a source's keyword-only argument that is true if only a device reads the images.
 
-The source may then yield K x H x W unsigned integers, which count as fractions of full scale.
+The source may then yield K x H x W unsigned integers; kernels read them as fractions of full scale.
 """

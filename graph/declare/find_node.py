@@ -1,7 +1,7 @@
-"""Find a node by the name a graph gives it.
+"""Find a node by its name in a graph.
 
 ``op: x`` is function ``x`` of a file ``x.py`` in the folder ``nodes`` of the core or of a ring
-(`rings`), in whatever room.  Only the nodes that a graph names are imported.
+(`rings`), in any room.  Only the nodes that a graph names are imported.
 """
 
 import importlib
@@ -17,12 +17,12 @@ from tactograph.graph.errors import GraphError, InputError, NodeError, did_you_m
 from tactograph.graph.rings import Ring, rings
 
 NODE_DECORATOR = re.compile(rb"^@node\b", re.MULTILINE)
-"""The decorator that tells a node's file from one of shared functions."""
+"""The decorator that distinguishes a node's file from a file of shared functions."""
 
 
 @dataclass(frozen=True)
 class NodePlace:
-    """Where a node is declared: its module, the room of that, and the ring that brings it."""
+    """Where a node is declared: its module, its room, and the ring that brings it."""
 
     module: str
     room: str
@@ -30,13 +30,13 @@ class NodePlace:
 
 
 def node_places() -> Mapping[str, NodePlace]:
-    """The place of every node, by name; of two with one name the first, core before rings."""
+    """The place of every node, by name; if two share a name the core's counts, then the first."""
     return {name: places[0] for name, places in _all_places(tuple(sys.path)).items()}
 
 
 @cache
 def _all_places(path: tuple[str, ...]) -> Mapping[str, list[NodePlace]]:
-    """All places of every name on `path`; no module is imported."""
+    """All places of every name on `path`, found without importing a module."""
     places: dict[str, list[NodePlace]] = {}
     for ring in rings():
         for file in ring.files("nodes", "**/[!_]*.py"):
@@ -60,9 +60,9 @@ def node_names() -> list[str]:
 def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
     """Import and return the node called `name`, or take it from `own`.
 
-    A shipped node has precedence over another package's of the same name, with a warning, so that
-    graphs keep their meaning.  Raises InputError if no package has it, or several others have;
-    NodeError if its module does not hold a node of that name.
+    A shipped node has precedence over another package's node of that name, with a warning, so that
+    graphs keep their meaning.  Raises InputError if no package has the node, or if two packages
+    have it that do not ship; NodeError if its module does not define it.
     """
     if own and name in own:
         return own[name]
@@ -87,14 +87,14 @@ def find_node(name: str, own: Mapping[str, Node] | None = None) -> Node:
 
 
 def _load(name: str, place: NodePlace) -> Node:
-    """Import the node's module; of another package's failure say whose it is."""
+    """Import the node's module; an error in another package's module names that package."""
     if place.ring.shipped:
         return _checked(importlib.import_module(place.module), name)
     try:
         module = importlib.import_module(place.module)
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # SystemExit, too: it would end the command as if it was done
+    except BaseException as error:  # also SystemExit, which would end the command as a success
         raise NodeError(
             f"node '{name}' of package {place.ring.distribution} cannot be loaded: "
             f"{message_of(error) or type(error).__name__}"
@@ -107,7 +107,7 @@ def _load(name: str, place: NodePlace) -> Node:
 def own_nodes(nodes: Iterable[Node]) -> dict[str, Node]:
     """The nodes that a program hands over, by name.
 
-    Raises InputError if one is no node, or has the name of a shipped or another node, so that
+    Raises InputError if one is not a node, or has the name of a shipped or another node, so that
     graphs keep their meaning.
     """
     own: dict[str, Node] = {}

@@ -19,7 +19,7 @@ class Limits(NamedTuple):
 
 
 def limits_of(annotation: Any) -> Limits:
-    """The limits that an annotation states, also where the number may be None."""
+    """The limits that an annotation states; it may be optional."""
     stated: dict[type, float] = {}
     for part in parts_of(annotation):
         for mark in getattr(part, "__metadata__", ()):
@@ -36,7 +36,7 @@ def choices_of(annotation: Any) -> list[Any]:
 
 
 def bare_type(annotation: Any) -> Any:
-    """The type without its `Annotated`, and without None where it is the only other member."""
+    """The type without `Annotated`; for ``X | None`` it is X."""
     if typing.get_origin(annotation) is Annotated:
         return bare_type(annotation.__origin__)
     members = members_of(annotation)
@@ -44,7 +44,7 @@ def bare_type(annotation: Any) -> Any:
 
 
 def members_of(annotation: Any) -> list[Any]:
-    """The types of a union but None; else the annotation alone."""
+    """The types of a union except None; an annotation that is no union is its only member."""
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
         return [each for each in typing.get_args(annotation) if each is not type(None)]
     return [annotation]

@@ -19,7 +19,7 @@ NODE_FILES = {
     "kernels/{room}{name}.cl": "node.cl.j2",
     "kernels/{room}{name}.mutants.toml": "node.mutants.toml.j2",
 }
-"""Templates of a node by the files they become, in the core or a ring."""
+"""Templates of a node's files, by their paths in the core or in a ring."""
 RING_FILES = {
     "pyproject.toml": "pyproject.toml.j2",
     "{package}/__init__.py": "package.py.j2",
@@ -34,7 +34,7 @@ RING_FILES = {
     "tests/test_{name}.py": "test_node.py.j2",
     "tests/test_ring.py": "test_ring.py.j2",
 }
-"""Templates of a package that is a ring."""
+"""Templates of the files of a ring's package, by their paths."""
 
 
 def write_node(place: str, root: Path) -> list[Path]:
@@ -42,19 +42,19 @@ def write_node(place: str, root: Path) -> list[Path]:
 
     The parity tests find the node by themselves.
 
-    Raises InputError if `root` holds no nodes, it has no such room, the name cannot be used, or a
-    file is there.
+    Raises InputError if `root` has no nodes or no such room, if the name is taken or no identifier,
+    or if a file exists.
     """
     if not (root / "nodes").is_dir() or not (root / "kernels").is_dir():
         raise InputError(
-            f"{root}: no clone of tactograph, and no ring, since it has no folders nodes and "
+            f"{root}: neither a clone of tactograph nor a ring: it lacks the folders nodes and "
             "kernels; 'tactograph new-ring' makes a ring"
         )
     room, _, name = place.rpartition("/")
     packages = [p.parent.relative_to(root / "nodes") for p in root.glob("nodes/**/__init__.py")]
     rooms = sorted({package.as_posix() for package in packages} - {"."})
     if rooms and room not in rooms:
-        raise InputError(f"new-node {place}: say ROOM/{name}, with a room of {', '.join(rooms)}")
+        raise InputError(f"new-node {place}: write ROOM/{name}; rooms are {', '.join(rooms)}")
     is_core = (root / "graph").is_dir()
     test = f"tests/{'nodes/' if is_core else ''}{{room}}test_{{name}}.py"
     package = "tactograph" if is_core else _package_of(root)
@@ -68,9 +68,9 @@ def write_node(place: str, root: Path) -> list[Path]:
 
 
 def write_ring(folder: Path, name: str) -> list[Path]:
-    """Write a package that is a ring, with node, kernel, graph, command and tests.
+    """Write the package of a ring, with a node, a kernel, a graph, a command and tests.
 
-    Raises InputError if a name cannot be used, or a file is there.
+    Raises InputError if a name cannot be used, or if a file exists.
     """
     distribution = folder.resolve().name
     package = distribution.replace("-", "_")
@@ -88,7 +88,7 @@ def write_ring(folder: Path, name: str) -> list[Path]:
 
 
 def _package_of(folder: Path) -> str:
-    """The package of a ring's folder: as it is registered, else that of the folder's name."""
+    """The package in a ring's folder: the registered one, else one named after the folder."""
     nodes = (folder / "nodes").resolve()
     registered = (ring.package for ring in rings() if ring.folder("nodes") == nodes)
     return next(registered, nodes.parent.name)
@@ -102,12 +102,12 @@ def _write(name: str, files: dict[Path, str], **about: str) -> list[Path]:
     if keyword.iskeyword(name):
         raise InputError(f"'{name}' is a Python keyword; give another name")
     if not NODE_NAME.fullmatch(name):
-        raise InputError(f"'{name}': a node's name is of lower-case letters, digits and _")
+        raise InputError(f"'{name}': write a node's name in lower-case letters, digits and _")
     if name in node_names():
-        raise InputError(f"there is a node '{name}' already; give another name")
+        raise InputError(f"node '{name}' exists already; give another name")
     for file in files:
         if file.exists():
-            raise InputError(f"{file} is there already; nothing was written")
+            raise InputError(f"{file} exists already; nothing was written")
     templates = jinja2.Environment(
         loader=jinja2.PackageLoader("tactograph.graph.declare", "templates"),
         undefined=jinja2.StrictUndefined,

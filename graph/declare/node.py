@@ -1,13 +1,13 @@
 """Nodes: a function's signature is its declaration.
 
-Positional arguments are input ports, keyword-only arguments are parameters, the return
+Positional arguments are input ports, keyword-only arguments are parameters, and the return
 annotation gives the output port, or a record of ports.  A `NamedTuple` as an input takes all
-outputs of one node, and as a parameter stands for its fields; ``*values: Unpack[Record]`` takes
-the fields of a record, each as an input of its own.  ``*arguments`` takes any number of inputs,
-which a graph names as it likes, ``**arguments`` optional ones whose types follow from their names
-(`NamedPorts`).  A function that returns an iterator is a source of a stream; one that returns None
-is a sink.  The NumPy body is the reference;
-`Node.opencl` declares that ``kernels/ROOM/NAME.cl`` holds the same algorithm.
+outputs of one node; as a parameter it stands for its fields.  ``*values: Unpack[Record]`` makes
+each field of the record an input.  ``*arguments`` takes any number of inputs, which a graph names
+freely.  ``**arguments`` takes optional inputs whose types follow from their names (`NamedPorts`).
+A function that returns an iterator is a source of a stream; one that returns None is a sink.  The
+NumPy body is the reference; `Node.opencl` declares that ``kernels/ROOM/NAME.cl`` is the same
+algorithm.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Node:
         return self.function(*args, **kwargs)
 
     def with_inputs(self, names: Iterable[str]) -> Node:
-        """The node with the inputs that a graph names, if it takes any number or named ones."""
+        """This node with the inputs that a graph names, if it takes inputs of any name."""
         key = tuple(names)
         if self.repeated is None:
             further = {*self.further_names} - {*self.input_names}
@@ -102,7 +102,7 @@ class Node:
         return self._sized[key] if key else self
 
     def _with_named(self, named: NamedPorts, names: tuple[str, ...]) -> Node:
-        """The node with such inputs, which its function takes as ``**arguments``."""
+        """This node with these inputs, which its function takes as ``**arguments``."""
         inputs, records, count = {**self.inputs}, {**self.input_records}, len(self._arguments)
         for name in names:
             ports, record = input_ports(name, named.annotation(name) | None)
@@ -127,7 +127,7 @@ class Node:
 
     @cached_property
     def about(self) -> Description:
-        """Its docstring, taken apart."""
+        """The parsed docstring."""
         from tactograph.graph.declare.description import Description
 
         names = [*self.input_names, *self.parameters]
@@ -137,20 +137,20 @@ class Node:
 
     @cached_property
     def serial(self) -> int:
-        """A number that no other declaration in this process has."""
+        """A number that is unique to this declaration within the process."""
         return next(_serials)
 
     @property
     def input_names(self) -> list[str]:
-        """The names that ``in`` of a graph file may use: records as a whole, then ports.
+        """The names that ``in`` of a graph file may use: records, then single ports.
 
-        Where `repeated` is given, it may use more.
+        With `repeated` it may use any other names, too.
         """
         return [*self.input_records, *(name for name in self.inputs if "." not in name)]
 
     @property
     def further_names(self) -> list[str]:
-        """The names of optional inputs that a graph may use besides."""
+        """The further optional inputs that a graph may name."""
         return [*self.named.names()] if self.named else []
 
     @property
@@ -163,7 +163,7 @@ class Node:
 
     @property
     def may_be_handed_in(self) -> bool:
-        """Return whether it is a source in whose place a caller may give an array."""
+        """Return whether it is a source that a caller's array can stand in for."""
         ports = [*self.outputs.values()]
         is_array = self.source and len(ports) == 1 and ports[0].kind == "array"
         return self.stream or is_array
@@ -182,21 +182,21 @@ class Node:
 
     @property
     def kernels(self) -> Kernels:
-        """The OpenCL implementation; a KeyError where there is none."""
+        """The OpenCL implementation.  Raises KeyError if there is none."""
         return self.implementations["opencl"]
 
     @property
     def backends(self) -> frozenset[str]:
-        """The back ends that it is written for."""
+        """The back ends that the node is written for."""
         return frozenset({"numpy", *self.implementations})
 
     def reads_integers(self, name: str, backend: str) -> bool:
-        """Return whether a back end's kernel takes an input's images as the camera's integers."""
+        """Return whether the kernel reads an input's images as the camera's integers."""
         kernels = self.implementations.get(backend)
         return kernels is not None and kernels.whole == name
 
     def in_order(self, inputs: Mapping[str, Any]) -> list[Any]:
-        """Inputs by port as positional arguments, with records assembled; None for absent ones."""
+        """Turn inputs by port into positional arguments: records assembled, None if absent."""
         return [
             self._record(name, [inputs.get(port) for port in ports])
             if name in self.input_records
@@ -206,14 +206,14 @@ class Node:
 
     @cached_property
     def _arguments(self) -> dict[str, list[str]]:
-        """By positional argument, the ports that it holds: several if it is a record."""
+        """The ports of each positional argument: several if it is a record."""
         arguments: dict[str, list[str]] = {}
         for port in self.inputs:
             arguments.setdefault(port.partition(".")[0], []).append(port)
         return arguments
 
     def by_port(self, arguments: Iterable[Any]) -> dict[str, Any]:
-        """Positional arguments by port, with records taken apart: the inverse of `in_order`."""
+        """Turn positional arguments into values by port: the inverse of `in_order`."""
         values: list[Any] = []
         for name, value in zip(self._arguments, arguments, strict=False):
             record = self.input_records.get(name)
@@ -244,7 +244,7 @@ class Node:
         return name if isinstance(name, str) else ""
 
     def output_shape(self, port: str, sizes: Mapping[str, int]) -> tuple[int, ...]:
-        """The shape of an output; a KeyError names a symbol that is not known."""
+        """The shape of an output.  Raises KeyError with the symbol whose size is not known."""
         return tuple(d if isinstance(d, int) else sizes[d] for d in self.outputs[port].dims)
 
     @cached_property
@@ -265,7 +265,7 @@ class Node:
     def finds_sizes(self) -> bool:
         """Return whether the size of an output depends on the data.
 
-        The host then waits for a device in the midst of the launch.
+        The host then waits for the device in the middle of the launch.
         """
         return not self.source and bool(self.free_symbols)
 
@@ -276,7 +276,7 @@ class Node:
         return [p.name for p in ports if p.optional or p.name in self.optional_inputs]
 
     def may_lack(self, symbol: str) -> bool:
-        """Return whether only inputs that may be absent have a size, then 0 for a kernel."""
+        """Return whether only optional inputs give a size; if all are absent a kernel gets 0."""
         absent = self.may_be_absent
         needed = [p for p in self.inputs.values() if p.name not in absent]
         return all(symbol not in port.dims for port in (*needed, *self.outputs.values()))
@@ -308,17 +308,17 @@ class Node:
             launches the kernel of the node's own name.  Without it the call decorates a
             function that takes a `Launch`, for nodes of several launches.
         lanes
-            "grid" if a work-item does LANES consecutive elements of the grid, counted through
-            as one axis: 16 on CPUs, 1 elsewhere; see ``lanes.clh``.  "rows" if each stays in
-            its row of the grid's last axis.
+            "grid" if a work-item computes LANES consecutive elements of the flattened grid: 16 on
+            CPUs, 1 elsewhere; see ``lanes.clh``.  "rows" if it stays within a row of the grid's
+            last axis.
         whole
-            An input of images that the kernel reads as fractions of full scale, or as the
+            An input of images that the kernel reads either as fractions of full scale or as the
             camera's unsigned integers; see ``pixels.clh``.
         can_run
-            Takes a device's traits and returns an `Obstacle`: what the launch function lacks
-            there, or why the NumPy function is faster.  None: it can run.
+            Takes a device's traits and returns None, or an `Obstacle`: what the launch function
+            lacks there, or why the NumPy function is faster.
         source
-            The kernels themselves, as text or as a path, for a node of a script or notebook.
+            The kernels' text or path, for a node that a script or notebook defines.
         """
         if grid is not None:
             self.implementations["opencl"] = Kernels(tuple(grid.split()), **how)
@@ -331,22 +331,21 @@ class Node:
         return take
 
     def example(self, function: Callable[..., dict[str, Any]]) -> Callable[..., dict[str, Any]]:
-        """Register a maker of test inputs, for nodes whose inputs depend on one another.
+        """Register a function that makes test inputs, for nodes whose inputs depend on one another.
 
-        It is called as ``f(rng, **sizes)`` and returns inputs by port name; others are drawn
-        from their ports' ranges.
+        It is called as ``f(rng, **sizes)`` and returns inputs by port name.  All further inputs are
+        drawn from their ports' ranges.
         """
         self.make_example = function
         return function
 
     def idle(self, function: Callable[..., bool]) -> Callable[..., bool]:
-        """Register a predicate that says when the node is a no-op.
+        """Register a predicate that is true when the node is a no-op.
 
-        The node then returns its neutral input unchanged, or the inputs that its outputs are
-        called after, or no output if that may be absent; a device launches nothing.  The predicate
-        is called with those other inputs that its arguments name; a field of a record is
-        ``film_albedo``, as in a kernel.  An argument with a default names an array that has to be
-        absent.
+        The node then returns its neutral input, or the inputs that its outputs are named after, or
+        no output if that may be absent; a device launches nothing.  The predicate is called with
+        the inputs that its arguments name; a field of a record is ``film_albedo``, as in a kernel.
+        An argument with a default names an array that has to be absent.
         """
         handed_on = [self.inputs.get(self.handed_on(name)) for name in self.outputs]
         if None in handed_on and not all(p.optional for p in self.outputs.values()):
@@ -362,15 +361,15 @@ class Node:
         return self.neutral if isinstance(self.neutral, str) else output
 
     def reads_ahead(self) -> None:
-        """Let a thread read the next item, in memory of its own, while the last one is in use."""
+        """Let a thread read the next item while the last one is in use; each has its own memory."""
         self.ahead = True
 
     def rehearsal(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """Register a function that makes a dummy item for a source that cannot wait.
+        """Register a function that makes a dummy item, for a source that cannot wait.
 
-        The graph runs once on it, without its sinks, before the source starts, so kernels are
-        compiled before a camera opens.  The function is called with the node's settings, and with
-        whether images may stay integers if the node is informed (`Whole`).
+        The graph runs on it once, without sinks, before the source starts: kernels are compiled
+        before a camera opens.  The function is called with the node's settings, and with the
+        node's argument of type `Whole` if it has one.
         """
         self.make_rehearsal = function
         return function
@@ -378,8 +377,8 @@ class Node:
     def handed_in(self, check: Callable[[Any, str], None]) -> Callable[[Any, str], None]:
         """Register a check of the array that a caller hands in for an item of this source.
 
-        It is called with an array of the first output's sizes, and the source's name in the graph;
-        it raises `InputError`, or calls `warn`.
+        It is called with an array of the first output's shape and the source's name in the graph.
+        It raises `InputError`, or calls `warn`.
         """
         self.check_handed_in = check
         return check

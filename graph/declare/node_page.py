@@ -7,7 +7,7 @@ from tactograph.graph.declare.ports import PortType
 
 
 def node_page(node: Node) -> str:
-    """All about a node as Markdown: its inputs, parameters, outputs and errors."""
+    """Describe a node in Markdown: its inputs, parameters, outputs and errors."""
     node = node.with_inputs(node.further_names)
     about = node.about
     lines = [f"# {node.name}", "", about.summary, ""]
@@ -54,10 +54,8 @@ def _item(name: str, facts: str, words: str) -> str:
 
 def _facts(node: Node) -> list[str]:
     kernel = f"OpenCL kernel `{node.name}.cl`" if node.has_kernel else "no OpenCL kernel"
-    facts = [f"Of the package {node.package}; {kernel}."]
-    facts += [
-        f"Calls `{each.name}`, on a device where there is one." for each in node.calls.values()
-    ]
+    facts = [f"Package {node.package}; {kernel}."]
+    facts += [f"Calls `{each.name}`, on a device if there is one." for each in node.calls.values()]
     if node.neutral is not None:
         neutral = (
             f"`{node.neutral}` is passed on" if isinstance(node.neutral, str) else node.neutral

@@ -21,22 +21,22 @@ class Parameter:
 
     @property
     def type(self) -> Any:
-        """The type without its `Annotated`, and without None where one other is its only member."""
+        """The type without `Annotated`; for ``X | None`` it is X."""
         return bare_type(self.annotation)
 
     @property
     def limits(self) -> Limits:
-        """The limits that it states."""
+        """The limits that the annotation states."""
         return limits_of(self.annotation)
 
     @property
     def choices(self) -> list[Any]:
-        """The values that its `Literal` lists."""
+        """The values that the annotation's `Literal` lists."""
         return choices_of(self.annotation)
 
     @property
     def range(self) -> str:
-        """The values that it may have, in words: ``0 to 1``, ``above 0``, ``one of a, b``."""
+        """The allowed values in words: ``0 to 1``, ``above 0``, ``one of a, b``."""
         if self.choices:
             return f"one of {', '.join(map(str, self.choices))}"
         limits = self.limits

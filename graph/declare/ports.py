@@ -2,10 +2,10 @@
 
 A port is declared by an annotation.  ``Annotated[NDArray[np.float32], Port("K H W")]``
 is an array port; ``Annotated[float, Port(unit="mm/px")]`` is a number; any other plain
-type (``str``, ``dict[str, float]``) is an object that stays on the host.  A text among the
-metadata says what the value means.  ``X | None`` makes the port optional.  A ``NamedTuple`` of
-ports is a record: one edge, several values.  The ports of a record inside a record count as the
-outer record's own.  A node that lacks optional fields of a record can be read as that record.
+type (``str``, ``dict[str, float]``) is an object that stays on the host.  A string among the
+metadata is the value's meaning.  ``X | None`` makes the port optional.  A ``NamedTuple`` of
+ports is a record: one edge, several values.  The ports of a nested record belong to the outer one.
+A node that lacks optional fields of a record can still be read as that record.
 """
 
 import typing
@@ -21,12 +21,12 @@ from tactograph.graph.declare.limits import members_of
 
 Dim = str | int
 IMAGE_SIZES = {"K": "lights", "H": "rows of pixels", "W": "columns of pixels"}
-"""The sizes of a stack of images in words, for messages."""
+"""What the sizes of a stack of images count, for messages."""
 
 CONDITION_INPUT = "when"
-"""The input that every node takes besides its own: it runs where that value is not zero."""
+"""The input that every node takes in addition: the node runs if its value is not zero."""
 RESTING_INPUT = "else"
-"""And the node whose values it has where it does not run."""
+"""The input that names the node whose values replace this node's if it does not run."""
 ENGINE_INPUTS = frozenset({CONDITION_INPUT, RESTING_INPUT})
 
 
@@ -102,7 +102,7 @@ def is_record(annotation: Any) -> bool:
 
 
 def optional_record(annotation: Any) -> type | None:
-    """The record that an annotation stands for, or may stand for; else None."""
+    """The record type of an annotation that is a record or an optional record, else None."""
     members = members_of(annotation)
     return members[0] if len(members) == 1 and is_record(members[0]) else None
 
@@ -133,9 +133,9 @@ def record_ports(record: type, prefix: str = "") -> dict[str, PortType]:
 
 
 def record_values(record: type, output: Any) -> tuple[Any, ...]:
-    """The values of a record in the order of its ports.
+    """The values of `output` in the order of the record's ports.
 
-    Raises TypeError if the value is no such record.
+    Raises TypeError if `output` is not such a record.
     """
     fields = record_fields(record)
     if not isinstance(output, tuple) or len(output) != len(fields):
@@ -151,7 +151,7 @@ def record_values(record: type, output: Any) -> tuple[Any, ...]:
 
 
 def make_record(record: type, values: Iterable[Any]) -> Any:
-    """Make a record of values in the order of its ports."""
+    """Make a record from values in the order of its ports."""
     if not any(_inner_records(record)):
         return record(*values)
     rest = iter(values)
@@ -165,7 +165,7 @@ def make_record(record: type, values: Iterable[Any]) -> Any:
 
 @cache
 def _inner_records(record: type) -> list[type | None]:
-    """By field, the record that it is, or None."""
+    """The record type of each field; None for a field that is no record."""
     return [inner if is_record(inner) else None for inner in record_fields(record).values()]
 
 
@@ -190,7 +190,7 @@ def read_port(name: str, annotation: Any) -> PortType:
     if typing.get_origin(annotation) is Annotated:
         annotation, *extras = typing.get_args(annotation)
         port = next((e for e in extras if isinstance(e, Port)), None)
-        # A record's field says more than the quantity that it is.
+        # The outermost words count: a record's field is more specific than its quantity.
         meaning = next((e for e in reversed(extras) if isinstance(e, str)), "")
     annotation = _written_out(annotation)
     if typing.get_origin(annotation) is np.ndarray:

@@ -1,4 +1,4 @@
-"""The provenance of a result, which the engine hands to a sink that asks for it."""
+"""The provenance of a result, which the engine supplies to a sink that asks for it."""
 
 import importlib.metadata
 import platform
@@ -20,10 +20,10 @@ _RECORDED_PACKAGES = (
 
 @dataclass(frozen=True)
 class Provenance:
-    """The graph, its params, the back ends, the times and the warnings behind an item's values.
+    """How an item's values came about: graph, params, back ends, times and warnings.
 
-    A sink with a keyword-only argument of this type is handed one by the engine.
-    `as_dict` is what ``result.json`` holds.
+    A sink asks for it by a keyword-only argument of this type.  `as_dict` goes into
+    ``result.json``.
     """
 
     graph: dict[str, Any]
@@ -34,9 +34,9 @@ class Provenance:
     warnings: list[str]
     fallbacks: list[str]
     arguments: dict[str, Any] = field(default_factory=dict)
-    """The values of the graph's params, given or by default."""
+    """The values of the graph's params, defaults included."""
     inputs: dict[str, dict[str, str]] = field(default_factory=dict)
-    """Hash of each ``.npz`` file among these, and sensor, serial and date if known."""
+    """For each ``.npz`` file among the params: its hash, and sensor, serial and date if known."""
 
     def as_dict(self) -> dict[str, Any]:
         return {"format": 1, **vars(self)}
@@ -49,7 +49,7 @@ def versions() -> dict[str, str]:
 
 @cache
 def installed(packages: tuple[str, ...]) -> Mapping[str, str]:
-    """The versions of those packages that are installed; every item of a stream asks."""
+    """The versions of the packages that are installed; cached, as every item of a stream asks."""
     versions_of: dict[str, str] = {}
     for name in packages:
         with suppress(importlib.metadata.PackageNotFoundError):

@@ -1,4 +1,4 @@
-"""What a declaration says of sizes: limits, and sizes that follow from others."""
+"""What a declaration states about sizes: their limits, and sizes that follow from others."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class SizeLimit:
-    """The sizes a node accepts for one symbol, and why not others."""
+    """The range of sizes that a node accepts for one symbol, and the reason."""
 
     low: int
     high: int | None
@@ -21,8 +21,8 @@ class SizeLimit:
 class SizeRule:
     """A size computed from other sizes ("H", or "H W") and one parameter.
 
-    `rule` computes it, and raises InputError where they do not go together.  Without a rule it is
-    the other size divided by the parameter, rounded up.
+    `rule` computes it, and raises InputError if the sizes are not compatible.  Without a rule it
+    is the other size divided by the parameter, rounded up.
     """
 
     of: str

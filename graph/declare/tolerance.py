@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 
 class Tolerance(Protocol):
-    """Judges the same output computed by two back ends."""
+    """Compares the same output computed by two back ends."""
 
     @property
     def why(self) -> str: ...
@@ -39,9 +39,9 @@ class Exact(Close):
 
 @dataclass(frozen=True)
 class Flips:
-    """All but a `share` of the elements are close; there a decision may fall the other way.
+    """All elements are close but for a `share`, where a decision may go the other way.
 
-    At least one flip is allowed, so that tiny arrays can be judged.
+    At least one flip is allowed, for the sake of tiny arrays.
     """
 
     share: float

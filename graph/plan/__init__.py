@@ -1,1 +1,1 @@
-"""Passes that turn a graph into the steps of a run, one file each."""
+"""The passes that turn a graph into the steps of a run, one file each."""

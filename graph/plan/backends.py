@@ -1,4 +1,4 @@
-"""Pass 4: decide where each node runs, and say why."""
+"""Pass 4: decide where each node runs, and record why."""
 
 from tactograph.graph.backends.device_backend import DeviceBackend
 from tactograph.graph.declare.kernel_declaration import Obstacle
@@ -11,10 +11,11 @@ from tactograph.graph.plan.plan import Placement
 def place(draft: Draft, device: DeviceBackend | None, no_device: str) -> dict[str, Placement]:
     """Place every node on a back end.
 
-    A ``backend`` in the graph file is kept or refused.  Otherwise the node runs on the first
-    back end of ``prefer``, or falls back to NumPy, which is recorded.  A node without a kernel,
-    or with a faster NumPy function where ``prefer`` names numpy, is no fallback.  A node that
-    calls others runs on the host, and each of them where it would run in the node's place.
+    A node that the graph file binds to a ``backend`` runs there, or is refused.  Any other node
+    runs on the first back end of ``prefer`` that can run it, or falls back to NumPy, which is
+    recorded.  It is no fallback if the node has no kernel, or if its NumPy function is faster and
+    ``prefer`` names numpy.  A node that calls other nodes runs on the host; each of those runs
+    where it would run as a node of the graph.
 
     Raises GraphError if a node is bound to a back end that cannot run it.
     """
@@ -30,7 +31,7 @@ def _place(
     if task.stand_in:
         return Placement("numpy", "handed in by the caller")
     if task.filled:
-        # A constant is made where the first preference can hold it.
+        # The constant is made on the first preferred back end, to save a transfer.
         why = "neutral: a constant stands in"
         backend = "numpy" if device is None or prefer[0] == "numpy" else device.backend
         return Placement(backend if backend in task.node.backends else "numpy", why)
@@ -54,7 +55,7 @@ def _preferred(
         if backend not in node.implementations:
             continue
         obstacle = _obstacle(node, backend, device, no_device) or Obstacle()
-        # Checked before `missing`, which matters only on the device.
+        # Checked first: what is `missing` does not matter if NumPy is faster anyway.
         if obstacle.slower and "numpy" in prefer:
             return Placement("numpy", f"faster than on the device: {obstacle.slower}")
         if obstacle.missing is None:
@@ -77,7 +78,7 @@ def _preferred(
 def _obstacle(
     node: Node, backend: str, device: DeviceBackend | None, no_device: str
 ) -> Obstacle | None:
-    """The obstacle to a node on a back end, or None."""
+    """Why a node cannot, or should not, run on a back end; None if it can."""
     if backend == "numpy":
         return None
     if backend not in node.implementations:

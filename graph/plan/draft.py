@@ -1,4 +1,4 @@
-"""The draft of a plan: values and tasks, which the passes resolve step by step."""
+"""The draft of a plan: its values and tasks, which the passes fill in."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,9 +23,9 @@ class Value(NamedTuple):
 class Task:
     """A node of the graph with its references and settings resolved.
 
-    `reads` are values of the same item, `recalls` those of the item before.  It runs where all
-    its `conditions` hold: its own `when`, and those of the nodes whose values it needs.  Elsewhere
-    its values are those of the task `instead`, if there is one.
+    `reads` are values of the same item, `recalls` values of the previous item.  The task runs for
+    an item if all its `conditions` hold: its own `when`, and the conditions of the nodes whose
+    values it needs.  Otherwise the values of the task `instead`, if any, take their place.
     """
 
     id: str
@@ -47,7 +47,7 @@ class Task:
 
     @property
     def looks_outside(self) -> bool:
-        """Return whether its values may change though its settings and inputs do not.
+        """Return whether its values may change while its settings and inputs stay the same.
 
         It yields items, keeps a session, takes the run's provenance, or names a file.
         """
@@ -61,21 +61,22 @@ class Task:
 
     @property
     def inherited(self) -> dict[Value, Value]:
-        """By value, that of the task `instead`, which stands for it where this task rests."""
+        """For each value, the one of the task `instead` that replaces it if this task rests."""
         ports = self.node.outputs if self.instead is not None else ()
         return {Value(self.id, port): Value(str(self.instead), port) for port in ports}
 
     @property
     def edges(self) -> dict[str, Value]:
-        """All values that the node takes, of this item or the one before, by input."""
+        """All values that the node takes, of this or the previous item, by input."""
         return {**self.reads, **self.recalls}
 
 
 @dataclass
 class Draft:
-    """A graph with its names resolved: its tasks, outputs, and nodes that do not run.
+    """A graph with its names resolved: its tasks, its outputs, and the nodes that do not run.
 
-    `stays` are the outputs that the caller takes on the device.
+    `passed` are nodes taken out, with the values that they pass on; `unused` nodes that no output
+    or sink needs; `stays` outputs that the caller takes on the device.
     """
 
     graph: Graph
@@ -86,5 +87,5 @@ class Draft:
     stays: set[Value] = field(default_factory=set)
 
     def port_of(self, value: Value) -> PortType:
-        """The port that makes a value."""
+        """The output port behind a value."""
         return self.tasks[value.node].node.outputs[value.port]

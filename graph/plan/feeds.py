@@ -1,4 +1,4 @@
-"""What feeds a parameter or an input of a node, in words that the user can act on."""
+"""Say what feeds a parameter or an input of a node, in words that the user can act on."""
 
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan
@@ -7,8 +7,9 @@ from tactograph.graph.plan.plan import Plan
 def feed_of(plan: Plan, task: Task, name: str) -> str | None:
     """What feeds a parameter or input: ``radius_mm=``, ``--set ball.radius_mm=``, or words.
 
-    Of an input, the graph's param that the value comes from: that of a parameter of the same name
-    upstream, else the first of a node that reads a file.  None if the node has no such name.
+    For an input it is the graph's param that the value comes from: the one that sets a parameter of
+    the same name upstream, else the first one of a node that reads a file.  None if the node has no
+    such parameter or input.
     """
     if name in task.node.parameters:
         param = _params(task).get(name)
@@ -23,21 +24,21 @@ def feed_of(plan: Plan, task: Task, name: str) -> str | None:
 
 
 def _params(task: Task) -> dict[str, str]:
-    """The graph's params that a node takes, by its parameters, in the order it declares them."""
+    """The graph's params by the node's parameters that they set, in the order of declaration."""
     settings = ((name, task.entry.settings.get(name)) for name in task.node.parameters)
     return {n: v[1:] for n, v in settings if isinstance(v, str) and v.startswith("$")}
 
 
 def _param_behind(plan: Plan, value: Value, name: str) -> str | None:
-    """The graph's param that a value comes from, which goes by `name` further down."""
+    """The graph's param that a value comes from, or None; `name` is the input that reads it."""
     task = plan.tasks[value.node]
     names = {name, value.port}
     params = {} if task.stand_in else _params(task)
-    for own, param in params.items():
-        if any(own == each or own.startswith(f"{each}_") for each in names):
+    for parameter, param in params.items():
+        if any(parameter == each or parameter.startswith(f"{each}_") for each in names):
             return param
-    for own, read in task.reads.items():
-        if own in names:
+    for input_name, read in task.reads.items():
+        if input_name in names:
             return _param_behind(plan, read, name)
     is_read = not any(port.kind == "array" for port in task.node.inputs.values())
     for param in params.values():

@@ -1,4 +1,4 @@
-"""Make a plan of a graph by all passes."""
+"""Plan a graph: run all passes in order."""
 
 from __future__ import annotations
 
@@ -27,13 +27,21 @@ def make_plan(
 ) -> Plan:
     """Verify `graph` and plan its run, without running or writing anything.
 
-    `arguments` are values of the graph's params.  Without a `device`, `no_device` says why.
-    `sinks`: whether nodes that only write (files, pictures) are part of the run.  `stand_ins` are
-    source nodes whose items the caller will hand in as arrays.  `outputs` are references, by name,
-    to put out in place of the graph's own; with `stays`, arrays among them are left on the device.
+    Parameters
+    ----------
+    arguments : values of the graph's params
+    device, no_device : the device to use, or None and the reason
+    sinks : whether nodes that only write (files, pictures) are part of the run
+    stand_ins : source nodes whose items the caller will hand in as arrays
+    outputs : references by name, in place of the graph's own outputs
+    stays : whether arrays among the outputs are left on the device
 
-    Raises GraphError, which says where, if the graph does not verify; InputError if arrays are to
-    stay on a device that no node uses.
+    Raises
+    ------
+    GraphError
+        If the graph does not verify; the message names the place.
+    InputError
+        If a param is missing, or arrays are to stay on a device that no node uses.
     """
     draft = names.bind(graph, arguments, sinks=sinks, stand_ins=stand_ins, outputs=outputs)
     if stays:

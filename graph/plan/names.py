@@ -1,4 +1,4 @@
-"""Pass 1: find every node, resolve every reference and parameter, refuse cycles."""
+"""Pass 1: find every node, resolve every reference and parameter, and refuse cycles."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ def bind(
 ) -> Draft:
     """Turn the names in a graph into nodes, values and checked parameters; see `make_plan`.
 
-    Raises GraphError, with its place, for what is wrong in the graph; InputError for a param that
-    is not given, or that the graph does not have.
+    Raises GraphError, with its place, if the graph is wrong; InputError if a param is missing or
+    unknown.
     """
     for name in arguments:
         graph.check_param(name)
@@ -69,7 +69,7 @@ def bind(
     live = with_all_before({name: before[name] | recalled[name] for name in tasks}, needed)
     unused = [name for name in tasks if name not in live]
     tasks = {name: task for name, task in tasks.items() if name in live}
-    # A stream yields items of its own, for which no array can be handed in.
+    # The source of a stream yields all items itself, so no array can stand in beside it.
     has_stream = any(tasks[name].node.stream for name in live - stand_ins)
     for task in tasks.values():
         task.stand_in = task.id in stand_ins and not has_stream
@@ -86,20 +86,20 @@ def bind(
 
 
 def _read_by(task: Task) -> set[str]:
-    """The tasks whose values of the same item a task needs, or may have instead of its own."""
+    """The tasks whose values of the same item a task reads, or takes over if it rests."""
     makers = {value.node for value in (*task.reads.values(), task.when) if value}
     return makers if task.instead is None else makers | {task.instead}
 
 
 class _Names(NamedTuple):
-    """The nodes behind a graph's names, and the values behind nodes that are taken out."""
+    """The nodes by name, and for nodes taken out (`passed`) the values that they pass on."""
 
     graph: Graph
     nodes: dict[str, Node]
     passed: dict[str, Value]
 
     def resolve(self, reference: str, where: str) -> Value:
-        """The output that a reference reads, behind the nodes that are taken out."""
+        """The output that a reference reads; nodes that are taken out are skipped."""
         value = self.value(reference, where)
         hops = 0
         while value.node in self.passed:
@@ -119,13 +119,13 @@ class _Names(NamedTuple):
             )
         if port is None and len(outputs) > 1:
             raise GraphError(
-                f"{where}: node '{source}' has several outputs; say which: "
+                f"{where}: node '{source}' has several outputs; name one of "
                 f"{', '.join(f'{source}.{o}' for o in outputs)}{stands}"
             )
         if port is not None and port not in outputs:
             raise GraphError(
-                f"{where}: node '{source}' makes no '{port}'"
-                + (did_you_mean(port, outputs) or f"; it makes {', '.join(outputs)}")
+                f"{where}: node '{source}' has no output '{port}'"
+                + (did_you_mean(port, outputs) or f"; it has {', '.join(outputs)}")
                 + stands
             )
         return Value(source, port or next(iter(outputs)))
@@ -153,7 +153,7 @@ def _refuse_wrong_stand_ins(names: _Names, stand_ins: Iterable[str]) -> None:
 
 
 def _passed_through(names: _Names) -> dict[str, Value]:
-    """Nodes taken out by a neutral that is one of their inputs, with the value they pass on."""
+    """The nodes taken out whose neutral is an input, with the value that each passes on."""
     passed: dict[str, Value] = {}
     for node_id, entry in names.graph.nodes.items():
         node = names.nodes[node_id]
@@ -176,7 +176,7 @@ def _passed_through(names: _Names) -> dict[str, Value]:
 
 
 def _task(names: _Names, node_id: str) -> Task:
-    """A node with the values that it reads, and those that it recalls from the item before."""
+    """A node with the values that it reads, and those that it recalls from the previous item."""
     entry, node = names.graph.nodes[node_id], names.nodes[node_id]
     _refuse_unknown_inputs(entry, node)
     reads: dict[str, Value] = {}
@@ -207,7 +207,7 @@ def _task(names: _Names, node_id: str) -> Task:
 
 
 def _condition(names: _Names, node_id: str) -> Value | None:
-    """The value that decides whether a node runs, if there is one."""
+    """The value of a node's `when`, or None."""
     entry = names.graph.nodes[node_id]
     if CONDITION_INPUT not in entry.inputs:
         return None
@@ -221,13 +221,13 @@ def _condition(names: _Names, node_id: str) -> Value | None:
             f"{port}"
         )
     if previous or names.nodes[node_id].stream:
-        why = "a condition is of the same item" if previous else "a stream has no condition"
+        why = "a condition cannot be a previous value" if previous else "a stream has no condition"
         raise GraphError(f"{where}: {why}")
     return value
 
 
 def _instead(names: _Names, node_id: str) -> str | None:
-    """The node whose values this one has where it rests, if there is one."""
+    """The node of a node's `else`, whose values replace its own if it rests, or None."""
     entry = names.graph.nodes[node_id]
     other = entry.inputs.get(RESTING_INPUT)
     if other is None:
@@ -237,12 +237,12 @@ def _instead(names: _Names, node_id: str) -> str | None:
     if CONDITION_INPUT not in entry.inputs:
         raise GraphError(f"{where}: '{RESTING_INPUT}' needs '{CONDITION_INPUT}'")
     if names.nodes[other].outputs != names.nodes[node_id].outputs or other in names.passed:
-        raise GraphError(f"{where}: '{other}' does not make what '{node_id}' does")
+        raise GraphError(f"{where}: '{other}' has other outputs than '{node_id}'")
     return other
 
 
 def _conditions(tasks: Mapping[str, Task], task: Task) -> tuple[Value, ...]:
-    """The conditions of a task, and of those that make what it cannot do without."""
+    """The conditions of a task, and of the tasks whose values it requires."""
     conditions = dict.fromkeys([task.when] if task.when else [])
     for name, value in task.reads.items():
         optional = {name, name.partition(".")[0]} & task.node.optional_inputs
@@ -283,14 +283,14 @@ def _record(names: _Names, name: str, reference: str, node: Node, where: str) ->
 
 def _output(names: _Names, name: str, reference: str) -> Value:
     where = names.graph.where(f"outputs.{name}")
-    # A program may ask for an output of a group's use, which the flat graph calls otherwise.
+    # A program may ask for an output of a group's use, which has another name in the flat graph.
     return names.resolve(str(flat_reference(names.graph, reference, "", where)), where)
 
 
 def _check_recalls(tasks: Mapping[str, Task]) -> None:
     """Refuse a previous value of a node that does not change from item to item.
 
-    Where there is one item in all, nothing is before it, as before the first of many.
+    In a graph without a stream there is no previous item, as for a stream's first item.
     """
     has_items = any(task.stream for task in tasks.values())
     for task in tasks.values():
@@ -299,7 +299,7 @@ def _check_recalls(tasks: Mapping[str, Task]) -> None:
         for name, value in task.recalls.items():
             where = task.entry.where(f"in.{name}")
             if not task.stream:
-                raise GraphError(f"{where}: '{task.id}' runs once; there is no item before")
+                raise GraphError(f"{where}: '{task.id}' runs once; there is no previous item")
             if not tasks[value.node].stream:
                 raise GraphError(
                     f"{where}: '{value}' is the same for all items; leave out 'previous.'"
@@ -315,7 +315,7 @@ def _refuse_cycles(graph: Graph, before: Before) -> None:
 def settings_of(
     entry: Entry, graph: Graph, node: Node, arguments: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """A node's parameters, each `$name` replaced by its value; raises what `bind` does."""
+    """A node's parameters, with the value of each `$name`.  Raises the errors of `bind`."""
     settings = dict(entry.settings)
     places: dict[str, str] = {}
     for name, value in entry.settings.items():
@@ -325,8 +325,8 @@ def settings_of(
             if name in node.parameters and param in arguments:
                 places[name] = f"{graph.name}: {param}"
             elif name in node.parameters and graph.params[param].kind == "path":
-                # What lies at a default place is not the file's fault.
-                places[name] = f"{graph.name}: give {param}=, as its default does not serve"
+                # A default that does not fit is not the fault of the graph file.
+                places[name] = f"{graph.name}: give {param}=, since its default is not usable"
 
     def where(name: str) -> str:
         return places.get(name) or entry.where(f"with.{name}")
@@ -349,7 +349,7 @@ def _param(name: str, graph: Graph, arguments: Mapping[str, Any], where: str) ->
 
 
 def _mark_streams(ordered: Sequence[Task], before: Before) -> None:
-    """A task is part of the stream if it, or anything it reads, yields items or is handed in."""
+    """Mark the tasks of the stream: those that yield items or are handed in, and their readers."""
     of_stream: set[str] = set()
     for task in ordered:
         task.stream = task.node.stream or task.stand_in or not of_stream.isdisjoint(before[task.id])
@@ -359,5 +359,5 @@ def _mark_streams(ordered: Sequence[Task], before: Before) -> None:
     if len(streams) > 1:
         first, second = streams[:2]
         raise GraphError(
-            f"{second.entry.where('op')}: a graph has one stream; '{first.id}' is one already"
+            f"{second.entry.where('op')}: a graph has one stream, and '{first.id}' begins it"
         )

@@ -1,4 +1,4 @@
-"""New settings for the nodes of a plan: checked first, then taken over together."""
+"""New settings for the nodes of a plan: all are checked first, then applied together."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -12,14 +12,14 @@ from tactograph.graph.plan.plan import Plan
 
 
 class NewSettings(NamedTuple):
-    """A graph, values of its params, and the settings of the nodes that differ, by name."""
+    """A changed graph, the values of its params, and the new settings by node."""
 
     graph: Graph
     arguments: Mapping[str, Any]
     settings: Mapping[str, dict[str, Any]]
 
     def apply(self, plan: Plan) -> None:
-        """Let a plan have these settings."""
+        """Write these settings into a plan."""
         plan.graph, plan.arguments = self.graph, self.arguments
         for name, settings in self.settings.items():
             task = plan.tasks[name]
@@ -27,7 +27,7 @@ class NewSettings(NamedTuple):
 
 
 def with_parameters(plan: Plan, node: str, parameters: Mapping[str, Any]) -> NewSettings:
-    """Change parameters of a node, or of all that a name stands for; see `Pipeline.set`."""
+    """Change parameters of a node, or of all nodes that a name stands for; see `Pipeline.set`."""
     before = plan.graph
     changes = {f"{node}.{name}": value for name, value in parameters.items()}
     graph = with_changes(before, changes, "set")
@@ -42,7 +42,7 @@ def with_parameters(plan: Plan, node: str, parameters: Mapping[str, Any]) -> New
 
 
 def with_values(plan: Plan, values: Mapping[str, Any]) -> NewSettings:
-    """Give other values to params of the graph; see `Pipeline.aim`."""
+    """Change values of the graph's params; see `Pipeline.aim`."""
     graph, arguments = plan.graph, {**plan.arguments, **values}
     for name in values:
         graph.check_param(name)

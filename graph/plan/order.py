@@ -11,14 +11,15 @@ from tactograph.graph.plan.plan import Step
 
 
 def order(steps: Mapping[str, Step], before: Before, draft: Draft) -> list[Step]:
-    """Sort the steps: those of no stream, then sources, so that sizes clash before work is done.
+    """Sort the steps so that host and device work at the same time.
 
-    Steps that the device's wait for come before the host's last ones, those with the most
-    downloads ahead first, then those with the most steps of the host, which needs them soonest: the
-    device does the others meanwhile.  Of equal ones the device's come before the host's, and before
-    steps whose sizes depend on the data, so that both sides work.
-    Sinks come last within the limits of the edges, so that nothing is written if a later
-    computation fails.
+    Steps outside the stream come first, then sources, so that a clash of sizes is found before any
+    work is done.  Steps that a device step waits for come before the host's last steps.  Among
+    them, the first are those with the most downloads ahead, then those with the most host steps
+    ahead, since the host needs them soonest; the device computes the rest meanwhile.  Of equal
+    steps the device's come before the host's, and before steps whose sizes depend on the data.
+
+    Sinks come as late as the edges allow, so that nothing is written if a later computation fails.
     """
     file_order = {name: index for index, name in enumerate(draft.graph.nodes)}
     ahead = _ways_ahead(steps, before)
@@ -41,7 +42,7 @@ def order(steps: Mapping[str, Step], before: Before, draft: Draft) -> list[Step]
 
 
 def _ways_ahead(steps: Mapping[str, Step], before: Before) -> dict[str, tuple[int, int, int]]:
-    """The most downloads, then steps of the host behind it, then steps from each to the end."""
+    """For each step, the longest way to the end: in downloads, in host steps, and in steps."""
     ahead = dict.fromkeys(steps, (0, 0, 0))
     for name in reversed(in_order(before)):
         downloads, of_host, many = ahead[name]
@@ -56,7 +57,7 @@ def _ways_ahead(steps: Mapping[str, Step], before: Before) -> dict[str, tuple[in
 def _with_releases(steps: list[Step], draft: Draft) -> list[Step]:
     """Mark the last step of an item that reads each value on the device.
 
-    Values that the next item recalls, or the caller takes there, stay.
+    Values that the next item recalls, or that the caller takes on the device, are not released.
     """
     last: dict[Value, int] = {}
     for index, step in enumerate(steps):

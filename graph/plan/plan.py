@@ -14,14 +14,14 @@ from tactograph.graph.plan.draft import Draft, Value
 from tactograph.graph.plan.sizes import SizeClasses
 
 MAX_NAMED_NODES = 6
-"""The most nodes with one fallback that are named."""
+"""The most nodes that a line about one fallback names; it counts more."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """The back end of a node and why; `fallback` if a preferred one could not run it.
+    """The back end of a node, and why; `fallback` if a preferred back end could not run it.
 
-    `calls` are the arguments by which it calls nodes on a device from the host.
+    `calls` are its arguments that call other nodes on the device.
     """
 
     backend: str
@@ -38,8 +38,8 @@ class Placement:
 class Step:
     """A step of the plan: a node, a constant, or a transfer.
 
-    It rests where one of its `conditions` does not hold: those of a node, or of all readers of
-    what is transferred.
+    It rests for an item if one of its `conditions` does not hold: the node's own, or those that all
+    readers of a transferred value share.
     """
 
     kind: Literal["run", "fill", "upload", "download"]
@@ -63,7 +63,7 @@ class Step:
 
 @dataclass(kw_only=True)
 class Plan(Draft):
-    """The steps in order, and why each runs where it does."""
+    """A verified graph with the steps of its run, in order."""
 
     arguments: Mapping[str, Any]
     placements: dict[str, Placement]
@@ -73,13 +73,13 @@ class Plan(Draft):
     inspected: set[Value] = field(default_factory=set)
 
     def wanted(self, node: str) -> Wanted:
-        """The outputs of a node that nodes or the caller read, or that are inspected."""
+        """The outputs of a node that other nodes or the caller read, or that are inspected."""
         inspected = {value.port for value in self.inspected if value.node == node}
         return Wanted(frozenset(self._read.get(node, set()) | inspected))
 
     @cached_property
     def _read(self) -> dict[str, set[str]]:
-        """The ports that nodes or the caller read, by node."""
+        """By node, the outputs that other nodes or the caller read."""
         edges = [
             v for task in self.tasks.values() for v in (*task.edges.values(), *task.conditions)
         ]
@@ -92,16 +92,16 @@ class Plan(Draft):
         return read
 
     def value(self, reference: str) -> Value:
-        """The value that ``node.port`` names, or ``node`` where that has one output.
+        """The value of ``node.port``, or of ``node`` if that has one output.
 
-        Raises InputError if the plan makes no such value.
+        Raises InputError if the plan has no such value.
         """
         where = f"{self.graph.name}: {reference}"
         flat = str(flat_reference(self.graph, reference, "", where))
         name, port = split_reference(flat, self.graph.nodes)
         if name not in self.tasks:
             if name in self.passed:
-                raise InputError(f"{where}: '{name}' is taken out; it is {self.passed[name]}")
+                raise InputError(f"{where}: '{name}' is taken out; read {self.passed[name]}")
             hint = did_you_mean(name, self.tasks)
             raise InputError(f"{where}: no node '{name}' is run{hint}")
         ports = self.tasks[name].node.outputs
@@ -109,7 +109,7 @@ class Plan(Draft):
             return Value(name, next(iter(ports)))
         if port not in ports:
             has = ", ".join(f"{name}.{each}" for each in ports) or "nothing"
-            raise InputError(f"{where}: say which value; '{name}' makes {has}")
+            raise InputError(f"{where}: name one value; '{name}' has {has}")
         return Value(name, port)
 
     def port(self, output: str) -> PortType:
@@ -118,7 +118,7 @@ class Plan(Draft):
 
     @property
     def fallbacks(self) -> list[str]:
-        """The nodes that fell back to another back end, a line a reason; many are counted."""
+        """The nodes that fell back to another back end, one line for each reason."""
         fallen: dict[Placement, list[str]] = {}
         for node_id, placement in self.placements.items():
             if placement.fallback:

@@ -8,7 +8,7 @@ from tactograph.graph.plan.draft import Draft, Task, Value
 def check(draft: Draft) -> None:
     """Compare the types at both ends of every edge.
 
-    Raises GraphError, which names both ports, if kind, element type, number of axes or unit differ.
+    Raises GraphError, naming both ports, if kind, element type, number of axes or unit differ.
     """
     errors = ErrorsTogether()
     for task in draft.tasks.values():

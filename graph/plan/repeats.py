@@ -1,4 +1,4 @@
-"""Nodes that repeat an earlier one, so that a device need not run them."""
+"""Nodes that repeat an earlier node, so that a device need not run them."""
 
 from itertools import combinations
 
@@ -7,9 +7,9 @@ from tactograph.graph.plan.plan import Plan
 
 
 def first_alike(plan: Plan) -> dict[str, str]:
-    """By node, the earlier node that it repeats: the same operation on the same inputs.
+    """For each node, the earlier node that it repeats: the same operation on the same inputs.
 
-    Either may read more, if that is optional: it repeats the other where that is absent.
+    Either may read further optional inputs; it then repeats the other node if those are absent.
     """
     first: dict[str, str] = {}
     tasks = [plan.tasks[step.name] for step in plan.steps if step.kind == "run" and step.on_device]
@@ -21,9 +21,9 @@ def first_alike(plan: Plan) -> dict[str, str]:
 
 
 def _alike(task: Task, other: Task) -> bool:
-    """Whether two nodes read the same, but for what is optional and one of them alone reads.
+    """Whether two nodes read the same values, except optional ones that only one of them reads.
 
-    Arrays that only the first reads may be gone when the other runs.
+    An array that only the first node reads is not allowed: it may be released before the second.
     """
     inputs, ours, theirs = task.node.inputs, task.reads, other.reads
     return all(ours[name] == theirs[name] for name in ours.keys() & theirs.keys()) and all(

@@ -1,7 +1,7 @@
 """Pass 3: bind symbolic sizes across the graph.
 
 A symbol (K, H, W) belongs to its node; an edge makes the symbols at its ends one class.
-Fixed sizes are checked before anything runs, others as soon as the sources have yielded.
+Fixed sizes are checked before anything runs, all others as soon as the sources have yielded.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Symbol = tuple[str, str]
 
 
 class Bound(NamedTuple):
-    """A size that is known, and the port that made it known."""
+    """A known size, and the port that it is known from."""
 
     size: int
     by: str
@@ -39,7 +39,7 @@ class Sized:
 
     `before` is compared by identity: the sizes behind a node are the same object from item to
     item as long as the node's outputs keep their shapes.  `doubtful` is set when the node's
-    settings have changed, from which sizes may follow.
+    settings have changed, since sizes may follow from them.
     """
 
     before: Bounds
@@ -59,9 +59,9 @@ class SizeClasses:
     limits: dict[Symbol, list[tuple[str, SizeLimit]]]
 
     def around(self, task: Task, bounds: Bounds, last: Sized | None) -> Sized:
-        """The sizes around a node; `last` if it follows from the same `bounds`.
+        """The sizes around a node; it is `last` if that follows from the same `bounds`.
 
-        Raises InputError if a size that follows from others clashes with one that is known.
+        Raises InputError if a derived size clashes with a known one.
         """
         if last is not None and last.before is bounds and not last.doubtful:
             return last
@@ -73,7 +73,7 @@ class SizeClasses:
         return Sized(bounds, derived, self.sizes_of(task, derived))
 
     def behind(self, task: Task, sized: Sized, shapes: Shapes) -> Bounds:
-        """The sizes that are known behind a node with outputs of the given shapes.
+        """The sizes that are known behind a node with outputs of these shapes.
 
         Raises InputError as `bind` does.
         """
@@ -87,8 +87,8 @@ class SizeClasses:
     def bind(self, bounds: Bounds, task: Task, port: str, shape: tuple[int, ...]) -> None:
         """Enter the shape of an output into `bounds`.
 
-        Raises InputError if a size clashes with one that is known, naming both ports, or is one
-        that a node does not accept, with that node's reason.
+        Raises InputError if a size clashes with a known one, naming both ports, or if a node does
+        not accept it, with that node's reason.
         """
         dims = task.node.outputs[port].dims
         for dim, size in zip(dims, shape, strict=True):
@@ -97,9 +97,9 @@ class SizeClasses:
                 self._bind_one(bounds, self.root[task.id, dim], dim, bound, dims)
 
     def derive(self, bounds: Bounds, task: Task) -> None:
-        """Enter the sizes that follow from others, by a node's parameters, into `bounds`.
+        """Enter a node's derived sizes into `bounds`.
 
-        Raises InputError if such a size clashes with one that is known.
+        Raises InputError if a derived size clashes with a known one.
         """
         sizes = self.sizes_of(task, bounds) if task.node.derived else {}
         for symbol, parts in task.node.derived.items():
@@ -133,14 +133,14 @@ class SizeClasses:
 
 
 def _in_graph(task: Task, port: str) -> str:
-    """A port, behind the graph's param that the node reads first."""
+    """A port in words, led by the first of the graph's params that its node takes."""
     settings = (s for s in task.entry.settings.values() if isinstance(s, str) and s[:1] == "$")
     param = None if task.stand_in else next(settings, None)
     return f"{task.id}.{port}" if param is None else f"{param[1:]}= ({task.id}.{port})"
 
 
 def _clash_in_words(dim: str, dims: tuple[Dim, ...], one: Bound, other: Bound) -> str:
-    """Describe two clashing sizes, those of images by what they count."""
+    """Describe two clashing sizes; for images, say what they count."""
     if dims[-2:] != ("H", "W") or dim not in IMAGE_SIZES:
         return (
             f"the size {dim} is {one.size} in {one.by} but {other.size} in {other.by}; they have "
@@ -158,14 +158,14 @@ def _clash_in_words(dim: str, dims: tuple[Dim, ...], one: Bound, other: Bound) -
 def unify(draft: Draft) -> SizeClasses:
     """Join the symbols at both ends of every edge.
 
-    Raises GraphError if two fixed sizes meet, naming the two ports that disagree, or one that a
-    node does not accept.
+    Raises GraphError if two fixed sizes disagree, naming both ports, or if a node does not accept a
+    fixed size.
     """
     symbols = [(task.id, symbol) for task in draft.tasks.values() for symbol in task.node.symbols]
     classes: UnionFind[Any] = UnionFind(symbols)
     joints = _united(classes, _joints(draft, "reads"))
     free = {classes[symbol] for symbol in _free_sizes(draft)}
-    # A size that depends on the data may differ from that of the item before.
+    # A size that depends on the data may differ from item to item.
     recalled = (each for each in _joints(draft, "recalls") if classes[each.maker] not in free)
     joints += _united(classes, recalled)
     root = {symbol: classes[symbol] for symbol in symbols}
@@ -184,7 +184,7 @@ def unify(draft: Draft) -> SizeClasses:
 
 
 class _Joint(NamedTuple):
-    """A size of an input and that of the value there: each a node with a symbol or a number."""
+    """One size at both ends of an edge: each end is a node with a symbol or a number."""
 
     reader: tuple[str, Dim]
     maker: tuple[str, Dim]
@@ -203,7 +203,7 @@ def _joints(draft: Draft, edges: Literal["reads", "recalls"]) -> Iterator[_Joint
 
 
 def _united(classes: UnionFind[Any], joints: Iterable[_Joint]) -> list[_Joint]:
-    """Make one class of the symbols at the ends of each joint."""
+    """Join the symbols at the ends of each joint into one class."""
     listed = list(joints)
     for each in listed:
         if isinstance(each.reader[1], str) and isinstance(each.maker[1], str):
@@ -214,7 +214,7 @@ def _united(classes: UnionFind[Any], joints: Iterable[_Joint]) -> list[_Joint]:
 def _fixed(
     draft: Draft, root: Mapping[Symbol, Symbol], joints: Iterable[_Joint]
 ) -> dict[Symbol, Bound]:
-    """The sizes of classes that a joint has as a number."""
+    """The sizes of the classes that an edge joins to a number."""
     fixed: dict[Symbol, Bound] = {}
     for each in joints:
         names = (each.reader, f"{each.reader[0]}.{each.input}"), (each.maker, str(each.value))
@@ -232,7 +232,7 @@ def _fixed(
 
 
 def _free_sizes(draft: Draft) -> Iterator[Symbol]:
-    """The sizes that depend on the data: of outputs alone, sources left out."""
+    """The sizes that depend on the data: symbols of outputs alone, except those of sources."""
     for task in draft.tasks.values():
         if not task.node.source:
             yield from ((task.id, symbol) for symbol in task.node.free_symbols)

@@ -1,4 +1,4 @@
-"""The sketch of a plan: its nodes, and what they read of one another."""
+"""The sketch of a plan: its nodes and the edges between them."""
 
 from collections.abc import Iterable, Mapping
 
@@ -10,7 +10,7 @@ from tactograph.graph.show.sketch import Box, Sketch, fold
 def plan_svg(
     plan: Plan, times: Mapping[str, float] | None = None, opened: Iterable[str] = ()
 ) -> str:
-    """The plan as SVG, with `times` in ms where known; a use is a box unless it is opened."""
+    """The plan as SVG, with `times` in ms where known; a group's use is a box unless `opened`."""
     return to_svg(fold(sketch_of(plan), opened), times)
 
 

@@ -1,4 +1,4 @@
-"""Spots: a value and its side, host or device."""
+"""Spots: where a value lies, on the host or on the device."""
 
 from typing import Literal, NamedTuple
 
@@ -9,7 +9,7 @@ Side = Literal["host", "device"]
 
 
 class Spot(NamedTuple):
-    """A value and its side."""
+    """A value and the side where it lies."""
 
     value: Value
     side: Side

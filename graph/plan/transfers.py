@@ -15,7 +15,7 @@ from tactograph.graph.plan.plan import Placement, Step
 def insert(
     draft: Draft, placements: Mapping[str, Placement]
 ) -> tuple[dict[str, Step], dict[str, set[str]]]:
-    """Return the steps, which are the tasks and the transfers between them; what is before each."""
+    """Return the steps (tasks and the transfers between them), and what comes before each."""
     steps = {
         task.id: Step(
             kind="fill" if task.filled else "run",
@@ -73,10 +73,10 @@ def _bring(
     on_device: bool | None,
     conditions: tuple[Value, ...] = (),
 ) -> str:
-    """Return the step behind which `value` can be read: its maker, or a transfer if they are apart.
+    """Return the step behind which `value` can be read: its maker, or a transfer.
 
-    `on_device` says where it is read, None where it is not moved; `conditions` are those of its
-    reader.
+    `on_device` is the side where it is read, None if it is never moved; `conditions` are those of
+    the reader.
     """
     if on_device is None or on_device == placements[value.node].on_device:
         return value.node
@@ -95,7 +95,7 @@ def _bring(
         writes=(value,),
         stream=stream,
         why="shared by all readers",
-        # What is moved once knows no item.
+        # A transfer outside the stream must not depend on an item's condition.
         conditions=tuple(
             each for each in conditions if stream or not draft.tasks[each.node].stream
         ),

@@ -14,18 +14,18 @@ from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.repeats import first_alike
 from tactograph.graph.plan.sizes import Shapes
 from tactograph.graph.run.host_values import HostValues, constant
+from tactograph.graph.run.integer_images import integer_values
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.previous_values import recall, recalled_values
-from tactograph.graph.run.whole_images import read_whole
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.prepared_node import Prepared
 
 
 class DeviceValues:
-    """Buffers on the device by value, those of the item before, and launches.
+    """The buffers on the device by value, those of the previous item, and the prepared launches.
 
-    `caller_arrays` are arrays that the caller handed in there, beside their views on the host.
+    `caller_arrays` are arrays on the device that the caller handed in; the host has views of them.
     """
 
     def __init__(self, plan: Plan, device: DeviceBackend, host: HostValues) -> None:
@@ -37,7 +37,7 @@ class DeviceValues:
         self._timers: dict[str, Timer] = {}
         self._idle: list[str] = []
         self._recalled = recalled_values(plan)
-        self._read_whole = read_whole(plan)
+        self._integer_values = integer_values(plan)
         self._wanted = {name: plan.wanted(name) for name in plan.tasks}
         self._sent = {task.id: _sent(task) for task in plan.tasks.values()}
         self._asked = {task.id: _asked(task) for task in plan.tasks.values()}
@@ -56,7 +56,7 @@ class DeviceValues:
         return self._values.get(value)
 
     def put(self, value: Value, array: DeviceArray | None) -> None:
-        """Enter a value that was made before."""
+        """Enter a value that was computed earlier."""
         self._values.pop(value, None)
         if array is not None:
             self._values[value] = array
@@ -68,7 +68,7 @@ class DeviceValues:
         return array
 
     def drop(self, values: Iterable[Value]) -> None:
-        """Give back the buffers of values that no later step reads."""
+        """Release the buffers of values that no later step reads."""
         for value in values:
             self._values.pop(value, None)
 
@@ -87,7 +87,7 @@ class DeviceValues:
             self._host.receive(value, array, timer[1])
         elif (array := self._host[value]) is not None:
             port = self._plan.tasks[value.node].node.outputs[value.port]
-            as_float = array.dtype != port.dtype and value not in self._read_whole
+            as_float = array.dtype != port.dtype and value not in self._integer_values
             device = self._device
             if value in self.caller_arrays and not as_float:
                 self._values[value] = self.caller_arrays[value]
@@ -95,7 +95,7 @@ class DeviceValues:
             start = device.start_upload_of_fraction if as_float else device.start_upload
             self._values[value], timer = start(array)
         else:
-            # An item that failed may have left one.
+            # A failed item may have left an array.
             self._values.pop(value, None)
             return
         self._timers[step.name] = timer
@@ -118,9 +118,9 @@ class DeviceValues:
         return {name: array.shape for name, array in handed_on.items()}
 
     def _read(self, task: Task) -> dict[str, DeviceArray] | None:
-        """What an idle node returns, by output: inputs, or nothing.
+        """What an idle node returns: inputs by output, or {} if its outputs are absent.
 
-        None if an input is not as declared.
+        None if an input has another type than the output declares.
         """
         arrays: dict[str, DeviceArray] = {}
         if all(port.optional for port in task.node.outputs.values()):
@@ -131,14 +131,14 @@ class DeviceValues:
             read = task.reads.get(task.node.handed_on(name))
             array = None if read is None else self._values.get(read)
             value = Value(task.id, name)
-            as_float = value in self._plan.inspected or value not in self._read_whole
+            as_float = value in self._plan.inspected or value not in self._integer_values
             if array is None or (as_float and array.dtype != port.dtype):
                 return None
             arrays[name] = array
         return arrays
 
     def _compute_first(self, task: Task) -> dict[str, DeviceArray] | None:
-        """The outputs of the node that this one repeats; None if it does more."""
+        """The outputs of the node that this one repeats; None if the two differ for this item."""
         first = self._plan.tasks[self._first[task.id]]
         differing = [value for _, value in first.reads.items() ^ task.reads.items()]
         if first.settings != task.settings or any(map(self._counts, differing)):
@@ -147,11 +147,11 @@ class DeviceValues:
         return results if all(n in results for n in task.node.outputs if n in wanted) else None
 
     def _counts(self, value: Value) -> bool:
-        """Whether a value is there, and not the 0 that stands for an absent number in kernels."""
+        """Whether a value is present, and not the 0 that kernels get for an absent number."""
         return value in self._values or bool(self._host.ready(value))
 
     def _is_idle(self, task: Task, is_idle: Callable[..., bool]) -> bool:
-        """Ask a node whether it is idle, unless that would mean to wait."""
+        """Return whether a node is idle; False if finding out would mean waiting for a transfer."""
         asked, absent = self._asked[task.id]
         if any(value in self._values for value in absent):
             return False
@@ -173,7 +173,7 @@ class DeviceValues:
             else:
                 recalled = inputs[name] = self._host.recall(task, name, sizes)
             if isinstance(recalled, DeviceArray):
-                # A size that depends on the data is that of the item before.
+                # A size that depends on the data is the previous item's.
                 before = zip(port.dims, recalled.shape, strict=True)
                 sizes = {**{d: n for d, n in before if isinstance(d, str)}, **sizes}
         launch = self._launches.get(task.id)
@@ -193,7 +193,7 @@ class DeviceValues:
         return {name: array.shape for name, array in outputs.items()}
 
     def _wanted_here(self, node: str) -> Wanted:
-        """The outputs of a node that are read, of it or of a node that repeats it."""
+        """The outputs of a node that are read, its own or those of a node that repeats it."""
         names = node, *(other for other, first in self._first.items() if first == node)
         return Wanted(frozenset().union(*(self._wanted[name].names or () for name in names)))
 
@@ -205,7 +205,7 @@ class DeviceValues:
         return {**times, **dict.fromkeys(self._idle, 0.0)}
 
     def failed(self) -> list[str]:
-        """The steps that failed, which a device reports long after they began."""
+        """The steps that failed; a device reports a failure long after the step began."""
         return [name for name, timer in self._timers.items() if self._device.has_failed(timer)]
 
     @property
@@ -214,18 +214,18 @@ class DeviceValues:
         return list(self._timers)
 
     def want(self, node: str) -> None:
-        """Ask a node for the outputs that the plan reads of it now."""
+        """Ask a node for the outputs that the plan reads now."""
         self._wanted[node] = self._plan.wanted(node)
         self.drop_launch(node)
 
     def drop_launch(self, node: str) -> None:
-        """Forget a node's launch, since its settings changed."""
+        """Forget the prepared launch of a node whose settings changed."""
         self._launches.pop(node, None)
 
     def lent(self, values: Collection[Value], *, cached: bool) -> dict[Value, Any]:
-        """Arrays of the device's library, in memory that nothing else holds, or copied.
+        """Values as arrays of the device's library, copied if anything else uses their memory.
 
-        `cached` says that a cache holds all values.
+        `cached` means that a cache holds all values.
         """
         free = set() if cached else {v for v in values if self._plan.tasks[v.node].stream}
         free -= {*self._recalled}
@@ -242,7 +242,7 @@ class DeviceValues:
         return lent
 
     def remember(self) -> None:
-        """Keep the values that the next item recalls; the caller may refill what was given."""
+        """Keep the values that the next item recalls; copy the caller's, which may be refilled."""
         recalled = {v: self._values.pop(v, None) for v in self._recalled}
         numbers = {array.memory.number for array in self.caller_arrays.values()}
         self._before = {
@@ -252,14 +252,14 @@ class DeviceValues:
         }
 
     def forget(self) -> None:
-        """Let the next item be a first one."""
+        """Treat the next item as the first."""
         self._before = {}
 
 
 def _asked(task: Task) -> tuple[dict[str, Value | None], list[Value]]:
-    """Conditions of an idle node: its values, and the values that must be absent.
+    """What decides whether a node is idle: the predicate's inputs, and values that must be absent.
 
-    A value is None if it is not of this item.
+    An input that is not of this item is None.
     """
     if task.node.is_idle is None:
         return {}, []
@@ -270,7 +270,7 @@ def _asked(task: Task) -> tuple[dict[str, Value | None], list[Value]]:
 
 
 def _sent(task: Task) -> list[tuple[str, Value, bool]]:
-    """The inputs of this item for a device: name, value, and whether that is an array."""
+    """The inputs of this item that a kernel takes: name, value, and whether it is an array."""
     ports = task.node.inputs
     return [
         (name, task.reads[name], port.kind == "array")

@@ -13,7 +13,7 @@ from tactograph.graph.run.step_runner import StepRunner
 
 
 class Part(NamedTuple):
-    """The steps of a stream's item, or those outside the stream: sinks apart."""
+    """The steps of a stream's item, or the steps outside the stream; sinks are listed apart."""
 
     stream: bool
     computing: list[Step]
@@ -21,16 +21,16 @@ class Part(NamedTuple):
 
 
 def part_of(plan: Plan, *, stream: bool) -> Part:
-    """The part of a plan that runs for every item, or the one that runs once."""
+    """The part of a plan that runs for every item, or the part that runs once."""
     steps = [step for step in plan.steps if step.stream == stream]
     sinks = [s for s in steps if s.kind == "run" and plan.tasks[s.name].node.sink]
     return Part(stream, [step for step in steps if step not in sinks], sinks)
 
 
 class Executor:
-    """Computes the parts of a plan: first, once, that outside the stream; then item by item.
+    """Computes the parts of a plan: once the part outside the stream, then each item.
 
-    This one runs every step of every item.  `reused` are the steps that did not run.
+    This executor runs every step of every item.  `reused` are the steps that did not run.
     """
 
     def __init__(self, runner: StepRunner) -> None:
@@ -39,16 +39,16 @@ class Executor:
         self.reused: frozenset[str] = frozenset()
 
     def begin(self, *, same_item: bool) -> None:
-        """Begin an item; with `same_item`, the last one with its sources as they are."""
+        """Begin an item; with `same_item` it is the last one again, with the same source values."""
 
     def compute(
         self, part: Part, yields: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
     ) -> tuple[Bounds, float]:
         """Compute the wanted outputs, and the values that the part's sinks read.
 
-        `yields` are the values of the stream's source, by node.  With several `repeats`, times
-        are medians of all but the first.  Returns the sizes that are known behind the part, and the
-        milliseconds of a run.
+        `yields` are the values of the stream's source, by node.  With several `repeats` the times
+        are medians over all repeats but the first.  Returns the sizes that are known behind the
+        part, and the milliseconds of one run.
         """
         runner, before = self._runner, self._behind_once if part.stream else {}
         bounds = before
@@ -68,15 +68,15 @@ class Executor:
 
     def end(self) -> None:
         """End an item that was computed and written."""
-        # Not at the start of the next item: by then a caller may have refilled its arrays.
+        # Now, as a caller may refill its arrays before the next item.
         for side in self._runner.sides:
             side.remember()
 
     def changed(self, node: str) -> None:
-        """Take note that the settings of a node changed."""
+        """Note that the settings of a node changed."""
 
     def forget(self) -> None:
-        """Let the next item be a first one."""
+        """Treat the next item as the first."""
         for side in self._runner.sides:
             side.forget()
 

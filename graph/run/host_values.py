@@ -17,16 +17,21 @@ from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.feeds import feed_of
 from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Shapes
+from tactograph.graph.run.integer_images import (
+    as_fractions,
+    holds_integers,
+    may_give_integers,
+    only_device_reads,
+)
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import lent, own
 from tactograph.graph.run.previous_values import recall, recalled_values
-from tactograph.graph.run.whole_images import as_fractions, goes_up, is_whole, may_be_whole
 
 
 class HostValues:
-    """Values on the host by node and port, those of the item before, and sessions.
+    """Values on the host by node and port, those of the previous item, and sessions.
 
-    Every array is read-only: readers share it, and the next item may read it too.
+    Every array is read-only: several nodes, and the next item, may read it.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -38,8 +43,8 @@ class HostValues:
         self._recalled = recalled_values(plan)
         self._wanted = {name: plan.wanted(name) for name in plan.tasks}
         self._objects = {task.id: _containers(task) for task in plan.tasks.values()}
-        givers = filter(may_be_whole, plan.tasks.values())
-        self._whole = {task.id: goes_up(plan, task) for task in givers}
+        givers = filter(may_give_integers, plan.tasks.values())
+        self._only_on_device = {task.id: only_device_reads(plan, task) for task in givers}
 
     def __getitem__(self, value: Value) -> Any:
         return self._values[value]
@@ -49,23 +54,23 @@ class HostValues:
         return self._values.get(value)
 
     def ready(self, value: Value | None) -> Any:
-        """A value that can be read without waiting, else None."""
+        """A value if it can be read without waiting, else None."""
         if value is None or value in self._arriving:
             return None
         return self._values.get(value)
 
     def want(self, node: str) -> None:
-        """Ask a node for the outputs that the plan reads of it now."""
+        """Ask a node for the outputs that the plan reads now."""
         self._wanted[node] = self._plan.wanted(node)
 
     def holds(self, condition: Value) -> bool:
-        """Return whether a condition's value is there, and not zero everywhere."""
+        """Return whether a condition's value is present, and not zero everywhere."""
         if condition in self._arriving:
             self._arriving.pop(condition).wait()
         return self._values[condition] is not None and bool(np.any(self._values[condition]))
 
     def put(self, value: Value, content: Any) -> None:
-        """Enter a value that was made before."""
+        """Enter a value that was computed earlier."""
         self._arriving.pop(value, None)
         self._values[value] = content
 
@@ -74,17 +79,17 @@ class HostValues:
         return lent(self._values[value])
 
     def recall(self, task: Task, name: str, sizes: Mapping[str, int]) -> Any:
-        """The value of an input at the item before, or None; see `recall`."""
+        """The previous item's value of an input, or None; see `recall`."""
         return recall(task, name, self._before, sizes)
 
     def receive(self, value: Value, array: NDArray[Any], arrived: Any) -> None:
-        """Enter an array that is complete after an event; readers on the host wait for that."""
+        """Enter an array that is complete after an event, which readers on the host wait for."""
         array.flags.writeable = False
         self._values[value] = array
         self._arriving[value] = arrived
 
     def all_arrived(self) -> None:
-        """Forget the events of transfers, which have all arrived."""
+        """Forget the events of transfers: all have arrived."""
         self._arriving.clear()
 
     def fill(self, task: Task, sizes: Mapping[str, int]) -> None:
@@ -98,7 +103,7 @@ class HostValues:
     ) -> tuple[Any, float]:
         """Call a node's function; return its result and the milliseconds that it took.
 
-        `keywords` are arguments besides settings, session and wanted outputs.
+        `keywords` are arguments in addition to settings, session and wanted outputs.
         """
         node = task.node
         keywords = {**task.settings, **self.session(task), **keywords}
@@ -119,7 +124,7 @@ class HostValues:
         return result, 1e3 * (time.perf_counter() - start)
 
     def enter(self, task: Task, step: Step, output: Any) -> Shapes:
-        """Enter the result of a node, or a caller's in its place; return the arrays' shapes."""
+        """Enter the result of a node, or what a caller handed in; return the arrays' shapes."""
         shapes: Shapes = {}
         with Blaming(self._plan, task):
             results = task.node.results(output)
@@ -127,9 +132,9 @@ class HostValues:
             port = task.node.outputs[value.port]
             unread = task.node.wanted is not None and port.name not in self._wanted[task.id]
             if port.kind == "array" and not (result is None and (port.optional or unread)):
-                if not (task.id in self._whole and is_whole(result)):
+                if not (task.id in self._only_on_device and holds_integers(result)):
                     result = _as_declared(task, port, result)
-                elif not self._whole[task.id]:
+                elif not self._only_on_device[task.id]:
                     result = as_fractions(result)
                 result.flags.writeable = False
                 shapes[value.port] = result.shape
@@ -137,19 +142,19 @@ class HostValues:
         return shapes
 
     def session(self, task: Task) -> dict[str, Session]:
-        """The keyword argument with a node's session, if it takes one."""
+        """The session of a node as a keyword argument, if it takes one."""
         if task.node.session is None:
             return {}
         return {task.node.session: self._sessions.setdefault(task.id, Session())}
 
     def source_keywords(self, source: Task) -> dict[str, Any]:
-        """The keyword arguments of a source besides its settings."""
-        return {**self.whole_images(source), **self.session(source)}
+        """The keyword arguments of a source in addition to its settings."""
+        return {**self.whole_keyword(source), **self.session(source)}
 
-    def whole_images(self, source: Task) -> dict[str, bool]:
-        """The keyword argument that says whether a source's images may stay integers."""
+    def whole_keyword(self, source: Task) -> dict[str, bool]:
+        """The keyword argument that tells a source whether its images may stay integers."""
         whole = source.node.whole
-        return {} if whole is None else {whole: self._whole[source.id]}
+        return {} if whole is None else {whole: self._only_on_device[source.id]}
 
     def remember(self) -> None:
         """Keep the values that the next item recalls."""
@@ -157,7 +162,7 @@ class HostValues:
         self._before = {v: own(values[v]) for v in self._recalled if v in values}
 
     def forget(self) -> None:
-        """Let the next item be a first one."""
+        """Treat the next item as the first."""
         self._before = {}
 
     @property
@@ -174,7 +179,7 @@ class HostValues:
 
 
 def _in_graph(plan: Plan, task: Task, result: Any) -> Any:
-    """A result, with the graph's names in sentences of it."""
+    """A result whose sentences name the graph's params instead of the node's parameters."""
     if isinstance(result, str):
         return as_in_graph(result, partial(feed_of, plan, task))
     if isinstance(result, list):
@@ -185,7 +190,7 @@ def _in_graph(plan: Plan, task: Task, result: Any) -> Any:
 def constant(
     task: Task, sizes: Mapping[str, int]
 ) -> tuple[str, tuple[int, ...], np.dtype[Any], float]:
-    """Port, shape, type and value of the constant that stands in for a node."""
+    """Port, shape, dtype and value of the constant that stands in for a node."""
     (port,) = task.node.outputs
     dtype, neutral = task.node.outputs[port].dtype, task.node.neutral
     assert dtype is not None
@@ -202,7 +207,7 @@ def _containers(task: Task) -> list[str]:
 def _positional(
     task: Task, host: Mapping[Value, Any], recalled: dict[str, Any], containers: Sequence[str]
 ) -> list[Any]:
-    """The node's positional arguments, of this item and of the one before."""
+    """The node's positional arguments, of this and the previous item."""
     inputs = {name: host[value] for name, value in task.reads.items()} | recalled
     for name in containers:
         inputs[name] = lent(inputs.get(name))
@@ -218,4 +223,4 @@ def _as_declared(task: Task, port: PortType, array: NDArray[Any]) -> NDArray[Any
             return np.ascontiguousarray(array)
         actual = f"{array.dtype} of shape {array.shape}"
     declared = f"declares {port} as '{port.name}'"
-    raise NodeError(f"node '{task.id}' ({task.node.name}) {declared} but made {actual}")
+    raise NodeError(f"node '{task.id}' ({task.node.name}) {declared} but returned {actual}")

@@ -1,11 +1,11 @@
-"""The executor that runs only what changed: the steps of a plan whose results are not kept.
+"""The executor that runs only what changed: the steps whose results are not in the cache.
 
 A node's run has a key: the node, its back end and device, its settings and the keys of its inputs.
-Equal keys are computed once.  A node that looks outside (a source, or one that keeps a session or
-names a file) runs for every item; its key is the content that it made.
+Runs with equal keys are computed once.  A node that looks outside (a source, or a node that keeps a
+session or names a file) runs for every item; its key is the hash of its outputs.
 
-One walk goes through the steps in order.  A step runs if its key is new; what it reads, and what is
-wanted in the end, is brought from the cache, or made again if that has dropped it.
+One walk goes through the steps in order.  A step runs if its key is new.  What it reads, and the
+targets of the walk, come from the cache, or are computed again if the cache has dropped them.
 """
 
 import time
@@ -25,13 +25,13 @@ from tactograph.graph.plan.plan import Step
 from tactograph.graph.plan.sizes import Bounds
 from tactograph.graph.plan.spots import Spot, put_out, read_by, recalled_by, written_by
 from tactograph.graph.run.executor import Executor, Part, part_of
+from tactograph.graph.run.integer_images import in_fractions
 from tactograph.graph.run.ownership import lent
 from tactograph.graph.run.step_runner import StepRunner
-from tactograph.graph.run.whole_images import in_fractions
 
 
 class OnlyChanged(Executor):
-    """Runs the steps whose results are in no cache."""
+    """Runs the steps whose results are not in the cache."""
 
     def __init__(self, runner: StepRunner, cache: Cache) -> None:
         super().__init__(runner)
@@ -46,7 +46,7 @@ class OnlyChanged(Executor):
         self._outside: dict[str, str] = {}
         """The keys of nodes that look outside and have run."""
         self._settings: dict[str, str] = {}
-        """Each node's settings as a part of its key."""
+        """Each node's settings as text, a part of its key."""
         self._runs: dict[str, Run] = {}
         """The shapes, times and warnings of runs with the present keys."""
         self._here: dict[Spot, str] = {}
@@ -60,14 +60,14 @@ class OnlyChanged(Executor):
         self._ran: set[str] = set()
         self._to_repeat: set[str] = set()
         self._targets: dict[str, set[Spot]] = {}
-        """The spots that are wanted in the end, by the step that writes them."""
+        """The targets of the walk, by the step that writes them."""
         self._yields: Mapping[str, Any] = {}
 
     def begin(self, *, same_item: bool) -> None:
         tasks = self._plan.tasks
         if not same_item:
-            if self._has_item:  # until now it could be run again
-                # A value left half done by a failed attempt equals no other.
+            if self._has_item:  # which from now on cannot be run again
+                # A value that a failed attempt left incomplete equals no other.
                 self._before = {
                     spot.value: self._here.get(spot) or content_key(object())
                     for spot in self._recalled
@@ -87,7 +87,7 @@ class OnlyChanged(Executor):
         self, part: Part, yields: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
     ) -> tuple[Bounds, float]:
         if not part.stream and not part.sinks:
-            return {}, 0.0  # it is made when an item needs it
+            return {}, 0.0  # computed when an item needs it
         steps = [*self._once, *part.computing] if part.stream else part.computing
         names = {step.name for step in steps}
         targets = [put_out(self._plan, v) for v in outputs.values() if v.node in names]
@@ -109,7 +109,7 @@ class OnlyChanged(Executor):
         self._has_item = True
 
     def changed(self, node: str) -> None:
-        # A node that looks outside counts as one that has not run.
+        # A node that looks outside has to run again.
         self._outside.pop(node, None)
         self._settings.pop(node, None)
 
@@ -118,7 +118,7 @@ class OnlyChanged(Executor):
         self._keys, self._before, self._has_item = {}, {}, False
 
     def inspect(self, value: Value) -> Any:
-        """A value of the last item, made again if it is not there any more."""
+        """A value of the last item, computed again if it was dropped."""
         plan = self._plan
         if value not in plan.inspected:
             plan.inspected.add(value)
@@ -129,7 +129,7 @@ class OnlyChanged(Executor):
         with collect_warnings([]):
             steps = [*self._once, *part_of(plan, stream=True).computing]
             self._make(steps, [spot], {}, 1)
-        # On the device it was released at once if nothing in the graph reads it.
+        # If no node reads it, it was released on the device at once.
         cached = CacheKey(self._keys[value.node], value.port, spot.side)
         values = self._runner.side(spot.side)
         content = self._cache.take(cached) if cached in self._cache else values.get(value)
@@ -145,9 +145,9 @@ class OnlyChanged(Executor):
         yields: Mapping[str, Any],
         repeats: int,
     ) -> Bounds:
-        """Make the targets; return the sizes that are known behind the steps.
+        """Compute the targets; return the sizes that are known behind the steps.
 
-        Steps that do not run take the times of when they ran.
+        A step that does not run has the time of its last run.
         """
         self._targets, self._yields = {}, yields
         for spot in targets:
@@ -176,7 +176,7 @@ class OnlyChanged(Executor):
         return bounds
 
     def _take(self, step: Step, bounds: Bounds) -> Bounds:
-        """Run a step or pass over it, and bring what it makes of the targets."""
+        """Run a step or pass over it, and bring those targets that it writes."""
         self._sizes[step.name] = bounds
         if self._must_run(step):
             bounds = self._execute(step)
@@ -188,10 +188,10 @@ class OnlyChanged(Executor):
         return bounds
 
     def _must_run(self, step: Step) -> bool:
-        """Return whether a step makes something new; find its key if it computes."""
+        """Return whether a step's result is new; note its key if it is a node."""
         task = self._plan.tasks.get(step.name)
         if task is None:
-            # Where a value is new, so are its readers: the transfer is under way when they come.
+            # If a value is new, so are its readers: begin its transfer before they need it.
             return step.reads[0].node in self._ran
         if task.looks_outside:
             if step.name in self._outside:
@@ -204,12 +204,12 @@ class OnlyChanged(Executor):
         return run is None or step.name in self._to_repeat
 
     def _lies_here(self, step: Step, key: str) -> None:
-        """Take note of the key of a node that looks outside, whose values stay where they are."""
+        """Note the key of a node that looks outside; its values stay where they are."""
         self._keys[step.name] = key
         self._here |= dict.fromkeys(written_by(step), key)
 
     def _bring(self, spot: Spot) -> None:
-        """Have the present value lie at a spot."""
+        """Bring the present item's value to a spot."""
         key = self._keys[spot.value.node]
         cached = CacheKey(key, spot.value.port, spot.side)
         if self._here.get(spot) == key:
@@ -221,13 +221,13 @@ class OnlyChanged(Executor):
             self._execute(self._maker[spot])
 
     def _note(self, name: str) -> None:
-        """Let the cache know how long a node's run took."""
+        """Tell the cache how long a node's run took."""
         took = self._runner.times.get(name, 0.0)
         run = self._runs[name] = replace(self._runs[name], milliseconds=took)
         self._cache.note(self._keys[name], run)
 
     def _execute(self, step: Step) -> Bounds:
-        """Run one step into the cache."""
+        """Run one step, and put its outputs into the cache."""
         for spot in read_by(self._plan, step):
             self._bring(spot)
         warnings: list[str] = []
@@ -241,7 +241,7 @@ class OnlyChanged(Executor):
         return bounds
 
     def _capture(self, step: Step, warnings: Sequence[str]) -> None:
-        """Keep the outputs of a step that were requested of its node."""
+        """Put those outputs of a step into the cache that its node was asked for."""
         task = self._plan.tasks.get(step.name)
         if task is not None:
             shapes = dict(self._runner.shapes_of(step))
@@ -261,7 +261,7 @@ class OnlyChanged(Executor):
             self._cache.put(cached, self._runner.side(spot.side).get(spot.value))
 
     def _needed(self, targets: tuple[Spot, ...]) -> set[str]:
-        """The steps that the targets come of, by name."""
+        """The names of the steps that the targets depend on."""
         if targets in self._needs:
             return self._needs[targets]
         needed = self._needs[targets] = set[str]()
@@ -274,7 +274,7 @@ class OnlyChanged(Executor):
         return needed
 
     def _settle(self) -> None:
-        """Release the device's values of this item; kept values are in the cache."""
+        """Release this item's values on the device; the cache holds what is kept."""
         device = self._runner.device
         stays = {spot for spot in self._recalled if spot.side == "device"}
         stays |= {Spot(value, "device") for value in self._plan.stays}
@@ -284,7 +284,7 @@ class OnlyChanged(Executor):
                 del self._here[spot]
 
     def _tell_warnings(self) -> None:
-        """Repeat the warnings of all nodes, also of those whose results are kept."""
+        """Repeat the warnings of all nodes, including those whose results come from the cache."""
         self._runner.notes[:] = self._of_source
         for step in self._plan.steps:
             run = self._runs.get(step.name) if step.name in self._keys else None
@@ -295,7 +295,7 @@ class OnlyChanged(Executor):
     def _key(self, task: Task, step: Step) -> str:
         node, device = task.node, self._runner.device
         calls = self._plan.placements[task.id].calls
-        # A size that no input has follows from the sources.
+        # A size that no input gives depends on the sources.
         is_free = task.filled or bool(node.free_symbols)
         outside = self._outside.items() if is_free else ()
         reads = {} if task.filled else task.reads
@@ -314,7 +314,7 @@ class OnlyChanged(Executor):
         )
 
     def _take_back(self) -> None:
-        """Forget the values of a walk that failed: they may be incomplete."""
+        """Forget the values of a failed walk: they may be incomplete."""
         for spot, cached in self._captured:
             self._cache.drop(cached)
             self._here.pop(spot, None)

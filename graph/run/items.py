@@ -1,4 +1,4 @@
-"""Items of a plan: nodes that depend on no stream run once, the others item by item."""
+"""Run a plan item by item; nodes that do not depend on the stream run once."""
 
 import sys
 from collections.abc import Collection, Iterable, Mapping
@@ -20,10 +20,10 @@ from tactograph.graph.run.step_runner import StepRunner
 
 
 class Items:
-    """Runs items: an executor computes each, its sinks write it, a `Result` hands it on.
+    """Runs items: an executor computes each, the sinks write it, and a `Result` returns it.
 
-    `runner` has the values, times and warnings of the present item; `ended` says whether a sink
-    wanted no further one.
+    `runner` has the values, times and warnings of the present item; `ended` is true once a sink
+    wants no further item.
     """
 
     def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
@@ -43,11 +43,11 @@ class Items:
 
     @property
     def keeps(self) -> bool:
-        """Return whether results are kept, so that the last item can be run again."""
+        """Return whether results are cached, so that the last item can be run again."""
         return self._only_changed is not None
 
     def keep(self, cache: Cache) -> None:
-        """Run only nodes whose results are not in the cache, from now on."""
+        """From now on, run only nodes whose results are not in the cache."""
         self._only_changed = OnlyChanged(self.runner, cache)
         self._is_prepared = False
         self._lasting = 0
@@ -79,9 +79,10 @@ class Items:
         repeats: int = 1,
         there: Mapping[Value, DeviceArray] | None = None,
     ) -> Result:
-        """Run one item of the stream, `yields` the values of its source; see `Pipeline.items`.
+        """Run one item of the stream; see `Pipeline.items`.
 
-        Of what was given, some may lie on the device as well; it is the caller's again afterwards.
+        `yields` are the values of its source, and `there` those that lie on the device as well.
+        Both belong to the caller again afterwards.
         """
         device, host = self.runner.device, self.runner.host
         if device is not None:
@@ -93,9 +94,9 @@ class Items:
                 host.put(value, None)
 
     def again(self, names: Collection[str] | None = None) -> Result:
-        """Run the last item once more: settings as they are now, its sources as they were.
+        """Run the last item once more, with the settings of now and the source values of then.
 
-        Of the outputs only those that are named are made; sinks are then left out.
+        With `names` only those outputs are computed, and sinks are left out.
         """
         part, outputs = self._stream, self._plan.outputs
         if names is not None:
@@ -104,14 +105,14 @@ class Items:
         return self._item(part, {}, 1, outputs, same_item=True)
 
     def inspect(self, value: Value) -> Any:
-        """A value of the last item, made again if it is not there any more."""
+        """A value of the last item, computed again if it was dropped."""
         assert self._only_changed is not None
         return self._only_changed.inspect(value)
 
     def rehearse(self, yields: Mapping[str, Any]) -> None:
-        """Compute an item that nobody sees: kernels are compiled, and caches filled."""
+        """Compute an item and discard it: this compiles kernels and fills caches."""
         if self.keeps:
-            return  # what would be computed is kept
+            return  # the dummy item's results would be kept
         self.begin()
         with collect_warnings([]):
             self._every.compute(self._stream, yields, self._plan.outputs, 1)
@@ -119,11 +120,11 @@ class Items:
         self.forget()
 
     def forget(self) -> None:
-        """Let the next item be a first one: nothing came before it."""
+        """Treat the next item as the first: it has no previous values."""
         self._executor.forget()
 
     def settings_changed(self, nodes: Iterable[str]) -> None:
-        """Recompute everything that may follow from the settings of nodes."""
+        """Recompute everything that may depend on the settings of these nodes."""
         for name in nodes:
             self.runner.settings_changed(name)
             self._executor.changed(name)
@@ -131,7 +132,7 @@ class Items:
                 self._is_prepared = False
 
     def end(self) -> None:
-        """Close the objects that nodes keep; a node outside the stream that kept one runs again."""
+        """Close the sessions; a node outside the stream that had one will run again."""
         host = self.runner.host
         if any(not self._plan.tasks[name].stream for name in host.sessions):
             self._is_prepared = False
@@ -167,9 +168,9 @@ class Items:
     def _run(
         self, part: Part, yields: Mapping[str, Any], repeats: int, outputs: Mapping[str, Value]
     ) -> float:
-        """Compute a part, then run its sinks, when every time is known; return the total time."""
-        # Nodes multiply small matrices, which OpenBLAS makes up to 50 times slower by sharing
-        # them among threads that wait for one another.
+        """Compute a part, then run its sinks, which may write the times; return the total time."""
+        # Nodes multiply small matrices.  OpenBLAS would share each among threads that wait for one
+        # another, up to 50 times slower.
         one_thread = self._libraries.limit(limits=1, user_api="blas")
         with collect_warnings(self.runner.notes), one_thread:
             bounds, total = self._executor.compute(part, yields, outputs, repeats)
@@ -177,7 +178,7 @@ class Items:
                 try:
                     bounds = self.runner.execute(step, bounds, yields)
                 except EndOfStream:
-                    # The other sinks take this item, too.
+                    # The other sinks still get this item.
                     self.ended = True
             self.runner.stage = ""
         return total
@@ -185,8 +186,8 @@ class Items:
 
 @lru_cache(maxsize=1)
 def _libraries(modules: int) -> ThreadpoolController:
-    """The libraries that share work among threads, looked for anew once more `modules` are loaded.
+    """The loaded libraries that use threads; cached by the number of loaded `modules`.
 
-    To look takes 50 ms, as long as all that a run of a sweep computes.
+    The search takes 50 ms, as long as a whole run of a sweep.
     """
     return ThreadpoolController()

@@ -1,4 +1,4 @@
-"""Values from inside a graph, written beside its results: as .npy, and as pictures."""
+"""Write values from inside a graph beside its results: as .npy files and as pictures."""
 
 import json
 from collections.abc import Mapping
@@ -14,9 +14,9 @@ from tactograph.graph.run.result import Result
 
 
 def read_selection(text: str, graph: Graph) -> dict[str, str]:
-    """Read ``label.misfit,light,pressure``, nodes and outputs of a graph, into references by name.
+    """Read ``label.misfit,light,pressure`` (nodes and outputs of a graph) into references by name.
 
-    Raises InputError if nothing is named, or what the graph does not have.
+    Raises InputError if the text names nothing, or something that the graph does not have.
     """
     names = [word.strip() for word in text.split(",") if word.strip()]
     if not names:
@@ -25,7 +25,7 @@ def read_selection(text: str, graph: Graph) -> dict[str, str]:
 
 
 def _reference(name: str, graph: Graph) -> str:
-    # No input of a group is left out of the graph itself, so there is a name.
+    # Only an input of a group can resolve to None, so here there is a name.
     flat = flat_reference(graph, name, "", f"--keep {name}") or name
     if split_reference(flat, graph.nodes)[0] in graph.nodes:
         return name
@@ -36,7 +36,7 @@ def _reference(name: str, graph: Graph) -> str:
 
 
 def write_selection(result: Result, names: Mapping[str, str], folder: Path) -> None:
-    """Write the values of one item.  Raises WriteError if the folder cannot be written."""
+    """Write the values of one item.  Raises WriteError if it cannot write to the folder."""
     from tactograph.graph.show.pictures import png_of
 
     with atomic_files(folder) as stage:

@@ -1,4 +1,4 @@
-"""The provenance for a sink: the run so far."""
+"""Make the provenance that a sink gets: a description of the run so far."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,7 +13,7 @@ from tactograph.graph.plan.sizes import Bounds
 def make_provenance(
     plan: Plan, times: Mapping[str, float], bounds: Bounds, warnings: list[str]
 ) -> Provenance:
-    """Describe the run so far, for a sink that writes it down."""
+    """Describe the run so far, for a sink that writes it."""
     arguments = {n: plan.arguments.get(n, p.default) for n, p in plan.graph.params.items()}
     paths = [n for n, p in plan.graph.params.items() if p.kind == "path"]
     sizes: dict[str, int] = {}
@@ -33,7 +33,7 @@ def make_provenance(
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON can hold it: a path becomes text."""
+    """A value that JSON can hold: a path becomes text."""
     return str(value) if isinstance(value, Path) else value
 
 

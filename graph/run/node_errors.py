@@ -1,4 +1,4 @@
-"""Errors of nodes, in one line that names the node."""
+"""Turn a node's exceptions into one line that names the node."""
 
 from functools import partial
 
@@ -23,11 +23,10 @@ _PASSED_ON = (TactographError, EndOfStream, KeyboardInterrupt, GeneratorExit)
 class Blaming(GraphNames):
     """A block that runs a node of a plan; see `GraphNames`.
 
-    An unexpected exception becomes one line that names the node.  Otherwise a node that calls
-    ``sys.exit`` would end the run as if all were well.  A class of one's own, derived from
-    `SystemExit`, ends the process on purpose, as a signal's handler does, and is passed on.
-
-    `device_error` is the exception type of the device's library, for a node on a device.
+    An unexpected exception becomes one line that names the node; so does `SystemExit`, by which a
+    node would end the run as a success.  A subclass of `SystemExit` ends the process on purpose, as
+    a signal handler does, and is passed on.  `device_error` is the exception type of the device's
+    library, for a node on a device.
     """
 
     __slots__ = ("_device_error", "_task")

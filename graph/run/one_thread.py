@@ -1,4 +1,4 @@
-"""A pipeline's turn: one thread at a time may use it."""
+"""Let only one thread at a time use a pipeline."""
 
 import os
 import threading
@@ -8,10 +8,10 @@ from tactograph.graph.errors import InputError
 
 
 class Turn:
-    """Lets one thread at a time into a pipeline, and none once it is closed.
+    """Admits one thread at a time to a pipeline, and none once it is closed.
 
-    No thread waits for the lock, which costs less than a microsecond an item.  A pipeline on a
-    device also refuses a fork of its process, which has none of the device's threads.
+    A second thread is refused; it never waits.  The lock costs less than a microsecond an item.
+    A pipeline on a device also refuses a fork of its process, which lacks the device's threads.
     """
 
     __slots__ = ("_closed", "_lock", "_name", "_process")
@@ -43,6 +43,6 @@ class Turn:
     def _take(self) -> None:
         if not self._lock.acquire(blocking=False):
             raise InputError(
-                f"{self._name}: the pipeline is at work already; it belongs to one thread, so "
-                "load one for each"
+                f"{self._name}: another thread is using the pipeline; load one pipeline for each "
+                "thread"
             )

@@ -1,4 +1,4 @@
-"""Open a graph: read, verify, plan and compile it, for Python or for a command."""
+"""Open a graph, for Python or for a command: read, verify, plan and compile it."""
 
 import os
 import warnings
@@ -44,39 +44,39 @@ def load(
         A graph file, the bare name of a pipeline that ships, ``package/name`` of one that a
         package brings, plain data such as a graph file holds, or a `Graph`.
     params
-        The graph's own params that share their names with arguments here, such as ``device``.
+        Those params of the graph whose names are also arguments here, such as ``device``.
     backend
-        "numpy" or "opencl" in place of what the graph prefers.
+        "numpy" or "opencl", in place of the graph's preference.
     device
         A part of the name of the OpenCL device to use.
     strict
-        Refuse to run if a node would fall back to another back end.  Nodes that are written for
-        the host alone are no fallback.
+        Refuse to run if a node would fall back to another back end.  A node that is written for the
+        host alone does not count as a fallback.
     changes
         ``{"shadow.threshold": 4.0}``: parameters of nodes to change.
     outputs
-        Names of the graph's outputs that are wanted; steps that only the others need do not
-        run.
+        Names of the outputs to compute; steps that only the others need do not run.
     to
-        "device": arrays among the outputs stay there, as ``pyopencl.array.Array``.
+        "device": arrays among the outputs stay on the device, as ``pyopencl.array.Array``.
     cache
         Keeps results of nodes, so that equal work is done once; pipelines of one thread may
-        share it.  Without it a pipeline gets one of its own at the first `set`.
+        share it.  Without it a pipeline creates its own cache at the first `set`.
     nodes
-        Nodes of the script or notebook itself: functions decorated with `node`.
-    **given
-        The graph's own params, such as ``calibration="cal.npz"``.  A source of a stream, or of one
-        array, whose params are not given is left to the caller: ``pipeline(frames=stack)``.
+        Nodes that the script or notebook defines: functions decorated with `node`.
+    **arguments
+        The graph's params, such as ``calibration="cal.npz"``.  If the params of a source are not
+        given, and it yields a stream or one array, the caller supplies its items:
+        ``pipeline(frames=stack)``.
 
     Returns
     -------
     Pipeline
-        Each fallback to another back end raises a warning with the reason.
+        Loading warns of each fallback to another back end, with the reason.
 
     Raises
     ------
     InputError
-        If the graph, a value or a file is wrong; the message says what and where.
+        If the graph, a value or a file is wrong; the message names the place.
 
     Examples
     --------
@@ -127,15 +127,17 @@ def open_pipeline(
 ) -> Pipeline:
     """Read, plan and compile a graph; see `load` and `make_plan`.
 
-    `no_device` is a reason to use none, which a result states.  Raises InputError also if `strict`
-    and a node would fall back to another back end; NotBuiltError if kernels have to be compiled
-    first, and the caller does not wait for that.
+    `no_device` is a reason to use no device, which results record.  With `waits` false the caller
+    does not wait for kernels to be compiled.
+
+    Raises InputError also if `strict` and a node would fall back to another back end; NotBuiltError
+    if kernels have to be compiled and the caller does not wait.
     """
     graph = read_graph(graph)
     arguments = {word: plain(value) for word, value in arguments.items()}
     if backend is not None:
         if backend not in BACKENDS:
-            raise InputError(f"there is no back end '{backend}'; there are {', '.join(BACKENDS)}")
+            raise InputError(f"no back end is called '{backend}'; choose {' or '.join(BACKENDS)}")
         graph = replace(graph, prefer=(backend,))
     open_it = partial(open_device, waits=waits) if cache is None else cache.device
     opened, reason = (None, no_device) if no_device else open_it(graph.backends, device)
@@ -157,7 +159,7 @@ def open_pipeline(
 
 
 def _check_archives(graph: Graph, arguments: Mapping[str, Any]) -> None:
-    """Refuse a calibration that is not there, before the first array comes."""
+    """Refuse a calibration that does not exist, before the first array arrives."""
     for name, place in arguments.items():
         is_path = name in graph.params and graph.params[name].kind == "path" and name != "out"
         if is_path and str(place).endswith(".npz") and not Path(str(place)).is_file():
@@ -175,7 +177,7 @@ def _check_out(graph: Graph, arguments: Mapping[str, Any]) -> None:
 
 
 def refuse_to_write_over(source: str, out: str | Path, read: Mapping[str, Any]) -> None:
-    """Refuse to write results over one of the places that are read, by the words that name it."""
+    """Refuse to write results over a place that is read; `read` has places by their words."""
     target = os.path.realpath(out)
     for words, place in read.items():
         # Not Path.resolve, which fails at circular links; their reader names them.
@@ -188,7 +190,7 @@ def _chosen_outputs(graph: Graph, chosen: Collection[str]) -> dict[str, str]:
         raise InputError(f"outputs={chosen!r}: a list of names is needed: {list(graph.outputs)}")
     for name in chosen:
         if not isinstance(name, str):
-            raise InputError(f"outputs: {name!r} is no name; there are {', '.join(graph.outputs)}")
+            raise InputError(f"outputs: {name!r} is not a name; use {', '.join(graph.outputs)}")
         if name not in graph.outputs:
             raise InputError(
                 f"{graph.name} has no output '{name}'{did_you_mean(name, graph.outputs)}"
@@ -198,7 +200,7 @@ def _chosen_outputs(graph: Graph, chosen: Collection[str]) -> dict[str, str]:
 
 
 def _ungiven_sources(graph: Graph, arguments: Mapping[str, Any]) -> frozenset[str]:
-    """The sources of a stream or an array that refer to a required param which was not given."""
+    """The sources, of a stream or an array, that need a param which was not given."""
 
     def is_missing(setting: Any) -> bool:
         if not isinstance(setting, str) or not setting.startswith("$"):

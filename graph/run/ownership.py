@@ -1,4 +1,4 @@
-"""Ownership of memory: values that others are handed, and those that the engine keeps."""
+"""Ownership of memory: values that the engine lends out, and values that it keeps."""
 
 from typing import Any
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def lent(value: Any) -> Any:
-    """A value for others: arrays are read-only, lists and mappings are copied."""
+    """A value that others may read: arrays are read-only, lists and mappings are copied."""
     if isinstance(value, dict):
         return {key: lent(each) for key, each in value.items()}
     return [lent(each) for each in value] if isinstance(value, list) else value

@@ -1,6 +1,6 @@
-"""A graph that is ready to run: called with arrays, or gone through item by item.
+"""A graph that is ready to run: call it with arrays, or iterate over its items.
 
-Long because this class is all that a program sees of a running graph.
+Long because this class is the whole interface of a running graph.
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -36,10 +36,10 @@ from tactograph.graph.run.stand_ins import HandedIn, StandIns
 class Pipeline:
     """A verified, planned and compiled graph that keeps its buffers from call to call.
 
-    A pipeline belongs to one thread; a second thread at the same time is refused.  Closing it, or
-    leaving its ``with`` block, ends the stream for good and closes the nodes' sessions.
-    `closing_warnings` came after the last item, or of one that failed.  A copy, or one unpickled in
-    another process, is loaded anew by `anew`, with the settings as they are and nothing kept.
+    One thread at a time may use it; a second one is refused.  Closing it, or leaving its ``with``
+    block, ends the stream and closes the nodes' sessions.  `closing_warnings` are the warnings
+    after the last item, or of an item that failed.  A copy, or a pipeline unpickled in another
+    process, is loaded again by `anew`, with the present settings and an empty cache.
     """
 
     def __init__(
@@ -69,73 +69,74 @@ class Pipeline:
 
     @staticmethod
     def verify(graph: Graph) -> Plan:
-        """Plan a graph for no data in particular, as `tactograph check` does.
+        """Plan a graph without values for its params, as `tactograph check` does.
 
         Raises
         ------
         GraphError
-            If it cannot be run; `others` are further errors that were found with this one.
+            If the graph cannot run; `others` are further errors.
         """
         bound = [entry.backend for entry in graph.nodes.values() if entry.backend is not None]
         device, reason = open_device(bound)
-        # Where nodes run does not matter here, so that no device need be loaded.
+        # Placement does not matter here, so no device need be loaded.
         anywhere = replace(graph, prefer=("numpy",))
         return make_plan(anywhere, graph.placeholders, device=device, no_device=reason)
 
     @staticmethod
     def settings(graph: Graph, node: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a node's parameters by a graph and values of its params, defaults included.
+        """Return a node's parameters, defaults included, for these values of the graph's params.
 
         Raises
         ------
         InputError
-            If there is no such node, it does not take a value, or a param that it needs has none.
+            If there is no such node, if it does not accept a value, or if a param is missing.
         """
         entry = graph.entry(node)
         return settings_of(entry, graph, find_node(entry.op, graph.own), arguments)
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self._anew is None:
-            raise InputError(f"{self.plan.graph.name}: load the graph again where it is needed")
+            raise InputError(f"{self.plan.graph.name}: cannot be copied; load the graph again")
         return self._anew, (self.plan.graph, dict(self.plan.arguments))
 
     def __call__(self, /, **stand_ins: NDArray[Any]) -> Result:
         """Run one item on arrays that stand in for source nodes, and return its outputs.
 
-        The arrays may be refilled afterwards: neither the result nor the pipeline holds them.
+        The caller may refill the arrays afterwards: neither result nor pipeline refers to them.
 
         Parameters
         ----------
         **stand_ins
-            By source node: an array of the sizes and the unit of its first output, such as a
-            height H x W in mm, or a K x H x W stack of images.  Images of unsigned integers count
-            as fractions of their full scale; floats have to lie within 0..1.  An object that has
-            ``__array__`` or ``__dlpack__``, and lies on the host, counts as an array, and so does
-            a ``pyopencl.array.Array`` of the context of `queue`; the device reads it in place.
+            By source node: an array with the shape and the unit of its first output, such as a
+            height H x W in mm, or a K x H x W stack of images.  Images of unsigned integers are
+            fractions of their full scale; floats have to lie within 0..1.  Any object on the host
+            with ``__array__`` or ``__dlpack__`` is accepted, and a ``pyopencl.array.Array`` of the
+            context of `queue`, which the device reads in place.
 
         Warns
         -----
         UserWarning
-            For each kind of warning in the result, once per pipeline.
+            Once per pipeline for each kind of warning in the result.
 
         Raises
         ------
         InputError
-            If a source is missing, an array does not fit its source, sizes clash, the pipeline was
-            closed, or another thread is using it.
+            If an array is missing or does not fit its source, if sizes clash, if the pipeline was
+            closed, or if another thread is using it.
         """
         self._refuse_own_stream()
         return self._call(self._stand_ins.check(stand_ins))
 
     def stream(self, items: Iterable[Any]) -> Iterator[Result]:
-        """Run what an iterable yields, item by item and in order, as calls would.
+        """Call the pipeline on each item of an iterable, in order.
 
-        A thread reads the next item while the last one is computed; its errors wait their turn.
+        A thread reads the next item while the last one is computed; an error of the iterable is
+        raised in the place of its item.
 
         Parameters
         ----------
         items
-            Yields arrays, which it may refill, or mappings of arrays where several sources wait.
+            Yields arrays, which it may refill, or mappings of arrays if several sources wait.
         """
         self._refuse_own_stream()
         for handed_in in in_thread(map(self._stand_ins.owned, items)):
@@ -149,8 +150,8 @@ class Pipeline:
     def _refuse_own_stream(self) -> None:
         if self._source is not None:
             raise InputError(
-                f"{self.plan.graph.name}: '{self._source.id}' yields a stream of its own; "
-                "go through items()"
+                f"{self.plan.graph.name}: '{self._source.id}' yields the items itself; iterate "
+                "over items()"
             )
 
     def _on_arrays(self, handed_in: HandedIn) -> Result:
@@ -164,7 +165,7 @@ class Pipeline:
             result = self._items.item(self._stand_ins.item(arrays), there=on_device)
         finally:
             raise_warnings(self._runner.notes, self._raised)
-        # An array that a node passed on is still the caller's own memory.
+        # An array that a node passed on is still the caller's memory.
         for name, value in result.outputs.items():
             if isinstance(value, np.ndarray):
                 shares = any(np.may_share_memory(value, array) for array in arrays.values())
@@ -176,20 +177,21 @@ class Pipeline:
     def items(self, repeats: int = 1, stream: SourceStream | None = None) -> Iterator[Result]:
         """Run every item of the graph's stream, sinks included.
 
-        The stream ends with its source, or where a sink raised `EndOfStream`; it can be run again.
+        The stream ends with its source, or when a sink raises `EndOfStream`; it can be run again.
 
         Parameters
         ----------
         repeats
-            Number of times that each item is computed; sinks run once.  Times are medians over
-            all runs but the first, which compiles and fills caches.
+            How often each item is computed; sinks run once.  Times are medians over all runs but
+            the first, which compiles kernels and fills caches.
         stream
-            The stream that `begin` began for the values that the pipeline has now.
+            A stream that `begin` returned for the pipeline's present values.
 
         Raises
         ------
         InputError
-            If the pipeline was closed, goes through its stream already, or another thread uses it.
+            If the pipeline was closed, if its stream is being iterated over, or if another thread
+            is using it.
         """
         if self._stand_ins.names:
             waiting = ", ".join(self._stand_ins.names)
@@ -197,8 +199,8 @@ class Pipeline:
         with self._turn:
             if self._running is not None:
                 raise InputError(
-                    f"{self.plan.graph.name}: the pipeline is going through its stream already; "
-                    "end that first, or load the graph once more"
+                    f"{self.plan.graph.name}: the stream is being iterated over already; end that "
+                    "first, or load the graph again"
                 )
             mine = self._running = object()
             self.closing_warnings = []
@@ -247,21 +249,21 @@ class Pipeline:
             yield result
 
     def _rehearse(self, source: Task) -> None:
-        """Run a dummy item before the source starts, if it makes one and no node would keep it."""
+        """Run the source's dummy item before it starts, unless a node's session would keep it."""
         make = source.node.make_rehearsal
         others = (t for t in self.plan.tasks.values() if t.stream and not t.node.sink)
         if make is None or any(t.node.session for t in others if t is not source):
             return
         with self._turn, Blaming(self.plan, source):
-            item = make(**source.settings, **self._runner.host.whole_images(source))
+            item = make(**source.settings, **self._runner.host.whole_keyword(source))
         with self._turn:
             self._items.rehearse({source.id: item})
 
     def begin(self, /, **values: Any) -> SourceStream | None:
-        """Begin the stream that the pipeline has after `aim` with the same values.
+        """Begin the stream that the pipeline will have after `aim` with these values.
 
-        Another thread may do so while this pipeline works.  None if the source has a session.
-        Raises InputError if a value is not of its param's kind.
+        Another thread may call it while this pipeline works.  Returns None if the source has a
+        session.  Raises InputError if a value is not of its param's kind.
         """
         source = self._source
         if source is None or source.node.session is not None:
@@ -274,23 +276,23 @@ class Pipeline:
         return SourceStream(self.plan, source, keywords, ahead=ahead)
 
     def set(self, node: str, /, **settings: Any) -> None:
-        """Change parameters of a node, for the items to come.
+        """Change parameters of a node for the following items.
 
-        From then on the pipeline keeps the results of its nodes, up to 512 MB (see `Cache`),
+        From then on the pipeline caches the results of its nodes, up to 512 MB (see `Cache`),
         and computes only what a change affects.
 
         Parameters
         ----------
         node
-            Its name in the graph; also a use of a group, or ``group.node`` for every use.
+            Its name in the graph, the name of a group's use, or ``group.node`` for every use.
         **settings
-            Its parameters, as ``with`` of a graph file gives them.
+            Its parameters, as in ``with`` of a graph file.
 
         Raises
         ------
         InputError
-            If there is no such node or parameter, or it does not take the value; then nothing
-            has changed.
+            If there is no such node or parameter, or if it does not accept the value.  Nothing has
+            changed then.
 
         Examples
         --------
@@ -303,20 +305,19 @@ class Pipeline:
             self._items.settings_changed(new.settings)
 
     def again(self, outputs: Collection[str] | None = None) -> Result:
-        """Run the last item once more: settings as they are now, its sources as they were.
+        """Run the last item once more, with the settings of now and the source values of then.
 
         Only what changed is computed.  Sinks write again.
 
         Parameters
         ----------
         outputs
-            The graph's outputs that are wanted this time; sinks are then left out.
+            Names of the only outputs to compute; sinks are then left out.
 
         Raises
         ------
         InputError
-            If no item has kept results yet (``load(…, cache=Cache())``, or after the first
-            `set`).
+            If no item has cached results yet: load with ``cache=Cache()``, or call `set` first.
         """
         with self._turn:
             self._refuse_without_item("again")
@@ -333,12 +334,12 @@ class Pipeline:
 
         Returns
         -------
-        An array is read-only.  None: the item has no such value.
+        The value; an array is read-only.  None if it is absent from the item.
 
         Raises
         ------
         InputError
-            If there is no such value, or no item has kept results yet.
+            If there is no such value, or if no item has cached results yet.
         """
         value = self.plan.value(reference)
         with self._turn:
@@ -347,14 +348,14 @@ class Pipeline:
             return self._items.inspect(value)
 
     def _keep(self) -> None:
-        """Keep the results of the items to come."""
+        """Cache the results of the following items."""
         if not self._items.keeps:
             self._items.keep(Cache())
             self._has_run = False
 
     def _refuse_without_item(self, method: str) -> None:
         if not self._has_run:
-            why = "no item has run since results are kept; run one now, or load with cache=Cache()"
+            why = "no item has cached results; run one now, or load with cache=Cache()"
             raise InputError(f"{self.plan.graph.name}: {method}: {why}")
 
     def _repr_svg_(self) -> str:
@@ -362,12 +363,12 @@ class Pipeline:
 
     @property
     def buffers(self) -> int:
-        """The number of buffers ever allocated on the device; a steady stream adds none."""
+        """The number of buffers allocated on the device so far; a steady stream adds none."""
         return self._device.buffers if self._device is not None else 0
 
     @property
     def queue(self) -> Any:
-        """The device's queue, by which arrays are made that are handed in there; or None."""
+        """The device's queue, for arrays that a caller makes there and hands in; or None."""
         return self._device and self._device.queue
 
     @property
@@ -377,18 +378,18 @@ class Pipeline:
 
     @property
     def endless(self) -> bool:
-        """Whether the stream only ends when it is stopped."""
+        """Whether the stream ends only when it is stopped."""
         return any(task.node.endless for task in self.plan.tasks.values())
 
     def aim(self, /, **values: Any) -> None:
-        """Give other values to params of the graph that only the stream's nodes take.
+        """Change values of the graph's params that only nodes of the stream take.
 
-        A pipeline can so go on to another capture with the same calibration, plan and kernels.
+        So a pipeline goes on to another capture with the same calibration, plan and kernels.
 
         Raises
         ------
         InputError
-            If the graph has no such param, or a node outside the stream depends on it.
+            If the graph has no such param, or if a node outside the stream depends on it.
         """
         new = with_values(self.plan, values)
         with self._turn:
@@ -396,7 +397,7 @@ class Pipeline:
             self._items.settings_changed(new.settings)
 
     def forget(self) -> None:
-        """Let the next item be a first one: nothing came before it."""
+        """Treat the next item as the first: it has no previous values."""
         with self._turn:
             self._items.forget()
 

@@ -1,4 +1,4 @@
-"""Values of the item before: those that a plan recalls, if they still fit."""
+"""Values of the previous item that a plan recalls, if their sizes still fit."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,12 +14,12 @@ def recalled_values(plan: Plan) -> frozenset[Value]:
 
 
 def recall(task: Task, name: str, before: Mapping[Value, Any], sizes: Mapping[str, int]) -> Any:
-    """The value of an input at the item before; None for a first item, or one of another size."""
+    """The previous item's value of an input; None if there is none, or its size differs."""
     recalled, port = before.get(task.recalls[name]), task.node.inputs[name]
     if recalled is None or port.kind != "array":
         return recalled
     pairs = zip(port.dims, recalled.shape, strict=True)
     if all(size == (d if isinstance(d, int) else sizes.get(d, size)) for d, size in pairs):
         return recalled
-    warn(f"{task.id}: the images have another size than before; it forgets earlier items")
+    warn(f"{task.id}: the image size changed; the node starts again without earlier items")
     return None

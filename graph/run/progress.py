@@ -1,4 +1,4 @@
-"""What a node that takes long is doing now, for the line that a command shows."""
+"""The progress of a node that takes long, for the line that a command shows."""
 
 
 class _Doing:
@@ -11,5 +11,5 @@ def tell_progress(text: str) -> None:
 
 
 def progress_text() -> str:
-    """Return the running node's last message; "" if nothing."""
+    """Return the running node's last message; "" if there is none."""
     return _Doing.text

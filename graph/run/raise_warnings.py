@@ -1,18 +1,18 @@
-"""Warnings of nodes as Python warnings, which a script or a notebook shows."""
+"""Raise warnings of nodes as Python warnings, which a script or a notebook shows."""
 
 import re
 import warnings
 from collections.abc import Iterable
 
 NUMBER_PATTERN = re.compile(r"(?<!LED )\b\d[\d.]*")
-"""The numbers that differ between warnings of one kind; an LED's number makes another kind."""
+"""The numbers that may differ between warnings of one kind; an LED's number may not."""
 
 CALLER_LEVEL = 5
-"""Frames from here to the line that calls a pipeline, or goes through its stream."""
+"""Stack frames from here to the line that calls a pipeline, or iterates over its stream."""
 
 
 def warning_kind(line: str) -> str:
-    """A warning without its figures, which differ from frame to frame."""
+    """A warning without its numbers, which differ from item to item."""
     return NUMBER_PATTERN.sub("", line)
 
 

@@ -14,18 +14,18 @@ from tactograph.graph.show.notebook import result_html
 class Result(Mapping[str, Any]):
     """The outputs of one item by name.
 
-    Arrays of the host are read-only, since the pipeline may still hold them.
+    Arrays on the host are read-only, since the pipeline may still hold them.
 
     Attributes
     ----------
     times
-        Milliseconds by step; for `reused` steps those of their last run.
+        Milliseconds by step; for `reused` steps those of the last run.
     item
         The values that the stream's source yielded.
     total
-        Milliseconds from the source to the last output, on a wall clock.
+        Milliseconds of wall time from the source to the last output.
     reused
-        Steps that did not run, since their results were kept.
+        Steps that did not run, since their results were in the cache.
     """
 
     outputs: dict[str, Any]
@@ -37,7 +37,7 @@ class Result(Mapping[str, Any]):
     reused: frozenset[str] = frozenset()
 
     def svg(self, opened: Iterable[str] = ()) -> str:
-        """The plan with its times, as a picture; a use of a group is a box unless it is opened."""
+        """The plan with its times as SVG; a group's use is one box unless it is in `opened`."""
         return plan_svg(self.plan, self.times, opened)
 
     @property
@@ -48,7 +48,7 @@ class Result(Mapping[str, Any]):
 
     def __getitem__(self, name: str) -> Any:
         if name not in self.outputs:
-            raise KeyError(f"no output {name!r}; there are {', '.join(self.outputs) or 'none'}")
+            raise KeyError(f"no output {name!r}; it has {', '.join(self.outputs) or 'none'}")
         return self.outputs[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -19,7 +19,7 @@ _NO_ITEM: Any = object()
 
 
 class _Read(NamedTuple):
-    """An item, None after the last; its warnings; how long it took to read; its error."""
+    """An item (None after the last), its warnings, the time it took to read, and its error."""
 
     item: Any
     notes: list[str]
@@ -28,10 +28,10 @@ class _Read(NamedTuple):
 
 
 class SourceStream:
-    """The stream of a source node, begun with settings of its own.
+    """The stream of a source node.
 
-    Where the node reads `ahead`, a thread reads the next item while the last one is in use.
-    `milliseconds` is the time that it took to read the last item.
+    If the node reads `ahead`, a thread reads the next item while the last one is in use.
+    `milliseconds` is the time that the last item took to read.
     """
 
     def __init__(
@@ -45,9 +45,9 @@ class SourceStream:
             self._iterator: Iterator[Any] = iter(source.node(**keywords))
 
     def reads_two(self) -> bool:
-        """Read the first two items, and return whether they are there.
+        """Read the first two items ahead, and return whether both exist.
 
-        `next` gives them, their warnings and an error, if any.
+        `next` then returns them, with their warnings and errors.
         """
         self._ahead.append(self._read())
         if self._ahead[0].item is not None:
@@ -68,7 +68,7 @@ class SourceStream:
         return read.item
 
     def close(self) -> None:
-        """End the stream before its end."""
+        """Stop the stream early."""
         if "_reader" in self.__dict__:
             self._reader.close(wait=True)
         close = getattr(self._iterator, "close", None)
@@ -93,25 +93,25 @@ class SourceStream:
 
 
 class ReadAhead(Generic[Item]):
-    """Calls `read` in a thread of its own while what it returned before is in use.
+    """Calls `read` in a thread while the item that it returned before is in use.
 
-    The first call begins at once, each later one when the item before it is taken: one item waits
-    at most, so it is as old as the one before it took to be used.
+    The first call begins at once, each later call when the previous item is taken.  So at most one
+    item waits, and it is at most as old as the processing of one item takes.
     """
 
     def __init__(self, read: Callable[[], Item]) -> None:
         self._read = read
         self._wanted: SimpleQueue[bool] = SimpleQueue()
         self._items_ahead: SimpleQueue[Item | BaseException] = SimpleQueue()
-        # A source that never returns must not keep the process from ending.
+        # A daemon: a source that never returns must not keep the process alive.
         self._thread = threading.Thread(target=self._work, name="read", daemon=True)
         self._wanted.put(True)
         self._thread.start()
 
     def next(self) -> Item:
-        """The next item; the one after it is read from now on.
+        """Return the next item, and begin to read the one after it.
 
-        What `read` raises is raised here, in its item's place.
+        Raises what `read` raised, in the place of its item.
         """
         item = self._items_ahead.get()
         self._wanted.put(True)
@@ -120,7 +120,7 @@ class ReadAhead(Generic[Item]):
         return item
 
     def close(self, *, wait: bool) -> None:
-        """End the thread; with `wait`, return once it has read the item that it is at."""
+        """End the thread; with `wait`, return once it has read its present item."""
         self._wanted.put(False)
         if wait:
             self._thread.join()
@@ -134,7 +134,7 @@ class ReadAhead(Generic[Item]):
 
 
 def in_thread(items: Iterator[Item]) -> Iterator[Item]:
-    """Yield items, each read in a thread while the one before it is in use."""
+    """Yield items; a thread reads each while the previous one is in use."""
     reader = ReadAhead(partial(next, items, _NO_ITEM))
     try:
         while (item := reader.next()) is not _NO_ITEM:

@@ -12,22 +12,22 @@ from tactograph.graph.declare.ports import PortType
 from tactograph.graph.errors import InputError, collect_warnings, message_of
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan
+from tactograph.graph.run.integer_images import as_fractions
 from tactograph.graph.run.ownership import own
-from tactograph.graph.run.whole_images import as_fractions
 
 MAX_LIGHTS = 32
-"""A stack of more images is taken for the rows of one image."""
+"""A longer first axis is taken for the rows of one image."""
 
 
 class CallerArray(NamedTuple):
-    """An array that a caller hands in; where it lies `there`, on the device, a view of it."""
+    """An array that a caller hands in; `there` is the array on the device that it is a view of."""
 
     array: NDArray[Any]
     there: DeviceArray | None = None
 
 
 class HandedIn(NamedTuple):
-    """The arrays of an item by source node, and what their checks warn of."""
+    """The arrays of an item by source node, and the warnings of their checks."""
 
     arrays: dict[str, CallerArray]
     warnings: list[str]
@@ -42,7 +42,7 @@ class StandIns:
 
     @property
     def names(self) -> list[str]:
-        """The nodes that wait for an array, by name."""
+        """The names of the nodes that wait for an array."""
         return sorted(map(self._plan.graph.in_short, self._waiting))
 
     def check(self, arrays: Mapping[str, Any]) -> HandedIn:
@@ -54,25 +54,23 @@ class StandIns:
         graph, names = self._plan.graph, sorted(arrays)
         arrays = {graph.in_full(name): array for name, array in arrays.items()}
         if self._waiting != arrays.keys():
-            raise InputError(
-                f"{graph.name}: arrays are needed for {self.names}, and were given for {names}"
-            )
+            raise InputError(f"{graph.name}: needs arrays for {self.names}, but got {names}")
         warnings: list[str] = []
         with collect_warnings(warnings):
             checked = {name: self._checked(name, array) for name, array in arrays.items()}
         return HandedIn(checked, warnings)
 
     def owned(self, item: Any) -> HandedIn:
-        """A copy of what a caller's stream yields: a mapping, or an array for the one source."""
+        """A copy of an item of a caller's stream: a mapping, or an array for the only source."""
         arrays = item if isinstance(item, Mapping) else dict.fromkeys(self._waiting, item)
         handed_in = self.check(arrays)
         copies = {name: CallerArray(own(each.array)) for name, each in handed_in.arrays.items()}
         return handed_in._replace(arrays=copies)
 
     def _checked(self, name: str, array: Any) -> CallerArray:
-        """An array: images of 8 or 16 bits as they are, all else converted.
+        """An array: images of 8 or 16 bits stay as they are, all else is converted.
 
-        What needs no conversion, and lies on the device, is read there as well.
+        An array on the device that needs no conversion is also read there.
         """
         node = self._plan.tasks[name].node
         port = next(iter(node.outputs.values()))
@@ -80,7 +78,9 @@ class StandIns:
         on_device, adopt = array, None
         if hasattr(array, "map_to_host"):
             if self._device is None:
-                raise InputError(f"{name} lies on a device, which is not used here: {name}.get()")
+                raise InputError(
+                    f"{name} lies on a device that this pipeline does not use; pass {name}.get()"
+                )
             array, adopt = self._device.mapped(on_device, name), self._device.adopted
         unconverted = _images(array) if _takes_images(port) else _values(array, name, port)
         if node.check_handed_in is not None:
@@ -121,7 +121,7 @@ def _converted(array: NDArray[Any], port: PortType) -> NDArray[Any]:
 
 
 def _values(array: Any, name: str, port: PortType) -> NDArray[Any]:
-    """An array of a port's sizes and type."""
+    """The array, if it has the dimensions and dtype of a port."""
     values = _array(array, name, nan=port.port.nan)
     fits = values.ndim == len(port.dims) and all(
         isinstance(dim, str) or dim == size
@@ -138,22 +138,22 @@ def _values(array: Any, name: str, port: PortType) -> NDArray[Any]:
 
 
 def _one_by_one(values: NDArray[Any], port: PortType) -> str:
-    """Advice on an array of one dimension too many."""
+    """Advice for an array with one dimension too many."""
     several = values.ndim == len(port.dims) + 1
     return "; several go through pipeline.stream(arrays), one by one" if several else ""
 
 
 def _array(array: Any, name: str, *, nan: bool = False) -> NDArray[Any]:
-    """An array on the host that holds something, without masked pixels and infinite values."""
+    """The array on the host; refused if it is empty, masked or not finite."""
     if np.ma.is_masked(array):
-        raise InputError(f"{name} has no masked pixels; its .data holds all of them")
+        raise InputError(f"{name} must not have masked pixels; pass its .data, with all of them")
     try:
-        # Of an object with both, such as torch's tensor, the error of __array__ says more.
+        # If an object has both, as a torch tensor does, the error of __array__ is clearer.
         is_dlpack = hasattr(array, "__dlpack__") and not hasattr(array, "__array__")
         values = np.from_dlpack(array) if is_dlpack else np.asarray(array)
     except Exception as error:  # whatever an object's own __array__ raises
         raise InputError(
-            f"{name} cannot be made of {type(array).__name__}: {message_of(error)}"
+            f"{name}: a {type(array).__name__} is not an array: {message_of(error)}"
         ) from error
     if not values.size:
         raise InputError(f"{name} of shape {values.shape} holds no pixel")

@@ -17,10 +17,11 @@ from tactograph.graph.run.progress import progress_text, tell_progress
 
 
 class StepRunner:
-    """Runs steps over the present item's values, on `host` and, where the plan has one, `device`.
+    """Runs steps on the present item's values, on the `host` and on the `device`, if there is one.
 
-    `times` has milliseconds by step, also of steps that ran once; `notes` the warnings, theirs
-    first.  `stage` is the step that runs now, for another thread to show; "" between items.
+    `times` has milliseconds by step, including steps that ran once.  `notes` are the warnings;
+    those of steps that ran once come first.  `stage` is the step that runs now, for another thread
+    to show; "" between items.
     """
 
     def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
@@ -38,7 +39,7 @@ class StepRunner:
 
     @property
     def stage_in_words(self) -> str:
-        """The step that runs now, counted if it is one outside the stream."""
+        """The step that runs now, with its number if it is outside the stream."""
         name, plan = self.stage, self.plan
         if name not in plan.tasks:
             return name
@@ -103,7 +104,7 @@ class StepRunner:
         return self.plan.sizes.behind(task, sized, shapes)
 
     def _leave_out(self, step: Step, bounds: Bounds) -> Bounds:
-        """Let the outputs of a step be those of the one instead, or absent from this item."""
+        """Skip a step: its outputs are those of its `else` node, or absent from this item."""
         self._sized.pop(step.name, None)
         self.times[step.name] = 0.0
         task = self.plan.tasks.get(step.name)
@@ -117,30 +118,30 @@ class StepRunner:
         return self.pass_over(step, bounds, other_sized.shapes or {})
 
     def release(self, step: Step) -> None:
-        """Give back the buffers that a step was the last to read."""
+        """Release the buffers that this step was the last to read."""
         if step.release and self.device is not None:
             self.device.drop(step.release)
 
     def pass_over(self, step: Step, bounds: Bounds, shapes: Shapes) -> Bounds:
-        """The sizes that are known behind a step whose outputs are kept, of these shapes."""
+        """The sizes that are known behind a step that does not run; its outputs have `shapes`."""
         task = self.plan.tasks.get(step.name)
         if task is None:
             return bounds
         return self.plan.sizes.behind(task, self._around(task, bounds), shapes)
 
     def shapes_of(self, step: Step) -> Shapes:
-        """The shapes of the outputs that a step made last."""
+        """The shapes of a step's last outputs."""
         sized = self._sized.get(step.name)
         return {} if sized is None else sized.shapes or {}
 
     def lent(self, values: Iterable[Value], *, cached: bool) -> dict[Value, Any]:
-        """Outputs for the caller; `cached` ones are held by a cache, too."""
+        """Outputs for the caller; `cached` means that a cache holds them, too."""
         stays = {value for value in values if value in self.plan.stays}
         on_device = {} if self.device is None else self.device.lent(stays, cached=cached)
         return {**{v: self.host.lent(v) for v in values if v not in stays}, **on_device}
 
     def settings_changed(self, node: str) -> None:
-        """Recompute a node's sizes and launch: they may follow from its settings."""
+        """Recompute a node's sizes and launch, since they may depend on its settings."""
         if node in self._sized:
             self._sized[node].doubtful = True
         if self.device is not None:
@@ -155,8 +156,8 @@ class StepRunner:
         """Call a node's function."""
         if task.node.stream or task.stand_in:
             raise InputError(
-                f"{self.plan.graph.name}: '{task.id}' has other settings than when its last "
-                "item came; go through items() for a new one"
+                f"{self.plan.graph.name}: the settings of '{task.id}' changed after its last "
+                "item; get a new item from items()"
             )
         keywords: dict[str, Any] = dict(self._calls.get(task.id, {}))
         if task.node.provenance is not None:
@@ -173,7 +174,7 @@ class StepRunner:
         self.times.update(device.finish())
 
     def _device_error(self, error: Exception, doing: str) -> DeviceError:
-        """Name the steps that failed: a device reports them long after they began."""
+        """Name the steps that failed: a device reports a failure long after the step began."""
         failed = self.device.failed() if self.device is not None else []
         if isinstance(error, DeviceError) and not failed:
             return error
@@ -190,7 +191,7 @@ class StepRunner:
 
 
 def _calls(plan: Plan, device: DeviceBackend) -> dict[str, dict[str, DeviceCall]]:
-    """The arguments by which nodes on the host call others on the device, by node."""
+    """By node on the host, its arguments that call other nodes on the device."""
     return {
         task: {name: DeviceCall(plan.tasks[task].node.calls[name], device) for name in place.calls}
         for task, place in plan.placements.items()

@@ -1,8 +1,8 @@
 """Calibrate film, LEDs and noise from presses of known shape.
 
-The rooms hold what one comes for: find the balls, place the LEDs, fit the paper's tables or a
-film's model, calibrate a lens or a one-shot sensor, rate a calibration, carry it over to another
-film, and its file.  Here is what several of them share.
+Each room is a task: find the balls, place the LEDs, fit the paper's tables or a film's model,
+calibrate a camera, rate a calibration, draw touches from it, and write its file.  This file has
+quantities and constants that several rooms share.
 """
 
 from typing import Annotated
@@ -13,26 +13,26 @@ from tactograph.graph.declare.ports import Port
 from tactograph.nodes import F4, I4
 
 BallCircles = Annotated[F4, Port("B 3", "px")]
-"""x, y and contact radius of every ball."""
+"""x, y and contact radius of each ball."""
 BallRadii = Annotated[F4, Port("B", "mm", low=1, high=3)]
-"""The radius of every ball."""
+"""The radius of each ball."""
 BallPress = Annotated[I4, Port("B", "press number")]
-"""The press that every ball is in, counted from 0."""
+"""The number of each ball's press, from 0."""
 PressImages = Annotated[F4, Port("P K H W", "1")]
 """P captures of K lights, each as a fraction of full scale."""
 
 MIN_FLAT_LIGHT = np.float32(0.02)
-"""Light of the film at rest below which nothing is divided by it."""
+"""Light of the film at rest below which it is not used as a divisor."""
 MAX_SAMPLE_SLOPE = 3.0
-"""Steepest slope of a sample: where a shape is steeper, it is least certain."""
+"""Steepest slope of a sample; a shape is least certain where it is steep."""
 SHIFT_DEVIATION_PX = 0.5
 """Standard deviation of an object's position along x and along y."""
 MIN_PIXELS = 100
-"""Fewest pixels to which tables, a reflectance or LEDs are fitted."""
+"""Smallest number of pixels to which tables, a reflectance or LEDs are fitted."""
 FOLD_COUNT = 4
 """Number of folds that are held out in turn: every fourth ball, or quarters of a single ball."""
 DRIFT_DEGREE, FILM_ROUGHNESS = 2, 0.01
 """Degree of the polynomial drift of the film at rest, and roughness of the film."""
 MIN_BOUNCE_ERROR = 0.015
-"""Smallest relative uncertainty of the light from film to film, however well presses agree.  On
-ray-traced film an albedo came out 0.01 too low, and LEDs with it; noise explains only 0.002."""
+"""Smallest relative error of the light from film to film, however well presses agree.  On
+ray-traced film an albedo came out 0.01 too low, with wrong LEDs; noise explains only 0.002."""

@@ -37,7 +37,7 @@ def read_flat(
     Parameters
     ----------
     image : K x H x W, the capture whose size the flat frame must have
-    estimate : K x H x W, used if there is no folder, as `estimate_flat` returns it
+    estimate : K x H x W, used if there is no folder, from `estimate_flat`
     black : H x W, used if `dark` is not given; None: black
     folder
         Capture of the untouched film, or a folder of several, whose mean is less noisy.

@@ -1,4 +1,4 @@
-"""Find where something presses against the film."""
+"""Find the contacts with the film."""
 
 from collections.abc import Sequence
 from typing import Annotated, Any
@@ -12,11 +12,11 @@ from tactograph.graph import Flips, InputError, node, warn
 from tactograph.nodes import DEVIATIONS_PER_MAD, Contacts, Height, HeightError
 
 MIN_SAMPLES = 10_000
-"""Fewest evenly spread pixels from which the noise is estimated: errors of neighbours correlate."""
+"""Smallest number of pixels for the noise, spread evenly, since errors of neighbours correlate."""
 MAX_CONTACTS = 254
 """Largest number of a contact: numbers have 8 bits."""
 NO_CONTACT = np.uint8(MAX_CONTACTS + 1)
-"""Raised film that belongs to no contact yet; smaller values are numbers of contacts."""
+"""Mark of raised film that belongs to no contact yet; smaller values are numbers of contacts."""
 
 
 @node(tolerance=Flips(1e-3, why="thresholds on a rounded height"))
@@ -34,25 +34,25 @@ def find_contact(
 
     A contact is a region of film higher than `leave` errors, connected over edges or corners,
     in which at least `least_px` pixels are higher than `enter` errors.  With two thresholds
-    noise neither starts a contact nor frays its edge (Canny 1986).
+    noise neither starts a contact nor frays its edge (J. Canny, "A computational approach to edge
+    detection", 1986).
 
-    Without a stated error the film at rest gives it: heights below rest are noise alone, and
-    noise is as often below as above.  Their median magnitude, over that of a normal variable, is
-    the error of all pixels, however much of the frame is touched.  A film that bulges downwards
-    around a contact makes that error larger, and the contact found smaller.
+    Without a stated error the film at rest gives it: heights below rest are pure noise, and noise
+    is as often below as above.  Their median magnitude, over that of a normal variable, is the
+    error of all pixels, however much of the frame is touched.  A film that bulges downwards around
+    a contact makes that error larger, and the contact smaller.
 
     Parameters
     ----------
     height : H x W in mm above the film at rest
-    error : H x W, the height's standard deviation in mm; without it, it is estimated
+    error : H x W, the height's standard deviation in mm; None: it is estimated
     enter, leave
-        In multiples of the error; `leave` must not exceed `enter`.  A height is the sum of
-        noisy slopes: errors of neighbours are alike, and the largest of a frame is 4 to 8
-        times their level.
+        In multiples of the error; `leave` must not exceed `enter`.  A height is a sum of noisy
+        slopes, so errors of neighbours are similar, and the largest of a frame is 4 to 8 times
+        their standard deviation.
     least_error_mm : lower bound on the error
-    least_px : least number of pixels above `enter`, or enclosed by such, in a contact
-    most
-        Largest number of contacts.  Of more, the largest are numbered, with a warning.
+    least_px : smallest number of pixels of a contact that are above `enter`, or enclosed by such
+    most : largest number of contacts; if there are more, the largest are numbered, with a warning
 
     Returns
     -------
@@ -80,10 +80,7 @@ def find_contact(
     areas, cores = _fill(raised, outlines)
     contacts = [number for number in areas if cores[number] >= least_px]
     if len(contacts) > most:
-        warn(
-            f"{len(contacts)} contacts, of which the {most} largest are numbered; "
-            "`most` sets how many"
-        )
+        warn(f"{len(contacts)} contacts; the {most} largest are numbered (`most` sets the number)")
     elif len(contacts) == MAX_CONTACTS:
         warn(f"{MAX_CONTACTS} contacts or more; the largest are numbered")
     largest = sorted(contacts, key=lambda number: -areas[number])[:most]
@@ -116,7 +113,7 @@ def _fill(
 
 
 def _rest_noise(height: Height) -> float:
-    """Standard deviation of the film at rest in mm; zero where nothing lies below rest."""
+    """The standard deviation of the film at rest in mm; zero if no height is below rest."""
     step = max(1, int((height.size / MIN_SAMPLES) ** 0.5))
     heights = height[::step, ::step].ravel()
     below = np.count_nonzero(heights < 0)

@@ -1,4 +1,4 @@
-"""Contacts that have figures of their own: the largest, as many as can be read."""
+"""Select the contacts that get figures: the largest, so that a person can read them."""
 
 from typing import Annotated, NamedTuple
 
@@ -15,13 +15,13 @@ class LargestContacts(NamedTuple):
 
     Parameters
     ----------
-    most : largest number of contacts that have figures, the largest
+    most : largest number of contacts with figures; of more, the largest are taken
     """
 
     most: Annotated[int, Interval(ge=1, le=MAX_CONTACTS)] = 16
 
     def numbers(self, contact: Contacts) -> NDArray[np.intp]:
-        """Return the numbers, ascending, of these contacts."""
+        """Return the numbers of these contacts in ascending order."""
         areas = np.bincount(contact[contact > 0])
         largest = np.argsort(-areas, kind="stable")[: self.most]
         return np.sort(largest[areas[largest] > 0])

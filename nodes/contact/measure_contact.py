@@ -30,26 +30,25 @@ def measure_contact(
 ) -> Metrics:
     """Return area, depth, volume, position and principal axes of the largest contacts.
 
-    The film stands out as far as the object presses it in: depth is height.
+    The film rises as far as the object presses it in, so depth is height.
 
     Parameters
     ----------
     height : H x W in mm above the film at rest
-    contact : H x W, the number of the contact at each pixel, as `find_contact` gives it
+    contact : H x W, the number of the contact at each pixel, from `find_contact`
     pixel : mm per px
     view : the calibration, for the lens and the camera's height; None: an even grid
     rest : R x C in mm on the even grid, the height of the film at rest; None: a plane
-    most
-        Largest number of contacts that are measured.  Of more, a warning tells.
+    most : largest number of contacts to measure; if there are more, a warning is given
 
     Returns
     -------
     dict
-        ``contacts``, the number of all, and for each that is measured, as ``contact_area_mm2/c1``,
-        ``contact_area_mm2/c2`` ...:
+        ``contacts``, the number of all contacts, and for each measured contact, as
+        ``contact_area_mm2/c1``, ``contact_area_mm2/c2`` ...:
 
-        ``contact_area_mm2``, of the film that stands out, seen from above: not only where the
-        object touches, see ``docs/contact.md``; ``contact_depth_mm``, the greatest;
+        ``contact_area_mm2``, of the raised film, seen from above, which is more than the object
+        touches, see ``docs/contact.md``; ``contact_depth_mm``, the greatest;
         ``contact_mean_depth_mm``; ``contact_volume_mm3``, between film and film at rest;
         ``contact_x_px``, ``contact_y_px``, the area's centroid, (0, 0) in the middle of the
         first pixel; ``contact_x_mm``, ``contact_y_mm``, the same from the centre of the
@@ -57,15 +56,15 @@ def measure_contact(
         lengths) of the ellipse that has the area's second moments;
         ``contact_angle_deg``, from x towards y to the major axis, above -90 up to 90;
         ``contact_cut``, whether it reaches the frame's border: then all figures are those of
-        the part that is seen, and area, depth and volume lower bounds.
+        the visible part, and area, depth and volume are lower bounds.
     """
     view = view or View()
     numbers = LargestContacts(MAX_CONTACTS).numbers(contact)
     figures: Metrics = {"contacts": float(len(numbers))}
     if len(numbers) > largest.most:
-        # The same words in each frame, so that a stream says it once.
+        # Without their number, so that a stream warns once.
         warn(
-            f"of all contacts (figure 'contacts') the {largest.most} largest are "
+            f"of all contacts (figure 'contacts') only the {largest.most} largest are "
             "measured; `most` sets how many"
         )
         numbers = largest.numbers(contact)
@@ -91,12 +90,12 @@ def _apparent_rest(rest: F4, view: View) -> Height:
 
 
 def _on_film(height: Height, mask: NDArray[np.bool_], shape: RestShape) -> Metrics:
-    """Figures of one contact on a film that is no plane."""
+    """The figures of one contact on a film that is not a plane at rest."""
     depth, low = height[mask].astype(np.float64), shape.height[mask].astype(np.float64)
     p, q = shape.slope[:, mask].astype(np.float64)
     longer, c = np.sqrt(1 + p * p + q * q), shape.camera
     side = shape.pixel * (1 - c * low)
-    # A pixel sees more film the farther away that is: 1 - c z over its side at height 0.
+    # The side of a pixel on the film grows with distance: 1 - c z times the side at height 0.
     share = 1 - c * depth / (1 - c * low)
     return {
         "volume_mm3": float((side * side * depth * (1 + share + share * share) / 3).sum()),
@@ -106,12 +105,12 @@ def _on_film(height: Height, mask: NDArray[np.bool_], shape: RestShape) -> Metri
 
 
 def _measured(height: Height, mask: NDArray[np.uint8], pixel: float, view: View) -> Metrics:
-    """Figures of one contact: those of its pixels, carried on to the film by the lens."""
+    """The figures of one contact: those of its pixels, transferred to the film by the lens."""
     left, top, width, rows = cv2.boundingRect(mask)
     part = slice(top, top + rows), slice(left, left + width)
     below, to_right = height.shape[0] - top - rows, height.shape[1] - left - width
     depth = height[part] * mask[part]
-    # Bytes: of floats, cv2.moments takes two columns for the corners of a polygon.
+    # As bytes: cv2.moments would take two columns of floats for the corners of a polygon.
     moments = cv2.moments(mask[part])
     count = moments["m00"]
     x, y = left + moments["m10"] / count, top + moments["m01"] / count
@@ -123,7 +122,7 @@ def _measured(height: Height, mask: NDArray[np.uint8], pixel: float, view: View)
     (minor, major), axes = np.linalg.eigh(spread)
     angle = np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))
     area = count * float(np.linalg.det(stretch)) * pixel**2
-    # What lies at a height h is seen 1 / (1 - h / D) as wide as it is (V1).
+    # Film at a height h looks wider by 1 / (1 - h / D) (V1).
     near = depth * np.float32(view.camera or 0.0)
     mean = float((depth * (1 - near + near**2 / 3)).sum()) / count
     return {

@@ -1,4 +1,4 @@
-"""Say what a touch is in one sentence."""
+"""Describe a touch in one sentence."""
 
 from tactograph.graph import node
 from tactograph.nodes import Metrics
@@ -6,13 +6,13 @@ from tactograph.nodes import Metrics
 
 @node
 def touch_in_words(figures: Metrics) -> str:
-    """Return what one asks first of a touch: its contacts, their depth, and whether to trust it.
+    """Return the first facts about a touch: its contacts, their depth, and its trust.
 
     Parameters
     ----------
     figures : of `measure_contact` and `judge_touch`, as far as the graph has them
     """
-    checked = "" if "check_light" in figures else ", which no light was checked for"
+    checked = "" if "check_light" in figures else " (without a check of the light)"
     judged = "its light was not judged"
     if "trust" in figures:
         judged = f"trust {figures['trust']:.2g}{checked}"

@@ -1,4 +1,4 @@
-"""Markers' shifts as arrows."""
+"""Draw the shifts of markers as arrows."""
 
 import cv2
 import numpy as np
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from tactograph.nodes import F4, U1
 
 VISIBLE_RGB, PREDICTED_RGB = (255, 176, 0), (154, 154, 154)
-"""Colours (red, green, blue) of markers that are seen and of those that are not."""
+"""Colours (red, green, blue) of visible markers, and of predicted ones."""
 SUBPIXEL_BITS = 4
 """OpenCV draws in sixteenths of a pixel."""
 
@@ -15,11 +15,11 @@ SUBPIXEL_BITS = 4
 def draw_arrows(
     picture: NDArray[np.uint8], place: F4, shift: F4, is_tracked: U1, scale: float
 ) -> NDArray[np.uint8]:
-    """Draw an arrow from where each marker was to where it is.
+    """Draw an arrow from each marker's place at rest to its present place.
 
     Parameters
     ----------
-    picture : H x W x 3 of 8 bit, red first; it is drawn into and returned
+    picture : H x W x 3 of 8 bit, red first; modified and returned
     place, shift, is_tracked : M x 2 and M x 2 in px of the image, and M
     scale : pixels of the picture per pixel of the image
     """

@@ -1,4 +1,4 @@
-"""Pictures of calibrations, which replace earlier ones of their kind and nothing else."""
+"""Write pictures of calibrations, which replace earlier pictures of that kind and no other file."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +12,7 @@ from pydantic import AfterValidator
 from tactograph.graph.disk.atomic_files import atomic_file
 
 ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
-"""Colours of plots that people with any sight tell apart."""
+"""Colours of plots, distinguishable with any colour vision."""
 FIGURES_PER_LINE = 5
 """Figures per line of a title."""
 DRAWN_BY = "Matplotlib"
@@ -20,7 +20,7 @@ DRAWN_BY = "Matplotlib"
 
 
 def write_picture(figure: Figure, file: Path) -> None:
-    """Write a figure as PNG, whole or not at all.
+    """Write a figure as PNG, completely or not at all.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def _free_beside(file: Path) -> Path:
     picture = file.with_suffix(".png")
     if not _is_free(picture):
         raise ValueError(
-            f"{picture} is there already and no picture of a calibration; another name is needed"
+            f"{picture} exists and is no picture of a calibration; another name is needed"
         )
     return file
 
@@ -70,4 +70,4 @@ def _free_beside(file: Path) -> Path:
 NewPicture = Annotated[Path, AfterValidator(_free)]
 """Path of a picture; a file of another kind is refused before the work starts."""
 BesidePicture = Annotated[Path, AfterValidator(_free_beside)]
-"""Path of a calibration whose picture goes beside it, ``.png`` for ``.npz``."""
+"""Path of a calibration whose picture is written beside it, ``.png`` for ``.npz``."""

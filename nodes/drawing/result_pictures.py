@@ -1,4 +1,4 @@
-"""The pictures of a result, for people."""
+"""Draw the pictures of a result, for people."""
 
 import threading
 from collections.abc import Callable
@@ -27,15 +27,15 @@ from tactograph.nodes.files.layer_files import picture_file
 from tactograph.nodes.stream.layer_kinds import deviation_of, layers_of
 from tactograph.nodes.stream.touch import ColourMap, LedLabels, Regions, Touch
 
-# Fixed margins and `print_png` take half the time of a layout that measures every text and of
+# Fixed margins and `print_png` take half the time of a layout that measures every text, and of
 # `savefig`, which draws twice.
 DPI = 110
 OUTER_PERCENT = 0.1
-"""Per cent of the pixels on either side that colours leave out, where they run away."""
+"""Percentage of pixels on either side that the colour scale may leave out as outliers."""
 
 
 def draw_result(touch: Touch, folder: Path) -> None:
-    """Draw the height, and every layer that is a map or lies over the image."""
+    """Draw the height, and every layer that is a map or drawn over the image."""
     _once(folder / "height.png", draw_height, touch.height, deviation_of(touch), touch.pixel)
     count, grey = touch.image.shape[0], touch.image.mean(axis=0)
     for layer in layers_of(touch):
@@ -49,7 +49,7 @@ def draw_result(touch: Touch, folder: Path) -> None:
 
 
 def _once(file: Path, draw: Callable[..., None], *arguments: Any) -> None:
-    """Draw into a file, or copy what this thread drew last under that name, if it is the same."""
+    """Draw into a file; if this thread's last picture of that name is the same, copy that."""
     last: dict[str, tuple[str, bytes]] = _mine.__dict__.setdefault("last", {})
     key = content_key(*(part if isinstance(part, np.ndarray) else repr(part) for part in arguments))
     drawn = last.get(file.name)
@@ -61,7 +61,7 @@ def _once(file: Path, draw: Callable[..., None], *arguments: Any) -> None:
 
 
 def draw_height(height: Height, error: HeightError | None, pixel: float, file: Path) -> None:
-    """The height map in mm, and the cross-section through its highest point with its error."""
+    """Draw the height map in mm, and a section through its highest point with its error."""
     rows, columns = height.shape
     figure = Figure(figsize=(10, 4), dpi=DPI)
     figure.subplots_adjust(left=0.06, right=0.985, bottom=0.13, top=0.91, wspace=0.2)
@@ -85,7 +85,7 @@ def draw_height(height: Height, error: HeightError | None, pixel: float, file: P
 
 
 def draw_map(plane: F4, how: ColourMap, pixel: float, file: Path) -> None:
-    """A map in a colour scale."""
+    """Draw a map in a colour scale."""
     figure, axes = _one_plane()
     picture, of_all = _coloured(axes, how.scale * plane, how, pixel)
     axes.set(xlabel="x / mm", ylabel="y / mm", title=f"{how.title}{of_all}")
@@ -94,10 +94,10 @@ def draw_map(plane: F4, how: ColourMap, pixel: float, file: Path) -> None:
 
 
 def _coloured(axes: Axes, plane: F4, how: ColourMap, pixel: float) -> tuple[AxesImage, str]:
-    """A map in colours, and its whole range in words where few pixels run out of the colours.
+    """Draw a map in colours; return the full range in words if the colours leave out a few pixels.
 
-    Colours end where one pixel in a thousand is left on either side, if those span more than all
-    others: else a corner that runs away leaves one colour for the rest.
+    The colours leave out one pixel in a thousand on either side if those pixels span a larger range
+    than all others; otherwise a single bad corner would leave one colour for the rest.
     """
     values = plane[np.isfinite(plane) & (plane > 0 if how.logarithmic else True)]
     if not values.size:
@@ -121,7 +121,7 @@ def _extent(plane: F4, pixel: float) -> tuple[float, float, float, float]:
 
 
 def draw_regions(regions: Contacts, grey: F4, noun: str, file: Path) -> None:
-    """Regions over the mean image, each in a colour and with its number."""
+    """Draw regions over the mean image, each in a colour and with its number."""
     plate = _plate(regions.shape, 0)
     colours = len(BIT_COLOURS)
     numbers, areas = np.unique(regions[regions > 0], return_counts=True)
@@ -130,7 +130,7 @@ def draw_regions(regions: Contacts, grey: F4, noun: str, file: Path) -> None:
     plate.begin(grey)
     plate.colour(np.ma.masked_where(regions == 0, (regions - 1.0) % colours + 1))
     for number in numbers:
-        # The region's pixel nearest to the centroid: that of a ring lies outside the region.
+        # The region's pixel nearest to the centroid, which may lie outside, as for a ring.
         rows, columns = np.nonzero(regions == number)
         nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
         plate.number(int(number), float(columns[nearest]), float(rows[nearest]))
@@ -138,7 +138,7 @@ def draw_regions(regions: Contacts, grey: F4, noun: str, file: Path) -> None:
 
 
 def draw_labels(bits: Labels, grey: F4, count: int, title: str, file: Path) -> None:
-    """A colour per LED whose bit is set, a dark one for several: untouched film is near white."""
+    """Draw a colour for each LED whose bit is set, and a dark one for several LEDs."""
     numbers = _label_numbers(bits, count)
     plate = _plate(bits.shape, count)
     plate.begin(grey)
@@ -147,10 +147,10 @@ def draw_labels(bits: Labels, grey: F4, count: int, title: str, file: Path) -> N
 
 
 class _Plate:
-    """The mean image with numbers in colours over it: LEDs with their legend, or (0) regions.
+    """The mean image under numbers in colours: LEDs with a legend, or regions if `leds` is 0.
 
-    Axes and legend are drawn once for all touches of a run; they take ten times as long as what
-    differs.
+    Axes and legend are drawn once for all touches of a run, since they take ten times as long as
+    the rest.
     """
 
     def __init__(self, shape: tuple[int, ...], leds: int) -> None:
@@ -171,13 +171,13 @@ class _Plate:
         self._frame = self._canvas.copy_from_bbox(figure.bbox)
 
     def begin(self, grey: F4) -> None:
-        """Lay the mean of a touch's images."""
+        """Draw the mean of a touch's images."""
         self._canvas.restore_region(self._frame)
         self._grey.set(data=grey, clim=(0, float(grey.max())))
         self._axes.draw_artist(self._grey)
 
     def colour(self, numbers: np.ma.MaskedArray[tuple[int, ...], np.dtype[np.floating]]) -> None:
-        """Lay colours where numbers from 1 on are not masked."""
+        """Draw the colours of numbers from 1, except where they are masked."""
         self._over.set_data(numbers)
         self._axes.draw_artist(self._over)
 
@@ -191,7 +191,7 @@ class _Plate:
         written.remove()
 
     def write(self, title: str, file: Path) -> None:
-        """Put the frame and a title over it, and write the picture."""
+        """Draw the axes and a title on top, and write the picture."""
         self._title.set_text(title)
         for artist in (*self._axes.spines.values(), self._title):
             self._axes.draw_artist(artist)
@@ -200,9 +200,9 @@ class _Plate:
 
 
 _mine = threading.local()
-"""The plates and last pictures of a thread: Matplotlib's figures are for one thread each."""
+"""The plates and last pictures of a thread; a Matplotlib figure belongs to one thread."""
 MAX_PLATES = 8
-"""Plates that a thread keeps, some 3 MB each."""
+"""Largest number of plates that a thread keeps, some 3 MB each."""
 
 
 def _plate(shape: tuple[int, ...], leds: int) -> _Plate:
@@ -221,7 +221,7 @@ def _one_plane() -> tuple[Figure, Axes]:
 
 
 def _label_numbers(shadow: Labels, count: int) -> F4:
-    """0 for lit, k where LED k alone is dark, count + 1 where several are."""
+    """0 where no LED is shadowed, k where only LED k is, count + 1 where several are."""
     bits = np.stack([(shadow >> k) & 1 for k in range(count)]).astype(np.int64)
     dark = bits.sum(axis=0)
     single = (bits * np.arange(1, count + 1)[:, None, None]).sum(axis=0)

@@ -1,1 +1,1 @@
-"""The standard deviation of every height, and its causes."""
+"""The standard deviation of every height, from its causes."""

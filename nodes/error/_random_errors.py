@@ -1,6 +1,6 @@
-"""The random errors that `height_error` sends through the solver: their signs, waves and draws.
+"""The random errors that `height_error` propagates: their signs, waves and draws.
 
-``kernels/error/height_error.cl`` holds the same.
+``kernels/error/height_error.cl`` computes the same.
 """
 
 import math
@@ -12,17 +12,17 @@ from scipy.linalg import hadamard
 from tactograph.nodes import F4, OTHER_PLACES as ERROR_COUNT
 
 LED_SIGNS = hadamard(ERROR_COUNT).astype(np.float32)
-"""Signs of an error that every LED has alone, by error and LED."""
+"""Signs of an error of each single LED, by error and LED."""
 *_, BOUNCE_SIGNS, SETTLING_SIGNS, LEAN_SIGNS, RISE_SIGNS, MEAN_SIGNS = LED_SIGNS
-"""Signs of the errors that every random error holds in full, so that they do not interfere; those
-of the fourth LED and the bounced light are alike."""
+"""Orthogonal signs of the errors that every random error contains in full, so that they do not
+interfere; the fourth LED and the bounced light share a row."""
 WAVE_LENGTHS = 4.0, 12.0
-"""Lengths of the waves, relative to the width of the model's errors: at that width the correlation
-of the first has fallen to a half."""
+"""Lengths of the waves, relative to the width of the model's errors, at which the correlation of
+the first has fallen to a half."""
 
 
 class Wave(NamedTuple):
-    """A wave of the model's errors: direction, phase, and length relative to their width."""
+    """A wave of the model's errors: its direction, its phase, and its length over their width."""
 
     across: np.float32
     down: np.float32
@@ -31,7 +31,7 @@ class Wave(NamedTuple):
 
 
 def wave(number: int) -> Wave:
-    """The wave of an error; each odd one is a quarter of a wave ahead of the even one before."""
+    """The wave of an error; each odd error is a quarter of a wave ahead of the even one before."""
     angle, phase = number // 2 * math.pi / 4, number % 2 * math.pi / 2
     numbers = math.cos(angle), math.sin(angle), phase, WAVE_LENGTHS[number // 2 % 2]
     return Wave(*map(np.float32, numbers))
@@ -45,22 +45,21 @@ def kinds() -> F4:
 
 
 def key_of(seed: int, number: int) -> int:
-    """The key from which the random signs of an error are drawn."""
+    """The key of the hash that draws the random signs of an error."""
     return int(_hashed(np.uint32((ERROR_COUNT * seed + number + 1) % 2**32)))
 
 
 def drawn(key: int, shape: tuple[int, ...], first: int = 0) -> F4:
-    """+1 or -1 for each element, by a hash, so that every device draws the same.
+    """Draw +1 or -1 for each element by a hash, so that all devices draw the same.
 
-    Elements are counted from `first`.  Their variance is 1, like that of a standard normal
-    distribution; only the variance matters.
+    Elements are counted from `first`.  Only the variance of the draws matters, which is 1.
     """
     numbers = np.arange(first, first + math.prod(shape), dtype=np.uint32) ^ np.uint32(key)
     return np.where(_hashed(numbers) >> np.uint32(31), np.float32(1), np.float32(-1)).reshape(shape)
 
 
 def _hashed(x: Any) -> Any:
-    """Every bit of a 32-bit number depends on all bits of `x` (after Wellons, lowbias32)."""
+    """Hash a 32-bit number: every bit depends on all bits of `x` (C. Wellons, lowbias32)."""
     with np.errstate(over="ignore"):
         x = (x ^ x >> np.uint32(16)) * np.uint32(0x7FEB352D)
         x = (x ^ x >> np.uint32(15)) * np.uint32(0x846CA68B)

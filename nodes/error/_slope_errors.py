@@ -1,6 +1,6 @@
-"""The random errors of the slopes: each cause, and its part of the slopes to first order.
+"""The random errors of the slopes: the effect of each cause to first order.
 
-``kernels/error/height_error.cl`` holds the same (err_slopes).
+``kernels/error/height_error.cl`` computes the same (err_slopes).
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ from tactograph.nodes.optics.near_light import (
 )
 
 MIN_DETERMINANT_SHARE = np.float32(1e-4)
-"""Share of the product of two directions' weights below which LEDs lie in line."""
+"""Determinant over the product of its diagonal below which all LEDs lie in one line."""
 MIN_DIVISOR = np.float32(1e-10)
-"""Smallest variance, or deviation of a slope, that is divided by."""
+"""Lower bound on a variance, or deviation of a slope, in a denominator."""
 MAX_SLOPE = np.float32(3)
 """Largest error of a slope."""
 
 
 class Unperturbed(NamedTuple):
-    """Values without error, inside the window."""
+    """The values without error, inside the window."""
 
     sigma: F4
     """K x h x w."""
@@ -56,33 +56,33 @@ class Unperturbed(NamedTuple):
     used: U1
     """The LEDs that the slope was found with."""
     free: NDArray[np.bool_]
-    """Mask of film that is not at rest: the height is sought there."""
+    """Mask of film that is not at rest, whose height is unknown."""
     bounced: F4
-    """K x h x w, the light that the film throws on itself; zero if none is known."""
+    """K x h x w, the light from film to film; zero if none is given."""
     changed: F4
     """Change of `bounced` in the last pass, K x h x w."""
     sunk: F4
-    """`slope` less that of the film at rest, where the flat frame cancels the model's errors."""
+    """`slope` minus the slope of the film at rest, where the flat frame cancels model errors."""
     averaged: F4
-    """`slope` less that of the pixels' mean normals."""
+    """`slope` minus the slope of the pixels' mean normals."""
 
     def rows(self, part: slice) -> Unperturbed:
-        """The same for some rows."""
+        """These values for some rows."""
         inside = {name: plane[..., part, :] for name, plane in self._asdict().items()}
         return Unperturbed(**{**inside, "x": self.x})
 
 
 class Causes(NamedTuple):
-    """Sources of error, with their sizes."""
+    """The causes of errors, with their sizes."""
 
     film: Film
-    """Positions of the LEDs, other positions that are possible, and unevenness of the film."""
+    """The LEDs' positions, the alternatives within their error, and the film's unevenness."""
     misfit: Misfit
     shared: np.float32
-    """Factor on a touch's noise: what neighbours share, the flat frame's, and few draws."""
+    """Factor on a touch's noise, for correlation, for the flat frame's noise, and for few draws."""
     pixel: np.float32
     spread: np.float32
-    """Variance in px^2 of the places from which a blurred camera gathers a pixel's light."""
+    """Variance in px^2 by which a blurred camera spreads a pixel's light."""
 
 
 def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
@@ -109,8 +109,8 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
             wrong = (by_place * elsewhere).sum(axis=1)
             wrong += causes.misfit[2] * LED_SIGNS[number, : len(wrong), None, None]
             error = (by_light * wrong).sum(axis=1)
-            # Of the bounced light a share, and half its change: passes find too much and too little
-            # of it in turn, so that it lies between the last two.
+            # A share of the bounced light, and half of its change: passes find too much and too
+            # little in turn, so the true light lies between the last two results.
             wrong = BOUNCE_SIGNS[number] * causes.misfit[3] * inside.bounced
             wrong += SETTLING_SIGNS[number] * np.float32(0.5) * inside.changed
             error += (by_apparent * wrong).sum(axis=1)
@@ -155,10 +155,10 @@ def slope_by_light(unperturbed: Unperturbed, causes: Causes) -> F4:
 
 
 def _shown(at: Unperturbed, film: Film) -> tuple[F4, F4]:
-    """The light of the slopes found, relative to the film at rest and as a matt film's counts.
+    """The light of the slopes, relative to the film at rest, on a matt film's scale.
 
-    Also how much more light tells under a coat, whose light changes faster than a matt film's.
-    What an LED elsewhere changes grows alike, and its part in the slope stays.
+    Also by how much more the light of a coat changes with the slope than a matt film's.  The effect
+    of an LED's position grows by the same factor, so its effect on the slope stays.
     """
     if film.refraction == 1:
         vectors = vectors_at(film.lights, at.x, at.y, at.height)
@@ -179,9 +179,9 @@ def _shown(at: Unperturbed, film: Film) -> tuple[F4, F4]:
 
 
 def _root_of_noise(noise: F4) -> tuple[F4, F4, F4]:
-    """A root of the covariance of p and q by the noise of the lights, 2 x K x h x w.
+    """A root of the covariance of p and q due to the noise of the lights, 2 x K x h x w.
 
-    The noise of p, the noise of q that is correlated with it, and that which is independent.
+    The standard deviation of p, and the parts of q's noise that are correlated with it and not.
     """
     alone = np.sqrt((noise[0] * noise[0]).sum(axis=0))
     along = (noise[0] * noise[1]).sum(axis=0) / np.maximum(alone, MIN_DIVISOR)
@@ -190,7 +190,7 @@ def _root_of_noise(noise: F4) -> tuple[F4, F4, F4]:
 
 
 def _noise(root: tuple[F4, F4, F4], key: int, first: int, pixels: int) -> F4:
-    """The noise of p and q, of which pixels from number `first` on, of `pixels`, are drawn."""
+    """Draw the noise of p and q for the pixels from number `first` on, of `pixels`."""
     alone, along, across = root
     of_both = drawn(key, alone.shape, first)
     of_q = drawn(key, alone.shape, pixels + first)
@@ -198,7 +198,7 @@ def _noise(root: tuple[F4, F4, F4], key: int, first: int, pixels: int) -> F4:
 
 
 def _leaning(unperturbed: Unperturbed, misfit: Misfit, pixel: np.float32, number: int) -> F4:
-    """The error of the film's model (H3): normals lean in waves, and all too much or too little."""
+    """The error of the film's model (H3): normals lean in waves, and all are too steep or flat."""
     (p, q), waves = unperturbed.sunk, wave(number)
     per_mm = np.float32(2 * math.pi) / (waves.length * np.maximum(misfit[1], pixel))
     turned = per_mm * (waves.across * unperturbed.x + waves.down * unperturbed.y) + waves.phase

@@ -1,4 +1,4 @@
-"""State what whole maps share: how far film taken to be at rest may be from it, and the scale."""
+"""Add errors that the noise does not show: of film taken to be at rest, of scale, and of zero."""
 
 from typing import Annotated, Any
 
@@ -32,34 +32,35 @@ def doubt_rest(
     level: Annotated[float, Gt(0)] = 4.5,
     steepest: Annotated[float, Gt(0)] = 1.0,
 ) -> HeightError:
-    """Return the standard deviation of the height, on the film at rest as well.
+    """Return the standard deviation of the height, including that of the film at rest.
 
-    Film is taken for rest, and held at zero, where its light is 1 within noise.  A touch may
-    hide there, and two figures say how high it may be::
+    Film is taken to be at rest, and held at zero, where its light is 1 within noise.  A touch may
+    hide there, with this standard deviation of its height::
 
         sqrt(free^2 + (level pixel)^2 / 3 (variance_p + variance_q) / 2)
 
-    `free` is a height integrated from the slopes alone.  It shows what is wide: a step, or a
-    touch whose top reaches the border of the frame and looks calm there.  Where pieces of such film
-    lie farther `apart` than that, their distance counts, as it does for film that hangs between
-    them.  What is narrow hides
-    below the noise of a slope, over a pixel, times the `level` up to which light counts as
-    noise; any height up to there is equally likely, whose variance is a third of the square.
-    Where film is not at rest, the share of its height by which the calibration's scale may be
-    wrong is added, and the error of the height's zero everywhere.  A film that is
-    tilted as a whole is in none of them: it looks like LEDs that have faded.
+    `free` is a height integrated from the slopes alone.  It shows a wide touch: a step, or a touch
+    whose top reaches the border of the frame and looks calm there.  Where pieces of such film lie
+    farther `apart` than `free`, their distance counts, also for film that hangs between them.  A
+    narrow touch hides below the noise of a slope over one pixel, times the `level` up to which
+    light counts as noise.  Any height up to that limit is equally likely, so its variance is a
+    third of the square.
+
+    The error of the calibration's scale, a share of the height, is added where film is not at rest,
+    and the error of the height's zero everywhere.  A tilt of the whole film is not included: it
+    looks like LEDs that have faded.
 
     Parameters
     ----------
-    error : H x W in mm, as `height_error` gives it: zero on the film at rest
+    error : H x W in mm, from `height_error`, zero on the film at rest
     rest : H x W, 1 on the film at rest
     free : H x W in mm, a height for which no film was held at zero
     variance : 2 x H x W, the variance of p and q
     pixel : mm per px
-    apart : H x W in mm, how high film may lie with what is held at zero (`rest_apart`)
+    apart : H x W in mm, the distance of pieces of film at rest (`rest_apart`)
     height : H x W in mm
-    scale_error : relative error of all heights; without it the scale is exact
-    zero : in mm, as `zero_error` gives it; without it the zero is known
+    scale_error : relative error of all heights; None: the scale is exact
+    zero : error of the zero in mm (`zero_error`); None: the zero is known
     level : standard deviations of the light that `calm_film` counts as noise
     steepest : largest standard deviation of a slope
 
@@ -80,7 +81,7 @@ doubt_rest.opencl(grid="H W", lanes="grid")
 
 @doubt_rest.example
 def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, Any]:
-    """Some film at rest, some slopes unknown."""
+    """Some film is at rest, and some slopes are unknown."""
     variance = rng.uniform(1e-6, 1e-2, (2, H, W))
     variance[:, rng.random((H, W)) < 0.1] = 1e12
     free, apart, height = rng.normal(0, 0.01, (3, H, W)).astype(np.float32)

@@ -1,7 +1,7 @@
-"""The standard deviation of every height.
+"""Compute the standard deviation of every height.
 
-Long because every cause of an error has its formula, and all of them pass one solver, on the
-host as on the device.
+Long because every cause of an error has its formula, and all pass through one solver, on the host
+and on the device.
 """
 
 from __future__ import annotations
@@ -48,16 +48,16 @@ if TYPE_CHECKING:
     from tactograph.graph.backends.launch import DeviceArray, Launch
 
 CPU_GROUP_ITEMS = 4
-"""Work-items per group on a CPU, where each keeps much data."""
+"""Work-items of a group on a CPU, where each needs much data."""
 SPREAD_PX = 3.0
-"""The Gaussian by which the variance is averaged over neighbours."""
+"""Standard deviation of the Gaussian that averages the variance over neighbours."""
 MIN_ENERGY_SHARE = 1e-6
-"""Stop when less than this share of the steps' energy is left to gain."""
+"""Stop when the remaining gain is less than this share of the steps' energy."""
 STUDENT_FACTOR = np.float32(stdtrit(ERROR_COUNT, ndtr(BAND_DEVIATIONS)) / BAND_DEVIATIONS)
-"""Student's quantile over the normal one that it replaces, at the end of the 90 % band: a variance
-that draws tell has as many degrees of freedom as there are draws."""
+"""Student's quantile over the normal quantile at the end of the 90 % band: a variance estimated
+from draws has as many degrees of freedom as there are draws."""
 Wants = tuple[F4, F4, F4]
-"""The steps to the right and down and the rises that the springs aim at, in mm."""
+"""The springs' target steps to the right and down, and their target rises, in mm."""
 
 
 @node(
@@ -65,7 +65,7 @@ Wants = tuple[F4, F4, F4]
         2e-4,
         1e-6,
         2e-3,
-        why="conjugate gradients add up in another order; two LEDs nearly in line",
+        why="conjugate gradients sum in another order; two LEDs may be nearly in line",
     ),
     sizes={"K": SizeLimit(1, 8, "a label holds a bit for each of at most 8 LEDs")},
 )
@@ -87,73 +87,62 @@ def height_error(
     steps: Annotated[int, Interval(ge=8, le=1000)] = 8,
     seed: Annotated[int, Ge(0)] = 1,
 ) -> HeightError:
-    """Return the standard deviation of the height, by sending errors through the solver.
+    """Return the standard deviation of the height, by propagating errors through the solver.
 
     For given weights the height is linear in the slopes and rises (H2).  A few random errors of the
-    right size are integrated like slopes.  The mean square of the results, averaged over
-    neighbours, is the variance.  They are integrated on cells of 2 x 2 pixels (`spring_cells`).
-    The errors are
+    right size are integrated like slopes, on cells of 2 x 2 pixels (`spring_cells`).  The mean
+    square of the results, averaged over neighbours, is the variance.  The errors are
 
     - the noise of each LED's light, independent from pixel to pixel.  A height is a sum of slopes,
-      so the noise of a mean over pixels counts, as a calibration measures it on light over the
-      flat frame (`noise_correlation`): what neighbours share, and the flat frame's own noise.  So
-      few draws tell its variance by chance, and Student's distribution is wider than a normal one;
+      so the noise of a mean over pixels counts.  The calibration measures it on light divided by
+      the flat frame (`noise_correlation`), so it includes the correlation of neighbours and the
+      flat frame's noise.  A factor from Student's distribution accounts for the few draws;
     - an error of the calibration, common to all pixels: the first-order change of the film's
-      light if the LEDs were at other positions that the calibration allows (on the film at rest
-      the flat frame cancels it);
-    - an error of the film's model: normals that lean by the residual on presses held out, and on
-      this touch.  The errors are waves of two lengths in four directions, each in two phases a
-      quarter of a wave apart, so that their squares have a constant sum.  Only the part of such
-      a field that leans along its wave changes a height, which is half of it.  In a second error
-      all normals lean too much, or too little;
-    - two errors of the light that the film throws on itself: the share of it by which the
-      calibration's presses disagree; and half its change in the last pass, since passes find too
-      much and too little of it in turn;
-    - an error of each LED's light, common to all pixels: what the film at rest departs by, since
-      LEDs drift, and light that a touch throws on the film is not known well around it;
-    - what the mean slope of a pixel differs by from that of its mean normal, whose expansion fails
-      across an edge, and what a blur adds, which nothing takes off: to second order light changes
-      by half the blur's variance times the Laplacian of the light of the slopes found;
-    - errors of the shadows' rises: one that is independent of the others', and what the height
-      departs from them by: at a rim that no pixel resolves, slopes hold it back, and all that
-      stands on the rim.  Where a gel diffuses light shadows end softly, and it is the rises that
-      err;
+      light for other LED positions within the calibration's error (on the film at rest the flat
+      frame cancels it);
+    - an error of the film's model: normals lean by the residual on held-out presses and on this
+      touch.  The errors are waves of two lengths in four directions, each in two phases a quarter
+      of a wave apart, so that their squares have a constant sum.  Only the component along the
+      wave changes a height, which is half of such a field.  In a second error all normals are too
+      steep, or too flat;
+    - two errors of the light from film to film: the share by which the calibration's presses
+      disagree about it; and half its change in the last pass, since passes find too much and too
+      little of it in turn;
+    - an error of each LED's light, common to all pixels: the departure of the film at rest, since
+      LEDs drift, and the light that a touch throws on the film around it is not well known;
+    - the difference between a pixel's mean slope and the slope of its mean normal, whose expansion
+      fails across an edge, and the effect of a blur, which is not corrected: to second order light
+      changes by half the blur's variance times the Laplacian of the light of the slopes;
+    - errors of the shadows' rises: an independent error, and the departure of the height from the
+      rise.  At a rim that no pixel resolves, slopes pull the height down, with everything that
+      stands on the rim.  In a gel that diffuses light shadows end softly, and the departure is an
+      error of the rise;
     - where the slope differs by more than a half from pixel to pixel: the edge may lie anywhere
       in the pixel, or as far away as the blur spreads it.
 
     The eight positions of the LEDs are chosen so that the squares of the calibration's errors
     add up exactly.  On the film at rest the error is zero, because the height is held at zero;
-    `doubt_rest` says how far that may be off, and adds what all heights share.
+    `doubt_rest` replaces that zero, and adds the errors that all heights share.
 
     Parameters
     ----------
     height : H x W in mm, as integrated
     slope : 2 x H x W, as given to `height_system`
     system : the equations from which the height was integrated
-    sigma
-        K x H x W, the standard deviation of the light.
-    used
-        H x W, the LEDs the slope was found with.
-    film
-        Where the LEDs are and may be instead, and how uneven the film's brightness is.
-    misfit
-        Length 5, errors of the film's model, as `touch_misfit` gives them.
-    apparent
-        2 x H x W, the slopes of the pixels' mean normals (`pixel_mean_slope`).
+    sigma : K x H x W, the standard deviation of the light
+    used : H x W, the LEDs that the slope was found with
+    film : the LEDs' positions, the alternatives within their error, and the film's unevenness
+    misfit : length 5, the errors of the film's model (`touch_misfit`)
+    apparent : 2 x H x W, the slopes of the pixels' mean normals (`pixel_mean_slope`)
     bounced, earlier
-        K x H x W, the light that the film throws on itself, already subtracted from the light; and
-        the same in the previous pass.
+        K x H x W, the light from film to film that was subtracted from the light, and that of the
+        previous pass.
     correlation
-        Correlation of the noise of neighbours, as `noise_correlation` gives it; without it the
-        noise is independent.
-    blur
-        Of the camera; without it the camera is sharp.
-    tilt
-        2 x H x W, slopes of the film at rest; None: a plane.
-    steps
-        Conjugate-gradient steps per error.
-    seed
-        Seed of the random errors.
+        Correlation of the noise of neighbours, from `noise_correlation`; None: independent noise.
+    blur : of the camera in px; None: the camera is sharp
+    tilt : 2 x H x W, slopes of the film at rest; None: a plane
+    steps : conjugate-gradient steps for each error
+    seed : seed of the random errors
 
     Returns
     -------
@@ -199,7 +188,7 @@ def height_error(
 
 
 def _variance(springs: Springs, random_load: Callable[[int], Wants], steps: int) -> F4:
-    """The variance of the height by the random loads, in mm^2."""
+    """The variance of the height under the random loads, in mm^2."""
     cells = cells_of(springs) if len(levels_of(*springs.shape)) > 1 else None
     levels = hierarchy(springs if cells is None else cells.springs)
     start = np.zeros(levels[0].shape, np.float32)
@@ -217,7 +206,7 @@ def _variance(springs: Springs, random_load: Callable[[int], Wants], steps: int)
 
 
 def _smooth_deviation(variance: F4, free: F4) -> F4:
-    """The square root of the variance, averaged over the neighbours that are free."""
+    """The square root of the variance after averaging over neighbours that are free."""
     total = cv2.GaussianBlur(variance * free, (0, 0), SPREAD_PX)
     weight = np.maximum(cv2.GaussianBlur(free, (0, 0), SPREAD_PX), np.float32(1e-3))
     return np.asarray(np.sqrt(np.maximum(total / weight, 0)) * free, np.float32)
@@ -225,7 +214,7 @@ def _smooth_deviation(variance: F4, free: F4) -> F4:
 
 @height_error.opencl()
 def _launch(run: Launch) -> None:
-    """Send the same errors through the same networks; no pixel comes to the host."""
+    """Propagate the same errors through the same networks, without a download of pixels."""
     inputs, settings = run.inputs, run.settings
     networks = HeightNetworks(run, with_cells=True)
     solver = HeightSolver(run, networks)
@@ -236,7 +225,7 @@ def _launch(run: Launch) -> None:
     wants = networks.room(networks.pixels, ERROR_COUNT if cells is None else 1)
     of_cells = wants if cells is None else networks.room(cells, ERROR_COUNT)
     keys = [np.uint32(key_of(settings["seed"], number)) for number in range(ERROR_COUNT)]
-    # Not earlier, although the host must build networks first: the slopes stay in the cache.
+    # After the networks are built, so that the slopes are still in the cache.
     slopes = _launch_slopes(run, networks, keys)
     for number in range(ERROR_COUNT):
         to = number if cells is None else 0
@@ -269,7 +258,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
     inputs = run.inputs
     frame = tuple(run.sizes[symbol] for symbol in "KHW")
     slopes = run.scratch((ERROR_COUNT, 2, *networks.shape))
-    # A launch of its own, as neighbours read its light; under a coat it takes as long as the rest.
+    # A separate launch, since neighbours read its light; a coat takes half of the time.
     light, blunt = run.scratch((frame[0], *networks.shape)), run.scratch(networks.shape)
     run.kernel(
         "shine", run.in_row_lanes(*networks.shape),
@@ -288,7 +277,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
         inputs["film.uneven"], (inputs.get("blur") or 0.0) ** 2 / 2,
         run.keep("kinds", lambda: run.put(kinds())), run.put(np.array(keys)), inputs["misfit"],
         inputs["apparent"], *(inputs.get(name) for name in ("bounced", "earlier", "tilt")),
-        # The data of a work-item fill a cache, and a CPU keeps those of a whole group.
+        # The data of a work-item fill a cache, and a CPU holds those of all items of a group.
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip
     return slopes
@@ -297,7 +286,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
 def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
     """Write the result of `_smooth_deviation` to the output."""
     shape, frame = networks.shape, (run.sizes["H"], run.sizes["W"])
-    # As many as a Gaussian of floats has in OpenCV: four deviations on either side.
+    # The radius of OpenCV's Gaussian for floats: four standard deviations.
     radius = round(4 * SPREAD_PX)
     kernel = cv2.getGaussianKernel(2 * radius + 1, SPREAD_PX, cv2.CV_32F)
     taps = run.keep("taps", lambda: run.put(kernel.ravel()))
@@ -323,7 +312,7 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     around = rng.uniform(0, 2 * np.pi, lights)
     places = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
     shape = rows, columns
-    # Level film at the left; an edge that no pixel resolves in the middle.
+    # Level film on the left; an unresolved edge in the middle.
     rising = np.linspace(0, 1, columns)
     height = 0.01 * np.sin(np.arange(rows) / 9)[:, None] + 0.3 * (rising > 0.5)
     turns = rng.uniform(0, 6, (2, 1, 1)) + np.arange(rows)[:, None]

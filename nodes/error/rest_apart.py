@@ -1,4 +1,4 @@
-"""How far apart film at rest lies in pieces that a touch parts."""
+"""Find how far apart the pieces of film at rest lie that a touch separates."""
 
 import cv2
 import numpy as np
@@ -10,14 +10,14 @@ from tactograph.nodes import Height, Mask
 
 @node
 def rest_apart(rest: Mask, free: Height) -> Height:
-    """Return how high film may lie with the film at rest that holds it, by slopes alone.
+    """Return how far each pixel may be off because its film at rest is not at zero.
 
-    All film at rest is held at zero.  A touch whose calm top reaches the border of the frame
-    looks like film at rest, too, and the light does not tell which of both it is.  Each piece
-    departs from its own mean by errors of the slopes alone; what lies between two means counts as
-    far as it is more than both do.  A warning names a piece that is nearer to the top of the
-    touch than to the film.  Film between pieces hangs on each of them by the inverse of its
-    distance.
+    All film at rest is held at zero.  But a touch whose calm top reaches the border of the frame
+    looks like film at rest, too, and light does not distinguish the two.  Within a piece, errors of
+    the slopes alone make the free height depart from its mean.  The distance between the means of
+    two pieces counts as far as it exceeds both departures.  Film between pieces takes the mean of
+    their distances, weighted by its inverse distance to each.  A warning is given if a piece is
+    nearer to the top of the touch than to the film.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def rest_apart(rest: Mask, free: Height) -> Height:
 
     Returns
     -------
-    H x W in mm; 0 on the largest piece, and where all film at rest lies together.
+    H x W in mm; 0 on the largest piece, and everywhere if there is only one piece.
     """
     count, labels = cv2.connectedComponents(rest, connectivity=4)
     pieces = np.asarray(labels, np.int32)
@@ -40,13 +40,13 @@ def rest_apart(rest: Mask, free: Height) -> Height:
     highest = np.abs(beyond[1:]).max()
     if 2 * highest > np.ptp(free):
         warn(
-            f"film that looks at rest lies {highest:.2g} mm above or below other such film by its "
-            "slopes, and is held at zero as well: a touch may reach the frame's border (the stated "
-            "error counts that)"
+            f"by its slopes, one part of the film at rest lies {highest:.2g} mm above or below "
+            "another, and both are held at zero: a touch may reach the frame's border (the stated "
+            "error includes that)"
         )
     if not beyond.any():
         return np.zeros_like(free)
-    # One plane a piece would not fit into memory where film at rest is in a hundred specks.
+    # A plane for each piece would not fit into memory if film at rest consists of many specks.
     total, hanging = np.zeros(rest.shape), np.zeros(rest.shape)
     for piece in range(1, count):
         away = cv2.distanceTransform((pieces != piece).astype(np.uint8), cv2.DIST_L2, 5)

@@ -1,5 +1,5 @@
-"""Results against a known truth.
+"""Compare results with a known truth.
 
-Errors of heights, slopes, shadows and of stated errors, as named figures.
+Errors of heights, slopes, shadows and stated errors, as named figures.
 A new metric goes here.
 """

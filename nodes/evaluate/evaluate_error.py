@@ -17,25 +17,25 @@ def evaluate_error(
 ) -> Metrics:
     """Return how much of the truth lies within the 90 % band, or nothing without truth.
 
-    Film at rest is left out, as it would hide what is stated of a touch.  So are unresolved pixels,
-    whose height is that of either side of an edge; they are counted.
+    Film at rest is left out, since it would hide the errors stated for a touch.  Unresolved pixels,
+    whose height is that of either side of an edge, are left out and counted.
 
     Parameters
     ----------
     height, truth : H x W in mm
     error : H x W, one standard deviation in mm
-    off_rest : H x W, 0 on the film at rest; without it all film is taken for touched
-    unresolved : H x W, as `unresolved_edges` gives it; without it all pixels count
+    off_rest : H x W, 0 on the film at rest; None: all film counts as touched
+    unresolved : H x W, from `unresolved_edges`; None: all pixels count
 
     Returns
     -------
     dict
         ``in_90_percent_band`` in per cent; 90 if the errors are right.
-        ``stated_over_actual``, the root mean squares of stated and actual errors, divided.
+        ``stated_over_actual``, the ratio of the root mean squares of stated and actual errors.
         ``max_resolved_error_um``, the largest error of these pixels.
-        ``unresolved_percent``, of the pixels of touched film, how many are left out.
+        ``unresolved_percent``, the share of touched film that is left out.
     """
-    # A lens mixes what is stated of film at rest into the pixels beside it.
+    # Resampling by a lens mixes the error of film at rest into the pixels beside it.
     stated = (error if off_rest is None else off_rest) > 0
     touched = cv2.erode(stated.astype(np.uint8), np.ones((3, 3))) != 0
     if truth is None or not touched.any():

@@ -8,10 +8,10 @@ from tactograph.nodes import UM_PER_MM, Height, Metrics, PixelSize
 
 @node
 def evaluate_height(height: Height, pixel: PixelSize, truth: Height | None = None) -> Metrics:
-    """Return the errors of a height, or nothing where the truth is not known.
+    """Return the errors of a height, or nothing without truth.
 
-    Neither height is changed: zero is the film at rest, nothing is shifted or
-    scaled to fit.  The object is where the truth is above zero.
+    Neither height is shifted or scaled to fit; zero is the film at rest.  The object is the area
+    where the truth is above zero.
 
     Parameters
     ----------

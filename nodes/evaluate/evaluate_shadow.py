@@ -11,10 +11,10 @@ LED_BITS = tuple(np.uint8(1 << k) for k in range(8))
 
 @node
 def evaluate_shadow(shadow: Labels, truth: Labels | None = None) -> Metrics:
-    """Return how well the shadows of each LED were found, or nothing without the truth.
+    """Return how well the shadows of each LED were found, or nothing without truth.
 
-    A pixel counts once for every LED.  A figure whose denominator is zero has no value and
-    is left out: precision where nothing was labelled, recall where there is no shadow.
+    A pixel counts once for every LED.  A figure with denominator zero is left out: precision if
+    nothing was labelled, recall if there is no shadow.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def evaluate_shadow(shadow: Labels, truth: Labels | None = None) -> Metrics:
 
 
 def _counts(labelled: Labels, truth: Labels) -> NDArray[np.int64]:
-    """Return the numbers of pixels that are both, labelled, and true."""
+    """Return the numbers of pixels that are both labelled and true, labelled, and true."""
     return np.array([np.count_nonzero(mask) for mask in (labelled & truth, labelled, truth)])
 
 

@@ -20,17 +20,17 @@ def evaluate_slope(
     *,
     steepest: Annotated[float, Gt(0)] = 4.0,
 ) -> Metrics:
-    """Return the errors of slopes and normals, or nothing where no truth is known.
+    """Return the errors of slopes and normals, or nothing without truth.
 
     Parameters
     ----------
     slope : 2 x H x W, the reconstructed slope
     pixel : mm per px
-    truth : 2 x H x W, the true slope; without it the true height is differentiated
+    truth : 2 x H x W, the true slope; None: the true height is differentiated
     height : H x W in mm, the true height
     steepest
         Pixels whose true slope is steeper (mm per mm) do not count towards the slope's
-        error: across a step the difference of two heights is not a slope.
+        error: a difference across a step is no slope.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""All figures of a touch in one place."""
+"""Join the figures of a touch."""
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Metrics
@@ -15,12 +15,12 @@ def join_metrics(*metrics: Metrics) -> Metrics:
     Raises
     ------
     InputError
-        If two of them have a figure of the same name.
+        If two inputs have a figure of the same name.
     """
     joined: Metrics = {}
     for each in metrics:
         twice = sorted(joined.keys() & each.keys())
         if twice:
-            raise InputError(f"two inputs hold a figure called '{twice[0]}'")
+            raise InputError(f"two inputs have a figure called '{twice[0]}'; leave out one of them")
         joined |= each
     return joined

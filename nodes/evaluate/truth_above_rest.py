@@ -1,4 +1,4 @@
-"""The true height above the film at rest, which graphs measure."""
+"""Convert a true height to the height above the film at rest, which graphs measure."""
 
 from typing import Annotated
 
@@ -14,13 +14,13 @@ def truth_above_rest(
     own_rest: Height | None = None,
     rest: Annotated[F4, Port("R C", "mm", low=0, high=3)] | None = None,
 ) -> Height | None:
-    """Return how high the true film stands above the film at rest, or None without truth.
+    """Return the true height above the film at rest, or None without truth.
 
     Parameters
     ----------
-    lens : length 8, as `read_lens` gives it
-    truth : H x W in mm, the film's own height that each pixel of the camera sees
-    own_rest : H x W in mm, the true film at rest; None: it is that of the calibration
+    lens : length 8, from `read_lens`
+    truth : H x W in mm, the absolute height of the film that each pixel of the camera sees
+    own_rest : H x W in mm, the true film at rest; None: the calibration's
     rest : R x C in mm on the ideal grid, the calibration's film at rest; None: a plane at 0
     """
     if truth is None:

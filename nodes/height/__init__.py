@@ -1,5 +1,5 @@
 """From slope to height in mm.
 
-Integrators, the film at rest set to zero, and the height's stated error.
+Integrators, and nodes that set the film at rest to zero.
 A new integrator goes here.
 """

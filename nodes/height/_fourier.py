@@ -8,7 +8,7 @@ from tactograph.graph.backends.launch import DeviceArray, Launch
 
 
 def missing_vkfft() -> str | None:
-    """Message that VkFFT is not installed, with the remedy; None if it is."""
+    """A message with the remedy if VkFFT is not installed, else None."""
     if importlib.util.find_spec("pyvkfft") is not None:
         return None
     return "pyvkfft is not installed (pip install 'tactograph[vkfft]')"
@@ -30,7 +30,7 @@ class _Vkfft:
 
 
 class _OnePixel:
-    """VkFFT refuses to transform nothing; one pixel is its own spectrum."""
+    """The transform of one pixel, which is its own spectrum; VkFFT refuses that size."""
 
     def forward(self, run: Launch, field: DeviceArray) -> None: ...
 
@@ -41,12 +41,12 @@ Transform = _Vkfft | _OnePixel
 
 
 def cosine_transform(run: Launch, shape: tuple[int, int]) -> Transform:
-    """The two-dimensional DCT-II; its inverse undoes it, scale included."""
+    """The two-dimensional DCT-II; its inverse restores the scale, too."""
     return _planned(run, shape, np.float32, 2)
 
 
 def fourier_transform(run: Launch, shape: tuple[int, int]) -> Transform:
-    """The two-dimensional complex FFT; its inverse undoes it, scale included."""
+    """The two-dimensional complex FFT; its inverse restores the scale, too."""
     return _planned(run, shape, np.complex64, False)
 
 

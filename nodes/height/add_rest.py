@@ -1,4 +1,4 @@
-"""The film's own height, from how high it is above its place at rest, and back."""
+"""Convert between the height above the film at rest and the absolute height."""
 
 from tactograph.graph import node
 from tactograph.nodes import Height
@@ -6,11 +6,11 @@ from tactograph.nodes import Height
 
 @node(neutral="height")
 def add_rest(height: Height, rest: Height | None = None, *, away: bool = False) -> Height:
-    """Add the height of the film at rest, or take it away.
+    """Add the height of the film at rest, or subtract it.
 
     Parameters
     ----------
-    height : H x W in mm, above the film at rest; with `away` the film's own
+    height : H x W in mm, above the film at rest; with `away` the absolute height
     rest : H x W in mm, the film at rest; None: a plane
     away : whether `rest` is subtracted
     """
@@ -24,5 +24,5 @@ add_rest.opencl(grid="H W", lanes="grid")
 
 @add_rest.idle
 def _is_plane(rest: Height | None = None) -> bool:
-    """Return whether the film at rest is a plane: nothing says otherwise."""
+    """Return true; the node is asked only if `rest` is absent."""
     return True

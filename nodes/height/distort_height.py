@@ -1,4 +1,4 @@
-"""Bring a height from the ideal grid back to the pixels of the camera."""
+"""Bring a height from the ideal grid back to the camera's pixels."""
 
 from tactograph.graph import Close, node
 from tactograph.nodes import Height, Lens
@@ -8,20 +8,20 @@ from tactograph.nodes.optics.lens import ideal_places, is_straight
 
 @node(
     neutral="height",
-    tolerance=Close(3e-4, why="places rounded to 1e-5 px, times a step between two pixels"),
+    tolerance=Close(3e-4, why="places are rounded to 1e-5 px, times a step between two pixels"),
 )
 def distort_height(height: Height, lens: Lens) -> Height:
     """Return the height that each pixel of the camera sees: the inverse of `undistort`.
 
     Values between pixels are interpolated by cubic convolution.  Pixels that look beyond the
     ideal grid, at the border of an image with barrel distortion, repeat its border.  Without a
-    lens the height is returned unchanged, bit for bit.  Cubic convolution overshoots at steps:
-    a standard deviation is brought back by `distort_error`.
+    lens the height is returned unchanged, bit for bit.  Cubic convolution overshoots at steps, so
+    standard deviations have a node without overshoot, `distort_error`.
 
     Parameters
     ----------
     height : H x W in mm on the ideal grid
-    lens : length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
+    lens : length 8, from `read_lens` (equations L1 and L2)
     """
     if is_straight(lens):
         return height

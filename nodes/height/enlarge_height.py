@@ -10,13 +10,13 @@ from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
 def enlarge_height(
     height: CoarseHeight, like: Light, onto: Height | None = None, *, factor: CellSide = 4
 ) -> Height:
-    """Interpolate linearly between the cells that `coarsen` made, and add that to a height.
+    """Interpolate linearly between the cells of `coarsen`, and add the result to a height.
 
     Parameters
     ----------
     height : h x w in mm, one value per cell
-    like : K x H x W; only its size is read, which is that of the result
-    onto : H x W in mm, which is added; without it nothing is
+    like : K x H x W; gives the size of the result
+    onto : H x W in mm, the height to add to; None: zero
     factor : side of a cell in pixels, as for `coarsen`
     """
     _count, rows, columns = like.shape

@@ -1,4 +1,4 @@
-"""The equations for the height as a record, and a height's departures from them."""
+"""The equations for the height as a record, and the residuals of a height."""
 
 from typing import Annotated, NamedTuple, TypeVar
 
@@ -10,15 +10,15 @@ from tactograph.nodes import F4, I4, U1, Height
 from tactograph.nodes.height.springs import Springs, Ties
 
 REST_STIFFNESS = np.float32(1e5)
-"""Stiffness of the film at rest; that of the surest step is 1."""
+"""Stiffness of the film at rest, in units of the surest step's stiffness."""
 STATE_FREE, STATE_REST, STATE_AWAY = 0, 1, 2
-"""The states of a pixel: its height is sought, it is at rest, or it does not count."""
+"""The states of a pixel: its height is unknown, it is at rest, or it does not count."""
 
 Pixel = TypeVar("Pixel", bound=np.generic)
 
 
 class Window(NamedTuple):
-    """The part of the frame that is not at rest, and a margin."""
+    """The part of the frame that is not at rest, with a margin."""
 
     rows: slice
     columns: slice
@@ -30,8 +30,8 @@ class Window(NamedTuple):
 class HeightSystem(NamedTuple):
     """Weighted equations inside a window of the frame: steps, rises by shadows, film at rest.
 
-    Heights that agree best with them minimise the sum of rho(r^2 / variance), with r the residual
-    of an equation, z = 0 on the film at rest, and rho as given by `scales`.
+    The height minimises the sum of rho(r^2 / variance), with r the residual of an equation, z = 0
+    on the film at rest, and rho as given by `scales`.
     """
 
     right: Annotated[F4, Port("h w", "mm")]
@@ -39,10 +39,10 @@ class HeightSystem(NamedTuple):
     down: Annotated[F4, Port("h w", "mm")]
     """Step to the pixel below; 0 in the last row."""
     right_variance: Annotated[F4, Port("h w", "mm^2")]
-    """Infinite where a step is not known at all, as beyond the window."""
+    """Infinite where a step is unknown, as beyond the window."""
     down_variance: Annotated[F4, Port("h w", "mm^2")]
     state: Annotated[U1, Port("h w", "state", high=2)]
-    """0 where the height is sought, 1 on the film at rest, 2 where a pixel does not count."""
+    """0 where the height is unknown, 1 on the film at rest, 2 where a pixel does not count."""
     top: Annotated[I4, Port("T", "pixel number")]
     """The pixels that lie `rise` above `foot`; the window's pixels are counted row by row."""
     foot: Annotated[I4, Port("T", "pixel number")]
@@ -50,7 +50,7 @@ class HeightSystem(NamedTuple):
     corner: Annotated[I4, Port("2", "px")]
     """The window's first row and column."""
     anchored: Annotated[U1, Port("1", "flag", high=1)]
-    """1 if any film is at rest; else the median of the frame's border is zero."""
+    """1 if any film is at rest; otherwise the median of the frame's border is set to zero."""
     scales: Annotated[NDArray[np.float64], Port("4")]
     """(step, rise, robust, pixel).
 
@@ -68,11 +68,11 @@ class HeightSystem(NamedTuple):
         return self.right[:, :-1], self.down[:-1]
 
     def cut(self, height: Height) -> F4:
-        """A height over the frame inside the window, put to zero on the film at rest."""
+        """The part of a height inside the window, set to zero on the film at rest."""
         return np.where(self.state == STATE_REST, np.float32(0), self.window.of(height))
 
     def residuals(self, height: F4) -> tuple[F4, F4, F4]:
-        """Departures of the height from the equations, in mm."""
+        """The residuals of the equations, in mm: steps to the right, steps down, rises."""
         (right, down), flat = self.steps, height.ravel()
         return (
             height[:, 1:] - height[:, :-1] - right,
@@ -81,7 +81,7 @@ class HeightSystem(NamedTuple):
         )
 
     def cost(self, height: F4, scale: float) -> float:
-        """Cost that is minimised if c is `scale`: the sum of log(1 + r^2 / (scale^2 variance))."""
+        """The cost for c = `scale`: the sum of log(1 + r^2 / (scale^2 variance))."""
         square = np.float32(scale * scale)
 
         def part(residual: F4, variance: F4 | np.float32) -> float:
@@ -92,10 +92,9 @@ class HeightSystem(NamedTuple):
         return steps + part(rise, rise_variance(self.scales))
 
     def springs(self, height: F4, scale: float) -> Springs:
-        """The network, each spring weaker the farther the height departs from it.
+        """The network of springs, with the stiffness of Cauchy's weights.
 
-        Cauchy's weights: 1 / (variance (1 + r^2 / (scale^2 variance))), in units of the
-        surest step's.
+        They are 1 / (variance (1 + r^2 / (scale^2 variance))), in units of the surest step's.
         """
         unit, square = surest(self.scales), np.float32(scale * scale)
 
@@ -113,7 +112,7 @@ class HeightSystem(NamedTuple):
 
 
 def window_at(corner: I4, shape: tuple[int, ...]) -> Window:
-    """The window of a shape at its first row and column."""
+    """The window of this shape whose first row and column are `corner`."""
     (row, column), (rows, columns) = corner.tolist(), shape
     return Window(slice(row, row + rows), slice(column, column + columns))
 

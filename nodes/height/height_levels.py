@@ -1,6 +1,6 @@
-"""The levels of a multigrid in the planes that they share: places, ties, and order of steps.
+"""The levels of a multigrid: their places in shared planes, their ties, the order of steps.
 
-The host lays them out; `height_networks` and `height_solver` compute on them.
+The host lays them out; `height_networks` and `height_solver` compute with them on the device.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,12 +14,12 @@ from tactograph.nodes import I4
 from tactograph.nodes.height.springs import MAX_COARSEST_PIXELS, SINGLE_VISITS, Ties, stable_order
 
 GAP_PIXELS = 32
-"""Gaps before, between and after the levels are multiples of this length, as rows are."""
+"""The length of rows, and of gaps before, between and after the levels, is a multiple of this."""
 STEP_RESTRICT, STEP_REDO, STEP_LIFT, STEP_SMOOTH = range(4)
 
 
 class Level(NamedTuple):
-    """A network of the multigrid: its first number in the planes, its size, numbers per row."""
+    """A network of the multigrid: its first index in the planes, its size, and its row length."""
 
     first: int
     rows: int
@@ -32,11 +32,11 @@ class Level(NamedTuple):
 
     @property
     def place(self) -> tuple[int, int, int]:
-        """Its kernel arguments."""
+        """The kernel arguments of the level."""
         return self.first, self.rows, self.stride
 
     def at(self, pixel: NDArray[Any]) -> NDArray[Any]:
-        """The places in the planes of its pixels, which are counted without gaps."""
+        """The indices in the planes of pixels that are numbered without gaps."""
         return self.first + pixel // self.columns * self.stride + pixel % self.columns
 
 
@@ -59,15 +59,15 @@ def levels_of(rows: int, columns: int) -> list[Level]:
 
 
 def _row(columns: int) -> int:
-    """The numbers that a row takes: whole lanes, and twice as many on the level before."""
+    """The length of a row, rounded up to whole runs of lanes."""
     return -(-columns // GAP_PIXELS) * GAP_PIXELS
 
 
 def gaps_of(levels: Sequence[Level]) -> I4:
-    """Beginnings of the runs of numbers that belong to no level, and of the row after the last."""
+    """The starts of the gaps between levels, and of the row after the last level."""
     last = levels[-1]
     begins = [0, *(level.first + level.size for level in levels)]
-    # Lanes at the end of a level read one run beyond the row after it.
+    # Lanes at the end of a level read one run of lanes beyond the next row.
     ends = [*(level.first for level in levels), last.first + last.size + last.stride + GAP_PIXELS]
     runs = [np.arange(begin, end, GAP_PIXELS) for begin, end in zip(begins, ends, strict=True)]
     return np.concatenate(runs).astype(np.int32)
@@ -92,7 +92,7 @@ def _steps(levels: int, at: int, depth: int = 0) -> Iterator[Step]:
 
 
 class TieLevels(NamedTuple):
-    """The ties of all levels, one after another.
+    """The ties of all levels, level by level.
 
     Tie t joins the finest ties `members[member_start[t]:...]`.  Pixel `knot_own[n]` is an end of
     the tie `knot_tie[n]`, with ~t where it is the foot of t; the other end is `knot_other[n]`.
@@ -106,7 +106,7 @@ class TieLevels(NamedTuple):
 
 
 def tie_levels(ties: Ties, levels: Sequence[Level]) -> TieLevels:
-    """The finest ties unchanged; on each coarser level, ties of the same two blocks are merged."""
+    """The finest ties unchanged; on coarser levels, ties that join the same blocks are merged."""
     count, width = ties.top.size, levels[0].columns
     depth = np.arange(len(levels))[:, None]
     first, stride = (np.array([level[n] for level in levels])[:, None] for n in (0, 3))
@@ -114,7 +114,7 @@ def tie_levels(ties: Ties, levels: Sequence[Level]) -> TieLevels:
         first + (end // width >> depth) * stride + (end % width >> depth)
         for end in (ties.top, ties.foot)
     ]
-    # A tie whose ends lie in one block joins none.
+    # A tie whose ends lie in one block vanishes.
     level, finest = np.nonzero(at[0][1:] != at[1][1:])
     top, foot = (end[level + 1, finest] for end in at)
     pairs = top * (levels[-1].first + levels[-1].size) + foot

@@ -1,6 +1,6 @@
-"""The networks of `springs` on an OpenCL device: of pixels, of cells, and their coarser levels.
+"""The networks of `springs` on an OpenCL device: pixels, cells, and their coarser levels.
 
-`height_solver` finds the heights at which they rest.
+`height_solver` finds the heights that balance them.
 """
 
 from dataclasses import dataclass
@@ -23,21 +23,21 @@ from tactograph.nodes.height.height_levels import (
 from tactograph.nodes.height.springs import Ties
 
 ONE_GROUP_PIXELS = 20480
-"""Levels of at most this many pixels are done by one work-group, all steps in one launch.  On a
-CPU that is one core: it finishes before many cores would have started.  A GPU would wait for the
-host, which takes 15 us for each launch."""
+"""One work-group computes all steps of levels with at most this many pixels, in one launch.  On a
+CPU that is one core, which finishes before many cores would have started.  On a GPU it saves
+launches, which take the host 15 us each."""
 MANY_UNITS = 8
-"""So many compute units stand by idle meanwhile; a group does as much more as they are fewer."""
+"""Compute units for which that limit holds; on a device with fewer the limit is higher."""
 SUM_PARTS = 1024
 STARTS_PER_ITEM = 32
-"""Beginnings of knots that a work-item finds."""
+"""How many starts of knots a work-item finds."""
 
 
 @dataclass
 class Stack:
-    """Networks, each of 2 x 2 pixels of the one before, joined rigidly; the first is level `top`.
+    """Networks of a multigrid from level `top` on; each joins 2 x 2 pixels of the finer rigidly.
 
-    `steps` are those of a cycle through them.
+    `steps` are the steps of one cycle.
     """
 
     top: Level
@@ -49,12 +49,12 @@ class Stack:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Shape of the heights that it solves for."""
+        """The shape of the heights on the finest level."""
         return self.top.rows, self.top.columns
 
 
 class Wants(NamedTuple):
-    """The target steps and rises of the springs, in mm, under one load or several (L x ...)."""
+    """The target steps and rises of the springs, in mm, for one load or several (L x ...)."""
 
     right: DeviceArray
     down: DeviceArray
@@ -62,7 +62,7 @@ class Wants(NamedTuple):
 
 
 class Planes(NamedTuple):
-    """The planes of a solution: numbers of all levels, from `base` on, `apart` for each load."""
+    """The planes of a solution: values of all levels from index `base`, one load per `apart`."""
 
     force: DeviceArray
     height: DeviceArray
@@ -81,9 +81,9 @@ class Planes(NamedTuple):
 
 
 class HeightNetworks:
-    """The equations that a launch has as its input `system`, as networks of springs.
+    """The equations of a launch's input `system` as networks of springs.
 
-    There may also be networks of cells of 2 x 2 pixels (`spring_cells`), if pixels are many.
+    There are also networks of cells of 2 x 2 pixels (`spring_cells`) if the image is large enough.
     """
 
     def __init__(self, run: Launch, with_cells: bool = False) -> None:
@@ -125,7 +125,7 @@ class HeightNetworks:
         return array
 
     def _stack(self, top: int, gaps: I4) -> Stack:
-        """Allocate the networks from a level on; the gaps between them are cleared."""
+        """Allocate the networks from level `top` on, and clear the gaps between them."""
         run = self._run
         right, down, inverse = self._new_planes(3, int(gaps[-1]) + GAP_PIXELS)
         whole = self.planes
@@ -145,7 +145,7 @@ class HeightNetworks:
         return [self._run.scratch((size,)) for _ in range(count)]
 
     def _tie(self, ties: Ties, total: int) -> None:
-        """The rises as ties of every level, and where in the planes they are."""
+        """Upload the rises as ties of every level, with their places in the planes."""
         run = self._run
         levels = tie_levels(ties, self.levels)
         self._ties, self._all_ties = ties.top.size, len(levels.member_start) - 1
@@ -162,11 +162,11 @@ class HeightNetworks:
 
     @property
     def rises(self) -> int:
-        """Number of rises with both ends in the window."""
+        """The number of rises with both ends in the window."""
         return self._ties
 
     def is_small(self, level: Level) -> bool:
-        """Return whether one work-group does the level."""
+        """Return whether one work-group computes the level."""
         return level.size <= self._group_pixels
 
     def arguments(self, stack: Stack) -> tuple[DeviceArray, ...]:
@@ -174,7 +174,7 @@ class HeightNetworks:
         return *planes, *self._knots
 
     def cut(self, height: DeviceArray) -> DeviceArray:
-        """A height over the frame, inside the window, and zero on the film at rest."""
+        """The part of a height inside the window, set to zero on the film at rest."""
         run, inside = self._run, self._run.scratch(self.shape)
         first, _, stride = self.levels[0].place
         run.kernel(
@@ -193,7 +193,7 @@ class HeightNetworks:
         return float(run.download(parts).sum(dtype=float))
 
     def weigh(self, height: DeviceArray, scale: float) -> None:
-        """Make the networks of all levels, each spring weaker the farther `height` is from it."""
+        """Compute the stiffness of all levels from Cauchy's weights of `height`."""
         run, square, unit = self._run, float(np.float32(scale * scale)), self._unit
         if self._ties:
             run.kernel(
@@ -220,7 +220,7 @@ class HeightNetworks:
             self._join(self.cells)
 
     def _join(self, stack: Stack) -> None:
-        """Make the networks below the first."""
+        """Compute the coarser networks from the finest."""
         run, levels, network = self._run, self.levels, self.arguments(stack)
         *planes, marks, starts, own, _, stiffness = network
         number = levels.index(stack.top)
@@ -239,13 +239,13 @@ class HeightNetworks:
         )  # fmt: skip
 
     def room(self, stack: Stack, loads: int) -> Wants:
-        """Allocate the springs' targets under `loads` loads."""
+        """Allocate the springs' targets for several loads."""
         run, ties = self._run, self._ties if stack is self.pixels else self._all_ties
         right, down = (run.scratch((loads, *stack.shape)) for _ in range(2))
         return Wants(right, down, run.scratch((loads, ties)))
 
     def wants_of_cells(self, wants: Wants, out: Wants, to: int) -> None:
-        """Find the targets of the cells' springs under load `to` from those between pixels."""
+        """Compute the targets of the cells' springs for load `to` from those between pixels."""
         run = self._run
         if self._all_ties:
             run.kernel(
@@ -259,7 +259,7 @@ class HeightNetworks:
         )  # fmt: skip
 
     def on_pixels(self, plane: DeviceArray, out: DeviceArray) -> None:
-        """Interpolate values of the cells at the pixels."""
+        """Interpolate the cells' values at the pixels."""
         run, size = self._run, plane.shape[-2:]
         grid = run.in_row_lanes(self.shape[0], size[1])
         run.kernel("on_pixels", grid, plane, out, *size, *self.shape)

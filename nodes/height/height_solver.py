@@ -1,9 +1,9 @@
-"""The heights at which `height_networks` rest, on the device; the host waits for nothing.
+"""Solve for the heights that balance `height_networks`, on the device; the host never waits.
 
-One work-group takes all steps of a small network, in one launch, and of a large one those on small
-levels.  Launches of a solution that has ended do nothing.  The preconditioner is multigrid, not a
-cosine transform: weights differ by orders of magnitude, and with a preconditioner that ignores
-them conjugate gradients do not converge.
+One work-group takes all steps of a small network in one launch, and the steps on small levels of a
+large one.  Launches after the solution has converged do nothing.  The preconditioner is multigrid,
+not a cosine transform: weights differ by orders of magnitude, and with a preconditioner that
+ignores them conjugate gradients do not converge.
 """
 
 import math
@@ -41,7 +41,7 @@ class HeightSolver:
         number: int = 0,
         to: int = 0,
     ) -> None:
-        """Improve height `to` under load `number` in place, as `conjugate_gradients` does."""
+        """Improve height `to` for load `number` in place, as `conjugate_gradients` does."""
         run, planes, (rows, columns) = self._run, self._planes, stack.shape
         first, _, stride = stack.top.place
         by_rows = run.in_row_lanes(rows, stride)
@@ -56,7 +56,7 @@ class HeightSolver:
     def solve_all(
         self, stack: Stack, wants: Wants, heights: DeviceArray, steps: int, enough: DeviceArray
     ) -> None:
-        """Find the heights under all loads, from zero: side by side if there are few pixels."""
+        """Solve for all loads, starting from zero, side by side if there are few pixels."""
         run, (loads,) = self._run, enough.shape
         if not self._is_small(stack.steps[0]):
             run.kernel(
@@ -69,7 +69,7 @@ class HeightSolver:
         base = stack.top.first - stack.top.stride
         apart = last.first + last.size + last.stride + 2 * GAP_PIXELS - base
         planes = self._networks.working_planes(loads * apart, base, apart)
-        # The gaps between levels must be finite, and the start is zero.
+        # The start is zero, and the gaps between levels have to be finite.
         for plane in (planes.height, planes.lifted, planes.z):
             run.kernel("clear", run.in_lanes(loads * apart), plane, loads * apart)
         self._unbalance(stack, wants, planes, 0, loads)
@@ -79,7 +79,7 @@ class HeightSolver:
     def _unbalance(
         self, stack: Stack, wants: Wants, planes: Planes, number: int, loads: int
     ) -> None:
-        """The residual forces of the loads from `number` on at the heights z."""
+        """Compute the residual forces of the loads from `number` on, at the heights z."""
         run, (rows, columns), (first, _, stride) = self._run, stack.shape, stack.top.place
         run.kernel(
             "imbalance", run.in_row_lanes(loads * rows, stride), *self._networks.arguments(stack),
@@ -105,7 +105,7 @@ class HeightSolver:
         number: int,
         loads: int,
     ) -> None:
-        """Take the steps if the first level is small, too: each load has a work-group."""
+        """Take all steps if even the first level is small, with a work-group for each load."""
         run = self._run
         run.kernel(
             "small_gradients", (loads * run.group,), *self._cycle_there(stack, planes), 0,
@@ -115,14 +115,14 @@ class HeightSolver:
 
     def _gradients(self, stack: Stack, steps: int, enough: DeviceArray, number: int) -> None:
         """Take the steps if the first level is large."""
-        # The state before the first cycle; springs.clh explains the numbers.
+        # The state before the first cycle; springs.clh explains the four values.
         gain = self._run.put(np.array([0, 0, -1, 1], np.float32))
         step = self._run.capture(lambda: self._step(stack, gain, enough, number))
         for _ in range(steps + 1):
             step()
 
     def _step(self, stack: Stack, gain: DeviceArray, enough: DeviceArray, number: int) -> None:
-        """A step and the cycle after it; or, as a solution begins, the cycle alone."""
+        """Take one step and then a cycle; before the first step only the cycle."""
         run, there, planes = self._run, stack.top.place, self._planes
         run.kernel(
             "turn", self._by_parts, *self._networks.arguments(stack), planes.height,
@@ -139,7 +139,7 @@ class HeightSolver:
         run.kernel("end_step", group, self._parts, gain, enough, number, local=group)
 
     def _cycle(self, stack: Stack, gain: DeviceArray) -> None:
-        """One multigrid cycle: from the force on the first level, a large one, to its height."""
+        """Run one multigrid cycle: from the force on the (large) first level to its height."""
         run, (*steps, _) = self._run, stack.steps
         at = 0
         while at < len(steps):

@@ -1,4 +1,4 @@
-"""The weighted equations for the heights: steps between neighbours, rises, film at rest."""
+"""Gather the weighted equations for the height: steps between neighbours, rises, film at rest."""
 
 from typing import Annotated, Any
 
@@ -22,14 +22,14 @@ MARGIN_PX = 8
 UNKNOWN_VARIANCE = np.float32(1e6)
 """Variance above which a slope is unknown."""
 MAX_CUBIC_VARIANCE = np.float32(1)
-"""Variance up to which a slope counts in a cubic."""
+"""Variance up to which a slope enters the cubic."""
 LONE_SLOPE_VARIANCE = np.float32(4)
-"""Variance that a step has in addition if only one slope is known."""
+"""Additional variance of a step of which only one slope is known."""
 MAX_LONE_VARIANCE = np.float32(1e3)
-"""Most of that slope's own variance that counts then."""
+"""Upper bound on that slope's variance."""
 
 
-@node(tolerance=Close(1e-6, 1e-5, why="sums that a device rounds otherwise"))
+@node(tolerance=Close(1e-6, 1e-5, why="a device rounds sums differently"))
 def height_system(
     slope: Slope,
     variance: SlopeVariance,
@@ -43,10 +43,9 @@ def height_system(
     floor: Annotated[float, Ge(0.01)] = 0.07,
     rise_px: Annotated[float, Ge(0.05)] = 0.5,
 ) -> HeightSystem:
-    """Gather the equations from which `integrate_weighted` and `height_error` find heights.
+    """Gather the equations that `integrate_weighted` and `height_error` solve (equation H1).
 
-    They hold inside the smallest window around all that counts and is not at rest, with a
-    margin (equation H1 of ``docs/model.md``).
+    They cover the smallest window around all pixels that count and are not at rest, with a margin.
 
     Parameters
     ----------
@@ -54,17 +53,17 @@ def height_system(
     rest : H x W, 1 on the film at rest, whose height is zero
     rises : the C measurements of `shadow_constraints`
     pixel : mm per px
-    mask : H x W, 1 on the pixels that count; without it all count
+    mask : H x W, 1 on the pixels that count; None: all count
     robust
-        c of Cauchy's rho, in standard deviations: equations that a height departs from by more
-        lose their weight.
+        c of Cauchy's rho, in standard deviations: equations with larger residuals lose their
+        weight.
     bend : error of a step, in px, per difference of the slopes at its ends
     floor : error of every step, in px; limits the contrast of the weights
     rise_px : standard deviation of a shadow's rise, in px
 
     Returns
     -------
-    T of the rises have both ends inside the window.
+    The system; T of the C rises have both ends inside the window.
     """
     states = np.where(rest != 0, np.uint8(STATE_REST), np.uint8(STATE_FREE))
     if mask is not None:
@@ -83,7 +82,7 @@ def height_system(
 
 
 def _span(touched: NDArray[Any]) -> slice:
-    """The window's rows, or columns, around those that are touched; a few if none is."""
+    """The window's rows (or columns): the touched ones with a margin; a few if none is touched."""
     numbers = np.flatnonzero(touched)
     first, last = (int(numbers[0]), int(numbers[-1])) if numbers.size else (0, 0)
     return slice(max(first - MARGIN_PX, 0), min(last + 1 + MARGIN_PX, touched.size))
@@ -92,9 +91,9 @@ def _span(touched: NDArray[Any]) -> slice:
 def _steps(slope: F4, variance: F4, bend: float, floor: float, pixel: np.float32) -> tuple[F4, F4]:
     """Steps along the rows in mm, from the slopes at both ends, and their variances.
 
-    On smooth film a cubic through four slopes weights them with (-1, 9, 9, -1) / 16; elsewhere
-    two slopes are used.  If only one slope is known, it is used with little weight.  A slope of
-    infinite variance makes that of the step infinite, as is that of the step beyond the last pixel.
+    On smooth film a cubic through four slopes weights them by (-1, 9, 9, -1) / 16; elsewhere
+    two slopes are used.  If only one slope is known, it is used with little weight.  The variance
+    of a step is infinite if that of a slope is, and for the step beyond the last pixel.
     """
     before, after = slope[:, :-1], slope[:, 1:]
     of_before, of_after = variance[:, :-1], variance[:, 1:]
@@ -103,7 +102,7 @@ def _steps(slope: F4, variance: F4, bend: float, floor: float, pixel: np.float32
     turn = np.float32(bend) * (after - before)
     both_known = 0.25 * (of_before + of_after) + turn * turn
     surer = np.where(of_before < of_after, before, after)
-    # A wall ends within the pixel that shows it.
+    # The pixel that shows a wall also holds its end.
     least = np.minimum(np.minimum(of_before, of_after), MAX_LONE_VARIANCE)
     little = least + LONE_SLOPE_VARIANCE + surer * surer
     alone = np.where(np.isinf(both_known), both_known, little)
@@ -115,8 +114,7 @@ def _steps(slope: F4, variance: F4, bend: float, floor: float, pixel: np.float32
 
 
 def _cubic_part(slope: F4, variance: F4) -> F4:
-    """Contribution of four slopes beyond the mean of the inner two, at most a quarter of their
-    difference."""
+    """What the cubic adds to the mean of the inner two slopes: at most 1/4 of their difference."""
     before, after = slope[:, 1:-2], slope[:, 2:-1]
     curve = (before + after - (slope[:, :-3] + slope[:, 3:])) / np.float32(16)
     limit = 0.25 * np.abs(after - before)
@@ -127,7 +125,7 @@ def _cubic_part(slope: F4, variance: F4) -> F4:
 def _rises_inside(
     window: Window, rises: ShadowRises, columns: int, mask: Mask | None
 ) -> tuple[I4, I4, F4]:
-    """The rises of which both ends lie in the window and count, numbered by its pixels."""
+    """The rises with both ends in the window and counted; ends are numbered by its pixels."""
     index = np.stack([rises.top, rises.foot])
     row, column = index // columns - window.rows.start, index % columns - window.columns.start
     height, width = (part.stop - part.start for part in window)
@@ -150,13 +148,13 @@ def _constants(
 
 @height_system.opencl()
 def _launch(run: Launch) -> None:
-    """The pixels there; the host finds the window and the rises inside it."""
+    """Compute the steps on the device; the host finds the window and the rises inside it."""
     rows, columns = size = run.sizes["H"], run.sizes["W"]
     inputs, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
     lines = run.scratch((rows,), np.uint8), run.scratch((columns,), np.uint8)
     rest, mask = inputs["rest"], inputs.get("mask")
     run.kernel("find_touch", (rows + columns,), rest, mask, *lines, *size)
-    # One transfer brings all that the host must know before the device goes on.
+    # The host needs all of these before the device can go on.
     coming = [run.begin_download(inputs[f"rises.{name}"]) for name in ShadowRises._fields]
     has_rises = inputs["rises.top"].shape[0] > 0
     mask_coming = run.begin_download(mask) if mask is not None and has_rises else lambda: None
@@ -185,9 +183,9 @@ def _launch(run: Launch) -> None:
 
 @height_system.example
 def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
-    """Shadows with both ends in the frame; some slopes are not known; the film rests outside.
+    """Rises with both ends in the frame, some unknown slopes, and film at rest outside.
 
-    Sometimes it rests nowhere.  Then all pixels count, because a part without any constraint
+    Sometimes no film is at rest.  Then all pixels count, because a part without any constraint
     could have any height.
     """
     rows, columns = sizes["H"], sizes["W"]
@@ -212,7 +210,7 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
 
 
 def example_system(rng: np.random.Generator, slope: Slope, **sizes: int) -> dict[str, Any]:
-    """The equations of such a film as another node's input `system`."""
+    """The equations of such a film, as another node's input `system`."""
     inputs = {"pixel": float(rng.uniform(0.01, 0.2)), **_example(rng, **sizes), "slope": slope}
     system = height_system(*height_system.in_order(inputs), robust=rng.choice([2.5, 25.0]))
     return {f"system.{name}": value for name, value in system._asdict().items()}

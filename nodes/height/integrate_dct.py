@@ -1,7 +1,8 @@
-"""Integrate slopes by least squares with free borders, through the cosine transform.
+"""Integrate slopes by least squares with free borders, by the cosine transform.
 
-On CPUs the kernels need no VkFFT: they transform 32 columns side by side (``cosine.clh``), and each
-frequency leaves a tridiagonal system along the rows.  So all of `reconstruct` stays on the device.
+On CPUs the kernels need no VkFFT: they transform 32 columns side by side (``cosine.clh``), then
+solve a tridiagonal system along the rows for each frequency.  So all of `reconstruct` stays on the
+device.
 """
 
 from functools import lru_cache
@@ -16,17 +17,17 @@ from tactograph.nodes import F4, Height, PixelSize, Slope
 from tactograph.nodes.height._fourier import cosine_transform, missing_vkfft
 
 SMALL_PRIME = 64
-"""Largest prime factor that costs less than transposing the image."""
+"""Largest prime factor of the height for which a transform costs less than transposing first."""
 
 
 @node(tolerance=Close(2e-4, 2e-4, why="two float32 transforms of different libraries"))
 def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
     """Return the height whose differences come closest to the slopes.
 
-    Least squares on the staggered grid: the slope between two neighbours is the mean of
-    their slopes, nothing is assumed beyond the border (Neumann), and the discrete Poisson
-    equation is diagonal in the DCT-II (equation D1; Simchony, Chellappa and Shao, "Direct
-    analytical methods for solving Poisson equations in computer vision problems", 1990).
+    Least squares on the staggered grid (equation D1): the slope between two neighbours is the mean
+    of their slopes, and nothing is assumed beyond the border (Neumann).  The DCT-II diagonalises
+    this discrete Poisson equation (T. Simchony, R. Chellappa and M. Shao, "Direct analytical
+    methods for solving Poisson equations in computer vision problems", IEEE PAMI 12(5), 1990).
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
     -------
     H x W in mm, with zero mean.
     """
-    # Where the kernel runs, SciPy need not be loaded.
+    # Imported here: a run on the device does not need SciPy.
     from scipy.fft import dctn, idctn
 
     twice = _twice_divergence(slope)
@@ -64,7 +65,7 @@ def _twice_divergence(slope: F4) -> F4:
 
 @lru_cache(maxsize=8)
 def _to_mm(shape: tuple[int, int], pixel: float) -> F4:
-    """Factor from the spectrum of twice the divergence to that of the height."""
+    """The factors that turn the spectrum of twice the divergence into that of the height."""
     return np.asarray(inverse_laplacian(shape) * np.float32(0.5 * pixel), np.float32)
 
 
@@ -82,14 +83,14 @@ def inverse_laplacian(shape: tuple[int, int]) -> F4:
 
 
 def _can_run(device: DeviceTraits) -> Obstacle | None:
-    """Transform without VkFFT on devices with lanes."""
+    """Devices with lanes do not need VkFFT."""
     missing = None if device.lanes > 1 else missing_vkfft()
     return Obstacle(missing) if missing else None
 
 
 @integrate_dct.opencl(can_run=_can_run)
 def _launch(run: Launch) -> None:
-    """Divergence, transform, division by the eigenvalues, and back."""
+    """Take the divergence, transform it, divide by the eigenvalues, and transform back."""
     if run.lanes > 1:
         _launch_in_lanes(run)
         return
@@ -117,9 +118,9 @@ def _launch_in_lanes(run: Launch) -> None:
 
 
 def _integrate(run: Launch, slope: DeviceArray, out: DeviceArray) -> None:
-    """Transform only the columns; along the rows each frequency is a tridiagonal system.
+    """Transform only the columns, and solve a tridiagonal system along the rows per frequency.
 
-    This halves the transforms, at the cost of one sweep to the right and one to the left.
+    This halves the number of transforms, at the cost of a sweep to the right and one to the left.
     """
     height, width = shape = out.shape[0], out.shape[1]
     turns = run.keep(("turns", height), lambda: run.put(_turns(height)))
@@ -137,7 +138,7 @@ def _integrate(run: Launch, slope: DeviceArray, out: DeviceArray) -> None:
 
 @lru_cache(maxsize=8)
 def _largest_prime(number: int) -> int:
-    """The largest prime factor; the time of a transform grows with it."""
+    """The largest prime factor, with which the time of a transform grows."""
     factor, rest = 2, number
     while factor * factor <= rest:
         if rest % factor:

@@ -25,8 +25,8 @@ def integrate_frankot_chellappa(slope: Slope, pixel: PixelSize) -> Height:
     """Project the slopes onto integrable ones (section 3.4, equation 14).
 
     R. T. Frankot and R. Chellappa, "A method for enforcing integrability in shape from
-    shading algorithms", IEEE PAMI 10(4), 1988.  The surface must have the same height at opposite
-    borders.  On a CPU the NumPy function is faster, and preferred.
+    shading algorithms", IEEE PAMI 10(4), 1988.  The projection assumes periodic borders: the same
+    height at opposite sides.  On a CPU the NumPy function is faster, so the engine prefers it.
 
     Parameters
     ----------
@@ -38,19 +38,19 @@ def integrate_frankot_chellappa(slope: Slope, pixel: PixelSize) -> Height:
     H x W in mm, with zero mean.
     """
     p, q = slope
-    by_v, by_u = _multipliers(p.shape)
+    times_v, times_u = _multipliers(p.shape)
     spectrum = rfft2(p, workers=cores())
-    spectrum *= by_u
-    other = rfft2(q, workers=cores())
-    other *= by_v
-    spectrum += other
+    spectrum *= times_u
+    spectrum_q = rfft2(q, workers=cores())
+    spectrum_q *= times_v
+    spectrum += spectrum_q
     height = irfft2(spectrum, s=p.shape, workers=cores(), overwrite_x=True)
     return np.asarray(height * np.float32(pixel), np.float32)
 
 
 @lru_cache(maxsize=8)
 def _multipliers(shape: tuple[int, ...]) -> tuple[C8, C8]:
-    """-i v / (u^2 + v^2) and -i u / (u^2 + v^2): the weights of the spectra of q and p."""
+    """-i v / (u^2 + v^2) and -i u / (u^2 + v^2), which multiply the spectra of q and of p."""
     v, u = _frequencies(shape)
     inverse = np.complex64(-1j) * _inverse(u, v)
     return v * inverse, u * inverse
@@ -60,7 +60,7 @@ def _frequencies(shape: tuple[int, ...]) -> tuple[F4, F4]:
     """2 pi v / M and 2 pi u / N in radians per pixel, half a spectrum wide."""
     v = 2 * np.pi * fftfreq(shape[0])[:, None]
     u = 2 * np.pi * rfftfreq(shape[1])[None, :]
-    # The highest even frequency carries no slope: sin(pi x) is 0 on every pixel.
+    # The Nyquist frequency of an even size carries no slope: sin(pi x) is 0 on every pixel.
     if shape[0] % 2 == 0:
         v[shape[0] // 2] = 0
     if shape[1] % 2 == 0:

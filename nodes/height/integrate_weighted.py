@@ -16,12 +16,12 @@ from tactograph.nodes.height.height_system import example_system
 from tactograph.nodes.height.springs import conjugate_gradients, hierarchy
 
 MIN_ENERGY_SHARE = 4e-9
-"""Stop when less than this share of the steps' energy is left to gain."""
+"""Stop when the remaining gain is less than this share of the steps' energy."""
 MAX_SCALE = 1e15
-"""Largest c; long before, no residual lowers a weight.  Its square is still a float32."""
+"""Upper bound on c, far above any residual; its square still fits into a float32."""
 
 
-@node(tolerance=Close(5e-4, 1e-4, why="conjugate gradients add up in another order"))
+@node(tolerance=Close(5e-4, 1e-4, why="conjugate gradients sum in another order"))
 def integrate_weighted(
     system: HeightSystem,
     start: Height,
@@ -31,9 +31,9 @@ def integrate_weighted(
     steps: Annotated[int, Interval(ge=1, le=1000)] = 8,
     ease: Annotated[float, Ge(1)] = 1.0,
 ) -> Height:
-    """Return the height that best agrees with slopes, shadows and the film at rest.
+    """Return the height that agrees best with slopes, shadows and the film at rest.
 
-    Minimises the sum of rho(r^2 / variance) (H1) over the steps to the right and downwards
+    It minimises the sum of rho(r^2 / variance) (H1) over the steps to the right and downwards
     (r = z_next - z - step) and over the shadows (r = z_top - z_foot - rise), with z = 0 on
     the film at rest and Cauchy's rho(s) = c^2 log(1 + s / c^2), which limits the influence of
     outliers: across an edge no slope is right.  Each round updates the weights from the last
@@ -43,17 +43,18 @@ def integrate_weighted(
     Parameters
     ----------
     system
-        The equations, by `height_system`.  Where no film is at rest, the border's median is zero.
-    start : H x W in mm, a first height
+        The equations of `height_system`.  If no film is at rest, the border's median is set to
+        zero.
+    start : H x W in mm, the initial height
     before
-        H x W in mm, the height of the previous touch in a stream.  If it fits better than
-        `start`, it is the first height, outliers are suppressed at once (no `ease`), and half
-        of the rounds are done.
+        H x W in mm, the height of the previous touch in a stream.  If it fits better than `start`
+        it is the initial height; then outliers are suppressed at once (no `ease`), and half of the
+        rounds suffice.
     rounds, steps : number of rounds, and conjugate-gradient steps in each
     ease
-        Factor by which c is larger for each round that remains: first least squares of
-        everything, finally with the outliers suppressed (graduated non-convexity, Blake and
-        Zisserman, "Visual reconstruction", 1987).
+        Factor by which c is larger for each remaining round: the first round is nearly plain least
+        squares, the last suppresses outliers (graduated non-convexity: A. Blake and A. Zisserman,
+        "Visual reconstruction", 1987).
 
     Returns
     -------
@@ -79,14 +80,14 @@ def integrate_weighted(
 
 
 def _scales(rounds: int, robust: float, ease: float, *, warm: bool) -> list[float]:
-    """The scale of each round; a height that is nearly right needs half of them and no ease."""
+    """The scale c of each round; a `warm` start needs half of the rounds and no ease."""
     if warm:
         return [robust] * ((rounds + 1) // 2)
     return [min(robust * ease**remaining, MAX_SCALE) for remaining in reversed(range(rounds))]
 
 
 def _improve(system: HeightSystem, height: F4, scale: float, steps: int) -> F4:
-    """One round: weights from the height, then a better height."""
+    """One round: find the weights from the height, then improve it."""
     springs = system.springs(height, scale)
     force = springs.pull(*system.steps, system.rise)
     enough = MIN_ENERGY_SHARE * springs.energy(*system.steps)
@@ -94,9 +95,9 @@ def _improve(system: HeightSystem, height: F4, scale: float, steps: int) -> F4:
 
 
 def _border_median(height: F4, state: U1, rows: slice, columns: slice) -> np.float32:
-    """The median over the frame's outermost pixels that count; 0 if none does.
+    """The median over the frame's outermost pixels that count; 0 if none counts.
 
-    Where no film is at rest, none counts outside the window.
+    If no film is at rest, all pixels that count lie inside the window.
     """
     border: NDArray[np.bool_] = np.ones(height.shape, bool)
     border[1:-1, 1:-1] = False
@@ -132,9 +133,9 @@ def _launch(run: Launch) -> None:
 
 @integrate_weighted.example
 def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
-    """The equations of rough film; the height before sometimes fits better along rows alone.
+    """The equations of rough film; sometimes the previous height fits better, along rows alone.
 
-    A pixel that little holds keeps most of a start that is far off.
+    A weakly constrained pixel keeps most of a start that is far off.
     """
     shape = sizes["H"], sizes["W"]
     slope = rng.uniform(-2, 2, (2, *shape)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Level the film at rest where slopes have a smooth error over the frame."""
+"""Level the film at rest: remove a smooth error of the slopes over the frame."""
 
 import math
 from typing import Annotated, Any
@@ -16,13 +16,13 @@ from tactograph.nodes.optics.near_light import places
 WINDOW_CELLS = 5
 """Side in cells over which calm light is averaged."""
 MIN_REST_SHARE, MIN_CURVED_SHARE = 0.1, 0.3
-"""Shares of the frame at rest: below the first nothing is fitted, below the second a plane."""
+"""Shares of the frame at rest below which nothing, and at most a plane, is fitted."""
 FIT_ROUNDS = 5
-"""Rounds of robust least squares; film draping around a touch looks calm and gets little weight."""
+"""Rounds of robust least squares, which give little weight to film that drapes around a touch."""
 ENOUGH_CELLS = 8192
-"""Enough cells for ten coefficients; if there are more, every n-th row and column is used."""
+"""Enough cells for ten coefficients; of more cells, every n-th row and column is used."""
 TERMS_OF = (1, 3, 6, 10)
-"""Terms of a polynomial in x and y, by its degree."""
+"""Number of terms of a polynomial in x and y, by its degree."""
 
 
 @node(
@@ -39,18 +39,18 @@ def level_height(
     cell: CellSide = 4,
     degree: Annotated[int, Interval(ge=0, le=3)] = 3,
 ) -> Height:
-    """Subtract the smooth surface on which the film at rest lies.
+    """Subtract a smooth surface through the film at rest.
 
-    An unexplained light error of 0.1 % tilts the surface by 1 um per mm.  The film at rest has
-    height 0, so a polynomial fitted to its heights by robust least squares (Cauchy) estimates
-    that error.  If the grain is 0, there is no such error and the height is returned unchanged.
+    An error of the light of 0.1 % tilts the surface by 1 um per mm.  The true height of the film at
+    rest is 0, so a polynomial fitted to its heights by robust least squares (Cauchy) estimates the
+    error.  If the grain is 0 there is no such error, and the height is returned unchanged.
 
     Parameters
     ----------
     height : H x W in mm
     light
-        K x h x w, relative to the film at rest, on cells; film is at rest where the light of
-        all LEDs is 1 within the grain.
+        K x h x w on cells, relative to the film at rest; film is at rest where the light of all
+        LEDs is 1 within the grain.
     grain : the film's grain, a share of the light
     cell : side of a cell in pixels, as for `coarsen`
     degree : degree of the polynomial in x and y
@@ -74,7 +74,7 @@ def level_height(
 
 
 def _powers() -> list[tuple[int, int]]:
-    """Exponents of u and v, by growing degree."""
+    """The exponents of u and v, in the order of the degree."""
     return [(d - j, j) for d in range(4) for j in range(d + 1)]
 
 
@@ -85,7 +85,7 @@ def _axes(shape: tuple[int, ...]) -> tuple[F4, F4]:
 
 
 def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
-    """Ten coefficients of the surface through the film at rest, from a height per cell."""
+    """The ten coefficients of the surface through the film at rest, from one height per cell."""
     none = np.zeros(len(_powers()), np.float32)
     if not grain > 0:
         return none

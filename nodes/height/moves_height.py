@@ -1,4 +1,4 @@
-"""Whether a turn has changed a height: a repeated group goes on while it does."""
+"""Decide whether a pass has moved the height, so that a repeated group goes on."""
 
 from typing import Annotated
 
@@ -11,14 +11,14 @@ from tactograph.nodes import Height
 
 @node
 def moves_height(height: Height, before: Height, *, um: Annotated[float, Ge(0)]) -> bool:
-    """Return whether a height differs from the one before by more than so much.
+    """Return whether the RMS difference of two heights exceeds a limit.
 
-    It is decided on the host on every back end, from float64 sums of the same heights.
+    The host decides, from float64 sums, so that all back ends decide alike.
 
     Parameters
     ----------
-    height, before : H x W in mm
-    um : largest difference, as the root of its mean square over the image, of a height that rests
+    height, before : H x W in mm, the height of this pass and of the previous one
+    um : largest RMS difference, in um, of a height that counts as settled
     """
     moved = np.asarray(height, np.float64) - before
     return bool(1e3 * np.sqrt(np.mean(np.square(moved))) > um)

@@ -1,4 +1,4 @@
-"""No film is known to be at rest: for sensors whose light drifts too much to find it."""
+"""Mark no film as at rest, for sensors whose light drifts too much to find it."""
 
 import numpy as np
 

@@ -16,9 +16,9 @@ def rest_at_border(
 ) -> Height:
     """Subtract the (lower) median of the outermost pixels.
 
-    Slopes determine the height up to a constant; the paper's Table 1 compares heights with
-    the plane around the object at zero.  The median is valid as long as the object covers less
-    than half of the frame's border.
+    Slopes determine the height up to a constant; the paper's Table 1 sets the plane around the
+    object to zero.  The median is valid as long as the object covers less than half of the frame's
+    border.
 
     Parameters
     ----------

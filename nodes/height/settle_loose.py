@@ -13,9 +13,9 @@ LOOSE_VARIANCE = np.float32(0.2)
 def settle_loose(height: Height, variance: SlopeVariance) -> Height:
     """Move loose pixels towards their neighbours.
 
-    A pixel that lies above, or below, the mean of its two neighbours along all four lines
-    through it moves by the smallest of the four departures.  A ridge stays: it stands out
-    along three lines only.
+    A pixel is loose if it lies above (or below) the mean of its two neighbours along all four lines
+    through it; it moves by the smallest of the four differences.  A ridge stays, since it stands
+    out along three lines only.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """A network of springs on cells of 2 x 2 pixels, for loads whose effect is smooth.
 
-Blocks of rigidly joined pixels (`springs`) are too stiff: they only serve to precondition.  Here
-the springs from the middle of one cell to that of the next are in series in each row of pixels,
-and both rows are in parallel, so that cells move as their pixels do on average.
-``kernels/headers/spring_cells.clh`` holds the same.
+Blocks of rigidly joined pixels (`springs`) are too stiff for more than a preconditioner.  Here the
+springs between the middles of two cells are in series in each row of pixels, and the two rows are
+in parallel, so that cells move like the mean of their pixels.
+``kernels/headers/spring_cells.clh`` is the same on a device.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.height.springs import Springs, Ties, join_ends, pair_sums, quad_sums
 
 MIN_STIFFNESS = np.float32(1e-12)
-"""Smallest stiffness that is divided by."""
+"""Lower bound on a stiffness in a denominator."""
 
 
 class Cells(NamedTuple):
@@ -29,7 +29,7 @@ class Cells(NamedTuple):
     in_columns: F4
     """h-1 x W, the stiffness in each column."""
     which: NDArray[np.int64]
-    """The tie that each tie between pixels joins; -1 within a cell."""
+    """For each tie between pixels, the tie of cells that it joins; -1 if within one cell."""
     ties: F4
     """The stiffness of the ties between pixels."""
 
@@ -48,7 +48,7 @@ class Cells(NamedTuple):
         )
 
     def on_pixels(self, plane: F4) -> F4:
-        """Values of the cells at pixels, interpolated linearly between the cells' middles."""
+        """The cells' values at the pixels, interpolated linearly between the cells' middles."""
         rows, columns = plane.shape
         size = 2 * columns, 2 * rows
         fine = cv2.resize(plane, size, interpolation=cv2.INTER_LINEAR)
@@ -56,7 +56,7 @@ class Cells(NamedTuple):
 
 
 def cells_of(springs: Springs) -> Cells:
-    """Return the network of the cells of 2 x 2 pixels of a network."""
+    """Return the network on cells of 2 x 2 pixels."""
     rows, columns = springs.shape
     half = (rows + 1) // 2, (columns + 1) // 2
     in_rows = _in_series(springs.right)
@@ -75,7 +75,7 @@ def cells_of(springs: Springs) -> Cells:
 
 
 def _in_series(stiffness: F4) -> F4:
-    """The springs of a row in series: half of one, a whole one and half of the next.
+    """The stiffness of half a spring, a whole one and half of the next in series, along a row.
 
     In a row of odd length, the spring beyond the last pixel is rigid.
     """
@@ -84,7 +84,7 @@ def _in_series(stiffness: F4) -> F4:
 
 
 def _one_by_one(steps: F4) -> F4:
-    """The sums of half a step, a whole one and half of the next, between the cells of a row."""
+    """The steps between the cells of a row: half a step, a whole one and half of the next."""
     if steps.shape[1] % 2 == 0:
         steps = np.pad(steps, ((0, 0), (0, 1)))
     first, middle, last = steps[:, 0:-1:2], steps[:, 1::2], steps[:, 2::2]

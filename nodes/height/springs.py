@@ -2,8 +2,8 @@
 
 Weighted least squares of height differences is a network of springs: between neighbours,
 between the two ends of each shadow, and to the ground.  Joining 2 x 2 pixels rigidly gives
-the same kind of network, four times smaller, every stiffness the sum of those it replaces.
-That is the whole multigrid, which preconditions the conjugate gradients.  It copes with weights
+the same kind of network, four times smaller; every stiffness is the sum of those it replaces.
+These levels form the multigrid that preconditions the conjugate gradients.  It copes with weights
 that differ by orders of magnitude; a transform that ignores the weights does not.
 """
 
@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from tactograph.nodes import F4
 
 MAX_COARSEST_PIXELS = 32
-"""A network of at most this many pixels has no coarser one: smoothing moves all of it."""
+"""A network of at most this many pixels needs no coarser one: smoothing suffices."""
 SINGLE_VISITS = 2
-"""Number of the finest networks, and of the coarsest, that are visited once a cycle; those between
-twice."""
+"""How many of the finest, and of the coarsest, networks a cycle visits once; it visits those
+between twice."""
 JACOBI_DAMPING = np.float32(0.7)
 BLOCK_OVERSHOOT = np.float32(1.5)
-"""Rigid blocks are too stiff: their correction is too small by this factor."""
+"""Factor on the correction of rigid blocks, which are too stiff and correct too little."""
 
 MIN_TOTAL_STIFFNESS = np.float32(1e-30)
 
@@ -49,7 +49,7 @@ class Springs:
         self.shape = ground.shape
 
     def pull(self, right: F4, down: F4, rise: F4) -> F4:
-        """Force on each pixel for these target differences of height."""
+        """The force on each pixel for these target differences of height."""
         force = np.zeros(self.shape, np.float32)
         across, along = self.right * right, self.down * down
         force[:, 1:] += across
@@ -70,9 +70,9 @@ class Springs:
         return force
 
     def energy(self, right: F4, down: F4) -> float:
-        """Energy of the springs between neighbours at height zero, for these target steps.
+        """Twice the energy of the springs between neighbours at height zero, for these steps.
 
-        Twice the energy, to be exact; the scale for what is left to gain.
+        It is the scale for the gain that remains.
         """
         return float(np.vdot(self.right * right, right) + np.vdot(self.down * down, down))
 
@@ -106,9 +106,9 @@ class Springs:
 
 
 def join_ends(top: Pixels, foot: Pixels, width: int, half: tuple[int, int]) -> tuple[Pixels, ...]:
-    """The ends of ties in a network of half the size, and the number of the one each joins.
+    """The ends of ties in a network of half the size, and for each tie the coarser tie it joins.
 
-    A tie whose ends become one pixel joins none: -1.
+    A tie whose ends become one pixel joins none (-1).
     """
     size = half[0] * half[1]
     top, foot = (index // width // 2 * half[1] + index % width // 2 for index in (top, foot))
@@ -126,14 +126,14 @@ def stable_order(keys: Pixels) -> Pixels:
     """The stable `np.argsort`, by the fast sort of distinct numbers."""
     bits = keys.size.bit_length()
     if keys.size and int(keys.max()) >> (63 - bits):
-        return np.argsort(keys, kind="stable")  # numbered, they would not fit
+        return np.argsort(keys, kind="stable")  # key and index do not fit into 64 bits
     numbered = (keys.astype(np.int64) << bits) + np.arange(keys.size)
     numbered.sort()
     return numbered & ((1 << bits) - 1)
 
 
 def pair_sums(rows: F4) -> F4:
-    """The sums of each two rows; the last of an odd number stays alone."""
+    """The sums of pairs of rows; the last row of an odd number stays as it is."""
     sums = rows[0::2].copy(order="K")
     sums[: len(rows) // 2] += rows[1::2]
     return sums
@@ -145,7 +145,7 @@ def quad_sums(plane: F4) -> F4:
 
 
 def hierarchy(springs: Springs) -> list[Springs]:
-    """The network and its coarser ones down to a few pixels."""
+    """The network and its coarser networks, down to a few pixels."""
     levels = [springs]
     while levels[-1].ground.size > MAX_COARSEST_PIXELS:
         levels.append(levels[-1].coarser())
@@ -153,7 +153,7 @@ def hierarchy(springs: Springs) -> list[Springs]:
 
 
 def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
-    """Return the heights that nearly balance `force`: one symmetric multigrid cycle."""
+    """Return heights that nearly balance `force`, by one symmetric multigrid cycle."""
     network, *coarser = levels
     height = network.relax * force
     if coarser:
@@ -161,7 +161,7 @@ def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
         moved = cycle(coarser, residual, depth + 1)
         if depth + 1 >= SINGLE_VISITS and len(coarser) > SINGLE_VISITS:
             moved = moved + cycle(coarser, residual - coarser[0].apply(moved), depth + 1)
-        # Every pixel of a block moves as the block does.
+        # Every pixel of a block moves with the block.
         rows, columns = height.shape
         height += BLOCK_OVERSHOOT * moved.repeat(2, axis=0).repeat(2, axis=1)[:rows, :columns]
     height += network.relax * (force - network.apply(height))
@@ -171,9 +171,9 @@ def cycle(levels: Sequence[Springs], force: F4, depth: int = 0) -> F4:
 def conjugate_gradients(
     levels: Sequence[Springs], force: F4, height: F4, steps: int, enough: float
 ) -> F4:
-    """Improve `height` until about `enough` energy is left to gain, in at most `steps` steps.
+    """Improve `height` in at most `steps` steps, until the remaining gain is about `enough`.
 
-    If there is nothing to gain, the same array is returned.
+    If nothing can be gained, the same array is returned.
     """
     matrix = levels[0]
     residual = force - matrix.apply(height)

@@ -1,4 +1,4 @@
-"""The film's height, from the height that a camera near the film sees."""
+"""Convert the height that a camera near the film sees to the film's height, and back."""
 
 import numpy as np
 
@@ -18,9 +18,9 @@ def undo_perspective(
     height : H x W in mm, the seen height
     camera : 1 / D in 1/mm
     rest
-        H x W in mm, the seen height of the film at rest (with `inverse`: the film's), above which
-        heights are; None: a plane.
-    inverse : return the seen height Z = z / (1 - z / D) of what each pixel sees at z
+        H x W in mm, the seen height (with `inverse` the height) of the film at rest, to which
+        heights are relative.  None: a plane.
+    inverse : return the seen height Z = z / (1 - z / D) of a pixel that sees height z
 
     Returns
     -------

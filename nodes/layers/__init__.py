@@ -1,1 +1,1 @@
-"""Kinds of layers of a touch, one file each: what a layer is, and how it is written and drawn."""
+"""The kinds of layers of a touch, one file each: their type, and how they are written and drawn."""

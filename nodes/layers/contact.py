@@ -17,7 +17,7 @@ def _points(touch: Touch, contact: Contacts) -> Mapping[str, F8] | None:
     numbers = range(1, max(measured, default=0) + 1)
 
     def each(name: str, unit: float) -> F8:
-        # A number that no pixel has comes without figures.
+        # A contact number without pixels has no figures.
         return unit * np.array([figures.get(f"contact_{name}/c{n}", np.nan) for n in numbers])
 
     rows, columns = touch.height.shape

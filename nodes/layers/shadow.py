@@ -7,10 +7,10 @@ from tactograph.nodes.stream.touch import LayerKind, LedLabels, Touch, as_it_is
 
 
 def _warning(touch: Touch, shadow: Labels) -> str:
-    """Where one LED of three is in shadow, two lights allow two slopes."""
+    """A warning if one of three LEDs is shadowed, since two lights allow two slopes."""
     if len(touch.image) != 3 or not shadow.any():
         return ""
-    # 'precise' takes calibrations of LEDs whose places are known; they know the pupil's, too.
+    # 'precise' needs a calibration with LED positions, which also has the pupil's position.
     has_camera = touch.view.camera is not None
     cure = "a fourth LED, or 'precise', helps" if has_camera else "press less steeply"
     return (

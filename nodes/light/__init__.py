@@ -1,5 +1,5 @@
 """From images to light relative to the film at rest.
 
-Divides by the flat frame, takes drift off, states the noise, coarsens; models near light.
-Another correction of brightness goes here.
+Division by the flat frame, drift, noise, coarser images, and light from film to film.  Another
+correction of brightness goes here.
 """

@@ -1,4 +1,4 @@
-"""Light that comes from several places at once."""
+"""Add lights of different origin."""
 
 from tactograph.graph import node
 from tactograph.nodes import Light
@@ -6,11 +6,11 @@ from tactograph.nodes import Light
 
 @node(neutral="light")
 def add_light(light: Light, more: Light | None = None) -> Light:
-    """Return the sum of two lights, such as that of the LEDs and what the film throws on itself.
+    """Return the sum of two lights, such as that of the LEDs and that from film to film.
 
     Parameters
     ----------
-    light, more : K x H x W; without the second one the first is returned
+    light, more : K x H x W; without `more`, `light` is returned
     """
     return light if more is None else light + more
 

@@ -22,21 +22,19 @@ def calm_film(
     radius_px: Annotated[int, Interval(ge=0, le=8)] = 2,
     level: Annotated[float, Gt(0)] = 4.5,
 ) -> Mask:
-    """Mark where the mean light of every LED is 1, within its noise.
+    """Mark where the mean light of every LED is 1 within its noise.
 
-    Light is divided by the flat frame, so the untouched film has 1 everywhere.  The mean
-    over a window of w x w pixels has 1 / w of a pixel's noise, so even the gentle skirt of a
-    press differs from the film at rest.  Where neighbours share noise, the mean has more.
+    Light is divided by the flat frame, so it is 1 everywhere on the untouched film.  The mean
+    over a window of w x w pixels has 1 / w of a pixel's noise (more if the noise of neighbours is
+    correlated), so even the gentle skirt of a press differs from the film at rest.
 
     Parameters
     ----------
     light, sigma : K x H x W; the standard deviation of each light
     correlation
-        Correlation of the noise of neighbours, as `noise_correlation` gives it; without it
-        the noise is independent.
-    at_rest : K x H x W, the same light of the film at rest; None: 1, of a plane
-    radius_px
-        The window is 2 radius_px + 1 wide.  Beyond the frame the border pixels repeat.
+        Correlation of the noise of neighbours, from `noise_correlation`; None: independent noise.
+    at_rest : K x H x W, the light of the film at rest; None: 1, the light of a plane
+    radius_px : the window is 2 radius_px + 1 wide; beyond the frame the border pixels repeat
     level : standard deviations of the mean that still count as noise
 
     Returns

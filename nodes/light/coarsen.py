@@ -1,4 +1,4 @@
-"""Coarsen an image: the means of square cells."""
+"""Coarsen an image: average it over square cells."""
 
 from typing import Literal
 
@@ -18,16 +18,16 @@ def coarsen(
 ) -> CoarseLight:
     """Return the mean, or one pixel, of every cell of ``factor`` by ``factor`` pixels.
 
-    A height that only gives the direction of the light needs no full resolution.  Cells that
+    A height that only serves for the direction of the light needs no full resolution.  Cells that
     extend beyond the right or bottom border repeat the border pixels.
 
     Parameters
     ----------
     light : K x H x W
-    factor : side of a cell in pixels; 0 depends on the image (`cell_side`): 4, or 8 for a large one
+    factor : side of a cell in pixels; 0: 4, or 8 for a large image (`cell_side`)
     take
-        ``corner`` takes only the first pixel of a cell.  That is far less to read, and enough
-        for a quantity that varies as little as the noise level.
+        ``corner`` takes only the first pixel of a cell.  That reads far less, and suffices for a
+        quantity that varies as little as the standard deviation of noise.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The dark level of a coarser image."""
+"""Coarsen the dark image."""
 
 from tactograph.graph import node
 from tactograph.nodes import CoarseDark, Dark

@@ -1,4 +1,4 @@
-"""The pixel of a coarser image."""
+"""Find the pixel size of a coarser image."""
 
 from tactograph.graph import InputError, node
 from tactograph.nodes import Light, PixelSize
@@ -15,8 +15,7 @@ def coarsen_pixel(
     ----------
     pixel : mm per pixel
     like
-        K x H x W, the image that is divided into cells.  Only its size is read, and only if
-        the factor is 0.
+        K x H x W, the image that is divided into cells; its size is needed if the factor is 0.
     factor : pixels along the side of a cell, as for `coarsen`
 
     Raises
@@ -27,6 +26,6 @@ def coarsen_pixel(
     if factor:
         return pixel * factor
     if like is None:
-        raise InputError("`factor`=0 follows the image: give that as `like`")
+        raise InputError("`factor`=0 depends on the image size; give the image as `like`")
     _count, rows, columns = like.shape
     return pixel * cell_side(rows, columns, factor)

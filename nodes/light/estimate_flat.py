@@ -1,4 +1,4 @@
-"""Replace a missing flat frame by the smooth part of the touch's own images."""
+"""Estimate a missing flat frame: the smooth part of the touch's images."""
 
 from typing import Annotated, Any
 
@@ -13,17 +13,17 @@ from tactograph.nodes import DEVIATIONS_PER_MAD, Light
 FIT_ROUNDS = 8
 MAX_FIT_PIXELS = 20_000
 OUTLIER_SIGMAS = 2.5
-"""Residuals beyond this many robust standard deviations are not film at rest."""
+"""Robust standard deviations of the residuals beyond which a pixel is not film at rest."""
 
 
 @node
 def estimate_flat(image: Light, *, degree: Annotated[int, Interval(ge=0, le=8)] = 3) -> Light:
     """Fit a smooth light to each image where the film is nearly level.
 
-    For recordings without an untouched frame.  A polynomial is fitted by least squares,
-    outliers are excluded, and the fit is repeated.  The remaining pixels are taken to be film
-    at rest.  This works if most of the film is nearly level.  It cannot distinguish a tilt of
-    the whole film from uneven light.
+    This is for recordings without a flat frame.  A polynomial is fitted by least squares, outliers
+    are excluded, and the fit is repeated; the remaining pixels are taken to be film at rest.  It
+    works if most of the film is nearly level.  It cannot distinguish a tilt of the whole film from
+    uneven light.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def estimate_flat(image: Light, *, degree: Annotated[int, Interval(ge=0, le=8)] 
 
 
 def _robust(basis: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
-    """Repeated least squares that excludes outliers."""
+    """Fit by least squares, repeatedly, and exclude outliers each time."""
     inliers = np.ones(len(values), bool)
     for _ in range(FIT_ROUNDS):
         coefficients, *_ = np.linalg.lstsq(basis[inliers], values[inliers], rcond=None)

@@ -1,6 +1,6 @@
-"""The light that the film throws on itself: interreflection of a film that is no longer flat.
+"""Compute the light from film to film: the interreflection of film that is not flat.
 
-Long because cells of two sizes throw it, each laid out and swept by a kernel of its own.
+Long because it is computed on cells of two sizes, which one kernel lays out and one sweeps.
 """
 
 import math
@@ -29,14 +29,14 @@ from tactograph.nodes.optics.sweep import arriving, matt, steps_in_table
 
 MAX_ALBEDO = 0.95
 CELL_ITEMS, GROUP_CELLS = 8, 32
-"""On a GPU, work-items that share the azimuths of a cell, and cells of a work-group."""
+"""On a GPU, the work-items that share a cell's azimuths, and the cells of a work-group."""
 DEFAULT_MAX_CELLS = 4800
-"""Default for the largest number of cells in a frame."""
+"""Default of the largest number of cells in a frame."""
 
 
 @node(
     neutral=0.0,
-    tolerance=Flips(2e-3, 3e-5, 1e-3, why="what barely rises over a horizon may rise or not"),
+    tolerance=Flips(2e-3, 3e-5, 1e-3, why="rounding decides what just rises over a horizon"),
 )
 def film_bounce(
     light: Light,
@@ -55,43 +55,42 @@ def film_bounce(
 ) -> Light | None:
     r"""Return the part of the light that comes from other places of the film.
 
-    The light E_j that the camera sees of a cell includes that of earlier bounces.  So one sum
-    over what a place sees of the film (equation B1, `sweep`) includes all bounces (radiosity;
-    Nayar, Ikeuchi and Kanade 1991).  E_j is the light relative to the film at rest times the
-    irradiance of the film at rest, which falls off with the inverse square and the cosine.  The
+    The light E_j that the camera sees of a cell includes all earlier bounces.  So one sum over the
+    film that a place sees (equation B1, `sweep`) includes all bounces (radiosity; S. Nayar,
+    K. Ikeuchi and T. Kanade, "Shape from interreflections", 1991).  E_j is the light relative to
+    the film at rest times the irradiance there, by the inverse square and the cosine.  The
     result is again relative to the film at rest.  Subtracted from `light`, it leaves what comes
     from the LED.  A flat film does not light itself; `film.rim` mm of flat film surround the
     frame.  Film hidden by nearer film contributes nothing.  A coated film also mirrors light
     (`coated_bounce`).
 
-    Where the film is folded, the cells miss light.  Cells twice as large miss more; the
-    difference gives a correction (Richardson 1911).
+    Where the film is folded, the cells miss light.  Cells twice as large miss more, and the
+    difference gives a correction (Richardson extrapolation, 1911).
 
     Parameters
     ----------
-    light : K x H x W, as seen, 1 on the film at rest
+    light : K x H x W, as captured, 1 on the film at rest
     height : H x W in mm, as the camera sees it (`view_slope`)
     film : the LEDs' and the film's properties; `albedo` is at most 0.95
     pixel : mm per px of `light` and `height`
     before
-        K x H x W, the result of the previous round, if height and bounce are computed
-        alternately.
+        K x H x W, the result of the previous pass, if height and bounce are computed in turn.
     slope
-        2 x H x W, the film's slope.  Without it the differences of `height` are used, which
-        are less accurate on large pixels.
+        2 x H x W, the film's slope.  None: differences of `height`, which are less accurate on
+        large pixels.
     recall, still
-        K x H x W, this node's own result at the item before (``previous.NODE``), and 1 where that
-        still holds, as nothing has moved (`light_stays`).
+        K x H x W, this node's result for the previous item (``previous.NODE``), and 1 if it still
+        holds because nothing has moved (`light_stays`).
     cells
-        Largest number of cells.  They are squares of whole pixels, and the result is
-        interpolated between them.  A quarter of the number makes them twice as wide.
+        Largest number of cells, which are squares of pixels.  The result is interpolated between
+        them.  A quarter of the number makes them twice as wide.
     azimuths : number of azimuths that a cell looks along under a coat; half as many on a matt film
     share
         Relaxation factor: result = before + share (new - before).  Below 1 it damps
         oscillation; above 1 it speeds up slow convergence.
     from_above
-        Whether `light` and `height` are those straight below each pixel, as `render` makes them.
-        The camera then tells only what it sees of a coat.
+        Whether `light` and `height` are those straight below each pixel, from `render`.
+        The camera's place then matters only for a coat.
 
     Returns
     -------
@@ -122,7 +121,7 @@ def _on_cells(
     from_above: bool,
     grid: Grid,
 ) -> F4:
-    """The bounced light of the cells of one grid."""
+    """The bounced light on the cells of one grid."""
     camera = 0.0 if from_above else film.camera
     cells = cells_of(height, film.lights, np.float32(pixel), grid, slope, camera)
     frame = slice(None), *grid.frame
@@ -195,10 +194,10 @@ def _launch_on_cells(run: Launch, grid: Grid, larger: DeviceArray | None = None)
 
 @film_bounce.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs above a film that extends little beyond the frame; one film in two has no coat.
+    """LEDs above a film that extends little beyond the frame; every second film has no coat.
 
-    The film is rough and tilted, but no steeper than a film: seen from its side, what a place sees
-    of another depends on the last digit of a height.
+    The film is rough and tilted, but not extremely steep: seen edge-on, what one place sees of
+    another depends on the last digit of a height.
     """
     sideways = rng.uniform(-20, 20, (K, 2))
     lights = np.column_stack([sideways, rng.uniform(15, 40, K)]).astype(np.float32)

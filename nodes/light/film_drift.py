@@ -1,6 +1,6 @@
-"""Drift of each LED's light since the flat frame, from the film at rest.
+"""Find the drift of each LED's light since the flat frame, from the film at rest.
 
-Long because calm cells and drift are found in turn, here and in launches on the device.
+Long because calm cells and drift are found in turn, on the host and in launches on the device.
 """
 
 from functools import lru_cache
@@ -17,24 +17,24 @@ from tactograph.nodes import F4, Grain, Light
 from tactograph.nodes.light.coarsen import coarsen
 
 DRIFT_TERMS, TERMS_BY_DEGREE, FIT_SUMS = 6, (1, 3, 6), 22 + 8 * 7
-"""The number of terms 1, u, v, u^2, u v, v^2; how many each degree has; the kernels' sums."""
+"""Number of terms 1, u, v, u^2, u v, v^2; how many a degree needs; number of the kernels' sums."""
 MIN_GAIN = np.float32(0.02)
 CALM_DEPARTURES = (0.03, 0.01, 0.0)
-"""Departure beyond the noise that counts as calm, round by round."""
+"""Departure beyond noise that still counts as calm, by round."""
 MIN_CALM_SHARE = 0.05
-"""Least share of calm cells; a film that is touched everywhere shows no drift."""
+"""Smallest share of calm cells; film that is touched everywhere shows no drift."""
 MAX_CELLS = 8000
-"""More cells add no information; they are averaged, four into one, down to this number."""
+"""Largest number of cells; more add no information, and are averaged four into one."""
 COARSE_GRAIN_SHARE = 0.5
-"""Share of the film's grain that is wider than a cell."""
+"""Share of the film's grain that is coarser than a cell."""
 WINDOW_CELLS = 5
-"""Side in cells of the window around a cell; its mean has 1 / WINDOW_CELLS of a cell's noise."""
+"""Side in cells of the window around a cell, whose mean has 1 / WINDOW_CELLS of a cell's noise."""
 TOUCH_DEPARTURE = 0.003
-"""Departure of the mean around a cell, beyond noise, that shows a touch."""
+"""Departure of a window's mean, beyond noise, that shows a touch."""
 SKIRT_CELLS = 5
-"""Cells within this many cells of a touch count less, by the square of their distance to it."""
+"""Distance from a touch, in cells, within which cells count less, by its square."""
 SHAPE_REGULARISATION = 0.003
-"""Regularisation of the drift's shape where little film is calm, as a share of all cells."""
+"""Regularisation of the drift's shape, as a share of all cells; it matters if few are calm."""
 
 Drift = Annotated[F4, Port("K 6", "1")]
 """Per LED the coefficients of 1, u, v, u^2, u v, v^2 of its light over that of the flat frame;
@@ -64,38 +64,38 @@ def film_drift(
     """Return each LED's light on the film at rest as a polynomial in x and y; 1 is no drift.
 
     Light divided by the flat frame is 1 on the film at rest, until an LED fades or warms up,
-    or the sensor is bent.  A cell is calm, that is at rest, if the light of all LEDs, divided
-    by the drift, is 1 within `rough` plus `level` standard deviations.  Three rounds of least
-    squares fit the drift to the calm cells; the first round also accepts departures of 3 %.
-    They start from the previous drift, or from that drift scaled to the medians of the
-    frame's border if this makes more cells calm.  A single cell on the skirt of a touch looks
-    like film at rest.  So the last round also requires the mean of 5 x 5 cells to be calm, and
-    reduces the weight within five cells of one whose mean departs by 0.3 % more.  It does so
-    only if that leaves a twentieth of the frame.
+    or the sensor is bent.  A cell is calm (at rest) if the light of all LEDs, divided by the
+    drift, is 1 within `rough` plus `level` standard deviations.  Three rounds of least squares
+    fit the drift to the calm cells; the first round also accepts departures of 3 %.  They start
+    from the previous drift, or from that drift scaled to the medians of the frame's border if
+    this makes more cells calm.  A single cell on the skirt of a touch looks like film at rest.  So
+    the last round also requires the mean of 5 x 5 cells to be calm, and reduces the weight within
+    five cells of a cell whose mean departs by a further 0.3 %.  It does so only if a twentieth of
+    the frame remains.
 
-    The level (the term 1) follows at once, because LEDs flicker.  The shape (the other terms)
+    The level (the term 1) follows at once, because LEDs flicker.  The shape (all other terms)
     follows by `rate`, and is regularised where a touch hides it.  An LED keeps its previous
     drift if the change explains no more than noise would (`level` standard deviations of the
-    touch and the flat frame together).  All LEDs do if less than a twentieth of the frame is
+    touch and the flat frame together).  All LEDs keep it if less than a twentieth of the frame is
     calm.
 
     Parameters
     ----------
     light, sigma
-        K x H x W, relative to the film at rest, and the standard deviation of a pixel
-        (0 if not given), both on cells, as `coarsen` gives them.
-    before : K x 6, the drift of the previous item; 1 everywhere if not given
+        K x H x W on the cells of `coarsen`: light relative to the film at rest, and the standard
+        deviation of a single pixel (None: 0).
+    before : K x 6, the drift of the previous item; None: 1 everywhere
     grain : the film's grain; half of it counts as calm, too, because texture is wider than a cell
     bounced
-        K x H x W, the light that the film throws on itself, as `film_bounce` gives it.  It is
-        subtracted: light that a touch throws on the film at rest is no drift.
+        K x H x W, the light from film to film (`film_bounce`).  It is subtracted, since light that
+        a touch throws on the film at rest is no drift.
     thrown, share
-        K x H x W, the same of the film at rest, and r, as `untouched_film` returns them, where
-        `bounced` is relative to a plane that the film at rest is not.
-    degree : 0: a factor per LED; 1 or 2: a polynomial in x and y
+        K x H x W, the light from film to film of the film at rest, and r, from `untouched_film`;
+        needed if the film at rest is not a plane, since `bounced` is relative to a plane.
+    degree : 0: a factor for each LED; 1 or 2: a polynomial in x and y
     rate : share of a change of shape that is applied at once
     level : standard deviations that still count as noise
-    rough : departure that still counts as calm, beyond noise
+    rough : departure beyond noise that still counts as calm
     factor : side of a cell in pixels; its light has 1 / factor of a pixel's noise
     flat_noise
         Noise of the flat frame relative to a touch's: 1 for a single frame, 1 / sqrt(n) for
@@ -103,8 +103,8 @@ def film_drift(
 
     Returns
     -------
-    K x 6: coefficients of 1, u, v, u^2, u v, v^2, u and v being x and y from the middle of the
-    image divided by half its width.
+    K x 6, the coefficients of 1, u, v, u^2, u v, v^2, where u and v are x and y from the middle of
+    the image, divided by half its width.
     """
     if bounced is not None and thrown is not None and share is not None:
         bounced = (bounced - thrown) / share
@@ -178,19 +178,19 @@ def drift_gain(drift: Drift, size: tuple[int, ...]) -> F4:
 
 @lru_cache(maxsize=4)
 def _basis(rows: int, columns: int) -> F4:
-    """The terms at each of N cells: 6 x N."""
+    """The six terms at each of N cells, 6 x N."""
     basis = terms(np.arange(rows), np.arange(columns), (rows, columns)).reshape(DRIFT_TERMS, -1)
     basis.flags.writeable = False
     return basis
 
 
 def _gain(drift: F4, basis: F4) -> F4:
-    """The drift at each cell: K x N, or K x 1 if it is uniform, as it nearly always is."""
+    """The drift at each cell, K x N; K x 1 if it is uniform, as nearly always."""
     return np.asarray(drift @ basis if drift[:, 1:].any() else drift[:, :1], np.float32)
 
 
 def _around(light: F4) -> F4:
-    """The mean over the window around each cell; beyond the frame the border repeats."""
+    """The mean over the window around each cell; the border repeats beyond the frame."""
     window = (WINDOW_CELLS, WINDOW_CELLS)
     planes = [cv2.blur(plane, window, borderType=cv2.BORDER_REPLICATE) for plane in light]
     return np.asarray(planes, np.float32)
@@ -207,7 +207,7 @@ def _calm(light: F4, noise: F4, basis: F4, drift: F4, beyond: np.float32) -> F4:
 
 
 def _beside_skirt(clear: F4, still: F4) -> F4:
-    """The weight of each of N clear cells by its distance to the nearest touch: at most 1."""
+    """The weight of each of N clear cells, at most 1, by its distance to the nearest touch."""
     away = cv2.distanceTransform(still.astype(np.uint8), cv2.DIST_C, 3).ravel()
     far = clear * np.minimum(away, SKIRT_CELLS + 1)
     return np.asarray(np.square(far / far.max()), np.float32)
@@ -224,9 +224,9 @@ def border_level(light: F4) -> F4:
 
 
 def _fit(light: F4, weight: F4, basis: F4, before: F4, used: int) -> tuple[F4, F4]:
-    """Weighted least squares over the cells; the shape is regularised towards the previous one.
+    """Fit by weighted least squares over the cells; regularise the shape towards `before`.
 
-    Returns the drift and, per LED, the sum of squares that its change explains.
+    Returns the drift, and for each LED the sum of squares that its change explains.
     """
     weighted = basis[:used] * weight
     product = weighted @ (light - _gain(before, basis)).T
@@ -241,7 +241,7 @@ def _fit(light: F4, weight: F4, basis: F4, before: F4, used: int) -> tuple[F4, F
 
 @film_drift.opencl()
 def _launch(run: Launch) -> None:
-    """Average around the cells, choose a start, weigh and fit three times; a fit is one group."""
+    """Average around the cells, choose a start, then weight and fit three times in one group."""
     light, out = run.inputs["light"], run.outputs["film_drift"]
     sigma, before = run.inputs.get("sigma"), run.inputs.get("before")
     lights, height, width = (run.sizes[name] for name in "KHW")

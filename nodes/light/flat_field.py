@@ -29,12 +29,8 @@ def flat_field(
     image : K x H x W, as captured
     flat : K x H x W, the untouched film, dark level already subtracted
     dark : H x W, all LEDs off
-    drift
-        K x 6, how each LED's light on the film at rest has drifted since the flat image, as
-        `film_drift` gives it; no drift if not given.
-    floor
-        Smallest value of the flat image that is divided by; darker pixels carry no
-        information and would only amplify noise.
+    drift : K x 6, the drift of each LED's light since the flat frame (`film_drift`); None: no drift
+    floor : lower bound on the divisor; darker pixels carry no information and would amplify noise
     """
     light = np.empty_like(image)
     gains = [None] * len(image) if drift is None else drift_gain(drift, dark.shape)

@@ -1,4 +1,4 @@
-"""How narrowly film is folded, against the cells of a rough height."""
+"""Decide whether film is folded too narrowly for the cells of a rough height."""
 
 import math
 from typing import Annotated, NamedTuple
@@ -11,13 +11,13 @@ from tactograph.nodes import Slope
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS
 
 MIN_SLOPE = np.float32(0.1)
-"""Film less steep than this is taken to be at rest."""
+"""Slope below which film is taken to be at rest."""
 MIN_STEEP_CELLS = 20
-"""Fewer steeper cells are no touch."""
+"""Number of steeper cells below which there is no touch."""
 
 
 class FoldWidths(NamedTuple):
-    """Whether the film's light on itself asks for a finer height: one at most holds."""
+    """Whether the light from film to film needs a finer height; at most one is true."""
 
     wide: bool
     narrow: bool
@@ -32,17 +32,17 @@ def folded_film(
 ) -> FoldWidths:
     """Return whether film is folded, and how narrowly.
 
-    Between the means of cells the edges of a fold are too flat, and flat film throws too little
-    light on itself.  So the slopes' squared second differences are compared with their squares, on
-    steep cells (equation B3): 0.06 times as large on a ball, 0.4 on a soft cat, 1 on walls that
-    are two cells wide.  From 0.17 on a groove or a step may be 1 % too shallow without that height.
+    Averaged over cells, the edges of a fold are too flat, and flat film throws too little light on
+    itself.  So the squared second differences of the slopes are compared with the squared slopes of
+    steep cells (equation B3): the ratio is 0.06 on a ball, 0.4 on a soft cat, and 1 on walls two
+    cells wide.  From 0.17 on, a groove or a step may be 1 % too shallow without a finer height.
 
     Parameters
     ----------
     slope
-        2 x H x W, mm per mm, on the cells of a rough pass.  Where they are more than those of
-        `film_bounce`, every n-th row and column counts.
-    least, narrow : squared bend over squared slope above which film is folded, and narrowly
+        2 x H x W in mm per mm, on the cells of a rough pass.  If these are more cells than those of
+        `film_bounce`, every n-th row and column is used.
+    least, narrow : ratios from which on film is folded, and narrowly folded
     """
     step = max(round(math.sqrt(slope[0].size / DEFAULT_MAX_CELLS)), 1)
     slope = slope[:, ::step, ::step]

@@ -9,7 +9,7 @@ from tactograph.nodes.light.film_drift import Drift, drift_gain
 
 @node(
     neutral="light",
-    tolerance=Close(1e-6, 1e-5, why="a polynomial, and a division"),
+    tolerance=Close(1e-6, 1e-5, why="rounding of a polynomial and a division"),
     sizes={"K": SizeLimit(1, 8, "more LEDs than a label has bits")},
 )
 def level_light(light: Light, drift: Drift) -> Light:
@@ -18,7 +18,7 @@ def level_light(light: Light, drift: Drift) -> Light:
     Parameters
     ----------
     light : K x H x W, relative to the film at rest
-    drift : K x 6, as `film_drift` gives it
+    drift : K x 6, from `film_drift`
     """
     return np.asarray(light / drift_gain(drift, light.shape[1:]), np.float32)
 

@@ -1,4 +1,4 @@
-"""State the uncertainty of each light."""
+"""State the standard deviation of each light."""
 
 from typing import Annotated
 
@@ -9,7 +9,7 @@ from tactograph.graph import Close, node
 from tactograph.nodes import Light, Noise
 
 
-@node(tolerance=Close(1e-6, 1e-5, why="square root and division"))
+@node(tolerance=Close(1e-6, 1e-5, why="rounding of a square root and a division"))
 def light_noise(
     image: Light,
     flat: Light,
@@ -19,15 +19,15 @@ def light_noise(
 ) -> Light:
     """Return the standard deviation of the light relative to the film at rest.
 
-    sqrt(shot I + read) / I_flat: photon shot noise, and the read noise of the camera's
-    electronics.
+    It is sqrt(shot I + read) / I_flat: the shot noise of photons, and the read noise of the
+    camera's electronics.
 
     Parameters
     ----------
     image : K x H x W, as captured
     flat : K x H x W, the untouched film
-    noise : (shot, read), as `estimate_noise` gives it
-    floor : smallest value of the flat image that is divided by, as for `flat_field`
+    noise : (shot, read), from `estimate_noise`
+    floor : lower bound on the divisor, as for `flat_field`
     """
     shot, read = noise
     sigma = np.empty_like(image)

@@ -1,4 +1,4 @@
-"""Light relative to a plane film, where the film at rest is none."""
+"""Make light relative to a plane, for a film at rest that is not a plane."""
 
 from typing import Any
 
@@ -10,13 +10,13 @@ from tactograph.nodes import Light
 
 @node(neutral="light", tolerance=Close(1e-6, 1e-5, why="division"))
 def light_on_plane(light: Light, share: Light | None = None, *, away: bool = False) -> Light:
-    """Multiply light relative to the film at rest by the film's own over that of a plane (F5).
+    """Multiply light relative to the film at rest by r, that film's light over a plane's (F5).
 
     Parameters
     ----------
     light : K x H x W
-    share : K x H x W, r as `untouched_film` returns it; None: the film at rest is a plane
-    away : whether light relative to a plane is made relative to the film at rest
+    share : K x H x W, r from `untouched_film`; None: the film at rest is a plane
+    away : whether to make light relative to the film at rest instead, by division
     """
     if share is None:
         return light
@@ -28,7 +28,7 @@ light_on_plane.opencl(grid="K H W", lanes="grid")
 
 @light_on_plane.idle
 def _is_plane(share: Light | None = None) -> bool:
-    """Return whether the film at rest is a plane: nothing says otherwise."""
+    """Return true; the node is asked only if `share` is absent."""
     return True
 
 

@@ -1,4 +1,4 @@
-"""Whether a film lights itself."""
+"""Decide whether a film lights itself."""
 
 from tactograph.graph import node
 from tactograph.nodes import Albedo
@@ -6,5 +6,5 @@ from tactograph.nodes import Albedo
 
 @node
 def lights_itself(albedo: Albedo) -> bool:
-    """Return whether the film throws any of its light on other places of it."""
+    """Return whether light from film to film matters: whether the albedo is not zero."""
     return albedo > 0

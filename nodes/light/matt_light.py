@@ -1,4 +1,4 @@
-"""Convert the light of a real film into that of a matt one."""
+"""Convert the light of a real film to the light of a matt film."""
 
 from typing import Annotated, Any, NamedTuple, TypeVar
 
@@ -23,22 +23,22 @@ from tactograph.nodes.optics.film import (
 from tactograph.nodes.optics.near_light import lights_around, places, unwrapped, vectors_at, wrapped
 
 STRETCH_PX = 64
-"""Pixels of a row per work-item on a CPU; per LED it holds a kilobyte at a time."""
+"""Pixels of a row per work-item on a CPU, about a kilobyte of data for each LED."""
 Thrown = TypeVar("Thrown")
-"""The light that the film throws on itself, on the host or on a device."""
+"""The light from film to film, on the host or on a device."""
 NOISY_LIGHT_FIELDS = (*LIGHT_FIELDS, "grain")
 """The fields of `Film` on which light and its deviation depend."""
 
 
 class MattLight(NamedTuple):
-    """Light as a matt film under the same LEDs would have it, and its standard deviation."""
+    """The light of a matt film under the same LEDs, and its standard deviation."""
 
     light: Light
     sigma: Light
 
 
 @node(
-    tolerance=Flips(5e-3, 5e-3, 5e-3, why="steep normals that light hardly tells apart"),
+    tolerance=Flips(5e-3, 5e-3, 5e-3, why="light hardly distinguishes steep normals"),
     sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")},
 )
 def matt_light(
@@ -59,24 +59,23 @@ def matt_light(
     """Return the light that a matt film of the same shape would have.
 
     With F the light that the film model predicts (`film`, F1) and n.v that of a matt film
-    (`near_light`, N1), ``m' = (m - F(n)) / (s (1 - b) a) + max(n.v, 0)`` (F4).
-    Unless the light depends on
-    the normal as a matt film's does, this needs a normal.  Gauss-Newton steps find it, from
-    the expected slope, with the LEDs that light the pixel.  An error of that normal matters
-    only as far as F and n.v depend on it differently.  In a shadow, which contains diffused
-    light, m' is about 0.  All nodes for shadows and matt light are then valid for any film.
+    (`near_light`, N1), ``m' = (m - F(n)) / (s (1 - b) a) + max(n.v, 0)`` (F4).  Unless the light
+    depends on the normal like a matt film's, this needs a normal.  Gauss-Newton steps find it from
+    the expected slope, with the LEDs that light the pixel.  An error of that normal matters only as
+    far as F and n.v depend on it differently.  In a shadow, which contains diffused light, m' is
+    about 0.  All nodes for shadows and matt light are then valid for any film.
 
     Parameters
     ----------
     light, sigma : K x H x W, relative to the film at rest, and its standard deviation
-    slope, height : 2 x H x W and H x W in mm, as far as known
+    slope, height : 2 x H x W, and H x W in mm, estimates
     film : the LEDs' and the film's properties
     pixel : mm per px
-    bounced : K x H x W, the light that the film throws on itself, as `film_bounce` gives it
-    finer, finest : K x H x W, the same of a finer pass, in place of `bounced` where one has run
+    bounced : K x H x W, the light from film to film (`film_bounce`)
+    finer, finest : K x H x W, the results of finer passes, which replace `bounced` if they have run
     rest : H x W in mm, the seen height of the film at rest; None: a plane
     steps : Gauss-Newton steps of the normal on a coated film
-    uncoated_steps : the same on a film without a coat, whose harmonics vary gently
+    uncoated_steps : Gauss-Newton steps on a film without a coat, whose harmonics vary gently
 
     Returns
     -------
@@ -112,7 +111,7 @@ def matt_light(
 
 
 def _finest(*passes: Thrown | None) -> Thrown | None:
-    """The light of the first pass that has run."""
+    """The light of the first of these passes that has run."""
     return next((each for each in passes if each is not None), None)
 
 
@@ -148,7 +147,7 @@ def _is_matt(
     finer: Light | None = None,
     finest: Light | None = None,
 ) -> bool:
-    """Return whether the film is matt already."""
+    """Return whether the film is matt, so that its light needs no conversion."""
     more = film_wrap, film_camera, film_grain, film_emission
     uneven = film_diffuse.any() or film_harmonics.any()
     return film_gain == film_refraction == 1 and not uneven and not any(more)
@@ -156,7 +155,7 @@ def _is_matt(
 
 @matt_light.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """Light that a film may have."""
+    """Plausible light of a film."""
     light = rng.uniform(0.3, 1.4, (K, H, W)).astype(np.float32)
     return example_film(rng, K, H, W) | {"light": light}
 

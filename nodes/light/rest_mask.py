@@ -1,4 +1,4 @@
-"""The film at rest: calm, and joined to the border of the frame."""
+"""Find the film at rest: calm film that is connected to the border of the frame."""
 
 from typing import Annotated
 
@@ -16,7 +16,7 @@ FLOODED_VALUE = 2
 def rest_mask(
     calm: Mask, pixel: PixelSize, *, margin_mm: Annotated[float, Interval(ge=0, le=10)] = 1.2
 ) -> Mask:
-    """Return where the film has height zero.
+    """Mark the film whose height is zero.
 
     A flat top looks as calm as the film at rest, but it is not connected to the border of the
     frame.  A closing first fills single noisy pixels.  The mask then keeps a distance of
@@ -24,19 +24,18 @@ def rest_mask(
 
     Parameters
     ----------
-    calm : H x W, as `calm_film` gives it
+    calm : H x W, from `calm_film`
     pixel : mm per px
     margin_mm
-        Distance kept from the touch.  A film that returns to rest as exp(-d / reach) looks
-        calm long before it is at rest.  Pinned to zero there, it would make all that it
-        carries too low.
+        Distance from the touch.  Film that returns to rest like exp(-d / reach) looks calm long
+        before it is at rest.  Holding it at zero there would make the whole touch too low.
 
     Returns
     -------
     H x W, 1 on the film at rest.
     """
     closed = cv2.morphologyEx(calm, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    # A flood fill from a ring around the frame reaches all calm film that touches the border.
+    # A flood fill from a ring around the frame reaches all calm film connected to the border.
     ringed = cv2.copyMakeBorder(closed, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
     cv2.floodFill(ringed, None, (0, 0), FLOODED_VALUE, flags=4)
     joined = (ringed[1:-1, 1:-1] == FLOODED_VALUE).astype(np.uint8)

@@ -22,8 +22,8 @@ def simplify_film(
 ) -> Film:
     """Return the film with parts of equation F1 (`optics/film`) switched off.
 
-    Nothing is refitted, so the result shows what the part contributes.  To see how well a
-    model without the part can do, calibrate without it (``--set model.without=diffuse``).
+    Nothing is refitted, so the result shows what the part contributes.  To find out how well a
+    model without the part performs, calibrate without it (``--set model.without=diffuse``).
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Compare the model error of a touch with that of the presses that the model was fitted to.
+"""Compare the model error of a touch with that of the calibration's presses.
 
-Long because noise, brightness and what normals have in common are separated, and because film at
-rest tells what touched film cannot.
+Long because noise, brightness and the error common to all normals are separated, and because film
+at rest shows errors that touched film cannot.
 """
 
 import math
@@ -36,23 +36,23 @@ from tactograph.nodes.optics.near_light import (
 )
 
 MIN_LAG_PX = 2
-"""The noise of pixels this far apart is independent."""
+"""Distance from which on the noise of two pixels is independent."""
 BLOCK_PX = 16
-"""Side of a block in pixels; single places that depart, dirt or an edge, are no model error."""
+"""Side in pixels of the blocks whose median counts: dirt or an edge in some is no model error."""
 MEDIAN_ERROR = 1.86
-"""Standard error of the median of n normal values, times the root of n, over their median absolute
+"""Standard error of the median of n normal values, times sqrt(n), over their median absolute
 deviation."""
 MIN_SHARE, MAX_SHARE = 0.5, 1.5
-"""Limits of a normal's error per residual light: on the presses either may be all noise."""
+"""Limits on a normal's error per residual of the light; on presses either may be pure noise."""
 MIN_COMMON_SHARE = 0.3
-"""Least share of a further error that all normals of a touch have in common; on the presses of
-simulated sensors it is 0.25 to 0.65, on those of a real one 1."""
+"""Smallest share of an additional error that is common to all normals of a touch; on presses it is
+0.25 to 0.65 for simulated sensors, and 1 for a real one."""
 WARN_MISFIT_RATIO, MIN_WARN_MISFIT = 2.0, 0.005
-"""Multiple of the calibration's residual, and light, above which a departure gives a warning."""
+"""Multiple of the calibration's residual, and light, above which a residual gives a warning."""
 
 
 @node(
-    tolerance=Close(1e-6, 1e-3, why="a sum over LEDs and blocks, in another order"),
+    tolerance=Close(1e-6, 1e-3, why="sums over LEDs and blocks in another order"),
     sizes={"K": SizeLimit(1, 8, "a label holds a bit for each of at most 8 LEDs")},
 )
 def touch_misfit(
@@ -67,23 +67,23 @@ def touch_misfit(
     rest: Mask,
     tilt: Slope | None = None,
 ) -> Misfit:
-    """Increase the model's misfit if a touch departs more than the calibration's presses did.
+    """Increase the model's misfit if a touch departs from it more than the calibration's presses.
 
-    With more than three LEDs the light over-determines normal and brightness.  The residual
-    that neighbouring pixels share is model error.  Its median over blocks is used.  The error
-    of the normals is proportional to it, by the ratio that the presses had.  What exceeds the
-    residual of the presses is added to their misfit in quadrature; as large a share of it as on
-    the presses is a tilt that all normals have in common.
+    With more than three LEDs the light over-determines normal and brightness.  The residual that
+    neighbouring pixels share is model error; its median over blocks is used.  The error of the
+    normals is proportional to it, by the ratio found on the presses.  The part that exceeds the
+    residual of the presses is added to their misfit in quadrature; the same share of it as on
+    the presses is a tilt common to all normals.
 
-    Film at rest shows what its normals cannot take up: LEDs that have drifted since the flat frame
-    otherwise than `film_drift` finds, and light from the touch that the model does not know.  What
-    neighbouring blocks of it share is the error of each LED's light on the touch as well.
+    Film at rest shows errors that a normal cannot absorb: a drift of the LEDs since the flat frame
+    that `film_drift` does not find, and light from the touch that the model does not contain.  The
+    part that neighbouring blocks share is also an error of each LED's light on the touch.
 
     Parameters
     ----------
-    light : K x H x W, as of a matt film (`matt_light`)
-    slope, used : 2 x H x W and H x W, as `label_lights` found them
-    height : H x W in mm, as far as known before that slope; that of the film at rest there
+    light : K x H x W, of a matt film (`matt_light`)
+    slope, used : 2 x H x W and H x W, from `label_lights`
+    height : H x W in mm, as given to `label_lights`; on the film at rest, its own height
     lights : K x 3 in mm
     misfit : length 5, the calibration's misfit
     pixel : mm per px
@@ -93,8 +93,8 @@ def touch_misfit(
 
     Returns
     -------
-    The misfit of this touch; its `light` is what the film at rest departs by.  A
-    warning is given if the light departs clearly more.
+    The misfit of this touch; its `light` is the departure of the film at rest.  A clearly larger
+    departure than the presses' gives a warning.
     """
     total, counts = _lag_products(
         light, slope, height, used, lights, pixel, _lag(misfit, pixel), uneven
@@ -104,7 +104,7 @@ def touch_misfit(
 
 
 def _widened(misfit: Misfit, residual: float, departs: float) -> Misfit:
-    """The misfit of a touch by the residual on its flanks, and what the film at rest departs by."""
+    """The misfit of a touch, from the residual on its flanks and the departure of film at rest."""
     level, width, pressed, bounce, tilt = (float(v) for v in misfit)
     if residual <= pressed:
         return np.asarray([level, width, departs, bounce, tilt], np.float32)
@@ -117,7 +117,7 @@ def _widened(misfit: Misfit, residual: float, departs: float) -> Misfit:
         warn(
             f"the light departs from the film's model by {100 * residual:.1f} %, on the "
             f"calibration's presses by {100 * pressed:.1f} %: the model's part of the stated "
-            f"error is {times:.1f} times as wide"
+            f"error is {times:.1f} times as large"
         )
     return np.asarray([wider, width, departs, bounce, tilt], np.float32)
 
@@ -125,7 +125,7 @@ def _widened(misfit: Misfit, residual: float, departs: float) -> Misfit:
 def _typical(total: F4, counts: F4) -> float:
     """The root mean square of the residual that neighbours share, in the median block.
 
-    Noise leaves products of either sign; what the median is beyond its standard error counts.
+    Noise gives products of either sign; only the median in excess of its standard error counts.
     """
     plenty = counts > BLOCK_PX * BLOCK_PX
     if not plenty.any():
@@ -137,7 +137,7 @@ def _typical(total: F4, counts: F4) -> float:
 
 
 def _shared(total: F4, counted: F4) -> float:
-    """The root mean square of what neighbouring blocks of film at rest depart by alike."""
+    """The root mean square of the departure that neighbouring blocks of film at rest share."""
     plenty, mean = counted > BLOCK_PX * BLOCK_PX / 2, total / np.maximum(counted, np.float32(1))
     across = (mean[:, :, 1:] * mean[:, :, :-1])[:, plenty[:, 1:] & plenty[:, :-1]]
     down = (mean[:, 1:] * mean[:, :-1])[:, plenty[1:] & plenty[:-1]]
@@ -146,7 +146,7 @@ def _shared(total: F4, counted: F4) -> float:
 
 
 def _lag(misfit: Misfit, pixel: float) -> int:
-    """Distance in pixels between the neighbours that are compared."""
+    """The distance in pixels of the pixels that are compared."""
     return max(MIN_LAG_PX, round(float(misfit[1]) / pixel / 4))
 
 
@@ -158,7 +158,7 @@ def _at_rest(
     rest: Mask,
     tilt: Slope | None,
 ) -> tuple[F4, F4]:
-    """Per LED and block, by how much light the film at rest departs; per block, its pixels."""
+    """The departure of the film at rest by LED and block, and the number of its pixels by block."""
     level = np.zeros((2, *height.shape), np.float32) if tilt is None else tilt
     departs = light - expected_light(light_vectors(lights, height, pixel), level)
     calm = (rest != 0).astype(np.float32)
@@ -176,7 +176,7 @@ def _lag_products(
     lag: int,
     uneven: float,
 ) -> tuple[F4, F4]:
-    """Per block, the sum of products of neighbouring residuals, and the number of pairs."""
+    """By block, the sum of the products of neighbouring residuals, and the number of pairs."""
     p, q = slope
     counts = (used == (1 << len(lights)) - 1) & (
         p * p + q * q > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE
@@ -198,14 +198,14 @@ def _lag_products(
 
 
 def brighter(departs: F4, model_light: F4, uneven: float) -> F4:
-    """Return the share by which film is brighter than predicted, from the light's residuals."""
+    """Return by which share film is brighter than predicted, from the residuals of the light."""
     noise = np.float32(LIGHT_NOISE_SHARE * LIGHT_NOISE_SHARE)
     share = brightness_share((model_light * model_light).sum(axis=0), noise, np.float32(uneven))
     return np.asarray((departs * model_light).sum(axis=0) * share)
 
 
 def _reach(counts: NDArray[np.bool_], lag: int) -> slice:
-    """The span of whole blocks around all that count, plus `lag`; the first block if none does."""
+    """The span of blocks around all that count, plus `lag`; the first block if none counts."""
     indices = np.flatnonzero(counts)
     first, last = (int(indices[0]), int(indices[-1])) if indices.size else (0, 0)
     return slice(first // BLOCK_PX * BLOCK_PX, (last // BLOCK_PX + 1) * BLOCK_PX + lag)
@@ -246,7 +246,7 @@ def _launch(run: Launch) -> None:
 
 @touch_misfit.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs around a film, all lit except at some pixels; the light departs in patches."""
+    """LEDs around a film that reach all but some pixels; the light departs in patches."""
     around = rng.uniform(0, 2 * np.pi, K)
     lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
     slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)

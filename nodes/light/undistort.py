@@ -10,12 +10,12 @@ from tactograph.nodes.optics.lens import camera_places, is_straight
 
 @node(
     neutral="image",
-    tolerance=Close(1e-4, why="places rounded to 1e-5 px, times a step between two pixels"),
+    tolerance=Close(1e-4, why="places are rounded to 1e-5 px, times a step between two pixels"),
 )
 def undistort(image: Light, lens: Lens) -> Light:
-    """Return the images on the ideal grid: square pixels of one size on the film at rest.
+    """Return the images on the ideal grid: square pixels of equal size on the film at rest.
 
-    The middle of the image stays where it is.  Values between pixels are interpolated by cubic
+    The middle of the image stays in place.  Values between pixels are interpolated by cubic
     convolution (`bicubic`).  Ideal pixels that the camera does not see, at the border of an
     image with pincushion distortion, repeat the nearest pixel that it sees.  Without a lens the
     images are returned unchanged, bit for bit.
@@ -23,7 +23,7 @@ def undistort(image: Light, lens: Lens) -> Light:
     Parameters
     ----------
     image : K x H x W, as captured
-    lens : length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
+    lens : length 8, from `read_lens` (equations L1 and L2)
     """
     if is_straight(lens):
         return image

@@ -7,12 +7,12 @@ from tactograph.nodes.light.undistort import undistort
 
 @node(neutral="dark")
 def undistort_dark(dark: Dark, lens: Lens) -> Dark:
-    """Return the dark image, resampled as `undistort` resamples images.
+    """Return the dark image, resampled like the images of `undistort`.
 
     Parameters
     ----------
     dark : H x W, all LEDs off
-    lens : length 8, as `read_lens` gives it
+    lens : length 8, from `read_lens`
     """
     plane: Dark = undistort(dark[None], lens)[0]
     return plane

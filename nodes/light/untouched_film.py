@@ -1,4 +1,4 @@
-"""The surface before any measurement: the film at rest, and its light over that of a plane."""
+"""Describe the film at rest: its shape, and its light relative to a plane's."""
 
 from typing import Annotated, NamedTuple
 
@@ -14,9 +14,9 @@ from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, REST_ROUNDS, Rest
 class Surface(NamedTuple):
     """The film at rest as the camera sees it, its slope, and the flat frame of a plane.
 
-    `share` is r of F5, `thrown` its part from film to film, `matt` the light of matt film of that
-    shape (N1), `rest` and `tilt` are the seen height and its slopes, `incline` the film's own;
-    None on a plane.
+    `share` is r of F5, `thrown` its part from film to film, and `matt` the light of matt film of
+    that shape (N1).  `rest` and `tilt` are the seen height and its slopes, `incline` the film's
+    slopes.  All are None for a plane.
     """
 
     height: Height
@@ -39,17 +39,17 @@ def untouched_film(
     *,
     bounce: NodeCall = film_bounce,
 ) -> Surface:
-    """Return height and slope of the film at rest, and what its flat frame would be on a plane.
+    """Return height and slope of the film at rest, and the flat frame that a plane would have.
 
-    Without `rest` the film is a plane: height and slope are zero, and the flat frame is its own.
+    Without `rest` the film is a plane: height and slope are zero, and `flat` is returned.
 
     Parameters
     ----------
     flat : K x H x W, the film at rest
     film : the LEDs' and the film's properties
     rest
-        R x C in mm, the height that each pixel sees of the film at rest; None: a plane.  Where it
-        is finer than the flat frame, its means over the flat frame's pixels are taken.
+        R x C in mm, the height of the film at rest that each pixel sees; None: a plane.  If it is
+        finer than the flat frame, it is averaged over the flat frame's pixels.
     pixel : mm per px of the flat frame
 
     Raises
@@ -78,7 +78,7 @@ def untouched_film(
 def light_at_rest(
     shape: RestShape, film: Film, bounce: NodeCall, cells: int = DEFAULT_MAX_CELLS
 ) -> tuple[F4, F4]:
-    """Return r of F5 in its two parts, K x H x W each: light of the LEDs, and from film to film."""
+    """Return the two parts of r of F5, K x H x W each: from the LEDs, and from film to film."""
     direct = shape.light(film)
     thrown = np.zeros_like(direct)
     for _ in range(REST_ROUNDS if film.albedo > 0 else 0):

@@ -1,4 +1,4 @@
-"""Images in which pixels that show no film, such as a housing, look like film at rest."""
+"""Make pixels that show no film, such as a housing, look like film at rest."""
 
 from typing import Any
 
@@ -10,14 +10,14 @@ from tactograph.nodes import U1, Dark, Light, Mask
 
 @node(neutral="image")
 def within_film(image: Light, area: Mask, flat: Light, dark: Dark) -> Light:
-    """Return the images, with the film at rest where the frame shows none.
+    """Return the images, with the film at rest where the frame shows no film.
 
-    No height follows from there, and none is invented: light relative to the film at rest is 1.
+    Light relative to the film at rest is 1 there, so that no height arises.
 
     Parameters
     ----------
     image : K x H x W, as captured
-    area : H x W, 1 where the frame shows film, as `find_film` gives it
+    area : H x W, 1 where the frame shows film (`find_film`)
     flat, dark : K x H x W and H x W: the film at rest, dark level subtracted, and all LEDs off
     """
     if fills_frame(area):
@@ -30,13 +30,13 @@ within_film.opencl(grid="H W", lanes="grid", whole="image")
 
 @within_film.idle
 def fills_frame(area: U1) -> bool:
-    """Return whether film is all that the frame shows."""
+    """Return whether the frame shows nothing but film."""
     return bool(area.all())
 
 
 @within_film.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """A frame with film in most of it."""
+    """A frame that mostly shows film."""
     area = (rng.random((H, W)) < 0.8).astype(np.uint8)
     area[0, 0] = 0
     return {"area": area}

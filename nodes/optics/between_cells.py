@@ -1,4 +1,4 @@
-"""Values of cells interpolated at pixels, linearly between the cells' centres."""
+"""Interpolate values of cells at pixels, linearly between the cells' centres."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ def between_cells(cells: F4, size: tuple[int, ...], factor: int) -> F4:
 def _neighbours(
     count: int, cells: int, factor: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], F4]:
-    """The cells whose centres a pixel lies between, and how far from the first."""
+    """The two cells whose centres enclose each pixel, and its distance from the first."""
     place = (np.arange(count, dtype=np.float32) + np.float32(0.5)) / np.float32(factor)
     place = np.clip(place - np.float32(0.5), np.float32(0), np.float32(cells - 1))
     first = place.astype(np.intp)

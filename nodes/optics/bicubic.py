@@ -1,4 +1,4 @@
-"""Values between pixels: the cubic convolution of Catmull and Rom, which passes through them.
+"""Interpolate between pixels by the cubic convolution of Catmull and Rom, which keeps pixel values.
 
 E. Catmull and R. Rom, "A class of local interpolating splines", 1974; R. Keys, "Cubic
 convolution interpolation for digital image processing", 1981, with a = -1/2.  A quadratic
@@ -13,7 +13,7 @@ from tactograph.nodes import F4
 def between_pixels(plane: F4, x: F4, y: F4) -> F4:
     """Return the plane's values at columns `x` and rows `y`, of any one shape.
 
-    A place beyond the frame is moved to the nearest place in it.
+    A place beyond the frame is moved to the nearest place inside.
     """
     rows, columns = plane.shape
     x = np.clip(x, np.float32(0), np.float32(columns - 1))
@@ -33,7 +33,7 @@ def between_pixels(plane: F4, x: F4, y: F4) -> F4:
 
 
 def _weights(t: F4) -> tuple[F4, F4, F4, F4]:
-    """The weights of the pixels at -1, 0, 1 and 2 for a place `t` px after the one at 0."""
+    """The weights of the pixels at -1, 0, 1 and 2 for a place at `t`, 0 to 1."""
     half = np.float32(0.5)
     tt = t * t
     ttt = tt * t

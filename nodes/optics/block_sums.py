@@ -8,7 +8,7 @@ from tactograph.nodes import F4
 def block_sums(plane: F4, side: int) -> F4:
     """Return the sums of an H x W plane over whole blocks of `side` x `side` pixels.
 
-    Rows and columns that fill no block are left out.
+    Rows and columns that do not fill a block are left out.
     """
     rows, columns = (length // side for length in plane.shape)
     blocks = plane[: rows * side, : columns * side].reshape(rows, side, columns, side)

@@ -1,4 +1,4 @@
-"""Long chains of array operations, on as many pixels at a time as fit into the cache."""
+"""Run long chains of array operations on blocks of pixels that fit into the cache."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -13,10 +13,10 @@ BLOCK_PIXELS = 32768
 
 
 def in_blocks(work: Callable[[slice], T], count: int, pixels: int = 1) -> list[T]:
-    """Call `work` for slices that cover `count`, on all cores, and return what it returns.
+    """Call `work` for slices that cover `count` items, on all cores, and return its results.
 
-    Each counted item has `pixels` pixels: a row has as many as there are columns.  NumPy
-    releases the interpreter's lock during an operation, so threads help.
+    Each item has `pixels` pixels; for a row that is the number of columns.  NumPy releases the
+    interpreter's lock during an operation, so threads help.
     """
     step = max(1, BLOCK_PIXELS // pixels)
     blocks = [slice(first, min(first + step, count)) for first in range(0, count, step)]

@@ -1,7 +1,7 @@
 """The camera's view of a film: the places that its pixels see, and a regular grid of them.
 
-A camera whose pupil is D above the film sees a point of height z that lies at (u, v) (1 - z / D)
-where it sees the place (u, v) of the film at rest.  Its lens moves that place in the image
+A camera whose pupil is D above the film sees the point (u, v) (1 - z / D) at height z in the same
+pixel as the place (u, v) of the film at rest.  Its lens moves that place in the image
 (`optics.lens`).  Places are in pixels of the ideal image, from the image's middle.
 """
 
@@ -25,7 +25,7 @@ from tactograph.nodes.optics.lens import (
 )
 
 BISECTION_STEPS = 10
-"""Bisections of the interval that holds the pixel which sees a point of the grid."""
+"""Bisections in the search for the pixel that sees a point of the grid."""
 MESH_AXES = "mm from the image's middle on the film at rest; x right, y up, z to the camera"
 """Comment in meshes; an STL has room for 80 bytes."""
 
@@ -45,14 +45,14 @@ class Mesh(NamedTuple):
 
 
 class View(NamedTuple):
-    """The camera's lens, length 8, None without distortion, and 1 / D in 1/mm, 0 or None if far."""
+    """The lens (length 8; None: no distortion) and 1 / D in 1/mm (0 or None: far away)."""
 
     lens: Lens | None = None
     camera: Vergence | None = None
 
     @staticmethod
     def lens_of(terms: Mapping[str, float]) -> Places:
-        """Return the lens of these `LENS_TERMS`; those that are missing are 0."""
+        """Return the lens of these `LENS_TERMS`; missing terms are 0."""
         return np.array([terms.get(name, 0.0) for name in LENS_TERMS])
 
     @staticmethod
@@ -61,17 +61,17 @@ class View(NamedTuple):
         return float(half_diagonal(shape))
 
     def offset(self, u: Places, v: Places) -> tuple[Places, Places]:
-        """Return how far from ideal places, in `unit`s from the middle, the camera sees them."""
+        """Return the offset at which the camera sees ideal places; all in `unit`s."""
         none = np.zeros_like(u), np.zeros_like(v)
         return none if self.lens is None else camera_offset(self.lens, u, v)
 
     @property
     def is_plain(self) -> bool:
-        """Whether pixels see an even grid on the film, however high it is."""
+        """Whether pixels see an even grid on the film at any height."""
         return (self.lens is None or is_straight(self.lens)) and not self.camera
 
     def stated(self) -> dict[str, object]:
-        """Return what a file states of a view, for `stated_in`; nothing of one that is plain."""
+        """Return the entries that a file keeps of this view, for `stated_in`; none if plain."""
         if self.is_plain:
             return {}
         terms = [0.0] * len(LENS_TERMS) if self.lens is None else self.lens.tolist()
@@ -84,7 +84,7 @@ class View(NamedTuple):
         Raises
         ------
         InputError
-            If what is stated is no view.
+            If the entries are no view.
         """
         if "lens" not in header:
             return cls()
@@ -93,16 +93,16 @@ class View(NamedTuple):
         except (KeyError, TypeError, ValueError):
             lens, camera = np.array([np.nan]), 0.0
         if lens.shape != (len(LENS_TERMS),) or not np.isfinite([*lens, camera]).all():
-            raise InputError(f"{file}: states no view; reconstruct again")
+            raise InputError(f"{file}: the camera's view is damaged; reconstruct again")
         return cls(lens, camera)
 
     def pixel_sides(self, pixel: float) -> tuple[float, float]:
-        """Return the sides along x and y of the camera's pixels, for those of the ideal image."""
+        """Return the sides along x and y of the camera's pixels, from the ideal image's `pixel`."""
         a = 0.0 if self.lens is None else float(self.lens[LENS_TERMS.index("a")])
         return pixel / (1 + a), pixel / (1 - a)
 
     def ideal(self, shape: tuple[int, int], x: Any, y: Any) -> tuple[Places, Places]:
-        """Return where on the ideal grid pixels at columns x and rows y of an image look."""
+        """Return the places on the ideal grid that pixels at columns x and rows y see."""
         rows, columns = shape
         half = self.unit(shape)
         u, v = (x - (columns - 1) / 2) / half, (y - (rows - 1) / 2) / half
@@ -112,13 +112,13 @@ class View(NamedTuple):
         return half * (u + du), half * (v + dv)
 
     def ideal_circles(self, shape: tuple[int, int], circles: F4) -> F4:
-        """Return circles, P x 3 in px, with their middles where they are in the ideal image."""
+        """Return circles, P x 3 in px, with their centres moved to the ideal image."""
         moved, middle = circles.copy(), (np.array(shape[::-1]) - 1) / 2
         moved[:, :2] = np.stack(self.ideal(shape, *circles[:, :2].T), axis=1) + middle
         return moved
 
     def ideal_steps(self, shape: tuple[int, int], x: float, y: float) -> Places:
-        """Return how `ideal` changes by a pixel along x and along y, 2 x 2."""
+        """Return the change of `ideal` by one pixel along x and along y, 2 x 2."""
         steps = np.array([[0.5, -0.5, 0, 0], [0, 0, 0.5, -0.5]])
         right, left, below, above = np.array(self.ideal(shape, x + steps[0], y + steps[1])).T
         return np.stack([right - left, below - above], axis=1)
@@ -126,7 +126,7 @@ class View(NamedTuple):
     def mesh(self, height: Height, pixel: float) -> Mesh:
         """Return a height map as a mesh, two triangles between four pixels.
 
-        Points lie where they are on the film (`places`).  What is not known, NaN, is left out.
+        Points lie at their `places` on the film.  Unknown heights (NaN) are left out.
         """
         rows, columns = height.shape
         x, y = self.places(height)
@@ -141,12 +141,12 @@ class View(NamedTuple):
         return Mesh(vertices.astype(np.float32), faces.astype(np.int32))
 
     def places(self, height: Height, step: int = 1) -> tuple[Places, Places]:
-        """Return x and y of the points of a film that pixels see.
+        """Return x and y in px of the points of a film that pixels see.
 
         Parameters
         ----------
         height : H x W in mm, as seen
-        step : spacing in px of the rows and columns whose points are wanted
+        step : spacing in px of the rows and columns
 
         Raises
         ------
@@ -165,10 +165,10 @@ class View(NamedTuple):
         return (column - middle[0]) * nearer, (row - middle[1]) * nearer
 
     def on_even_grid(self, height: Height, others: list[F4]) -> tuple[Height, list[F4]]:
-        """Return the height, and other maps, on the ideal image's grid on the film.
+        """Return the height, and other maps, on an even grid on the film.
 
         For each point of the grid, a search along the line to the image's middle finds the pixel
-        that sees a point above it.  NaN where no pixel does: at the border.
+        that sees the film above it.  Points that no pixel sees, at the border, are NaN.
 
         Parameters
         ----------

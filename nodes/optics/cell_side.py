@@ -1,4 +1,4 @@
-"""Width in pixels of the cells of a coarser image; `cell_side.clh` is the same."""
+"""Side in pixels of the cells of a coarser image; `cell_side.clh` is the same."""
 
 from typing import Annotated
 
@@ -10,11 +10,11 @@ CellSide = Annotated[int, Interval(ge=0, le=64)]
 """Side of a cell in pixels; 0 depends on the image."""
 USUAL_SIDE = 4
 LARGE_PX = 2 << 20
-"""A large image has more pixels than this; one of 1920 x 1080 does not."""
+"""Number of pixels above which an image is large; 1920 x 1080 is not."""
 
 
 def cell_side(rows: int, columns: int, factor: int) -> int:
-    """Return the side in pixels: as given, or, if that is 0, 4, and 8 for a large image."""
+    """Return the side in pixels: `factor`, or if that is 0, 4, or 8 for a large image."""
     return factor or (2 * USUAL_SIDE if rows * columns > LARGE_PX else USUAL_SIDE)
 
 

@@ -1,7 +1,8 @@
-"""A rough dielectric coat: light that microfacets mirror, hide and let through (equation F3).
+"""A rough dielectric coat: the light that microfacets mirror, hide and let through (equation F3).
 
-Beckmann's distribution; Walter et al., Microfacet models for refraction (2007).  All functions
-take cosines of any shape.  ``kernels/headers/coat.clh`` holds the same.
+Beckmann's distribution; B. Walter et al., "Microfacet models for refraction through rough
+surfaces", 2007.  All functions take cosines of any shape;
+``kernels/headers/coat.clh`` is the same.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ ROOT_3 = 3**0.5
 MIN_COSINE = 0.05
 """Smallest cosine for which a coat is evaluated."""
 LET_IN_TERMS = 10
-"""Terms of the polynomial that stands for T of one coat."""
+"""Number of terms of the polynomial that approximates T of one coat."""
 
 
 def fresnel(cosine: Array, index: float) -> Array:
@@ -61,7 +62,7 @@ def let_in(cosine: Array, roughness: float, index: float) -> Array:
     transmitted = open_ + grazed
     mean, beyond = spread * facing / transmitted, grazed / transmitted
     deviation = np.sqrt(1 + beyond - mean * mean)
-    # As products, because NumPy's powers take twenty times as long.
+    # Products, because NumPy's powers take twenty times as long.
     cubes = 2 * mean * mean * mean, deviation * deviation * deviation
     skew = (cubes[0] - (3 * mean + z) * beyond) / cubes[1]
     middle = (2 - (49 / 36) * skew * skew) / (3 - 0.25 * skew * skew)
@@ -80,10 +81,10 @@ def let_in(cosine: Array, roughness: float, index: float) -> Array:
 
 @lru_cache(maxsize=64)
 def let_in_curve(roughness: float, index: float) -> Array:
-    """Return T of one coat as a polynomial of 2 c - 1, of the cosines c from `MIN_COSINE` to 1.
+    """Return T of one coat as a polynomial in 2 c - 1, for cosines c from `MIN_COSINE` to 1.
 
-    Fitted at Chebyshev's nodes.  It departs from `let_in` by less than 2e-5 for a roughness of 0.2
-    and by less than 5e-4 for one of 0.05.
+    It is fitted at Chebyshev's nodes, and departs from `let_in` by less than 2e-5 for a roughness
+    of 0.2, and by less than 5e-4 for 0.05.
     """
     turns = (np.arange(4 * LET_IN_TERMS) + 0.5) * np.pi / (4 * LET_IN_TERMS)
     cosines = MIN_COSINE + (1 - MIN_COSINE) * (1 + np.cos(turns)) / 2
@@ -93,7 +94,7 @@ def let_in_curve(roughness: float, index: float) -> Array:
 
 
 def let_in_by(curve: Array, cosine: Array) -> Array:
-    """Return the share T of light that a coat lets through, by its `let_in_curve`."""
+    """Return the share T of light that a coat lets through, from its `let_in_curve`."""
     curve = curve.astype(cosine.dtype)
     x = 2 * cosine - 1
     total = np.full_like(x, curve[-1])
@@ -104,7 +105,7 @@ def let_in_by(curve: Array, cosine: Array) -> Array:
 
 
 def let_in_change(curve: Array, cosine: Array) -> Array:
-    """Return the derivative of `let_in_by` by the cosine."""
+    """Return the derivative of `let_in_by` with respect to the cosine."""
     return let_in_by(2 * np.arange(1, len(curve)) * curve[1:], cosine)
 
 
@@ -118,7 +119,7 @@ def upload_curve(run: Launch, roughness: float, index: float) -> DeviceArray:
 
 
 def beckmann(cosine: Array, roughness: float) -> Array:
-    """Return Beckmann's density of microfacets by the cosine of their angle to the normal."""
+    """Return Beckmann's density of microfacets at this cosine of their angle to the normal."""
     square = cosine * cosine
     tangent = (1 - square) / square
     return np.asarray(np.exp(-tangent / roughness**2) / (np.pi * roughness**2 * square * square))

@@ -1,23 +1,24 @@
-"""Interreflection of a coated film; in `film_bounce` it takes the place of that of a matt film.
+"""Interreflection of a coated film, which `film_bounce` uses in place of a matt film's.
 
-A matt base radiates in all directions.  Through a coat less light passes at grazing angles, on the
-way in and on the way out.  The coat also mirrors: light of the LEDs to other places of the film,
-and light of other places into the camera.  With T and the mirrored part f_m of equation F2
-(`film`), cell j sends to P, under LED k,
+A matt base radiates in all directions.  A coat lets less light through at grazing angles, on the
+way in and on the way out.  It also mirrors light of the LEDs to other places of the film, and light
+of other places into the camera.  With T and the mirrored part f_m of equation F2 (`film`), cell j
+sends to P, under LED k,
 
     e_kj = (E_j r_k - E_jk f_m(l, v)) T(to P) / T(v) + E_jk f_m(l, to P)
 
-where E_j r_k is what the camera sees of it, and f_m is in units of base / pi.  For L of equation
-B1, P throws back
+where E_j r_k is the light that the camera sees of it, and f_m is in units of base / pi.  In place
+of L in equation B1, P throws back
 
     [T(d) T(v) + f_m(d, v)] e_kj / r_k.                                                       (B2)
 
 r_k is the reflectance of the film at rest.  A lobe at a grazing angle is narrower than the angle
 between two azimuths, so its mean over that angle is used (`_facets`).  A cell that shows less
-light than the LED alone would give it is taken to be shadowed; what its coat mirrors is reduced by
-the same factor.  Light that the coat mirrors twice between cells before it reaches the camera is
-included in what the camera sees.
-``kernels/headers/coated_bounce.clh`` holds the same.
+light than the LED alone would give it is taken to be shadowed; the light that its coat mirrors is
+reduced by the same factor.  Light that is mirrored twice between cells is part of the light that
+the camera sees.
+
+``kernels/headers/coated_bounce.clh`` is the same.
 """
 
 import math
@@ -41,8 +42,8 @@ MIN_LOBE_EXPONENT = np.float32(-9)
 
 
 class _Surface(NamedTuple):
-    """Places of a film, normals and directions to the pupil, 3 x N each; of those directions the
-    cosine to the normal, T, and their factor in f_m, N each."""
+    """Places of a film, normals and directions to the pupil, 3 x N each; and for those directions
+    the cosine to the normal, T, and the factor in f_m, N each."""
 
     at: F4
     normal: F4
@@ -53,7 +54,7 @@ class _Surface(NamedTuple):
 
 
 class _Sent(NamedTuple):
-    """Under each LED: what a cell's base sends, over T; the light that its coat mirrors, with the
+    """For each LED: the light of a cell's base, over T; the light that its coat mirrors, with the
     factor of the LED's direction in f_m; the cosine of that direction to the normal, K x N each;
     and the direction, 3 x N."""
 
@@ -64,7 +65,7 @@ class _Sent(NamedTuple):
 
 
 def coated(film: Film, cells: Cells, sources: F4, grid: Grid) -> Law:
-    """The law of cells of a film with a coat, of which the camera sees the light `sources`.
+    """The law of light between cells of a coated film, of which the camera sees `sources`.
 
     Light is relative to the film at rest that the same pixel sees.
     """
@@ -81,7 +82,7 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid) -> Law:
             receivers.normal[:, at],
             senders.normal[:, other],
         )
-        # Perpendicular to both directions at P, and to the one towards P at the cells.
+        # Perpendicular to both directions at P, and at the cells to the direction towards P.
         aside, along = turn * cross(eye, away), dot(eye, away)
         square = turn * turn * (1 - along * along)
         c_in, c_out = dot(normal, away), -dot(facing, away)
@@ -162,7 +163,7 @@ def _unhidden(film: Film, cosine: F4) -> F4:
 
 
 def _mirrored(film: Film, c_i: F4, c_o: F4, between: F4) -> F4:
-    """f_m in units of base / pi, from the cosines to the light, to the eye and between both."""
+    """f_m in units of base / pi, from the cosines to the light, to the eye, and between the two."""
     size = np.sqrt(np.maximum(2 + 2 * between, MIN_DIVISOR))
     c_h = np.maximum((c_i + c_o) / size, MIN_COSINE_F4)
     lobe = glint(
@@ -172,13 +173,14 @@ def _mirrored(film: Film, c_i: F4, c_o: F4, between: F4) -> F4:
 
 
 def _facets(film: Film, half: F4, square: F4, reach: F4, sideways: F4) -> F4:
-    """The factor of f_m that depends on two directions, in units of base / pi; the mean over one.
+    """The factor of f_m that depends on two directions, in units of base / pi, averaged over one.
 
     `half` is the component of their sum along the normal, `square` the square of the sum.  The
     mean is over one direction that moves by up to s to either side.  In the plane of the
-    microfacets' slopes Beckmann's density is a Gaussian.  Its mean along a line is nearly one,
-    too, wider by 2 / 3 of the square of half of the line.  `reach` is the square of the component
-    of s perpendicular to the normal, `sideways` its product with that of the sum.
+    microfacets' slopes Beckmann's density is a Gaussian.  Its mean along a line is nearly a
+    Gaussian, too, whose square width is larger by 2 / 3 of the square of half the line.  `reach` is
+    the square of the component of s perpendicular to the normal, `sideways` its product with that
+    of the sum.
     """
     size = np.maximum(square, 0) + MIN_DIVISOR
     forwards = np.maximum(half, MIN_COSINE_F4 * np.sqrt(size))

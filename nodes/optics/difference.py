@@ -16,7 +16,7 @@ def difference(z: F4, axis: int) -> F4:
 
 
 def second_differences(plane: F4) -> tuple[F4, F4]:
-    """Return the second differences across and along of H x W values; the border repeats."""
+    """Return the second differences of H x W values along x and along y; the border repeats."""
     around = np.pad(plane, 1, mode="edge")
     across = around[1:-1, 2:] - 2 * plane + around[1:-1, :-2]
     return across, around[2:, 1:-1] - 2 * plane + around[:-2, 1:-1]

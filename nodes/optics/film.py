@@ -1,28 +1,28 @@
 """The light of a real film: the model that calibration, measurement and simulation share.
 
 A matt film under point lights has the light n.v relative to the film at rest (`near_light`,
-N1).  A real one departs from that in ways that presses show.  At P = (x, y, z), seen from the
+N1).  A real film departs from it in ways that presses show.  At P = (x, y, z), seen from the
 pupil at (0, 0, D), with unit normal n and LED k at L::
 
     m_k = s(z) (b_k + (1 - b_k) a_k [e_k(n, P) / e_k(z, P_0)]_w)
           + fade(n) sum_b c_kb(x, y) B_b(n)                                             (F1)
 
-b_k is the share of LED light that is diffused in the gel, so that shadows are not black.
-[.]_w is `wrapped`: scattered light reaches a little behind the terminator.  a_k is how an LED
-that faces the middle of the film and emits as cos^m, such as a disk (m = 1), shines on P relative
-to P_0: the ratio of the cosines to the m, of which a series of second order is taken.
-s grows from 1 to `gain` where an object touches the film and lifts it by `contact` mm.  e is
-irradiance times the reflectance of a rough dielectric coat over a matt base (`coat`)::
+b_k is the share of LED light that the gel diffuses, so that shadows are not black.  [.]_w is
+`wrapped`: scattered light reaches a little behind the terminator.  a_k is the light at P relative
+to P_0 of an LED that faces the middle of the film and emits as cos^m, such as a disk (m = 1): the
+m-th power of the ratio of the cosines, as a series of second order.  s grows from 1 to `gain`
+where an object touches the film and lifts it by `contact` mm.  e is irradiance times the
+reflectance of a rough dielectric coat over a matt base (`coat`)::
 
     e(n, P) = n.l / |L - P|^2 [k_d T(n.l) T(n.v) / pi
                                        + F(v.h) D(n.h) G / (4 n.l n.v)]                     (F2)
 
 with h between the direction l to the light and v to the pupil, T what the coat lets through
 (`let_in`); a `refraction` of 1 has F = 0 and is the matt film.  B are the second-order harmonics of
-the normal (the paper's equation 4), each less its value at rest, and c are polynomials of degree 2
-in the place.  They fade out where n_z is below that of all presses, so that only the physical part
-remains.  P_0 is the film at rest that the same pixel sees.
-``kernels/headers/film.clh`` holds the same.
+the normal (the paper's equation 4), each minus its value at rest, and c are polynomials of degree
+2 in the place.  They fade out where n_z is below that of all presses, so that only the physical
+part remains.  P_0 is the film at rest that the same pixel sees.
+``kernels/headers/film.clh`` is the same.
 """
 
 from collections.abc import Iterator
@@ -44,33 +44,33 @@ from tactograph.nodes.optics.coat import (
 from tactograph.nodes.optics.near_light import wrapped
 
 FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "camera"]
-"""Parts that equation F1 adds to a matt film; a model may do without each."""
+"""Parts that equation F1 adds to a matt film; a model may omit each."""
 LIGHT_FIELDS = (
     "lights", "diffuse", "wrap", "harmonics", "flattest", "reach", "gain", "contact", "base",
     "roughness", "refraction", "camera", "emission",
 )  # fmt: skip
 """The fields of `Film` on which its light depends."""
 HARMONIC_COUNT, PLACE_TERMS = 8, 6
-"""Harmonics, and terms 1, u, v, u^2, u v, v^2 of the polynomial in the place."""
+"""Number of harmonics, and of terms 1, u, v, u^2, u v, v^2 of the polynomial in the place."""
 HARMONIC_DEGREES = range(3)
 """Degrees of that polynomial."""
 FADE_WIDTH = 0.15
-"""Width in n_z over which the harmonics fade out beyond the slopes pressed."""
+"""Width in n_z over which the harmonics fade out beyond the steepest pressed slope."""
 
 MAX_TURN_RAD = 0.3
 """Longest step of a normal, in radians."""
 FLATTEST_TRIED = 0.1
 """Smallest n_z of a normal that is tried."""
 MIN_MATT_LIGHT, FULL_MATT_LIGHT = 0.05, 0.2
-"""Matt light at which an LED begins to count for the normal, and at which it counts in full."""
+"""Matt light at which an LED begins to count for the normal, and at which it counts fully."""
 LIGHT_NOISE_SHARE = 0.01
 """Noise of a pixel's light, as a share of it."""
 MIN_DIRECT_SHARE = 0.05
-"""Smallest 1 - b that is divided by."""
+"""Lower bound on 1 - b in a denominator."""
 
 MIN_SHARPNESS = 0.5
-"""Least derivative of a coated film's light by its normal, over a matt film's: beyond grazing
-angles it is not known."""
+"""Smallest ratio of the derivatives of a coated and a matt film's light by the normal; beyond
+grazing angles it is unknown."""
 
 Array = NDArray[Any]
 Place = tuple[Array, Array, Array]
@@ -102,8 +102,8 @@ def predict(
     film : the LEDs' and the film's properties
     n : 3 x N, unit normals
     x, y, z : of length N in mm, where the film is
-    rest : K x N, as `rest_below` gives it, where it is known
-    lift : N in mm, how high the film is above its place at rest; None: `z`, at rest it is a plane
+    rest : K x N, from `rest_below`, where it is known
+    lift : N in mm, the height above the film at rest; None: `z`, for a plane at rest
     """
     if rest is None:
         rest = rest_below(film, x, y, z)
@@ -121,7 +121,7 @@ def predict(
 
 
 def _strengths(film: Film, x: Array, y: Array, z: Array) -> Iterator[Array]:
-    """Yield how strong the harmonics of equation F1 are at a place, 8 x N, LED by LED."""
+    """Yield the coefficients of the harmonics of equation F1 at a place, 8 x N, LED by LED."""
     x0, y0 = _below(film, x, y, z)
     place = place_terms(x0 / film.reach, y0 / film.reach)
     for terms in film.harmonics:
@@ -134,7 +134,7 @@ def _fade(film: Film, n: Array) -> Array:
 
 
 def _below(film: Film, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
-    """Return the places of the film at rest that the pixels of these places see."""
+    """Return the places of the film at rest that the same pixels see."""
     nearer = 1 - film.camera * z
     return x / nearer, y / nearer
 
@@ -165,7 +165,7 @@ def direct_share(film: Film) -> Array:
 
 
 def lit_share(film: Film, light: Array, z: Array) -> Array:
-    """Return by how much light counts for a normal, K x N: 0 where no direct light is in it."""
+    """Return the weight of light for a normal, 0 to 1, K x N; 0 where it has no direct light."""
     diffuse, direct = film.diffuse[:, None], direct_share(film)[:, None]
     share = (light / touch_gain(film, z) - diffuse) / direct
     return np.clip((share - MIN_MATT_LIGHT) / (FULL_MATT_LIGHT - MIN_MATT_LIGHT), 0, 1)
@@ -180,10 +180,10 @@ def turned(
     rest: Array | None = None,
     lift: Array | None = None,
 ) -> Array:
-    """Return normals that explain the light better: one Gauss-Newton step.
+    """Return normals that explain the light better, by one Gauss-Newton step.
 
-    In the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y).  LEDs whose direct light
-    does not reach the film do not count.
+    The step is in the tangent plane, n + s (n_z, 0, -n_x) + t (0, n_z, -n_y).  LEDs whose direct
+    light does not reach the film do not count.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def turned(
 
     a, b, c = sum_of(by_s, by_s, 0, 0), sum_of(by_s, by_t, 0, 1), sum_of(by_t, by_t, 1, 1)
     g, h = sum_of(by_s, light - before, 0, 2), sum_of(by_t, light - before, 1, 2)
-    # A single LED, or two in line, leave one direction undetermined: there the normal stays.
+    # The normal stays along a direction that a single LED, or two in line, leave undetermined.
     ridge = 1e-3 * (a + c) + 1e-6
     a, c = a + ridge, c + ridge
     inverse = 1 / (a * c - b * b)
@@ -253,14 +253,14 @@ def _changes(
 def coat_sharpness(film: Film, n: Array, place: Place, weight: Array) -> Array:
     """Return how much faster a coated film's light changes with its normal than a matt film's.
 
-    The root of the ratio of the squared derivatives along two tangents, summed over the LEDs.
+    It is the root of the ratio of the squared derivatives along two tangents, summed over the LEDs.
 
     Parameters
     ----------
     film : the LEDs' and the film's properties
     n : 3 x N, unit normals
     place : x, y, z in mm
-    weight : K x N, of the LEDs; all zero leaves 1
+    weight : K x N, of the LEDs; the result is 1 if all are zero
     """
     nx, ny, nz = n
     none = np.zeros_like(nx)
@@ -298,7 +298,7 @@ def rest_light(film: Film, x: Array, y: Array) -> Array:
 
 
 def rest_below(film: Film, x: Array, y: Array, z: Array) -> Array:
-    """Return e of the film at rest that the pixels of these places see: K x N, as `at_rest`."""
+    """Return `at_rest`, K x N, of the film at rest that the pixels of these places see."""
     return at_rest(film, *_below(film, x, y, z))
 
 
@@ -310,7 +310,7 @@ def at_rest(film: Film, x: Array, y: Array) -> Array:
 
 
 def shades(n: Array) -> Array:
-    """Return the second-order harmonics of normals 3 x N, each less its value at rest: 8 x N."""
+    """Return the second-order harmonics of normals 3 x N, minus their values at rest: 8 x N."""
     x, y, z = n
     return np.stack([x, y, z - 1, x * y, x * z, y * z, x * x - y * y, 3 * (z * z - 1)])
 
@@ -325,7 +325,7 @@ def _reflected(
 ) -> Iterator[Array]:
     """Yield equation F2, up to a factor, LED by LED; or its derivative by the normal, 3 x N.
 
-    Masking hardly changes as the normal turns.
+    The derivative neglects that of masking.
     """
     coated = film.refraction != 1
     if coated:
@@ -373,8 +373,8 @@ def to_pupil(camera: float, x: Array, y: Array, z: Array) -> tuple[Array, Array,
 def glint(film: Film, c_i: Array, c_o: Array, c_h: Array, v_h: Array) -> Array:
     """Return the light that the coat's microfacets mirror: the second part of equation F2.
 
-    From the cosines of the normal to the light, to the eye and to the direction h between them,
-    and that of the eye to h.
+    The cosines are those of the normal to the light, to the eye and to the direction h between
+    them, and that of the eye to h.
     """
     spread = beckmann(c_h, film.roughness) * fresnel(v_h, film.refraction)
     hidden = masking(c_i, film.roughness) * masking(c_o, film.roughness)

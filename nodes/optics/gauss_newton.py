@@ -9,7 +9,7 @@ Vector = tuple[F4, F4, F4]
 
 
 def normal_by_slope(p: F4, q: F4) -> tuple[F4, Vector, Vector, Vector]:
-    """1 + p^2 + q^2, the unit normal, and its derivatives by p and by q."""
+    """Return 1 + p^2 + q^2, the unit normal, and its derivatives by p and by q."""
     square: F4 = np.add(1 + p * p, q * q, dtype=np.float32)
     w: F4 = np.divide(1, np.sqrt(square), dtype=np.float32)
     cube: F4 = np.divide(w, square, dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Spherical harmonics of a normal, up to the second order, of which a reflectance is made."""
+"""The spherical harmonics of a normal up to second order, the basis of a reflectance."""
 
 import numpy as np
 
@@ -6,9 +6,9 @@ from tactograph.nodes import F4
 
 
 def harmonics(slope: F4) -> F4:
-    """The nine spherical harmonics up to second order of slopes 2 x ..., 9 x ..., without factors.
+    """Return the nine harmonics, 9 x ..., of slopes 2 x ..., without normalising factors.
 
-    1, n_x, n_y, n_z, n_x n_y, n_x n_z, n_y n_z, n_x^2 - n_y^2, 3 n_z^2 - 1 of the unit
+    They are 1, n_x, n_y, n_z, n_x n_y, n_x n_z, n_y n_z, n_x^2 - n_y^2, 3 n_z^2 - 1 of the unit
     normal n = (-p, -q, 1) / sqrt(1 + p^2 + q^2), which points to the camera.
     """
     p, q = slope

@@ -1,8 +1,8 @@
-"""Map of a regular grid on the film by lens distortion and a tilted camera.
+"""Lens distortion and tilt of the camera: the map from a regular grid on the film to the image.
 
-Places are counted from the image's middle in halves of its diagonal, so that r = 1 is a corner,
-whatever the resolution.  The ideal image has square pixels of one size on the film at rest,
-everywhere; L1 and L2 say where the camera sees what lies at the ideal place (u, v):
+Places are measured from the image's middle in halves of its diagonal, so that r = 1 is a corner at
+any resolution.  The ideal image has square pixels of equal size on the film at rest; L1 and L2 map
+the ideal place (u, v) to the place (x, y) where the camera sees it:
 
 - L1, tilt: q = ((1 + a) u + b v, b u + (1 - a) v) / (1 + gx u + gy v).  A homography has eight
   numbers; the other four are the film's position, rotation and scale, which the image's middle,
@@ -25,7 +25,7 @@ from tactograph.nodes import F4, I4, Lens
 
 LENS_TERMS = ("k1", "k2", "cx", "cy", "a", "b", "gx", "gy")
 NEWTON_STEPS = 4
-"""Newton's steps for the inverse of L2; from 20 % of distortion they leave 2e-2, 2e-4, 2e-8."""
+"""Newton steps for the inverse of L2; at 20 % of distortion their errors are 2e-2, 2e-4, 2e-8."""
 MAX_OBLONG = 1.3
 """Largest ratio of a pixel's sides; beyond, the ideal image would lack a large part of the film."""
 
@@ -33,7 +33,7 @@ Places = NDArray[Any]
 
 
 def is_straight(lens: Lens) -> bool:
-    """Return whether every place is seen where it is."""
+    """Return whether the lens changes nothing."""
     return not lens.any()
 
 
@@ -51,8 +51,8 @@ def oblong_lens(width: float, length: float) -> tuple[Lens, float]:
     """
     if max(width / length, length / width) > MAX_OBLONG:
         raise InputError(
-            f"pixels of {width:g} x {length:g} mm: no camera's are so oblong; their size is x,y in "
-            "mm (images that were enlarged along one side: resize them to square pixels)"
+            f"pixels of {width:g} x {length:g} mm: no camera's are so oblong; give their size "
+            "as x,y in mm (if images were enlarged along one side, resize them)"
         )
     a = (length - width) / (length + width)
     return np.array([0, 0, 0, 0, a, 0, 0, 0], np.float32), (1 + a) * width
@@ -96,12 +96,12 @@ def ideal_offset(lens: Sequence[Any] | Lens, x: Places, y: Places) -> tuple[Plac
 
 
 def camera_places(lens: Lens, shape: tuple[int, int]) -> tuple[F4, F4]:
-    """Return where the camera sees each ideal pixel: columns and rows, H x W each."""
+    """Return the columns and rows where the camera sees each ideal pixel, H x W each."""
     return _moved(lens, shape, camera_offset)
 
 
 def ideal_places(lens: Lens, shape: tuple[int, int], step: int = 1) -> tuple[F4, F4]:
-    """Return where on the ideal grid pixels of the camera look: columns and rows."""
+    """Return the columns and rows of the ideal grid that the camera's pixels see."""
     return _moved(lens, shape, ideal_offset, step)
 
 
@@ -117,7 +117,7 @@ def _moved(lens: Lens, shape: tuple[int, int], offset: Any, step: int = 1) -> tu
 
 
 def nearest_ideal(lens: Lens, shape: tuple[int, int]) -> tuple[I4, I4]:
-    """Return row and column of the ideal pixel nearest to where each pixel looks."""
+    """Return row and column of the ideal pixel nearest to the place that each pixel sees."""
     rows, columns = shape
     x, y = ideal_places(lens, shape)
     column = np.clip(x, np.float32(0), np.float32(columns - 1)) + np.float32(0.5)

@@ -6,7 +6,7 @@ the flat frame.  Their ratio does not depend on albedo, strength or vignetting::
 
     I / I_flat = n.v,    v = (L - P) / L_z (|L - P_0| / |L - P|)^3                         (N1)
 
-and has no unknown scale left: |n| = 1.  ``kernels/headers/near_light.clh`` holds the same.
+and no scale remains unknown: |n| = 1.  ``kernels/headers/near_light.clh`` is the same.
 """
 
 from typing import Any
@@ -18,11 +18,11 @@ from tactograph.nodes import F4
 UNLIT_LIGHT_SIGMA = 0.5
 """Standard deviation of the light behind the terminator, as a share of its negative value."""
 MIN_LIT_SHARE = 0.1
-"""Light over that of a shadow, as a share of w, of which less counts as this: a shadow."""
+"""Lower bound on the light above a shadow's, as a share of w; light below it is a shadow."""
 MIN_WRAP = 1e-9
-"""Smallest 4 w that is divided by."""
+"""Lower bound on 4 w in a denominator."""
 MIN_VIEW_SHARE = np.float32(0.1)
-"""Smallest denominator of a slope in a camera's view: beyond it film is seen from behind."""
+"""Lower bound on a denominator in the camera's view; below 0 film is seen from behind."""
 
 
 def places(count: int, pixel: np.float32) -> F4:
@@ -61,20 +61,20 @@ def expected_light(vectors: F4, slope: F4) -> F4:
 
 
 def wrapped(light: Any, wrap: float) -> Any:
-    """Return the light of a film that light reaches from around an LED, too: [.]_w of F1.
+    """Return [.]_w of F1: the light of film that scattered light reaches behind the terminator.
 
-    In front of the terminator it is n.v.  Behind it, it goes on falling, ever less, to -w at
-    n.v = -2 w, where the film is in shadow.  An LED that is a point has w = 0.
+    In front of the terminator it is n.v.  Behind it, the light continues to fall, less and less, to
+    -w at n.v = -2 w, where the film is in shadow.  A point light has w = 0.
     """
     behind = np.clip(light, -2 * wrap, 0)
     return np.maximum(light, 0) + behind * (1 + behind / max(4 * wrap, MIN_WRAP))
 
 
 def unwrapped(light: F4, sigma: F4, wrap: float) -> tuple[F4, F4]:
-    """Return the n.v that `wrapped` makes this light of, and its standard deviation.
+    """Return the n.v that `wrapped` maps to this light, and its standard deviation.
 
-    Behind the terminator the deviation of the light grows to `UNLIT_LIGHT_SIGMA` of what the light
-    is below 0, because w differs from place to place.  In shadow hardly anything is known.
+    Behind the terminator the deviation of the light grows to `UNLIT_LIGHT_SIGMA` of the amount by
+    which it is below 0, because w differs from place to place.  In shadow n.v is nearly unknown.
     """
     if wrap == 0:
         return light, sigma
@@ -88,7 +88,7 @@ def unwrapped(light: F4, sigma: F4, wrap: float) -> tuple[F4, F4]:
 def brightness_share(
     whole: F4, scale: F4 | np.float32 | float, uneven: F4 | np.float32 | float
 ) -> F4:
-    """Return how much of a square along n.v an unknown brightness explains (Woodbury's identity).
+    """Return the share of a square along n.v that an unknown brightness explains (Woodbury).
 
     `whole` is the sum of the squares of n.v over their variances, times `scale`; `uneven` is the
     standard deviation of the brightness.
@@ -126,7 +126,7 @@ def light_by_place(lights: F4, x: F4, y: F4, z: F4, slope: F4) -> F4:
 
 
 def _gain(plan: F4, dz: F4, lz: np.float32) -> F4:
-    """The factor on L - P in v of equation N1; `plan` is its length squared in the plane."""
+    """The factor on L - P in v of equation N1; `plan` is its squared length in the plane."""
     return np.asarray(irradiance_ratio(plan + lz * lz, plan + dz * dz) * (np.float32(1) / lz))
 
 

@@ -1,11 +1,11 @@
-"""Normals from the light of near LEDs: by least squares, and by two LEDs alone.
+"""Normals from the light of near LEDs: by least squares, or from two LEDs.
 
 Arrays are planes of N pixels: vectors v of equation N1 (`near_light`) 3 x K x N, light m and
 weight (one over its variance; 0 for an LED that does not count) K x N, and normals 3 x N.  The
 tangents of a normal n are (n_z, 0, -n_x) and (0, n_z, -n_y).
 
-The kernel of `label_lights` sums w v v' = A and w m v once, and has the products of the tangents T
-near any normal from these: J'WJ = T'AT.
+The kernel of `label_lights` sums w v v' = A and w m v once, and computes the products of the
+tangents T at any normal from these: J'WJ = T'AT.
 """
 
 from typing import Any
@@ -16,19 +16,19 @@ from tactograph.nodes import F4
 from tactograph.nodes.optics.near_light import brightness_share
 
 MIN_NORMAL_Z = 0.02
-"""Smallest n_z of a normal: the camera sees no steeper film."""
+"""Smallest n_z of a normal; the camera does not see steeper film."""
 MAX_TURN_RAD = 0.3
 """Longest Gauss-Newton step, in radians."""
 FULL_BIAS_VARIANCE = 0.01
-"""Variance of a normal, over n_z^2, up to which the bias by noise is fully corrected."""
+"""Variance of a normal, over n_z^2, up to which its bias by noise is fully corrected."""
 MIN_SINE_SQUARED = 1e-4
-"""Sine squared of the angle between two lights' gradients below which they count as one."""
+"""Squared sine of the angle between two lights' gradients below which they count as one."""
 UNKNOWN_VARIANCE = 1e12
 MIN_DIVISOR = 1e-20
 
 
 def linear_normal(v: F4, light: F4, weight: F4) -> F4:
-    """The direction of the n that leaves the least squares of m - n.v, by Cramer's rule."""
+    """The direction of the n that minimises the squares of m - n.v, by Cramer's rule."""
     share = weight / weight.sum(axis=0)
     a = np.einsum("ikn,kn,jkn->ijn", v, share, v)
     b = np.einsum("ikn,kn,kn->in", v, share, light)
@@ -36,11 +36,11 @@ def linear_normal(v: F4, light: F4, weight: F4) -> F4:
 
 
 def tangent_products(v: F4, light: F4, weight: F4, n: F4, uneven: F4 | float) -> F4:
-    """Return the 2 x 4 products a'Wb of the gradients, with them, prediction and residual.
+    """Return the 2 x 4 products a'Wb of the gradients with themselves, prediction and residual.
 
-    a are the derivatives J of n.v_k by the two tangents at a normal n; b are these, the light
-    n.v_k itself, and the residual m_k - n.v_k.  W is the inverse of the light's covariance: the
-    variance of each LED, and that of the film's brightness, which all LEDs share (``uneven``,
+    a are the derivatives J of n.v_k along the two tangents at a normal n; b are J, the prediction
+    n.v_k, and the residual m_k - n.v_k.  W is the inverse of the light's covariance: the variance
+    of each LED, plus that of the film's brightness, which all LEDs share (``uneven`` is its
     standard deviation).
     """
     x, y, z = n
@@ -59,12 +59,12 @@ def light_products(v: F4, light: F4, weight: F4, n: F4, uneven: F4 | float) -> F
 
 
 def turned_normal(v: F4, light: F4, weight: F4, n: F4, uneven: float) -> F4:
-    """One Gauss-Newton step in the tangent plane, to a normal that noise does not bias (S3).
+    """Take one Gauss-Newton step in the tangent plane, without bias by noise (S3).
 
     With the covariance C = (J'WJ)^-1, the metric G of the tangents, and f = C u for the products
     u of J with the light, a step from the linear solution goes too far by C (G f) + f tr(C G) / 2
-    on average, which off the axis of the LEDs turns the film at rest into a bowl.  Also, p and q
-    come out too large by C (p, q).
+    on average.  Off the axis of the LEDs that would turn the film at rest into a bowl.  In
+    addition, p and q come out too large by C (p, q).
     """
     x, y, z = n
     products = tangent_products(v, light, weight, n, uneven)
@@ -80,7 +80,7 @@ def turned_normal(v: F4, light: F4, weight: F4, n: F4, uneven: float) -> F4:
 
 
 def normals_of_pair(v: F4, light: F4) -> tuple[F4, F4]:
-    """The two unit normals n with n.v = m for two LEDs (S2); the nearest, twice, without any."""
+    """The two unit normals n with n.v = m for two LEDs (S2), or twice the nearest normal."""
     (a, b), (of_a, of_b) = v.swapaxes(0, 1), light
     aa, ab, bb = dot(a, a), dot(a, b), dot(b, b)
     determinant = np.maximum(aa * bb - ab * ab, 1e-9)
@@ -91,7 +91,7 @@ def normals_of_pair(v: F4, light: F4) -> tuple[F4, F4]:
 
 
 def slope_variance(v: F4, light: F4, weight: F4, n: F4, slope: F4, uneven: F4) -> F4:
-    """(J'WJ)^-1 of the tangent plane, carried to p, q by ((1 + p^2, p q), (p q, 1 + q^2)): S4."""
+    """The variance of p and q (S4): (J'WJ)^-1 of the tangent plane, transformed to p and q."""
     h = tangent_products(v, light, weight, n, uneven)[:, :2]
     is_determined = h[0, 0] * h[1, 1] - h[0, 1] * h[0, 1] > MIN_SINE_SQUARED * h[0, 0] * h[1, 1]
     p, q = slope
@@ -103,15 +103,15 @@ def slope_variance(v: F4, light: F4, weight: F4, n: F4, slope: F4, uneven: F4) -
 
 
 def visible(n: F4) -> F4:
-    """Normals that the camera can see."""
+    """Limit normals to those that the camera can see."""
     return np.array([n[0], n[1], np.maximum(n[2], MIN_NORMAL_Z)])
 
 
 def angle_between(a: Any, b: Any) -> Any:
-    """Angles in radians between normals (-p, -q, 1) of slopes, 2 x ..., exact where small.
+    """Angles in radians between the normals of slopes, 2 x ..., accurate also for small angles.
 
-    There a cosine has no digits, nor have products of slopes that nearly cancel: the cross
-    product is taken of the difference.  A root and an arc sine take less time than `arctan2`.
+    A cosine would lose all digits there, and so would products of slopes that nearly cancel, so the
+    cross product is taken with the difference.  A root and an arc sine are faster than `arctan2`.
     """
     p, q = a - b
     twist = p * b[1] - q * b[0]
@@ -122,12 +122,12 @@ def angle_between(a: Any, b: Any) -> Any:
 
 
 def dot(a: Any, b: Any) -> F4:
-    """Products of vectors, their components along the first axis."""
+    """Scalar products of vectors, whose components are along the first axis."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cross(a: Any, b: Any) -> F4:
-    """Cross products of vectors, their components along the first axis."""
+    """Cross products of vectors, whose components are along the first axis."""
     return np.array([a[i] * b[j] - a[j] * b[i] for i, j in ((1, 2), (2, 0), (0, 1))])
 
 

@@ -1,6 +1,6 @@
 """Cells of a film that light one another, for `film_bounce`.
 
-``kernels/headers/radiosity.clh`` holds the same.
+``kernels/headers/radiosity.clh`` is the same.
 """
 
 import math
@@ -15,22 +15,22 @@ from tactograph.nodes.optics.difference import difference
 from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, irradiance_ratio
 
 MAX_RIM_CELLS = 64
-"""Cells beyond the frame after which the film's light is negligible."""
+"""Distance from the frame, in cells, beyond which the film's light is negligible."""
 SWEEP_MARGIN_CELLS = 12
-"""Cells beyond the film that a sweep may read, by a kernel's tile or a step that overshoots."""
+"""Cells beyond the film that a kernel's tile, or a step that overshoots, may read."""
 COATED_AZIMUTHS = 32
-"""Number of azimuths under a coat; what it mirrors is narrower than the light of matt film."""
+"""Number of azimuths under a coat, whose mirrored light is narrower than a matt film's."""
 
 MISSED_SHARE = 0.7
 """Light that cells still miss, as a share of their excess over cells twice as large.  It would
 be a third if the error grew with the square of the side, and 1 if it grew with the side, as in a
-sharp fold. Measured on cells of 2, 4 and 8 pixels, pressed film lies between: 0.69 to 0.81."""
+sharp fold.  On pressed film, with cells of 2, 4 and 8 pixels, it was 0.69 to 0.81."""
 
 
 class Grid(NamedTuple):
     """Cells of `factor` x `factor` pixels: rows x columns in the frame, `rim` more on each side.
 
-    The last cells may have fewer pixels; they stand for film as wide as the others.
+    The last cells may have fewer pixels, but count as wide as all others.
     """
 
     factor: int
@@ -46,17 +46,17 @@ class Grid(NamedTuple):
 
     @property
     def whole(self) -> tuple[int, int]:
-        """The cells of the frame and of the rim."""
+        """The number of rows and columns of cells, with the rim."""
         return self.rows + 2 * self.rim, self.columns + 2 * self.rim
 
     @property
     def frame(self) -> tuple[slice, slice]:
-        """The cells of the frame among all."""
+        """The slices that select the frame's cells among all."""
         return slice(self.rim, self.rim + self.rows), slice(self.rim, self.rim + self.columns)
 
 
 class Cells(NamedTuple):
-    """The film of each cell, planes of all rows x columns."""
+    """The film of each cell, as planes of all rows x columns."""
 
     at: F4
     """3 x, in mm, of the middles."""
@@ -74,9 +74,9 @@ def cell_grid(
     refraction: float = 1.0,
     azimuths: int = COATED_AZIMUTHS,
 ) -> Grid:
-    """The finest cells of which there are at most `most` in the frame.
+    """Return the finest grid with at most `most` cells in the frame.
 
-    Under a coat they look along `azimuths`, on a matt film along half as many.
+    Cells look along `azimuths` under a coat, and along half as many on a matt film.
     """
     factor = max(1, math.isqrt(math.prod(size) // most))
     while math.prod(-(-side // factor) for side in size) > most:
@@ -119,8 +119,8 @@ def cells_of(
 ) -> Cells:
     """Return the cells of a film.
 
-    `height` is the one that the camera sees (`view_slope`); the cells are those of the film, in mm.
-    Without the film's `slope` (2 x H x W) it comes from differences of the height.
+    `height` is the height that the camera sees (`view_slope`); the cells are those of the film, in
+    mm.  Without the film's `slope` (2 x H x W), differences of the height replace it.
     """
     u, aside = _middles(height.shape[1], pixel, grid)
     v, below = _middles(height.shape[0], pixel, grid)
@@ -147,7 +147,7 @@ def cells_of(
 
 
 def _middles(count: int, pixel: np.float32, grid: Grid) -> tuple[F4, F4]:
-    """Return the cells' x, or y, and their distance from that of their pixels in the frame."""
+    """Return the cells' x (or y), and its offset from the mean of their pixels in the frame."""
     cells = -(-count // grid.factor)
     width, half = np.float32(grid.factor) * pixel, np.float32(0.5)
     number = np.arange(-grid.rim, cells + grid.rim, dtype=np.float32)
@@ -157,7 +157,7 @@ def _middles(count: int, pixel: np.float32, grid: Grid) -> tuple[F4, F4]:
 
 
 def means(planes: F4, factor: int) -> F4:
-    """Return the mean of each cell; the last ones may have fewer pixels."""
+    """Return the mean of each cell; the last cells may have fewer pixels."""
     sums = planes
     for axis in (1, 2):
         first = np.arange(0, planes.shape[axis], factor)

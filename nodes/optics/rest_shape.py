@@ -1,11 +1,11 @@
-"""The film at rest where it is no plane.
+"""The film at rest if it is not a plane.
 
-Light stays relative to a plane at height 0 under the same LEDs (N1, F1), which no camera needs to
-see: divided by what the model says of the film at rest, the flat frame is that of the plane::
+Light stays relative to a plane at height 0 under the same LEDs (N1, F1), which no camera has to
+see: the flat frame divided by the model's light of the film at rest is the flat frame of a plane::
 
     flat_plane = flat / r,   r_k = F1(n_rest, P_rest) + B(P_rest)                          (F5)
 
-So every formula holds for the film's absolute height, and none knows of its shape.
+So every formula holds for the film's absolute height, and none needs its shape.
 """
 
 from dataclasses import dataclass
@@ -21,18 +21,18 @@ from tactograph.nodes.optics.film import predict
 from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, places
 
 MIN_REST_LIGHT = 0.02
-"""Least light of the film at rest, over that of a plane, that is divided by: an LED that hardly
-reaches a place says nothing of it."""
+"""Lower bound on the light of the film at rest over a plane's, in a denominator: light of an LED
+that hardly reaches a place carries no information."""
 REST_ROUNDS = 3
-"""Rounds that find what the film at rest throws on itself: a few hundredths of its light."""
+"""Rounds that find the light from film to film at rest, a few hundredths of the light."""
 Numbers = NDArray[np.floating]
 
 
 @dataclass(frozen=True)
 class RestShape:
-    """The film at rest where each pixel sees it, H x W.
+    """The film at rest at the places that the pixels see, H x W.
 
-    Its height in mm, the height that the camera sees (V1), the slopes of either, 2 x H x W, mm per
+    Its height in mm, the height that the camera sees (V1), the slopes of both (2 x H x W), mm per
     px at height 0, and one over the height of the pupil.
     """
 
@@ -45,7 +45,7 @@ class RestShape:
 
     @classmethod
     def of(cls, height: F4, pixel: float, camera: float = 0.0) -> Self:
-        """Return the film at rest by the height, H x W in mm, that each pixel sees of it.
+        """Return the film at rest from its height, H x W in mm, that each pixel sees.
 
         `pixel` is in mm per px at height 0, `camera` one over the height of the pupil.
         """
@@ -66,7 +66,7 @@ class RestShape:
 
     def at(self, u: Numbers, v: Numbers) -> tuple[F8, F8, F8, F8]:
         """Return normals, 3 x N, and x, y, z in mm of the film at rest seen at places u, v."""
-        # It takes 16 MB and a tenth of a start, which a film that is a plane at rest saves.
+        # Imported here: it takes 16 MB and a tenth of a start, and a plane film needs none of it.
         from scipy.ndimage import map_coordinates
 
         rows, columns = self.height.shape
@@ -89,7 +89,7 @@ class RestShape:
         return np.asarray(light.reshape(-1, *self.height.shape), np.float32)
 
     def binned(self, factor: int) -> Self:
-        """Return the means of cells of `factor` x `factor` pixels, of whole cells alone."""
+        """Return the means of complete cells of `factor` x `factor` pixels."""
         if factor == 1:
             return self
         rows, columns = (side // factor for side in self.height.shape)
@@ -103,7 +103,7 @@ class RestShape:
         return type(self)(means(self.height), means(self.apparent), slope, tilt, side, self.camera)
 
     def continued(self, factor: int) -> Self:
-        """Return the shape continued to whole cells of `factor` x `factor` pixels."""
+        """Return the shape continued to a multiple of `factor` pixels along both axes."""
         beyond = [(0, -side % factor) for side in self.height.shape]
         height = np.pad(self.height, beyond, mode="edge")
         apparent = np.pad(self.apparent, beyond, mode="edge")

@@ -1,4 +1,4 @@
-"""Common parts of the shape nodes: the record they return and the grid they fill."""
+"""Common parts of the shape nodes: the record that they return and the grid that they fill."""
 
 from typing import Annotated, NamedTuple, Self
 
@@ -11,7 +11,7 @@ from tactograph.nodes import F4, F8, Height, PixelSize
 Side = Annotated[int, Interval(ge=1, le=16384)]
 """Width or height of an image in pixels."""
 MAX_PIXELS = 2**24
-"""Most pixels of a simulated image: 17 million."""
+"""Largest number of pixels of a simulated image: 17 million."""
 Length = Annotated[float, Interval(gt=0, le=1e4)]
 """A length in mm, at most 10 m."""
 PixelSide = Annotated[float, Interval(ge=1e-4, le=10)]
@@ -38,10 +38,10 @@ class ShapeImage(NamedTuple):
     pixel_size_mm: PixelSide = PAPER_PIXEL_MM
 
     def places(self, angle_deg: float | None = None) -> tuple[F8, F8]:
-        """Return x and y of the pixel centres, mm from the shape's middle.
+        """Return x and y of the pixel centres in mm from the shape's middle.
 
-        In a frame that is rotated by an angle from x towards y, H x W each; without one 1 x W and
-        H x 1.
+        With an angle they are in axes rotated by it from x towards y, H x W each; without it they
+        are 1 x W and H x 1.
 
         Raises
         ------
@@ -59,13 +59,13 @@ class ShapeImage(NamedTuple):
         return np.asarray(c * x + s * y, np.float64), np.asarray(c * y - s * x, np.float64)
 
     def check_pixels(self) -> None:
-        """Refuse an image that is larger than any camera's."""
+        """Refuse an image of more than `MAX_PIXELS`."""
         pixels = self.width_px * self.height_px
         if pixels > MAX_PIXELS:
             raise InputError(
                 f"`width_px`={self.width_px} and `height_px`={self.height_px} are "
-                f"{pixels / 1e6:.0f} million pixels, at most "
-                f"{MAX_PIXELS / 1e6:.0f} million can be simulated"
+                f"{pixels / 1e6:.0f} million pixels; simulate at most "
+                f"{MAX_PIXELS / 1e6:.0f} million"
             )
 
 

@@ -1,7 +1,7 @@
-"""Presses on a sheet: P captures of H rows, one below another, as one picture of S = P H rows.
+"""Presses on a sheet: P captures of H rows, stacked to one picture of S = P H rows.
 
-Steps that treat pixels one by one (labels, tables, fits) take a sheet like a capture; a sheet of
-one press is that capture.  Only steps that depend on a pixel's position on the film must cut the
+Steps that treat pixels independently (labels, tables, fits) take a sheet like a capture; a sheet of
+one press is that capture.  Only steps that depend on a pixel's position on the film have to cut the
 sheet.
 """
 

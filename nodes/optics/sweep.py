@@ -1,17 +1,18 @@
 """Light between the cells of a film: a sweep over azimuths with a rising horizon.
 
 The half-space above a cell at P is cut into half-planes that contain the camera's ray at P.
-The sweep visits the film in such a plane in growing steps.  A place that rises above the horizon
-of those before it, from t_0 to t_1 in t = tan(elevation), throws light on P::
+The sweep visits the film in such a plane in growing steps.  A place that raises the horizon from
+t_0 to t_1, in t = tan(elevation), throws light on P::
 
     B(P) = albedo / pi sum L(P, Q) [F(t_1) - F(t_0)] dphi,
     F(t) = n_h / 2 (atan t + t / (1 + t^2)) + n_e / 2 t^2 / (1 + t^2)                         (B1)
 
 with n_e and n_h the normal's components along the ray and perpendicular to it, in the plane, and F
-the integral of cosine and solid angle.  The first horizon is the film's own tangent, so a convex
-film does not light itself, and what nearer film hides throws nothing (horizons: Max 1988).
-Whatever rises from the camera's ray at P appears in its image in order, near or far away, so such
-a plane is a line of the image.  ``kernels/headers/sweep.clh`` holds the same.
+the integral of cosine times solid angle.  The first horizon is the film's tangent, so a convex
+film does not light itself, and film that nearer film hides throws no light (horizons: N. Max,
+"Horizon mapping", 1988).
+The camera sees such a half-plane as a line of its image, with places in the same order.
+``kernels/headers/sweep.clh`` is the same.
 """
 
 from collections.abc import Callable
@@ -28,23 +29,23 @@ from tactograph.nodes.optics.film import to_pupil
 from tactograph.nodes.optics.radiosity import Cells, Grid
 
 STEP_GROWTH_CELLS = 6
-"""Cells of distance after which a step is one cell longer, ..."""
+"""Distance in cells per which a step grows by one cell."""
 MAX_STEP_CELLS = 8
-"""... and the longest step."""
+"""Longest step in cells."""
 MIN_FACING = np.float32(1e-3)
-"""Smallest n_e."""
+"""Lower bound on n_e."""
 MIN_APPARENT_RISE = np.float32(0.02)
-"""Least rise above the tangent of a cell that is seen: film that lies below that sends a ten
-thousandth of its light, and on film at rest noise makes much rise a little."""
+"""Smallest rise above a cell's tangent that counts: film below it sends a ten-thousandth of its
+light, and on film at rest noise makes many places rise a little."""
 
 Numbers = NDArray[np.intp]
 Law = Callable[[Numbers, F4, Numbers], F4]
-"""Law of light between cells: from N cells of the frame, by number, directions 3 x N and N of
-all cells, by number, to light K x N."""
+"""Law of light between N pairs of cells: from the numbers of the frame's cells, directions 3 x N,
+and the numbers of the other cells (among all cells) to light K x N."""
 
 
 class _Steps(NamedTuple):
-    """The steps along an azimuth, N."""
+    """The N steps along an azimuth."""
 
     across: np.float32
     down: np.float32
@@ -52,17 +53,17 @@ class _Steps(NamedTuple):
     length: Numbers
     """Length of each step along its longer side, in cells."""
     corners: Numbers
-    """The two cells that a step ends between, down and right of the start: N x 2 x 2; ..."""
+    """The two cells between which a step ends, down and right of the start: N x 2 x 2."""
     part: F4
-    """... and where between them."""
+    """Where the step ends between them, 0 to 1."""
     middle: Numbers
-    """The cell half-way to the step before, down and right: N x 2."""
+    """The cell half-way to the previous step, down and right: N x 2."""
     longest: F4
     """Distance of the film's end from each cell of the frame: rows x columns, as `length`."""
 
 
 class _Looking(NamedTuple):
-    """The cells of the frame, which look along an azimuth; planes of rows x columns."""
+    """The frame's cells as they look along an azimuth: planes of rows x columns."""
 
     at: F4
     eye: F4
@@ -72,7 +73,7 @@ class _Looking(NamedTuple):
     tangent: F4
     """The first horizon, t_0."""
     steepness: F4
-    """Apparent rise per length of a step, of a line `MIN_APPARENT_RISE` above the tangent."""
+    """Apparent rise per length of a line `MIN_APPARENT_RISE` above the tangent."""
     gain: F4
     """Factor from F to the share of the light that arrives, per radian of azimuth."""
 
@@ -80,8 +81,8 @@ class _Looking(NamedTuple):
 def steps_in_table(grid: Grid) -> NDArray[np.int32]:
     """Return a kernel's steps along the azimuths: azimuths x steps x 7.
 
-    How far from the start, among all cells in order, lie the two corners and the middle; the
-    length; and the bits of the part, and of the azimuth's x and y.
+    They are the offsets of the two corners and of the middle, as numbers of cells; the length; and
+    the bits of the part, and of the azimuth's x and y.
     """
     azimuths = _azimuths(grid.azimuths)
     ways, to_row = [_steps(grid, *azimuth) for azimuth in azimuths], (grid.whole[1], 1)
@@ -120,18 +121,18 @@ def _sight(
 ) -> tuple[F4, F4, Numbers, Numbers]:
     """Return the N pairs of cells that see one another along an azimuth.
 
-    They are the factor from the other cell's light to the arriving light, per radian of azimuth;
-    the direction to the other cell, 3 x N; the cell of the frame, and the other among all cells,
-    by number.
+    Each pair has the factor from the other cell's light to the arriving light, per radian of
+    azimuth; the direction to the other cell (3 x N); the number of the frame's cell; and the number
+    of the other cell among all cells.
 
-    The camera sees other heights, but straight lines stay straight: what rises over the horizon
-    in its image does so on the film.  Most steps see nothing rise, and the image shows that with
-    less computation.
+    The camera sees other heights, but straight lines stay straight: film that rises over the
+    horizon in its image also does so in space.  Most steps see no film rise, and testing that in
+    the image is faster.
     """
     step, cell, far, apparent = _risen(on, grid, steps, camera)
     (px, py, pz), eye = on.at.reshape(3, -1)[:, cell], on.eye.reshape(3, -1)[:, cell]
-    # From where the camera's ray of P meets the film at rest; longer by as much as the other cell
-    # seems wider than it is, which no direction or tangent depends on.
+    # Measured from where the camera's ray through P meets the film at rest, and scaled by the
+    # apparent width of the other cell; directions and tangents do not depend on that scale.
     whole, wider = 1 - camera * pz, 1 + camera * apparent
     x = px / whole + steps.across * far - px * wider
     y = py / whole + steps.down * far - py * wider
@@ -142,7 +143,7 @@ def _sight(
     tangent, forwards, facing = (
         plane.ravel()[cell] for plane in (on.tangent, on.forwards, on.facing)
     )
-    # A cell's pairs follow one another: each rises over the one before, the first over the tangent.
+    # A cell's pairs are in order: each rises over the previous one, the first over the tangent.
     follows = np.diff(cell, prepend=-1) == 0
     before = np.where(follows, np.roll(t, 1), tangent)
     share = gathered(t, forwards, facing) - gathered(before, forwards, facing)
@@ -157,8 +158,8 @@ def _sight(
 def _risen(
     on: _Looking, grid: Grid, steps: _Steps, camera: np.float32
 ) -> tuple[Numbers, Numbers, F4, F4]:
-    """Film that rises over the horizons in the image: step and cell, by number, distance and
-    the height as the camera sees it.
+    """Film that rises over the horizons in the image: number of the step, number of the cell,
+    distance, and height as the camera sees it.
 
     Sorted by cell, and for each cell from near to far.
     """
@@ -209,7 +210,7 @@ def arriving(cells: Cells, grid: Grid, camera: float, law: Law) -> F4:
 
 
 def matt(sources: F4) -> Law:
-    """Cells of a matt film, K x rows x columns, throw the same in all directions."""
+    """The law of a matt film: cells, K x rows x columns, throw the same light in all directions."""
     flat = sources.reshape(len(sources), -1)
     return lambda cell, direction, source: flat[:, source]
 
@@ -251,7 +252,7 @@ def _steps(grid: Grid, x: float, y: float) -> _Steps:
         np.float32(down),
         length,
         corners,
-        # One component of a way is whole; along the other one the step ends between two cells.
+        # One component of a step is an integer; along the other the step ends between two cells.
         (way - corners[:, 0]).max(axis=1).astype(np.float32),
         np.rint(np.outer(before + length, (down, across)) / 2).astype(np.intp),
         longest,

@@ -1,5 +1,5 @@
-"""LEDs that reach a pixel.
+"""Which LEDs reach a pixel.
 
-Shadow tests and labels, highlights, shadows cast by a height and the heights they measure.
+Shadow tests and labels, highlights, the shadows that a height casts, and heights from shadows.
 A new shadow test goes here.
 """

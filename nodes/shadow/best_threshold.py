@@ -1,4 +1,4 @@
-"""The threshold of the paper's shadow test that is best on the calibration's own press."""
+"""The best threshold of the paper's shadow test on the calibration's press."""
 
 import numpy as np
 
@@ -10,17 +10,17 @@ from tactograph.nodes import LightPositions, LutLight, LutLit, LutSlope, NullVec
 def best_threshold(
     light: LutLight, lit: LutLit, slope: LutSlope, lights: LightPositions, null: NullVector
 ) -> Spread:
-    """Return the threshold of |a.I| that is farthest above chance (Youden 1950).
+    """Return the threshold of |a.I| with the largest Youden index (Youden 1950).
 
-    Of all thresholds, the one is best that has the greatest difference of two shares: of the
-    press's pixels in shadow that exceed it, and of the lit ones that do.  Pixels in shadow are
-    those that an LED leaves black; on film that diffuses light there are none, so that they are
-    those whose slope turns away from an LED, for a ball is convex.
+    The index is the share of the press's shadowed pixels above the threshold, minus the share of
+    its lit pixels above it.  A pixel is shadowed if one of its lights is black.  If a film that
+    diffuses light has no black pixels, a pixel is shadowed if its slope faces away from an LED; a
+    ball is convex, so it casts no other shadow on itself.
 
     Parameters
     ----------
     light, lit, slope : N x K, N and N x 2, the calibration's tables (`build_lut`)
-    lights : K x 3 in mm; for its slope, every pixel is taken to lie in the middle of the film
+    lights : K x 3 in mm; pixels are taken to lie in the middle of the film
     null : length K, the vector a of equation 11
 
     Returns
@@ -30,7 +30,7 @@ def best_threshold(
     Raises
     ------
     InputError
-        If the press shows no shadow, or nothing else.
+        If the press has no shadowed pixels, or no lit ones.
     """
     shadowed = lit != (1 << light.shape[1]) - 1
     if not shadowed.any():
@@ -38,12 +38,12 @@ def best_threshold(
     dark, bright = int(shadowed.sum()), int((~shadowed).sum())
     if not dark or not bright:
         raise InputError(
-            f"of the calibration's {len(light)} pixels {dark} are in shadow, so no threshold is "
-            "best; take the paper's, or calibrate with a press that is deep enough for shadows"
+            f"{dark} of the calibration's {len(light)} pixels are shadowed, so no threshold is "
+            "best; use the paper's, or calibrate with a press that is deep enough to cast shadows"
         )
     departure = np.abs(light.astype(np.float64) @ null)
     order = np.argsort(departure)
-    # Left behind by a threshold between one pixel and the next: of either kind.
+    # The shares of lit and of shadowed pixels below a threshold behind each pixel.
     below = np.cumsum(np.stack([~shadowed[order] / bright, shadowed[order] / dark]), axis=1)
     best = int(np.argmax(below[0] - below[1]))
     above = min(best + 1, len(light) - 1)

@@ -1,11 +1,11 @@
 """Find the shadows that a height casts under each LED.
 
-An LED at L, d rows away from a place P of height z, lights P where no place Q on the way rises
-above the ray: where (L_z - z) / d is nowhere less at Q.  So the least of it on a line away from the
-LED's foot, carried on row by row, tells all shadows on that line.  The lines meet the last row a
-pixel apart, and the least at a place between two lines is interpolated.  The plane is cut into four
-quarters around the LED's foot: down, up, right and left, so that a line goes on by a row, or a
-column, at a time.
+An LED at L lights a place P if no place Q between them rises above the ray.  With d the distance in
+rows from the LED's foot and z the height, this holds if (L_z - z) / d at P is less than at every Q.
+So the running minimum of this ratio along a line away from the LED's foot gives all shadows on that
+line.  The lines meet the last row one pixel apart; the minimum at a place between two lines is
+interpolated.  The plane is cut into four quarters around the LED's foot (down, up, right, left), so
+that a line advances by one row, or one column, at a time.
 """
 
 from typing import Any
@@ -20,13 +20,13 @@ from tactograph.nodes import F4, Height, Labels, LightPositions, PixelSize
 from tactograph.nodes.optics.difference import difference
 
 LINES_PER_ITEM = 15
-"""Lines that a work-item of a CPU follows, 1 on a GPU; it also knows where the next one is."""
+"""Lines that a work-item follows on a CPU, beside the next one for interpolation; 1 on a GPU."""
 QUARTER_COUNT = 4
 REACH_PX = 3
-"""Largest distance at which the image may show a shadow that the height casts."""
+"""Largest distance between a shadow that the height casts and the image's shadow of that LED."""
 MIN_AWAY_PX = np.float32(1e-6)
 LEAST_OF_NONE = np.float32(1e30)
-"""More than any height makes."""
+"""The minimum before the first row, larger than any ratio."""
 
 
 @node(
@@ -41,14 +41,14 @@ def cast_shadows(
     *,
     attached: bool = False,
 ) -> Labels:
-    """Return where the surface rises above the rays from the pixels to the LEDs.
+    """Label the pixels whose rays to an LED are blocked by the surface.
 
-    The ray begins a pixel away, so it finds a terminator half a pixel late.  `attached` looks at
-    the pixel itself.
+    The ray begins one pixel away, so it finds a terminator half a pixel late.  `attached` tests the
+    pixel's own slope in addition.
 
     Labels from the image alone err where a shadow begins, because light is weak there.  The
     shadow that the height casts is sharper, if the height is right.  So both are combined: a
-    pixel is in shadow if the height casts one and the image shows one near by.
+    pixel is shadowed if the height casts a shadow there and the image shows one near by.
 
     Parameters
     ----------
@@ -56,9 +56,10 @@ def cast_shadows(
     lights : K x 3 in mm
     pixel : mm per px
     image_labels
-        H x W, the shadows in the image, up to `REACH_PX` away along each axis; without it the
-        height alone decides
-    attached : whether surface that faces away from an LED, by central differences, is in shadow too
+        H x W, the shadows in the image, which count up to `REACH_PX` away along each axis.  None:
+        the height alone decides.
+    attached
+        Whether surface that faces away from an LED, by central differences, is shadowed too.
 
     Returns
     -------
@@ -72,7 +73,7 @@ def cast_shadows(
         dark = np.zeros(height.shape, bool)
         _cast(height, dark, down, across, led_z)
         _cast(height[::-1], dark[::-1], -down[::-1], across, led_z)
-        # Places on a diagonal belong to the quarters below and above.
+        # Pixels on a diagonal belong to the quarters below and above.
         _cast(height.T, dark.T, across, down, led_z, diagonal=False)
         _cast(height.T[::-1], dark.T[::-1], -across[::-1], down, led_z, diagonal=False)
         if attached:
@@ -92,7 +93,7 @@ def _cast(
     led_z: np.float32,
     diagonal: bool = True,
 ) -> None:
-    """Mark shadows in the quarter of rows ever further from an LED's foot.
+    """Mark the shadows in one quarter, whose rows lie ever farther from the LED's foot.
 
     `away` and `aside` are the distances in px of rows and columns from the foot.
     """
@@ -111,7 +112,7 @@ def _cast(
     towards, steep = (start + line - foot) / far, led_z / far
     least = np.full(line.size, LEAST_OF_NONE)
     for z, shadow, d, rest_px in zip(height, dark, away, rest, strict=True):
-        # (L_z - z) / d, less that of level film in the last row, which digits would be lost to.
+        # The ratio (L_z - z) / d minus its value for level film in the last row, to save digits.
         rise = (steep * rest_px - z) * (far / d)
         place = column + aside * (rest_px / d) - start
         in_beam = np.abs(aside) <= d if diagonal else np.abs(aside) < d
@@ -124,11 +125,11 @@ def _cast(
 
 @cast_shadows.opencl()
 def _launch(run: Launch) -> None:
-    """Follow the lines, each LED's in its own plane; put the planes together."""
+    """Follow the lines of each LED in its own plane, then combine the planes."""
     inputs, sizes = run.inputs, [run.sizes[symbol] for symbol in "HWK"]
     height, width, count = sizes
     dark, by_rows = run.scratch((count, height, width), np.uint8), run.in_row_lanes(height, width)
-    # No quarter needs more lines; what starts beyond its last one returns.
+    # An upper bound for any quarter; work-items beyond its last line return at once.
     lines = LINES_PER_ITEM if run.lanes > 1 else 1
     blocks = -(-(height + width + max(height, width) + 4) // lines)
     work = count * QUARTER_COUNT * blocks
@@ -150,7 +151,7 @@ def _launch(run: Launch) -> None:
 
 @cast_shadows.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs above the film, and an image that shows shadows here and there."""
+    """LEDs above the film, and image labels with scattered shadows."""
     lights = np.column_stack([rng.uniform(-40, 40, (K, 2)), rng.uniform(6, 60, K)])
     sparse = rng.random((H, W)) < 0.02
     in_view = np.where(sparse, rng.integers(0, 256, (H, W)), 0)

@@ -1,4 +1,4 @@
-"""Bring the labels' confidence from the ideal grid back to the pixels of the camera."""
+"""Bring the confidence of labels from the ideal grid back to the camera's pixels."""
 
 from tactograph.graph import Flips, node
 from tactograph.nodes import Confidence, Lens
@@ -7,18 +7,18 @@ from tactograph.nodes.optics.lens import is_straight, nearest_ideal
 
 @node(
     neutral="confidence",
-    tolerance=Flips(1e-3, why="places that lie between two pixels, rounded"),
+    tolerance=Flips(1e-3, why="rounding of places half-way between two pixels"),
 )
 def distort_confidence(confidence: Confidence, lens: Lens) -> Confidence:
-    """Return the confidence in the labels at each pixel of the camera.
+    """Return the confidence of the labels at each pixel of the camera.
 
-    It is that of the nearest ideal pixel, as in `distort_labels`.  Without a lens it is
-    returned unchanged.
+    It is that of the nearest ideal pixel, as in `distort_labels`.  Without a lens the confidence
+    is returned unchanged.
 
     Parameters
     ----------
     confidence : H x W, on the ideal grid
-    lens : length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
+    lens : length 8, from `read_lens` (equations L1 and L2)
     """
     if is_straight(lens):
         return confidence

@@ -1,4 +1,4 @@
-"""Bring labels from the ideal grid back to the pixels of the camera."""
+"""Bring labels from the ideal grid back to the camera's pixels."""
 
 from tactograph.graph import Flips, node
 from tactograph.nodes import Labels, Lens
@@ -7,10 +7,10 @@ from tactograph.nodes.optics.lens import is_straight, nearest_ideal
 
 @node(
     neutral="labels",
-    tolerance=Flips(1e-3, why="places that lie between two pixels, rounded"),
+    tolerance=Flips(1e-3, why="rounding of places half-way between two pixels"),
 )
 def distort_labels(labels: Labels, lens: Lens) -> Labels:
-    """Return the labels that each pixel of the camera sees: those of the nearest ideal pixel.
+    """Return the labels at each pixel of the camera: those of the nearest ideal pixel.
 
     Pixels that look beyond the ideal grid repeat its border.  Without a lens the labels are
     returned unchanged.
@@ -18,7 +18,7 @@ def distort_labels(labels: Labels, lens: Lens) -> Labels:
     Parameters
     ----------
     labels : H x W, a bit per LED, on the ideal grid
-    lens : length 8, as `read_lens` gives it (equations L1 and L2 of `lens`)
+    lens : length 8, from `read_lens` (equations L1 and L2)
     """
     if is_straight(lens):
         return labels

@@ -1,4 +1,4 @@
-"""Find where the film mirrors an LED, and exclude that light."""
+"""Find pixels where the film mirrors an LED, and exclude that light."""
 
 from typing import Annotated, Any, NamedTuple
 
@@ -19,16 +19,16 @@ from tactograph.nodes.optics.near_light import (
 from tactograph.nodes.optics.normals import cofactors, dot, times
 
 MIN_OTHER_LEDS = 3
-"""LEDs that must remain: two would allow two normals."""
+"""Number of LEDs that must remain, since two LEDs allow two normals."""
 RIDGE_TRACE_SHARE = 1e-6
-"""Share of the trace that keeps the equations of nearly parallel lights solvable."""
+"""Share of the trace added to the diagonal, so that nearly parallel lights remain solvable."""
 UNUSED_SIGMA = np.float32(1e3)
 """Standard deviation of a light that carries no information."""
 LEVEL_NORMAL = np.array([[0], [0], [1]])
 
 
 class Highlights(NamedTuple):
-    """The mirrored LEDs, and standard deviations by which their light no longer counts."""
+    """The labels of mirrored LEDs, and standard deviations that exclude their light."""
 
     highlight: Labels
     sigma: Light
@@ -36,7 +36,7 @@ class Highlights(NamedTuple):
 
 @node(
     sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")},
-    tolerance=Flips(2e-3, why="thresholds on chi-squares, of sums in float32"),
+    tolerance=Flips(2e-3, why="thresholds on chi-squares from float32 sums"),
 )
 def label_highlights(
     light: Light,
@@ -50,15 +50,15 @@ def label_highlights(
     excess: Annotated[float, Gt(0)] = 4.0,
     lobe_deg: Annotated[float, Interval(gt=0, le=90)] = 20.0,
 ) -> Highlights:
-    """Mark the LED whose light exceeds what the others predict, where it could be mirrored.
+    """Mark the LED whose light exceeds the prediction of the others, where it could be mirrored.
 
-    The idea is Barsky and Petrou's ("The 4-source photometric stereo technique for
-    three-dimensional surfaces in the presence of highlights and shadows", 2003): with four
-    LEDs any three predict the fourth.  Where no unit normal fits all of them (`near_light`,
-    N1), each LED is left out in turn.  The one without which the others fit best is a
-    highlight if the others fit well, it is brighter than they predict, and their normal lies
-    near the direction half-way between LED and camera.  A darker LED is in shadow;
-    `label_lights` finds it.  With three LEDs nothing is marked.
+    The idea is from S. Barsky and M. Petrou, "The 4-source photometric stereo technique for
+    three-dimensional surfaces in the presence of highlights and shadows", IEEE PAMI 25(10), 2003:
+    with four LEDs any three predict the fourth.  Where no unit normal fits all of them
+    (`near_light`, N1), each LED is left out in turn, and the LED without which the others fit best
+    is suspected.  It is a highlight if the others fit well, if it is brighter than they predict,
+    and if their normal is close to the direction half-way between LED and camera.  A darker LED is
+    shadowed, and `label_lights` finds it.  With three LEDs nothing is marked.
 
     Parameters
     ----------
@@ -66,15 +66,15 @@ def label_highlights(
     lights : K x 3 in mm from the middle of the image
     height : H x W in mm, as far as known
     pixel : mm per px
-    unlikely : chi-square of all LEDs together above which one of them is doubted
-    likely : chi-square of the others below which they agree
-    excess : standard deviations by which a highlight is at least brighter than predicted
+    unlikely : chi-square of all LEDs above which one of them is suspected
+    likely : chi-square of the others below which they fit well
+    excess : standard deviations by which a highlight must exceed the prediction
     lobe_deg : largest angle between the normal and the half-way direction
 
     Returns
     -------
     H x W, bit k-1 set where LED k is mirrored; K x H x W, `sigma`, raised to 1000 there, so that
-    `label_lights` ignores that light without calling it a shadow.
+    `label_lights` ignores that light without labelling it a shadow.
     """
     x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
     near = np.cos(np.deg2rad(np.float32(lobe_deg)))
@@ -83,7 +83,7 @@ def label_highlights(
     def mark(rows: slice) -> None:
         v = vectors_at(lights, x, y[rows, None], height[rows]).swapaxes(0, 1)
         m, weight = light[:, rows], 1 / np.maximum(np.square(sigma[:, rows]), 1e-10)
-        # If level film explains the light, the best normal explains it, too.
+        # Test level film first: if it explains the light, so does the best normal.
         where = (weight * np.square(m - v[2])).sum(axis=0) > unlikely
         # Double precision, because lights may be nearly parallel.
         parts: Any = (np.ascontiguousarray(part[..., where], np.float64) for part in (v, m, weight))
@@ -102,7 +102,7 @@ label_highlights.opencl(grid="H W", lanes="grid")
 
 @label_highlights.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """Random slopes under LEDs around the film, with highlights and shadows here and there."""
+    """Random slopes under LEDs around the film, with scattered highlights and shadows."""
     lights = lights_around(rng, K)
     height = rng.uniform(0, 1, (H, W)).astype(np.float32)
     slope = rng.uniform(-1, 1, (2, H, W)).astype(np.float32)
@@ -121,10 +121,9 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
 def _mirrored(
     v: F8, light: F8, weight: F8, *, unlikely: float, likely: float, excess: float, near: float
 ) -> NDArray[np.uint8]:
-    """The bit of the LED, if any, that is brighter than the others allow, for each of N pixels.
+    """The bit of the mirrored LED, if any, for each of N pixels; see `label_highlights`.
 
-    Leave each LED out in turn.  The one without which the others fit best is a highlight if it is
-    bright and the film faces half-way to the camera, within an angle of cosine ``near``.
+    `near` is the cosine of the largest angle between the normal and the half-way direction.
     """
     marked, least = np.zeros(light.shape[1], np.uint8), np.full(light.shape[1], np.inf)
     for k, towards in enumerate(v.swapaxes(0, 1)):
@@ -142,10 +141,10 @@ def _mirrored(
 
 
 def _fit(v: F8, light: F8, weight: F8) -> tuple[F8, F8, F8]:
-    """Least squares, then the nearest normal of unit length in the metric of the noise.
+    """Solve for the normal by least squares; then find the nearest unit normal, weighted by noise.
 
-    For N pixels the normals 3 x N, the covariances 3 x 3 x N of the least squares, and the
-    chi-squares.
+    Returns for N pixels the unit normals (3 x N), the covariances of the least squares
+    (3 x 3 x N), and the chi-squares.
     """
     moments = np.einsum("ikn,kn,jkn->ijn", v, weight, v)
     moments += RIDGE_TRACE_SHARE * np.eye(3)[..., None] * np.trace(moments)

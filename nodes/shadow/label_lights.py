@@ -1,6 +1,6 @@
-"""Find which LEDs light each pixel, and from their light its slope.
+"""Find which LEDs light each pixel, and the slope that their light gives.
 
-Long because sets of three LEDs, pairs and dimmed light each have a solution and a cost.
+Long because sets of three LEDs or more, pairs and dimmed light each need a solution and a cost.
 """
 
 from __future__ import annotations
@@ -49,25 +49,25 @@ from tactograph.nodes.optics.normals import (
 )
 
 AT_REST = 0.999
-"""A pair's normal with a larger n_z is the film at rest: two lights are not 1 by accident."""
+"""A pair's normal with a larger n_z is the film at rest: two lights are not 1 by chance."""
 MIN_TWIN_DIFFERENCE = 0.02
 """Smallest difference of the dark LEDs' light that decides between a pair's two normals."""
 MIN_EXPECTED_LIGHT = 0.08
-"""Lower bound on the expected light, of which a shadow has less than half."""
+"""Lower bound on the expected light; a shadow has less than half of the expected light."""
 STRAY_LIGHT = 0.015
-"""Light in a shadow that is no noise: from the film, and ambient light not fully subtracted."""
+"""Light in a shadow beyond noise: from the film, and ambient light not fully subtracted."""
 MAX_SHADE_LIGHT = 0.1
-"""Light that is bright for a shadow.  Without this, two dark LEDs could explain any pixel as lit
-at a grazing angle, and the bright LEDs as shadows of still brighter light."""
+"""Light that is bright for a shadow.  Without this cost, two dark LEDs could explain any pixel as
+lit at a grazing angle, and the bright LEDs as shadows of still brighter light."""
 MIN_EVEN_SHARE = np.float32(0.05)
-"""Light of the darkest LED over that of the brightest, above which none may be in shadow."""
+"""Ratio of the darkest light to the brightest above which no LED is taken to be shadowed."""
 TIE_COST = np.float32(1e-3)
 """Costs that differ by less are equal: the set that was tried first is kept."""
 ANY_BRIGHTNESS = 1e3
-"""Standard deviation of a brightness of which nothing is known."""
+"""Standard deviation of an unknown brightness."""
 LEVEL_NORMAL = np.array([[0], [0], [1]], np.float32)
 Leds = NDArray[np.bool_]
-"""Mask of K LEDs, for all pixels or for each (K x N)."""
+"""Mask of K LEDs, for all pixels together or for each (K x N)."""
 
 
 class Labelled(NamedTuple):
@@ -92,12 +92,12 @@ class Rules(NamedTuple):
         the dark LEDs (attached shadow), or the less steep one if both do alike.
     dark
         Largest number of LEDs left out, apart from those below the floor; with 0 all LEDs
-        count as lit, even those.
+        count as lit, including those below it.
     floor : light, in standard deviations, below which an LED certainly does not reach the pixel
     price : cost of leaving out an LED, in squared standard deviations
     one_sided : standard deviations by which a shadow has to be darker than the predicted light
     steepest : largest slope returned, as 1 / n_z
-    dimmed : cost of light that all LEDs lack alike, in squared standard deviations
+    dimmed : cost of dimming all LEDs by the same factor, in squared standard deviations
     """
 
     pair: Literal["prior", "attached"] = "attached"
@@ -110,17 +110,19 @@ class Rules(NamedTuple):
 
 
 class Pixels(NamedTuple):
-    """N pixels: light and one over its variance (K x N), the vectors of N1 (3 x K x N), the prior
-    slope (2 x N); light above a shadow's, the LEDs below the floor, and what the light of the
-    others costs if they are left out (K x N)."""
+    """N pixels.  `vectors` (3 x K x N) are those of N1, `prior` (2 x N) is the expected slope.
+
+    By LED (K x N): the light, one over its variance, how far it is above a shadow's light, whether
+    it is below the floor, and the cost of that light if the LED is left out.
+    """
 
     light: F4
     weight: F4
     vectors: F4
     prior: F4
-    shown: F4
+    above_shadow: F4
     below: Leds
-    glow: F4
+    shade_cost: F4
 
 
 class Choice(NamedTuple):
@@ -133,21 +135,25 @@ class Choice(NamedTuple):
     twin: F4
 
     def improve(
-        self, pixels: Pixels, may: Leds, least: F4 | float, explain: Callable[[Pixels], Choice]
+        self,
+        pixels: Pixels,
+        allowed: Leds,
+        least: F4 | float,
+        explain: Callable[[Pixels], Choice],
     ) -> None:
-        """Take an explanation, which costs at least `least`, where it may and does cost less."""
-        where = np.flatnonzero(may & (self.cost > least))
+        """Take another explanation where it is `allowed` and cheaper; it costs at least `least`."""
+        where = np.flatnonzero(allowed & (self.cost > least))
         if where.size:
-            # Most often all pixels are tried at first, and need not be gathered.
-            candidate = explain(pixels if where.size == may.size else _some(pixels, where))
+            # The first explanation mostly applies to all pixels, which need no gathering.
+            candidate = explain(pixels if where.size == allowed.size else _at(pixels, where))
             better = np.flatnonzero(candidate.cost < self.cost.take(where) - TIE_COST)
-            self.put(where.take(better), _some(candidate, better))
+            self.put(where.take(better), _at(candidate, better))
 
     def put(self, where: NDArray[np.intp], other: Choice) -> None:
-        """Take another explanation of some pixels."""
-        parts: Any = zip(self, other, strict=True)
-        for part, theirs in parts:
-            part[..., where] = theirs
+        """Replace the explanation of some pixels."""
+        planes: Any = zip(self, other, strict=True)
+        for plane, values in planes:
+            plane[..., where] = values
 
 
 Planes = TypeVar("Planes", Pixels, Choice)
@@ -178,56 +184,56 @@ def label_lights(
     The light of an LED k that reaches the pixel, relative to the film at rest, is n.v_k with
     |n| = 1 (`near_light`, N1).  LEDs darker than ``floor`` standard deviations are excluded.
     Among the remaining LEDs, every subset that leaves out none, one or two (``dark``) is
-    tried.  The subset of least cost wins, with what light exceeds a shadow's as m and n.v in the
-    second sum::
+    tried, and the subset of least cost wins.  In the second sum m and n.v are measured from the
+    light of a shadow::
 
         sum over used ((m_k - n.v_k) / sigma_k)^2 + price (LEDs left out)
         + sum over left out max((m_k - max(n.v_k, 0)) / spread_k + one_sided, 0)^2
                             + (m_k / 0.1)^2                                               (S1)
 
-    Each LED left out costs ``price``, and its light must be dark, which that of an LED below the
-    floor is (the second sum passes over it).  Shadows are not perfectly
-    black: spread_k adds 1.5 % of the film's light to sigma_k, in quadrature.  Three or more
-    LEDs give n by linear least squares, scaled to |n| = 1, and a Gauss-Newton step in the
-    tangent plane.  Two LEDs give the two unit normals that fit exactly.
+    Each LED left out costs ``price``, and its light must be dark.  The second sum skips LEDs below
+    the floor, which are dark.  Shadows are not perfectly black: spread_k adds 1.5 % of the film's
+    light to sigma_k, in quadrature.  Three or more LEDs give n by linear least squares, scaled to
+    |n| = 1, and a Gauss-Newton step in the tangent plane.  Two LEDs give the two unit normals that
+    fit exactly.
 
-    In a gel that scatters light, film behind the terminator still tells its slope (``wrap``,
-    `near_light.wrapped`), though less surely.  There LEDs below the floor are not excluded, and
-    count as what `matt_light` says they are known to.  `used` does not name them.
+    In a gel that scatters light, the light behind the terminator still depends on the slope
+    (``wrap``, `near_light.wrapped`), though weakly.  There LEDs below the floor are not excluded;
+    they count with the standard deviation that `matt_light` gives them.  `used` does not name them.
 
     Touch brightens the film unevenly, but by the same factor for all LEDs.  So three or more
     LEDs share an unknown factor with standard deviation ``uneven``, and the normal follows
     from the ratios of their light.  The cost of more than three LEDs allows for this factor,
     too.  The cost of three does not: there only |n| = 1 can reveal a shadow.
 
-    On a film that diffuses light, leaving LEDs out may cost more than it gains (`judge_labels`).
-    There a subset must ``turn`` the normal by more than that from the normal of all LEDs, or all
-    count: what remains are pixels whose light is absurd for a film, as at a crack.
+    On a film that diffuses light, leaving LEDs out may do more harm than good (`judge_labels`).
+    There a subset wins only if it turns the normal by more than ``turn`` from the normal of all
+    LEDs.  This leaves pixels whose light no smooth film explains, as at a crack.
 
-    Dirt on the lens or a hair dims all LEDs alike.  Where no subset costs less than ``dimmed``
-    and no LED is dark (below the floor, or a twentieth of the brightest), all LEDs are tried at
-    any lower brightness, at that price.  Their ratios give the slope; ``misfit`` is still that
-    of the full brightness, so that `misfit_variance` trusts the slope little.
+    Dirt on the lens or a hair dims all LEDs by the same factor.  Where every subset costs more than
+    ``dimmed`` and no LED is dark (below the floor, or a twentieth of the brightest), all LEDs are
+    tried at any lower brightness, at that price.  The ratios of their light give the slope;
+    ``misfit`` is still that of the full brightness, so `misfit_variance` trusts the slope little.
 
     Parameters
     ----------
     light, sigma : K x H x W, relative to the film at rest, and its standard deviation
     lights : K x 3 in mm from the middle of the image
     height : H x W in mm, as far as known; the direction of the light depends on it
-    prior : 2 x H x W, the slope expected; for ``pair: prior`` only
+    prior : 2 x H x W, the expected slope; for ``pair: prior`` only
     pixel : mm per px
     uneven : standard deviation of the film's brightness, as a share
     wrap : how far light goes on falling behind the terminator; None or 0: not at all
-    turn : radians by which leaving LEDs out must turn a normal; None or 0: any angle will do
+    turn : radians by which leaving LEDs out must turn a normal; None or 0: any angle
 
     Returns
     -------
     ``slope``, 2 x H x W, zero where fewer than two LEDs reach; ``twin``, the other slope that a
     pair of LEDs allows (else the slope again); ``variance`` of the slope from that of the light,
-    1e12 where not known; ``used``, bit k-1 set where the slope rests on LED k; ``shadow``, bit k-1
+    1e12 where unknown; ``used``, bit k-1 set where the slope rests on LED k; ``shadow``, bit k-1
     set where LED k does not light the pixel (not used, and less than half of what the slope
-    predicts); ``misfit``, the sum of squares of the chosen subset.  NumPy makes all, ``wanted`` or
-    not; a kernel leaves out what nobody reads.
+    predicts); ``misfit``, the sum of squares of the chosen subset.  The NumPy function returns all
+    of them; the kernel skips outputs that are not ``wanted``.
     """
     x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
 
@@ -247,7 +253,7 @@ label_lights.opencl(grid="H W", lanes="grid")
 
 @label_lights.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs around the film, and moderate noise; every other film is tilted in a soft light."""
+    """LEDs around the film, and moderate noise; every second film is a gel that scatters light."""
     lights = lights_around(rng, K)
     sigma = rng.uniform(0.005, 0.02, (K, H, W)).astype(np.float32)
     params: dict[str, Any] = {
@@ -275,63 +281,70 @@ def _label(
     wrap: float,
     turn: float,
 ) -> Labelled:
-    """Solve for each set of LEDs, find its cost, and take the least.
-
-    Leaving out LEDs costs at least their price and their light.  So a set is tried only where
-    nothing cheaper is known: most pixels are explained by all LEDs.
-    """
-    (leds, size), sigma = light.shape, np.maximum(sigma, 1e-5)
-    shown, weight = wrapped(light, wrap) + wrap, np.reciprocal(sigma * sigma)
-    below = (shown < rules.floor * sigma) & (rules.dark > 0)
-    glow = np.where(below, 0, np.square(shown / MAX_SHADE_LIGHT))
-    pixels = Pixels(light, weight, vectors, prior, shown, below, glow)
-    level, none = np.repeat(LEVEL_NORMAL, size, axis=1), np.zeros(size, np.float32)
-    best = Choice(np.zeros(below.shape, bool), none + np.inf, none, level, level.copy())
-    forced, most = _labels(below & (wrap == 0)), below.sum(axis=0) + rules.dark
-    explain = partial(_explain, rules=rules, uneven=uneven, wrap=wrap)
-    (_, every), *others = _sets(leds)
-    best.improve(pixels, forced == 0, 0.0, partial(explain, lit=every))
-    # What all LEDs explain for less than one left out costs is settled: most pixels are.
-    unsettled = np.flatnonzero(best.cost > rules.price)
-    doubtful, choice = _some(pixels, unsettled), _some(best, unsettled)
-    forced_there, most = forced.take(unsettled), most.take(unsettled)
-    for number, lit in others:
-        may = (forced_there & _labels(lit) == 0) & (number <= most)
-        least = rules.price * number + ~lit @ doubtful.glow
-        choice.improve(doubtful, may, least, partial(explain, lit=lit))
-    best.put(unsettled, choice)
-    if turn > 0:
-        by_all = explain(pixels, lit=every)
-        alike = dot(by_all.normal, best.normal) > np.cos(turn)
-        best.put(where := np.flatnonzero((forced == 0) & alike), _some(by_all, where))
-    may = ~below.any(axis=0) & (light.min(axis=0) > MIN_EVEN_SHARE * light.max(axis=0))
-    best.improve(pixels, may, rules.dimmed, partial(_dimmed, price=rules.dimmed, uneven=uneven))
+    """Label N pixels; their planes have one axis less than those of `label_lights`."""
+    sigma = np.maximum(sigma, 1e-5)
+    above_shadow, weight = wrapped(light, wrap) + wrap, np.reciprocal(sigma * sigma)
+    below = (above_shadow < rules.floor * sigma) & (rules.dark > 0)
+    shade_cost = np.where(below, 0, np.square(above_shadow / MAX_SHADE_LIGHT))
+    pixels = Pixels(light, weight, vectors, prior, above_shadow, below, shade_cost)
+    best = _best_set(pixels, rules, uneven, wrap, turn)
     slope, twin = (-n[:2] / np.maximum(n[2], 1 / rules.steepest) for n in (best.normal, best.twin))
     unevens = np.where(best.used.sum(axis=0) > 2, np.float32(uneven), 0)
-    weight = weight * best.used
-    variance = slope_variance(vectors, light, weight, best.normal, slope, unevens)
-    # In shadow are LEDs whose light is missing; those below the floor where no slope is known.
-    due = np.maximum(wrapped(dot(vectors, best.normal), wrap) + wrap, MIN_EXPECTED_LIGHT)
-    missing = (shown < due / 2) & (~best.used | below)
+    variance = slope_variance(vectors, light, weight * best.used, best.normal, slope, unevens)
+    # An LED is shadowed if its light is missing; without a slope, if it is below the floor.
+    expected = np.maximum(wrapped(dot(vectors, best.normal), wrap) + wrap, MIN_EXPECTED_LIGHT)
+    missing = (above_shadow < expected / 2) & (~best.used | below)
     shadow = np.where(best.used.any(axis=0), missing, below)
     used, shadow = _labels(best.used & ~below), _labels(shadow)
     return Labelled(slope, twin, variance, used, shadow, best.misfit)
 
 
-def _some(parts: Planes, where: NDArray[np.intp]) -> Planes:
-    """Gather some pixels of planes."""
+def _best_set(pixels: Pixels, rules: Rules, uneven: float, wrap: float, turn: float) -> Choice:
+    """Solve for each set of LEDs, and choose the one of least cost for each pixel.
+
+    Leaving out LEDs costs at least their price and their light.  So a set is tried only where
+    no cheaper one is known: all LEDs explain most pixels.
+    """
+    light, below = pixels.light, pixels.below
+    leds, size = light.shape
+    level, none = np.repeat(LEVEL_NORMAL, size, axis=1), np.zeros(size, np.float32)
+    best = Choice(np.zeros(below.shape, bool), none + np.inf, none, level, level.copy())
+    excluded, max_left_out = _labels(below & (wrap == 0)), below.sum(axis=0) + rules.dark
+    explain = partial(_explain, rules=rules, uneven=uneven, wrap=wrap)
+    (_, all_leds), *subsets = _sets(leds)
+    best.improve(pixels, excluded == 0, 0.0, partial(explain, lit=all_leds))
+    # A pixel is settled if all LEDs explain it for less than the price of leaving one out.
+    unsettled = np.flatnonzero(best.cost > rules.price)
+    doubtful, choice = _at(pixels, unsettled), _at(best, unsettled)
+    excluded_there, max_left_out = excluded.take(unsettled), max_left_out.take(unsettled)
+    for left_out, lit in subsets:
+        allowed = (excluded_there & _labels(lit) == 0) & (left_out <= max_left_out)
+        least = rules.price * left_out + ~lit @ doubtful.shade_cost
+        choice.improve(doubtful, allowed, least, partial(explain, lit=lit))
+    best.put(unsettled, choice)
+    if turn > 0:
+        by_all = explain(pixels, lit=all_leds)
+        alike = dot(by_all.normal, best.normal) > np.cos(turn)
+        best.put(where := np.flatnonzero((excluded == 0) & alike), _at(by_all, where))
+    even = ~below.any(axis=0) & (light.min(axis=0) > MIN_EVEN_SHARE * light.max(axis=0))
+    best.improve(pixels, even, rules.dimmed, partial(_dimmed, price=rules.dimmed, uneven=uneven))
+    return best
+
+
+def _at(parts: Planes, where: NDArray[np.intp]) -> Planes:
+    """The planes of some pixels."""
     planes: Any = parts
     return type(parts)(*(plane.take(where, axis=-1) for plane in planes))
 
 
 def _sets(leds: int) -> list[tuple[int, Leds]]:
-    """The sets of two LEDs and more, the largest first, and how many each leaves out."""
+    """The sets of two LEDs or more, largest first, with the number of LEDs that each leaves out."""
     sets = sorted(product((True, False), repeat=leds), key=sum, reverse=True)
     return [(leds - sum(lit), np.array(lit[::-1])) for lit in sets if sum(lit) > 1]
 
 
 def _explain(pixels: Pixels, lit: Leds, rules: Rules, uneven: float, wrap: float) -> Choice:
-    """Solve for the normal by the LEDs that are lit, and find what leaving out the others costs."""
+    """Solve for the normal by the LEDs that are lit; find the cost of leaving out all others."""
     out, number, v, light = ~lit, np.count_nonzero(lit), pixels.vectors, pixels.light
     weight = pixels.weight * lit[:, None]
     if number == 2:
@@ -345,14 +358,14 @@ def _explain(pixels: Pixels, lit: Leds, rules: Rules, uneven: float, wrap: float
             judged = turned_normal(v, light, weight, start, 0)
     misfit = light_products(v, light, weight, judged, uneven if number > 3 else 0)[1, 1]
     spread = np.sqrt(1 / pixels.weight[out] + STRAY_LIGHT**2)
-    over = (pixels.shown[out] - wrapped(dot(v[:, out], judged), wrap) - wrap) / spread
+    over = (pixels.above_shadow[out] - wrapped(dot(v[:, out], judged), wrap) - wrap) / spread
     bright = np.where(pixels.below[out], 0, np.square(np.maximum(over + rules.one_sided, 0)))
-    cost = misfit + rules.price * len(bright) + (bright + pixels.glow[out]).sum(axis=0)
+    cost = misfit + rules.price * len(bright) + (bright + pixels.shade_cost[out]).sum(axis=0)
     return Choice(np.broadcast_to(lit[:, None], light.shape), cost, misfit, normal, twin)
 
 
 def _dimmed(pixels: Pixels, price: float, uneven: float) -> Choice:
-    """Solve by all LEDs at any lower brightness; that of three LEDs is explained exactly."""
+    """Solve by all LEDs at any lower brightness, which explains three LEDs exactly."""
     v, light, weight = pixels.vectors, pixels.light, pixels.weight
     normal = turned_normal(v, light, weight, linear_normal(v, light, weight), ANY_BRIGHTNESS)
     bright = light_products(v, light, weight, normal, uneven if len(light) > 3 else 0)
@@ -369,7 +382,7 @@ def _pair(pixels: Pixels, lit: Leds, pair: str) -> tuple[F4, F4]:
         p, q = pixels.prior
         likelier = dot(first, (-p, -q, 1)) >= dot(second, (-p, -q, 1))
     else:
-        # What dark LEDs would give; plenty for a normal that the camera cannot see.
+        # The light that the dark LEDs would give, raised for a normal that the camera cannot see.
         one, other = (
             np.maximum(dot(pixels.vectors[:, ~lit], n), 0).sum(axis=0) + 10 * (n[2] < 0.05)
             for n in (first, second)
@@ -380,7 +393,7 @@ def _pair(pixels: Pixels, lit: Leds, pair: str) -> tuple[F4, F4]:
 
 
 def _labels(leds: Leds) -> Labels:
-    """The labels, bit k-1 for LED k."""
+    """Pack a mask of LEDs into labels, bit k-1 for LED k."""
     # Eight times as fast as `packbits` along the first axis.
     bits: Any = (led << k for k, led in enumerate(leds.view(np.uint8)))
     return reduce(np.bitwise_or, bits)

@@ -1,4 +1,4 @@
-"""The positions of the LEDs for shadows as a camera near the film sees them."""
+"""Map the LEDs into the view of a camera near the film, for shadows in that view."""
 
 import numpy as np
 
@@ -6,15 +6,15 @@ from tactograph.graph import node
 from tactograph.nodes import LightPositions, Vergence
 
 MIN_PUPIL_SHARE = np.float32(0.02)
-"""Smallest 1 - L_z / D: an LED at the pupil's height counts as far away."""
+"""Lower bound on 1 - L_z / D, so that an LED at the pupil's height is far away, not at infinity."""
 
 
 @node
 def lights_in_view(lights: LightPositions, camera: Vergence) -> LightPositions:
     """Return the LEDs under the projective map of `view_slope`: L / (1 - L_z / D).
 
-    Straight lines stay straight under it (V3), so shadows of the seen height under these LEDs are
-    the shadows of the film under the real ones.
+    The map keeps lines straight (V3), so the seen height under these LEDs has the same shadows as
+    the film under the real ones.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Remove labels of single pixels that disagree with their neighbours."""
+"""Remove the labels of single pixels that disagree with their neighbours."""
 
 import cv2
 import numpy as np
@@ -13,7 +13,8 @@ LABEL_BITS = 8
 def majority_labels(shadow: Labels) -> Labels:
     """Return for every LED the majority label of 3 x 3 pixels.
 
-    A single lit pixel inside a shadow would be taken for the edge that casts it.
+    Otherwise `shadow_constraints` would take a single lit pixel inside a shadow for the edge that
+    casts it.
 
     Parameters
     ----------

@@ -46,11 +46,11 @@ def shadow_confidence(
 ) -> Confidence:
     """Return the probability that the labels of all LEDs are right.
 
-    For each LED the log odds that its label is right are a sum.  Far from any edge of its
-    shadow they are `sure`.  Near an edge, which may be off by a pixel, they are less.  The
-    share of the expected light that is present, counted from -1/2 to 1/2 in favour of the
-    label, raises or lowers them.  It counts less where the light is noisy, and where the image
-    alone gives another label.  The probabilities of the LEDs are multiplied.
+    The log odds that an LED's label is right are a sum.  Far from the edges of its shadows they
+    are `sure`; near an edge, which may be off by a pixel, they are lower.  The share of the
+    expected light that is present, counted from -1/2 to 1/2 in favour of the label, raises or
+    lowers them.  It counts less where the light is noisy, and where the image alone gives another
+    label.  The probabilities of the LEDs are multiplied.
 
     The coefficients are log odds from a logistic regression on simulated captures
     (`benchmarks/label_confidence.py`).
@@ -58,17 +58,17 @@ def shadow_confidence(
     Parameters
     ----------
     shadow : H x W, the labels in question
-    image_labels : H x W, those of the image alone; `shadow` again if there are no others
+    image_labels : H x W, the labels from the image alone, or `shadow` again
     light, sigma : K x H x W, 1 on the film at rest, and its standard deviation
-    slope, height : 2 x H x W and H x W in mm; they determine the expected light
+    slope, height : 2 x H x W, and H x W in mm; they determine the expected light
     lights : K x 3 in mm
     pixel : mm per px
     sure : log odds of a label far from edges, if half of the expected light is present
     by_light : log odds per share of the light in the label's favour
-    at_edge, near_edge : log odds lost one and two pixels from another label of the same LED
+    at_edge, near_edge : log odds lost at one and at two pixels from another label of the same LED
     by_light_contradicted
-        `by_light` where `image_labels` differs, because `image_labels` has already used the light.
-    noisy : expected light, in standard deviations, at which the share counts half
+        Replaces `by_light` where `image_labels` differs, since that label has used the light.
+    noisy : expected light, in standard deviations, at which its share counts half
 
     Returns
     -------
@@ -112,7 +112,7 @@ def _edges(labels: Labels, reach: int) -> NDArray[np.uint8]:
 
 @shadow_confidence.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs above the film; shadows in blocks, so that some pixels are far from edges."""
+    """LEDs above the film, and shadows in blocks, so that some pixels are far from edges."""
     lights = np.column_stack([rng.uniform(-40, 40, (K, 2)), rng.uniform(20, 60, K)])
     blocks = rng.integers(0, 1 << K, (-(-H // 8), -(-W // 8)))
     shadow = np.kron(blocks, np.ones((8, 8), int))[:H, :W]

@@ -1,6 +1,6 @@
 """Measure heights from shadows: the paper's equation 1, inverted.
 
-Long because a ray has two ends to find and to measure between, on the device in three launches.
+Long because both ends of a ray have to be found, on the device in three launches.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ MAX_END_PX = np.float32(1.5)
 MIN_EDGE_PX = np.float32(1.2)
 NO_EDGE_PX = np.float32(-1e6)
 SPAN_PX, LANES_SPAN_PX = 16, 64
-"""Pixels of a row in which one work-item looks for the ends of shadows."""
+"""Pixels of a row that one work-item searches for the ends of shadows, on GPUs and on CPUs."""
 
 
 class Rays(NamedTuple):
-    """Rays that start at the ends of shadows: pixels, directions, distance to the LED."""
+    """Rays from the ends of shadows: their pixels, directions, and distances to the LED in px."""
 
     column: F4
     row: F4
@@ -58,7 +58,7 @@ class Rays(NamedTuple):
 
 @node(
     sizes={"K": SizeLimit(1, 8, "a label has 8 bits")},
-    tolerance=Close(1e-5, 1e-5, why="square roots that a device rounds otherwise"),
+    tolerance=Close(1e-5, 1e-5, why="a device rounds square roots differently"),
 )
 def shadow_constraints(
     light: Light,
@@ -72,7 +72,7 @@ def shadow_constraints(
     *,
     longest_px: Annotated[float, Ge(0)] = 10_000.0,
 ) -> ShadowRises:
-    """Measure the height of the edge that casts a shadow above the shadow's end.
+    """Measure how far the edge that casts a shadow rises above the shadow's end.
 
     A ray starts at every lit pixel whose neighbour towards the LED is dark.  It runs towards
     the LED through the shadow to the first lit pixel, the edge that casts the shadow.  The
@@ -85,18 +85,18 @@ def shadow_constraints(
     ----------
     light : K x H x W, 1 on the film at rest
     shadow : H x W, the LEDs that do not light a pixel
-    used : H x W, the LEDs its slope was found with; both ends need two
-    slope : 2 x H x W; extrapolates the height from the pixel to the shadow's end
-    height : H x W in mm, roughly; the elevation of a near LED depends on it a little
+    used : H x W, the LEDs that determined its slope; both ends of a ray need two
+    slope : 2 x H x W; extrapolates the height from a pixel to the shadow's end
+    height : H x W in mm, a rough height; the elevation of a near LED depends on it slightly
     lights : K x 3 in mm
     pixel : mm per px
     rest
-        H x W in mm, the seen height of the film at rest, from which rises then are; None: a plane
-    longest_px : longest shadow that is measured; with 0 no shadow is
+        H x W in mm, the seen height of the film at rest; rises are relative to it.  None: a plane
+    longest_px : longest shadow to measure; 0 measures none
 
     Returns
     -------
-    C measurements; none where nothing casts a shadow.
+    C measurements; C is 0 if nothing casts a shadow.
     """
     is_known = np.bitwise_count(used) >= 2
     measurements = []
@@ -122,7 +122,7 @@ def shadow_constraints(
 
 
 def _ends(dark: NDArray[np.bool_], is_known: NDArray[np.bool_], led: F4) -> Rays:
-    """Rays from the lit pixels of known slope whose next pixel towards the LED (in px) is dark."""
+    """Rays from lit pixels of known slope whose neighbour towards the LED (in px) is dark."""
     rows, columns = dark.shape
     ring = cv2.dilate(dark.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
     row, column = (index.astype(np.float32) for index in np.nonzero(ring & ~dark & is_known))
@@ -172,8 +172,8 @@ def _measure(
 def _march(rays: Rays, dark: NDArray[np.bool_], share: F4, longest: float) -> tuple[F4, F4]:
     """The distances along each ray, in px, of the shadow's end and of the edge that casts it.
 
-    The shadow ends where the share of its light that the film gets falls below a half.  The edge
-    is `NO_EDGE_PX` where there is none within the frame and the longest shadow.
+    The shadow ends where the film gets less than half of its expected light.  The edge is
+    `NO_EDGE_PX` if there is none within the frame and the longest shadow.
     """
     rows, columns = dark.shape
     darkness = dark.astype(np.float32)
@@ -198,7 +198,7 @@ def _march(rays: Rays, dark: NDArray[np.bool_], share: F4, longest: float) -> tu
 
 @shadow_constraints.opencl()
 def _launch(run: Launch) -> None:
-    """Measure by spans of rows, then gather in the order of LEDs, rows and columns."""
+    """Measure in spans of rows, then gather in the order of LEDs, rows and columns."""
     lights, height, width = sizes = tuple(run.sizes[symbol] for symbol in "KHW")
     inputs = run.inputs
     span = LANES_SPAN_PX if run.lanes > 1 else SPAN_PX
@@ -231,7 +231,7 @@ def _launch(run: Launch) -> None:
 
 @shadow_constraints.example
 def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
-    """Patches of shadow on a rough film, on which nearly everywhere two or more LEDs were used."""
+    """Patches of shadow on a rough film; nearly everywhere the slope rests on two LEDs or more."""
     shape = sizes["H"], sizes["W"]
     patches = rng.integers(0, 256, (shape[0] // 4 + 1, shape[1] // 6 + 1), dtype=np.uint8)
     shadow = patches.repeat(4, axis=0).repeat(6, axis=1)[: shape[0], : shape[1]]

@@ -1,4 +1,4 @@
-"""The paper's shadow test: linear dependence of the four intensities."""
+"""The paper's shadow test: are the intensities of a pixel linearly dependent?"""
 
 from typing import Annotated
 
@@ -17,8 +17,8 @@ from tactograph.nodes.optics.cache_blocks import in_blocks
         "K": SizeLimit(
             4,
             8,
-            "the shadow test needs 4 to 8 LEDs, since three light directions are never "
-            "linearly dependent; with three use a graph without it, such as "
+            "the shadow test needs 4 to 8 LEDs, since three light directions are linearly "
+            "independent; with three LEDs use a graph without the test, such as "
             "reconstruct_no_shadow",
         )
     },
@@ -32,14 +32,15 @@ def shadow_linear(
 ) -> Labels:
     """Label the darkest LED where a.I departs from zero (section 3.2, equations 10 and 11).
 
-    Where the surface is lit by all LEDs, a.I = 0 up to noise.  Where |a.I| exceeds lambda =
-    threshold * spread, one intensity does not belong to the others, and the paper takes it
-    to be the darkest.  Two neighbouring LEDs shadowed at once cancel in a.I and are missed.
+    Where all LEDs light the surface, a.I = 0 up to noise.  Where |a.I| exceeds lambda =
+    threshold * spread, one intensity is inconsistent with the others; the paper takes it to be the
+    darkest one.  Two neighbouring LEDs that are shadowed at once cancel in a.I and are missed.
 
     Parameters
     ----------
     light : K x H x W
-    null, spread : K, the vector a of unit length, and the standard deviation of a.I on lit pixels
+    null : K, the vector a, of unit length
+    spread : standard deviation of a.I on lit pixels
     threshold : lambda in multiples of `spread`
 
     Returns

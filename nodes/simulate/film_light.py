@@ -37,7 +37,7 @@ def film_light(
     height : H x W in mm, as the camera sees it (`view_slope`)
     film : the LEDs' and the film's properties
     pixel : mm per px
-    shadow : H x W, the LEDs that something keeps off, as `cast_shadows` gives them
+    shadow : H x W, the LEDs that something keeps off, from `cast_shadows`
     rest : H x W in mm, the seen height of the film at rest; None: a plane
     """
     rows, columns = height.shape

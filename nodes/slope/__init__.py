@@ -1,5 +1,5 @@
 """From light to slope.
 
-Look-up tables, reflectance models, the Taylor step, and what a slope can be trusted with.
+Look-up tables, the Taylor step of a reflectance model, and the variance of slopes.
 A new way to turn light into a slope goes here.
 """

@@ -1,4 +1,4 @@
-"""Trust slopes less at the edges that cast shadows: the height may jump there."""
+"""Increase the variance of slopes at edges that cast shadows, since the height may jump there."""
 
 from typing import Any
 
@@ -19,7 +19,9 @@ MIN_PLAN_PX = np.float32(1e-6)
 
 @node(
     neutral="variance",
-    tolerance=Flips(1e-3, 0, 1e-5, why="the neighbour away from an LED by a rounded direction"),
+    tolerance=Flips(
+        1e-3, 0, 1e-5, why="a rounded direction chooses the neighbour away from an LED"
+    ),
 )
 def cliff_variance(
     variance: SlopeVariance,
@@ -28,9 +30,9 @@ def cliff_variance(
     lights: LightPositions,
     pixel: PixelSize,
 ) -> SlopeVariance:
-    """Add (3 max(m - 0.3, 0))^2 where the pixel right behind one lit with m is dark.
+    """Add (3 max(m - 0.3, 0))^2 at a pixel of light m if the next pixel away from the LED is dark.
 
-    A round body is lit at a grazing angle where its shadow begins: m is close to 0, apart from
+    Where the shadow of a round body begins, light grazes it: m is close to 0, apart from
     diffused light and noisy labels.  A sharp edge is well lit there, and no slope shows the
     step behind it (equation W2).  The largest m over the LEDs and over 3 x 3 pixels counts,
     because a step lies between two pixels.
@@ -54,9 +56,9 @@ def cliff_variance(
 
 
 def _before_dark(dark: Labels, led: F4) -> tuple[NDArray[np.intp], ...]:
-    """The lit pixels whose next pixel away from the LED (at `led`, in px from the centre) is dark.
+    """The lit pixels whose neighbour away from the LED is dark; `led` is in px from the centre.
 
-    The next pixel is one of the eight neighbours.
+    The neighbour is one of eight.
     """
     rows, columns = dark.shape
     around = cv2.dilate(dark, np.ones((3, 3), np.uint8)) > dark
@@ -77,7 +79,7 @@ def _largest_neighbour(plane: F4) -> F4:
 
 @cliff_variance.opencl()
 def _launch(run: Launch) -> None:
-    """The cliffs of all pixels, then the largest of 3 x 3."""
+    """Find the cliff at each pixel, then the largest within 3 x 3 pixels."""
     inputs, (lights, rows, columns) = run.inputs, (run.sizes[symbol] for symbol in "KHW")
     cliffs, grid = run.scratch((rows, columns)), run.in_row_lanes(rows, columns)
     run.kernel(

@@ -1,4 +1,4 @@
-"""Trust slopes less where the camera's blur mixes two sides of an edge."""
+"""Increase the variance of slopes where the camera's blur mixes two sides of an edge."""
 
 from typing import Annotated
 
@@ -15,19 +15,20 @@ from tactograph.nodes import F4, Blur, Slope, SlopeVariance
 def edge_variance(
     variance: SlopeVariance, slope: Slope, blur: Blur, *, factor: Annotated[float, Ge(0)] = 6.0
 ) -> SlopeVariance:
-    """Add what the slope of mixed light may lack of the mean slope.
+    """Add the square of the difference between the slope of mixed light and the mean slope.
 
-    A blurred pixel shows the mean normal of its surroundings, and the mean slope is another: by
-    Jensen's inequality to second order at most s (equation W3), with n' the change of the normal
-    per pixel, s = blur^2 (1 + p^2 + q^2) sum over both axes of |n'_z| |n'|.  Across an edge the
-    expansion falls short, so (factor s)^2 is added.  The largest change of 3 x 3 pixels counts,
-    because an edge lies between pixels.  Then the rises of shadows decide how high a rim is.
+    A blurred pixel shows the mean normal of its surroundings, whose slope is not the mean slope.
+    With n' the change of the normal per pixel, they differ to second order by at most
+    s = blur^2 (1 + p^2 + q^2) sum over both axes of |n'_z| |n'| (Jensen's inequality, equation W3).
+    Across an edge the expansion falls short, so (factor s)^2 is added.  The largest change within
+    3 x 3 pixels counts, because an edge lies between pixels.  At such edges the rises that shadows
+    measure then decide how high a rim is.
 
     Parameters
     ----------
     variance, slope : 2 x H x W; the slope as the camera sees it
-    blur : In px
-    factor : by how much the expansion falls short across an edge
+    blur : in px
+    factor : how much larger the difference is across an edge than the expansion
     """
     if blur == 0:
         return variance
@@ -55,7 +56,7 @@ def _is_sharp(blur: float) -> bool:
 
 @edge_variance.opencl()
 def _launch(run: Launch) -> None:
-    """The changes of all pixels, then the largest of 3 x 3."""
+    """Find the change at each pixel, then the largest within 3 x 3 pixels."""
     inputs, (rows, columns) = run.inputs, (run.sizes[symbol] for symbol in "HW")
     changes, grid = run.scratch((rows, columns)), run.in_row_lanes(rows, columns)
     run.kernel("find_changes", grid, inputs["slope"], changes, rows, columns)

@@ -1,4 +1,4 @@
-"""The slopes of any object of known height."""
+"""Differentiate a known height."""
 
 from typing import Annotated
 
@@ -23,8 +23,8 @@ def height_slopes(
     height : H x W in mm above the film at rest
     pixel : mm per px
     steepest
-        Pixels steeper than this (mm per mm) are masked out: across a true step a
-        difference is not a slope.
+        Pixels steeper than this (mm per mm) are masked out: a difference across a step is no
+        slope.
 
     Returns
     -------

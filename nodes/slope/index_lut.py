@@ -1,10 +1,11 @@
 """Index the look-up tables once, so that a device finds nearest neighbours fast.
 
-The look-up is exact.  The index is a tree of three levels of 16 boxes along the table's principal
-axes, along which a Lambertian film's light is thin.  The light of a film at rest lies off the
-table: many entries are then almost equally near, and only boxes along all principal axes prune
-them.  On CPUs the kernel sorts the frame by light, and 16 pixels of similar light search the tree
-together.  Entries of equal light are merged, so all back ends find the same slope.
+The look-up is exact.  The index is a tree with three levels of 16 boxes along the table's principal
+axes, since a Lambertian film's light lies near a surface of two dimensions.  The light of film at
+rest lies off that surface: many entries are then almost equally near, and only boxes along all
+principal axes prune them.  On CPUs the kernel sorts the frame by light, and 16 pixels of similar
+light search the tree together.  Entries of equal light are merged, so all back ends find the same
+slope.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -20,20 +21,20 @@ from tactograph.nodes import F4, I4, LutLight, LutLit, LutSlope
 LEAF_ENTRIES = 8
 """Entries in a leaf; the kernel's LEAF_ENTRIES."""
 GROUP_BOXES = 16
-"""Boxes that are tested at once: the leaves of a middle, the middles of a top."""
+"""Boxes that are tested together: the leaves of a middle, or the middles of a top."""
 TOP_ENTRIES = GROUP_BOXES * GROUP_BOXES * LEAF_ENTRIES
 PAD_POSITION = np.float32(1e18)
-"""Position of the boxes that pad the last group; farther than any light."""
+"""Position of the boxes that pad the last group, beyond any light."""
 BOX_SLACK_SHARE = 4e-6
-"""Boxes are widened by this share of the largest light, so that rounding hides no entry."""
+"""Share of the largest light by which boxes are widened, so that rounding hides no entry."""
 
 
 class LutIndex(NamedTuple):
     """K + 1 tables, each a tree: table 0 of all lights, table k without LED k.
 
-    A tree has `tops`, each of 16 middles, each of 16 leaves, each of 8 entries.  Boxes lie
-    16 siblings side by side: first those of the tops, then those of each top's middles,
-    then those of each middle's leaves.
+    A tree has `tops`, each of 16 middles, each of 16 leaves, each of 8 entries.  16 sibling boxes
+    lie side by side: first those of the tops, then those of each top's middles, then those of each
+    middle's leaves.
     """
 
     entries: Annotated[F4, Port("M K", "1")]
@@ -64,9 +65,7 @@ class _Table(NamedTuple):
 def index_lut(light: LutLight, slope: LutSlope, lit: LutLit) -> LutIndex:
     """Split the calibration pixels into their K + 1 tables and index each (3.1 and 3.3).
 
-    Entries of equal light are merged into one with their mean slope.  The trees are split
-    along the principal axes of the table: a Lambertian film's light lies near a surface of
-    two dimensions, so boxes along those axes are thin.
+    Entries of equal light are merged into one with their mean slope.
 
     Parameters
     ----------
@@ -96,7 +95,7 @@ def index_lut(light: LutLight, slope: LutSlope, lit: LutLit) -> LutIndex:
 
 
 def _table(light: LutLight, slope: LutSlope, lit: LutLit, dropped: int | None) -> _Table:
-    """One table: the pixels that all other LEDs reach, with the dropped light set to zero."""
+    """One table: the pixels that all LEDs but the dropped one reach, with its light set to zero."""
     count = light.shape[1]
     needed = (1 << count) - 1 & ~(0 if dropped is None else 1 << dropped)
     chosen = (lit & needed) == needed
@@ -133,7 +132,7 @@ def _merged(points: F4, slopes: F4) -> tuple[F4, F4]:
 
 
 def _principal_axes(points: F4) -> tuple[F4, F4]:
-    """The axes in rows, the widest first, and the mean light along them."""
+    """The principal axes in rows, the widest first, and the mean light along them."""
     mean = points.mean(axis=0, dtype=np.float64)
     away = points - mean
     axes = np.linalg.eigh(away.T @ away)[1].T[::-1].astype(np.float32)
@@ -169,7 +168,7 @@ def _split(places: F4, order: NDArray[np.intp], at: int) -> NDArray[np.intp]:
 
 
 def _boxes(leaves: F4, slack: np.float32) -> F4:
-    """Boxes of tops, middles and leaves, from the places of the entries leaf by leaf."""
+    """The boxes of tops, middles and leaves, from the entries' coordinates leaf by leaf."""
     count = leaves.shape[2]
     level = np.stack([leaves.min(axis=1) - slack, leaves.max(axis=1) + slack], axis=1)
     levels = [level]

@@ -1,4 +1,4 @@
-"""Look up the slope of the nearest light in the tables."""
+"""Look up the slope of each pixel: that of the table entry with the nearest light."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from tactograph.nodes import F4, U1, Labels, Light, Slope
 from tactograph.nodes.slope.index_lut import TOP_ENTRIES, LutIndex, index_lut
 
 CELL_PIXELS = 1024
-"""Least mean number of pixels in a cell of the sort; the kernel's CELL_PIXELS."""
+"""Smallest mean number of pixels in a cell of the sort; the kernel's CELL_PIXELS."""
 MAX_LEVELS = 10
 CELL_SAMPLES = 8
 """Pixels per cell that are sampled for the medians; the kernel's CELL_SAMPLES."""
@@ -23,58 +23,55 @@ CHUNK_COUNT = 64
 
 
 @node(
-    tolerance=Flips(
-        1e-3, 1e-6, 1e-6, why="of entries that are equally near but for rounding, either is found"
-    ),
+    tolerance=Flips(1e-3, 1e-6, 1e-6, why="rounding decides between entries that are equally near"),
     sizes={"K": SizeLimit(3, 8, "the tables are for 3 to 8 LEDs")},
 )
 def lut_nearest(light: Light, shadow: Labels, index: LutIndex) -> Slope:
-    """Return the slope of the entry of nearest light; the search is exact (3.1 and 3.3).
+    """Return the slope of the table entry with the nearest light (sections 3.1 and 3.3).
 
     A pixel that all LEDs reach is looked up in the table of all lights.  A shadowed pixel is
-    looked up in the table without its shadowed LED, or without the darkest if there are
-    several.
+    looked up in the table without its shadowed LED, or without the darkest one if several are
+    shadowed.  Distances are Euclidean, and the search is exact.
 
     Parameters
     ----------
-    light
-        K x H x W.  NaN counts as dark.
+    light : K x H x W; NaN counts as dark
     shadow : H x W, bit k-1 set where LED k is shadowed
-    index : the index of the tables
+    index : the tables and their search trees
 
     Returns
     -------
-    Slope 2 x H x W; zero where the table needed is empty.
+    Slope 2 x H x W; zero where the table is empty.
     """
-    # SciPy's trees take a fifth of a second to load; a look-up on a device need not wait for them.
+    # Imported here: it takes 0.2 s, and a look-up on a device does not need it.
     from scipy.spatial import cKDTree
 
     light = np.nan_to_num(light)
-    needed = _table_of(light, shadow)
-    slope = np.zeros((2, *needed.shape), np.float32)
-    for number in np.unique(needed):
-        in_table = needed == number
-        entries, slopes = _table(index, number)
+    table = _table_number(light, shadow)
+    slope = np.zeros((2, *table.shape), np.float32)
+    for number in np.unique(table):
+        in_table = table == number
+        entries, slopes = _entries(index, number)
         if len(entries) == 0:
             continue
         points = light[:, in_table].T
         if number:
             points[:, number - 1] = 0
         tree = cKDTree(entries, compact_nodes=False, balanced_tree=False)
-        _, numbers = tree.query(points, workers=cores())
-        slope[:, in_table] = slopes[numbers].T
+        _, nearest = tree.query(points, workers=cores())
+        slope[:, in_table] = slopes[nearest].T
     return slope
 
 
-def _table_of(light: F4, shadow: U1) -> NDArray[np.intp]:
-    """0 where all LEDs reach, else the number of the darkest among the shadowed ones: H x W."""
+def _table_number(light: F4, shadow: U1) -> NDArray[np.intp]:
+    """The table of each pixel: 0 if no LED is shadowed, else the darkest shadowed LED; H x W."""
     shadowed = np.stack([shadow >> k & 1 for k in range(len(light))]) > 0
     darkest = np.where(shadowed, light, np.inf).argmin(axis=0) + 1
     return np.where(shadowed.any(axis=0), darkest, 0)
 
 
-def _table(index: LutIndex, number: int) -> tuple[F4, F4]:
-    """Light and slope of the entries of one table, E x K and E x 2."""
+def _entries(index: LutIndex, number: int) -> tuple[F4, F4]:
+    """The light (E x K) and the slope (E x 2) of the entries of one table."""
     tops, _, leaf, first = index.tables[number]
     leaves = slice(leaf, leaf + tops * TOP_ENTRIES)
     numbers = index.numbers[leaves]
@@ -84,14 +81,14 @@ def _table(index: LutIndex, number: int) -> tuple[F4, F4]:
 
 
 def _cells(lights: int, size: int) -> tuple[int, int]:
-    """The levels of medians by which pixels are sorted, and the number of cells between them."""
+    """How many levels of medians sort the pixels into cells, and the number of cells."""
     levels = min(max((size // CELL_PIXELS).bit_length() - 1, 0), MAX_LEVELS)
     return levels, (1 << levels) + (lights << max(levels - SPARSER_LEVELS, 0))
 
 
 @lut_nearest.opencl()
 def _launch(run: Launch) -> None:
-    """Search a pixel per work-item, or sort the frame by light and search packets of lanes."""
+    """Search one pixel per work-item on a GPU; on a CPU sort the frame by light first."""
     height, width = run.sizes["H"], run.sizes["W"]
     arrays = [run.inputs[name] for name in lut_nearest.inputs]
     constants = {"LIGHTS": run.sizes["K"]}
@@ -104,6 +101,7 @@ def _launch(run: Launch) -> None:
 
 
 def _launch_sorted(run: Launch, arrays: list[Any], constants: dict[str, int]) -> None:
+    """Sort pixels into cells of similar light, and search each cell in packets of lanes."""
     light, shadow, *index = arrays
     lights, size = run.sizes["K"], run.sizes["H"] * run.sizes["W"]
     levels, cells = _cells(lights, size)
@@ -127,7 +125,7 @@ def _launch_sorted(run: Launch, arrays: list[Any], constants: dict[str, int]) ->
 
 @lut_nearest.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """Tables of random light, with many tops for large images; labels of every kind."""
+    """Tables of random light, with many tops for large images, and labels of every kind."""
     count = 700 if H * W < 5000 else 40_000
     entries = rng.random((count, K)).astype(np.float32)
     slopes = rng.uniform(-2, 2, (count, 2)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Trust a slope less where its light contradicts it, or allows a second slope."""
+"""Increase the variance of a slope that its light contradicts, or that has a twin."""
 
 from typing import Annotated, Any
 
@@ -26,17 +26,17 @@ def misfit_variance(
     """Return the variance of the slopes, including misfit and ambiguity.
 
     Where the light fits worse than noise explains, the variance grows with the misfit (W1).
-    Two lights allow two normals; before any height is known the choice between them is a
-    guess, and half their difference is its standard deviation.
+    Two lights allow two normals.  Before any height is known the choice between them is a
+    guess, with half their difference as its standard deviation.
 
     Parameters
     ----------
     variance : 2 x H x W, from the noise alone
-    slope, twin : 2 x H x W, the chosen slope and the other one that its light allows
+    slope, twin : 2 x H x W, the chosen slope and the other slope that its light allows
     misfit : H x W, chi-square of the slope
     open_pairs
-        Whether the choice between slope and twin is still a guess.  A slope of nearly zero,
-        that of the film at rest, is not: it would be a coincidence.
+        Whether the choice between slope and twin is still a guess.  A slope near zero is never
+        a guess: it is that of the film at rest, and could be zero only by coincidence.
     steepest : a steeper twin counts as this steep
     """
     wide = variance * np.maximum(misfit / USUAL_MISFIT, np.float32(1))
@@ -54,7 +54,7 @@ misfit_variance.opencl(grid="H W")
 
 @misfit_variance.example
 def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, Any]:
-    """Twins that are the slope itself, that differ, and that are too steep."""
+    """Twins that equal the slope, that differ from it, and that are too steep."""
     slope = rng.uniform(-1, 1, (2, H, W)).astype(np.float32)
     twin = np.where(rng.random((H, W)) < 0.3, slope, 8 * slope)
     return {"slope": slope, "twin": twin.astype(np.float32)}

@@ -1,4 +1,4 @@
-"""The mean slope over a pixel, from the slope of its mean normal."""
+"""Convert the slope of a pixel's mean normal to the pixel's mean slope."""
 
 from typing import Annotated
 
@@ -19,16 +19,16 @@ def pixel_mean_slope(
 ) -> Slope:
     """Correct slopes for the change of the normal within a pixel.
 
-    A pixel gathers the light of its whole area, so its light gives the mean normal.  A step of
-    height, however, is the mean slope.  With n' the change of the normal per pixel along an
-    axis, Jensen's inequality to second order says, for p = -n_x / n_z, that the mean slope
-    exceeds the slope of the mean normal by (n'_x n'_z + p n'_z^2) / (12 n_z^2), summed over
-    both axes; the same for q (equation V4).
+    A pixel gathers the light of its whole area, so its light gives the mean normal.  The step of
+    height across a pixel, however, is its mean slope.  With n' the change of the normal per pixel
+    along an axis and p = -n_x / n_z, the mean slope exceeds the slope of the mean normal to second
+    order by (n'_x n'_z + p n'_z^2) / (12 n_z^2), summed over both axes; likewise for q
+    (equation V4).
 
-    A known height has differences over two pixels (`height_slopes`) instead.  With p'' the second
-    difference of p, they exceed the pixel's mean slope by p'' / 8 along their own axis, which is
-    1/6 - 1/24 of the third derivative, and lack p'' / 24 along the other.  `inverse` gives the
-    slopes of the mean normals from them: what light shows of a known height.
+    `inverse` starts from the differences of a known height over two pixels (`height_slopes`), and
+    gives the slopes of the mean normals, as light shows them.  With p'' the second difference of p,
+    these differences exceed the pixel's mean slope by p'' / 8 along their own axis (1/6 - 1/24 of
+    the third derivative), and fall short of it by p'' / 24 along the other.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def pixel_mean_slope(
 
 
 def _corrected(slope: F4, rows: slice, most: np.float32, inverse: bool) -> F4:
-    """The corrected slopes of `rows`; the other rows serve as neighbours."""
+    """The corrected slopes of `rows`; rows beside them are read as neighbours."""
     p, q = around = slope
     square = 1 + p * p + q * q
     nz = 1 / np.sqrt(square)
@@ -68,7 +68,7 @@ def _corrected(slope: F4, rows: slice, most: np.float32, inverse: bool) -> F4:
 
 
 def _beyond_differences(slope: F4) -> F4:
-    """What a pixel's mean slopes exceed differences over two pixels by."""
+    """The mean slopes of the pixels minus the differences over two pixels."""
     (p_across, p_along), (q_across, q_along) = map(second_differences, slope)
     third = np.float32(3)
     return np.stack([p_along - third * p_across, q_across - third * q_along]) * (PIXEL_VARIANCE / 2)

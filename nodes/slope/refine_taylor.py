@@ -1,4 +1,4 @@
-"""Refine a coarse slope by a first-order Taylor step of the reflectance."""
+"""Refine a coarse slope by a first-order Taylor step of the reflectance model."""
 
 from typing import Annotated
 
@@ -18,8 +18,8 @@ from tactograph.nodes.optics.normals import dot
         1e-3,
         2e-3,
         2e-3,
-        why="a 2 x 2 system that is close to singular where light hardly "
-        "depends on slope amplifies the rounding of its entries",
+        why="the 2 x 2 system is nearly singular where light hardly depends on slope, and "
+        "amplifies the rounding of its entries",
     ),
 )
 def refine_taylor(
@@ -33,20 +33,25 @@ def refine_taylor(
 ) -> Slope:
     """Return G = G_0 + J^+ (I - R(G_0)) where no LED is shadowed (equations 5 and 6).
 
-    J is the derivative of the second-order spherical-harmonic reflectance R by (p, q), and
-    J^+ its pseudo-inverse.  Shadowed pixels keep their coarse slope (section 3.5 b).
+    R is the reflectance in second-order spherical harmonics (equation 4), J its derivative with
+    respect to (p, q), and J^+ the pseudo-inverse of J.  A shadowed pixel keeps its coarse slope
+    (section 3.5 b).
 
     Parameters
     ----------
     light : K x H x W, 1 on the film at rest
     slope : 2 x H x W, the coarse G_0
     shadow : H x W; a pixel with any bit set keeps its slope
-    reflectance : K x 9, as `fit_reflectance` gives it
-    steps : how many times the step is taken; the paper takes one
+    reflectance : K x 9, the coefficients of R from `fit_reflectance`
+    steps : number of Taylor steps; the paper takes one
     limit
-        Longest step, as the angle in radians by which it turns the normal.  The expansion is
-        valid only near G_0.  Without the limit noise would be amplified on steep sides, where
-        light hardly depends on slope.
+        Longest step, as the angle in radians by which it turns the normal.  The expansion holds
+        only near G_0; on steep sides, where light hardly depends on slope, an unlimited step would
+        amplify noise.
+
+    Returns
+    -------
+    G, 2 x H x W.
     """
     lights, coarse = light.reshape(len(light), -1), slope.reshape(2, -1)
     lit, refined = shadow.ravel() == 0, np.empty((2, shadow.size), np.float32)
@@ -64,20 +69,20 @@ def refine_taylor(
 
 
 def _step(light: Light, p: F4, q: F4, reflectance: F4, limit: np.float32) -> tuple[F4, F4]:
-    """One solution of the normal equations J^T J (dp, dq) = J^T (I - R), cut to `limit`."""
+    """Solve the normal equations J^T J (dp, dq) = J^T (I - R), and shorten the step to `limit`."""
     square, normal, by_p, by_q = normal_by_slope(p, q)
     a = b = c = u = v = np.float32(0) * p
     for plane, coefficients in zip(light, reflectance, strict=True):
         value, gradient = _reflectance(normal, coefficients)
         j_p, j_q = dot(gradient, by_p), dot(gradient, by_q)
-        rest = plane - value
+        residual = plane - value
         a, b, c = a + j_p * j_p, b + j_p * j_q, c + j_q * j_q
-        u, v = u + j_p * rest, v + j_q * rest
+        u, v = u + j_p * residual, v + j_q * residual
     return limited_step((a, b, c), (u, v), limit * square)
 
 
 def _reflectance(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
-    """R(n) of equation 4 and its derivative by n, harmonics in the order of `harmonics`."""
+    """R(n) of equation 4 and its gradient; `c` are coefficients in the order of `harmonics`."""
     x, y, z = n
     value = (
         c[0] + c[1] * x + c[2] * y + c[3] * z

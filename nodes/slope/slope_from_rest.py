@@ -1,4 +1,4 @@
-"""Slopes from those of the film at rest."""
+"""Make slopes relative to the film at rest."""
 
 from tactograph.graph import node
 from tactograph.nodes import Slope
@@ -6,13 +6,13 @@ from tactograph.nodes import Slope
 
 @node(neutral="slope")
 def slope_from_rest(slope: Slope, tilt: Slope | None = None, *, back: bool = False) -> Slope:
-    """Subtract the slopes of the film at rest: the sum of what is left is height above it.
+    """Subtract the slopes of the film at rest; what remains integrates to the height above it.
 
     Parameters
     ----------
     slope : 2 x H x W, of the seen height
-    tilt : 2 x H x W, the same of the film at rest; None: a plane
-    back : whether `slope` is that above the film at rest, and `tilt` is added
+    tilt : 2 x H x W, of the seen height of the film at rest; None: a plane
+    back : whether to add `tilt` to slopes relative to the film at rest instead
     """
     if tilt is None:
         return slope
@@ -24,5 +24,5 @@ slope_from_rest.opencl(grid="H W", lanes="grid")
 
 @slope_from_rest.idle
 def _is_plane(tilt: Slope | None = None) -> bool:
-    """Return whether the film at rest is a plane: nothing says otherwise."""
+    """Return true; the node is asked only if `tilt` is absent."""
     return True

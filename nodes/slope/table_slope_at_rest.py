@@ -1,4 +1,4 @@
-"""The slopes that tables of a ball find of the film at rest, where that is no plane."""
+"""The slopes that the look-up tables give for a film at rest that is not a plane."""
 
 import numpy as np
 
@@ -17,17 +17,18 @@ def table_slope_at_rest(
     reflectance: Reflectance,
     share: Light | None = None,
 ) -> Slope | None:
-    """Return the slopes of the film at rest as the paper's flow finds them; None on a plane.
+    """Return the slopes of the film at rest as the paper's flow finds them; None for a plane.
 
-    Tables hold for the places of the balls.  Near LEDs light other places from other directions,
-    so tables err there, even on the untouched film: on a plane their error at rest is zero by the
-    flat frame, on any other film it is that of these slopes, which a touch has as well.
+    The tables hold where the calibration's balls were.  Near LEDs light other places from other
+    directions, so the tables err there, even for untouched film.  On a plane the flat frame cancels
+    that error.  On any other film the slopes of a touch contain it, and subtracting these slopes,
+    which contain the same error, removes it.
 
     Parameters
     ----------
-    lut_light, lut_slope, lut_lit : the tables, as `build_lut` gives them
-    reflectance : K x 9, as `fit_reflectance` gives it
-    share : K x H x W, r as `untouched_film` returns it; None: the film at rest is a plane
+    lut_light, lut_slope, lut_lit : the tables of `build_lut`
+    reflectance : K x 9, the coefficients of `fit_reflectance`
+    share : K x H x W, r of `untouched_film`; None: the film at rest is a plane
     """
     if share is None:
         return None

@@ -1,4 +1,4 @@
-"""Slopes of the film as a camera near the film sees them."""
+"""Convert slopes of the film to slopes of the height that a near camera sees, and back."""
 
 from typing import Any
 
@@ -9,11 +9,11 @@ from tactograph.nodes import Height, PixelSize, Slope, Vergence
 from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, places
 
 MAX_SQUARE = 1 / MIN_VIEW_SHARE**2 - 1
-"""The square of the steepest slope of film that is seen."""
+"""Square of the steepest slope that the camera sees."""
 
 
 def is_orthographic(camera: Vergence) -> bool:
-    """Return whether the camera is so far away that the height in its view is the film's."""
+    """Return whether the camera is at infinity, so that the seen height is the film's height."""
     return camera == 0
 
 
@@ -21,15 +21,15 @@ def is_orthographic(camera: Vergence) -> bool:
 def view_slope(
     slope: Slope, height: Height, camera: Vergence, pixel: PixelSize, *, inverse: bool = False
 ) -> Slope:
-    """Return the slopes of the height in the camera's view, or those of the film (`inverse`).
+    """Return the slopes of the height as the camera sees it, or of the film (`inverse`).
 
     A pinhole at D above the film at rest maps P = (x, y, z) to the pixel (u, v) = (x, y) / f
     with f = 1 - z / D.  With the seen height Z = z / f that is a projective map, which keeps
     planes and straight lines: shadows and integration in (u, v, Z) are those of an
     orthographic camera (equation V1).  The film's plane z = p x + q y + c becomes
-    Z = (p u + q v + c) / (1 - c / D), and back Z = P u + Q v + C becomes
-    z = (P x + Q y + C) / (1 + C / D) (equation V2).  Film that faces the camera by less than
-    `MIN_VIEW_SHARE` is not seen, so that no seen slope is steeper.
+    Z = (p u + q v + c) / (1 - c / D).  Back, Z = P u + Q v + C becomes
+    z = (P x + Q y + C) / (1 + C / D) (equation V2).  The camera does not see film that faces it by
+    less than `MIN_VIEW_SHARE`, which limits the seen slope.
 
     Parameters
     ----------
@@ -61,6 +61,6 @@ view_slope.idle(is_orthographic)
 
 @view_slope.example
 def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, Any]:
-    """Gentle slopes, and a few of rims, which hardly face the camera."""
+    """Gentle slopes, and a few slopes of rims, which hardly face the camera."""
     steep = rng.random((H, W)) < 0.1
     return {"slope": (rng.normal(0, 0.3, (2, H, W)) * np.where(steep, 60, 1)).astype(np.float32)}

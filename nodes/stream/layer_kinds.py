@@ -1,4 +1,4 @@
-"""The kinds of layers: of the core, and of rings; a kind is imported when it is asked for."""
+"""The kinds of layers of the core and of rings; a kind is imported when it is first used."""
 
 from collections.abc import Iterator, Mapping
 
@@ -22,25 +22,25 @@ class LayerKinds(Mapping[str, LayerKind]):
         module = bring("layers", name)
         if module is None:
             names = [*self]
-            hint = did_you_mean(name, names) or f"; there are {', '.join(names)}"
+            hint = did_you_mean(name, names) or f"; the kinds are {', '.join(names)}"
             raise InputError(f"no layer of a touch is called '{name}'{hint}")
         kind = getattr(module, "KIND", None)
         if not isinstance(kind, LayerKind):
-            raise InputError(f"layer '{name}': KIND of {module.__name__} is no LayerKind")
+            raise InputError(f"layer '{name}': KIND of {module.__name__} is not a LayerKind")
         return kind
 
 
 def layer_kinds() -> LayerKinds:
-    """Return the kinds that there are, by name; none is imported before it is asked for."""
+    """Return all kinds by name, each imported when it is first used."""
     return LayerKinds()
 
 
 def layers_of(touch: Touch) -> list[Layer]:
-    """Return a touch's layers with their kinds, in the order in which its graph names them."""
+    """Return a touch's layers with their kinds, in the order of its graph."""
     kinds = layer_kinds()
     return [Layer(name, kinds[name], value) for name, value in touch.layers.items()]
 
 
 def deviation_of(touch: Touch) -> HeightError | None:
-    """Return the standard deviation of a touch's height; None if it holds none."""
+    """Return the standard deviation of a touch's height; None if it has none."""
     return next((each.value for each in layers_of(touch) if each.kind.is_deviation), None)

@@ -1,8 +1,8 @@
-"""A touch: what every graph knows of it, and layers, which each graph adds as it has them.
+"""A touch: the values that every graph has, and named layers, which differ from graph to graph.
 
-A layer is a value with a name.  ``layers/NAME.py`` of the core or of a ring declares its kind, a
-`LayerKind` called ``KIND``.  Nodes that write or show a touch loop over its layers
-(`layer_kinds.layers_of`) and know the ways in which a kind is drawn, no layer.
+``layers/NAME.py`` of the core or of a ring declares the kind of layer NAME, a `LayerKind` called
+``KIND``.  Nodes that write or show a touch loop over its layers (`layer_kinds.layers_of`).  They
+know the ways of drawing a kind, but no layer.
 """
 
 from collections import Counter
@@ -19,7 +19,7 @@ from tactograph.nodes import F4, F8, U1, Height, Light, Metrics, PixelSize
 from tactograph.nodes.optics.camera_view import View
 
 RECORDED_AGE_S = 10.0
-"""Age from which a touch comes from a recording, whose clock is another."""
+"""Age above which a touch must come from a recording, whose clock differs."""
 
 
 @dataclass
@@ -40,7 +40,7 @@ class LiveState:
 
 @dataclass(frozen=True)
 class Touch:
-    """A touch: the inputs of `join_touch`, in its units; None for those that its graph lacks."""
+    """A touch: the inputs of `join_touch` in its units; None for inputs that the graph lacks."""
 
     height: Height
     image: Light
@@ -55,13 +55,13 @@ class Touch:
 
     @property
     def film(self) -> Height:
-        """The film's own height, above the plane of a film that is one at rest."""
+        """The absolute height of the film, which is the height if the film is a plane at rest."""
         return self.height if self.rest is None else self.height + self.rest
 
     def places_mm(self, step: int = 1) -> tuple[F8, F8]:
-        """Return x and y on the film of the points that every `step`-th row and column see.
+        """Return x and y of the points on the film that every `step`-th row and column see.
 
-        In mm, right and down from where the first pixel would look on an even grid.
+        They are in mm, right and down from the first pixel's place on an even grid.
         """
         x, y = self.view.places(self.film, step)
         rows, columns = self.height.shape
@@ -75,8 +75,8 @@ class Touch:
 
 @dataclass(frozen=True)
 class ColourMap:
-    """A map H x W in a colour scale; `scale` turns the layer's unit into that of the scale, and
-    `logarithmic` is for what spans decades."""
+    """A map H x W in a colour scale; `scale` converts the layer's unit to that of the scale, and
+    `logarithmic` is for values that span decades."""
 
     title: str
     unit: str = ""
@@ -87,7 +87,7 @@ class ColourMap:
 
 @dataclass(frozen=True)
 class LedLabels:
-    """Bits per LED, over the image: a colour for each LED, a dark one for several."""
+    """LED bits over the image: a colour for each LED, and a dark one for several."""
 
     title: str
 
@@ -99,7 +99,7 @@ class LedLabels:
 
 @dataclass(frozen=True)
 class Regions:
-    """Numbers of regions from 1, over the image: a colour and the number for each."""
+    """Regions, numbered from 1, over the image: a colour and the number for each."""
 
     noun: str
 
@@ -110,7 +110,7 @@ class Regions:
 
 
 class ArrowsInImage(NamedTuple):
-    """M arrows: begin and way, M x 2 in px, and whether each is seen (1) or predicted (0)."""
+    """M arrows: start and shift, M x 2 in px, and whether each is seen (1) or predicted (0)."""
 
     begin: F4
     way: F4
@@ -126,7 +126,7 @@ class Arrows:
 
 @dataclass(frozen=True)
 class Placed:
-    """An object's frame, which lay in the image's middle, untilted, when the touch began.
+    """An object's frame; when the touch began, it was untilted in the image's middle.
 
     Parameters
     ----------
@@ -157,12 +157,12 @@ class Axes:
 
 
 Topic = Callable[[Touch, Any], NDArray[Any] | Mapping[str, Any] | Placed | None]
-"""Return what a stream carries of a layer, lengths in metres and angles in radians: an image
-H x W, the fields of N points (x, y, z among them), a frame, which has units of its own; or None."""
+"""Return a layer as a stream carries it, lengths in metres and angles in radians: an image H x W,
+the fields of N points (including x, y, z), a frame in its own units, or None."""
 
 
 class StateVector(NamedTuple):
-    """Numbers that policies read as a state, and the name of each."""
+    """Numbers that a policy reads as a state, and the name of each."""
 
     values: Any
     names: list[str]
@@ -170,7 +170,7 @@ class StateVector(NamedTuple):
 
 @dataclass(frozen=True)
 class LayerKind:
-    """What the layers of a name are, and how they are written and drawn.
+    """The kind of a layer: its type, and how it is written and drawn.
 
     A result folder holds an array of floats as ``NAME.npy`` and one of 8 bits as ``NAME.png``
     (flags as 0 and 255), and no record.
@@ -179,14 +179,14 @@ class LayerKind:
     ----------
     quantity
         The annotation of the layer's port: element type, sizes and unit; or a record of ports.
-    drawn : the way in which people see it; None: it is not drawn
-    topics : in a stream of messages, by topic
-    state : the state that a row of a LeRobot dataset holds
+    drawn : how it is drawn; None: not at all
+    topics : its content in a stream of messages, by topic
+    state : its part of the state in a row of a LeRobot dataset
     follows_film
-        Whether a result on a metric grid resamples it, as it does the height; else it stays what
-        each pixel sees.
+        Whether a result on a metric grid resamples it, like the height; otherwise it stays on the
+        camera's pixels.
     is_deviation : whether it is the height's standard deviation, drawn as a band around sections
-    warning : returns a doubt of a result that holds it; "": none
+    warning : returns a warning about a result with this layer; "": none
     """
 
     quantity: Any

@@ -1,4 +1,4 @@
-"""Trust in a height, judged without knowing the truth.
+"""Judge a height without knowing the truth.
 
-Maps of what contradicts it, and one verdict.  A new check goes here.
+Maps of what contradicts a touch, and one verdict.  A new check goes here.
 """

@@ -1,4 +1,4 @@
-"""Light that flickers while a camera reads its rows: whole rows dim, at both borders alike."""
+"""Detect light that flickers while a camera reads its rows: rows dim alike at both borders."""
 
 import numpy as np
 
@@ -9,14 +9,14 @@ from tactograph.nodes.trust.fall_off import RING_CELLS
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 
 BANDS_WARNING = (
-    "whole rows are brighter or darker than those beside them, at both borders alike: the light "
+    "whole rows are brighter or darker than their neighbours, at both borders alike: the light "
     "flickers while the camera reads its rows (expose for whole periods of the mains, keep lamps "
     "away, or drive the LEDs by steady current)"
 )
 
 
 def is_banded(light: F4) -> bool:
-    """Return whether rows at the left and at the right border are brighter and darker alike.
+    """Return whether rows brighten and dim alike at the left and at the right border.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def is_banded(light: F4) -> bool:
     borders = light[..., :RING_CELLS], light[..., -RING_CELLS:]
     strips = [np.median(part, axis=2) for part in borders]
     if min(float(strip.min()) for strip in strips) < DARK_LIGHT:
-        return False  # a frame that is cut off
+        return False  # the frame is cut off
     smooth = np.vander(np.linspace(-1, 1, light.shape[1]), 3)
     left, right = (
         strip - (smooth @ np.linalg.lstsq(smooth, strip.T, rcond=None)[0]).T for strip in strips

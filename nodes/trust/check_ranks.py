@@ -1,15 +1,15 @@
 """The law of all checks (T6): how rare a figure is among right touches of the same sensor.
 
-A calibration keeps the figures of right touches that were drawn from it (`draw_touches`), as
-quantiles.  The p-value of a figure is the share of right touches that have it as large, or larger.
-Beyond the last fifth of them it falls exponentially, by the mean excess of that fifth: the
+A calibration keeps quantiles of the figures of right touches that were drawn from it
+(`draw_touches`).  The p-value of a figure is the share of right touches whose figure is as large or
+larger.  Within the largest fifth it falls exponentially, by the mean excess of that fifth: the
 generalised Pareto law of shape 0, to which the tails of normal, chi and exponential figures tend
-(Pickands, "Statistical inference using extreme order statistics", 1975).
+(J. Pickands, "Statistical inference using extreme order statistics", 1975).
 
-Checks depend on one another.  So the least of a touch's p-values is ranked among the least ones
-of the same drawn touches, which is exact whatever the dependence (Westfall and Young,
-"Resampling-based multiple testing", 1993).  In its tail it grows with the p-value, by the number of
-checks that are as good as independent.
+The checks depend on one another.  So the smallest p-value of a touch is ranked among the smallest
+p-values of the drawn touches, which is exact whatever the dependence (P. Westfall and S. Young,
+"Resampling-based multiple testing", 1993).  In its tail the share is proportional to the p-value,
+by the number of effectively independent checks.
 """
 
 import math
@@ -28,29 +28,29 @@ from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 TAIL_SHARE = 0.2
-"""Share of right touches, the most extreme ones, that determine a tail."""
+"""Share of right touches, the most extreme, that determine a tail."""
 RANK_COUNT = 100
-"""Quantiles that are kept: half a per cent, one and a half, ..."""
+"""Number of quantiles: at 0.5 %, 1.5 %, ..."""
 SHARE_ERROR = FALSE_ALARMS
-"""Error of a share of cells: so many cells show it that one of them is this share..."""
+"""Error of a share of cells: that of one in a hundred cells."""
 QUANTILE_ERROR = math.sqrt(SHARE_ERROR)
-"""... and a quantile of so many cells has this error over their deviation."""
+"""Error of a quantile of a hundred cells, in units of their standard deviation."""
 MIN_HEIGHT_MM = 0.15
-"""Height that a depth below the film at rest is compared with at least."""
+"""Lower bound on the height that a depth below the film at rest is divided by."""
 TAIL_START = RANK_COUNT - round(TAIL_SHARE * RANK_COUNT)
 
 
 class Figure(NamedTuple):
-    """A figure that grows with what contradicts a touch: its check, its cause, what it can tell."""
+    """A figure that grows with the contradiction in a touch: its check, and the likely cause."""
 
     check: str
     cause: str
     resolution: float = MIN_ERROR
-    """Error with which it is measured, the least scale of its tail."""
+    """Error of its measurement, a lower bound on the scale of its tail."""
 
 
-# The unit normal that light of two surfaces adds up to is too short: film that is dark under all
-# LEDs.  So is that of gamma, of other light, and of images that are alike.
+# The light of two surfaces adds up to a normal that is too short, so the film looks dark under all
+# LEDs.  Gamma, other light, and images that are alike have the same effect.
 WRONG_BRIGHTNESS = Figure(
     "light",
     "the touched film is {bright} by {excess:.1%} than its slopes make it (check that the images "
@@ -60,25 +60,25 @@ WRONG_BRIGHTNESS = Figure(
 CHECK_FIGURES = {
     "curl": Figure(
         "curl",
-        "the slopes are those of no surface (check the order of the images, that none is mirrored "
-        "or turned, that frames are whole and all of one touch, and that nothing moved)",
+        "no surface has these slopes (check the order of the images, that none is mirrored or "
+        "turned, that frames are complete and all of one touch, and that nothing moved)",
         QUANTILE_ERROR,
     ),
     "dirty_cells": Figure(
         "light",
-        "in places the film is darker under all LEDs than any slope makes it (clean film and lens)",
+        "in places the film is darker under all LEDs than any slope explains (clean film and lens)",
         1.0,
     ),
     "lines": Figure(
         "light",
-        "rows of the image differ from those beside them as no surface does (check that frames are "
-        "whole and not interlaced, and that no row is dead)",
+        "rows of the image differ from their neighbours, as on no surface (check that frames are "
+        "complete and not interlaced, and that no row is dead)",
         QUANTILE_ERROR,
     ),
     "dark_share": Figure(
         "rest",
-        "parts of the image are without light (crop the images to the film, in the calibration "
-        "too, and check that frames are whole)",
+        "parts of the image are black (crop the images to the film, in the calibration too, and "
+        "check that frames are complete)",
         SHARE_ERROR,
     ),
     "level": Figure(
@@ -88,30 +88,30 @@ CHECK_FIGURES = {
     ),
     "moved": Figure(
         "rest",
-        "the film at rest does not lie where the flat frame shows it: {moved} (put camera, lens, "
-        "zoom and crop back as they were for the calibration, or calibrate again){lit}",
+        "the film at rest does not lie where the flat frame shows it: {moved} (restore camera, "
+        "lens, zoom and crop of the calibration, or calibrate again){lit}",
     ),
     "brighter": WRONG_BRIGHTNESS,
     "darker": WRONG_BRIGHTNESS,
     "shape": Figure(
         "rest",
-        "the light of the film at rest is spread otherwise than in the calibration (check the "
-        "order of the images; keep other light out)",
+        "the light on the film at rest is distributed differently than in the calibration (check "
+        "the order of the images; keep other light out)",
     ),
     "light_at_rest": Figure(
         "light",
-        "the light of the film at rest departs from pixel to pixel (check the exposure, that local "
+        "the light of the film at rest varies from pixel to pixel (check the exposure, that local "
         "contrast (CLAHE) is off, and that format and gray levels are the calibration's)",
         QUANTILE_ERROR,
     ),
     "lit_shadows": Figure(
         "light",
-        "shadows are not dark (check the focus; keep other light out, or calibrate under it and "
-        "with a dark image of it)",
+        "shadows are not dark (check the focus; keep other light out, or calibrate under it with "
+        "a dark image)",
     ),
     "light": Figure(
         "light",
-        "the light of the touch is that of no surface under this calibration (check the order of "
+        "no surface explains the light of the touch under this calibration (check the order of "
         "the images, that all are of this touch and this sensor, and that the camera's gamma, "
         "contrast and white balance are off{rims})",
         QUANTILE_ERROR,
@@ -124,30 +124,29 @@ CHECK_FIGURES = {
     ),
     "touched_share": Figure(
         "rest",
-        "hardly any film is at rest, so that zero and tilt of the height are unknown (an object "
-        "that fills the frame is for reconstruct_filled; or another sensor or light)",
+        "hardly any film is at rest, so zero and tilt of the height are unknown (if an object "
+        "fills the frame run reconstruct_filled; else check sensor and light)",
         SHARE_ERROR,
     ),
     "matt_residual": Figure("cause", ""),
 }
-"""All figures of a touch, by name; the more causes change one, the later it stands.  The last
-belongs to no check: it tells mistakes that explain a doubted touch from those that do not
-(`likely_cause`)."""
+"""All figures of a touch, by name; figures that have several causes come late.  The last belongs to
+no check: it separates mistakes that explain a doubted touch from others (`likely_cause`)."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
 CheckRanks = Annotated[F4, Port("3 16 100", "1", low=0, high=3)]
-"""Quantiles of the figures of right touches, in ascending order, and last of their least p-values:
-by `Ranked`.  Below 0: none were drawn."""
+"""For each `Ranked`, ascending quantiles of the figures of right touches, and in the last row of
+their smallest p-values.  Below 0: none were drawn."""
 StoredRanks = Annotated[
     CheckRanks,
     Stored(-1, 1e6, plain=-1.0),
-    "figures of right touches, by quantiles: what a touch is compared with; -1: not known",
+    "quantiles of the figures of right touches, which a touch is compared with; -1: not known",
 ]
-"""As a calibration keeps them."""
+"""The ranks that a calibration's file keeps."""
 
 
 class Ranked(IntEnum):
-    """What touches are compared with: soft ones, those with walls, or those of graphs that do not
-    look at the light."""
+    """The touches to compare with: soft ones, ones with walls, or those of graphs that do not check
+    the light."""
 
     SOFT = 0
     RIGID = 1
@@ -162,8 +161,8 @@ def figures_of(
 ) -> F8:
     """Return the figures of a touch (T1 to T5, T7), in the order of `CHECK_FIGURES`.
 
-    `lines` is what `line_changes` found, on one-shot sensors, `motion` what `film_motion` did, and
-    `residual` what `matt_residual` did, where it was asked.
+    `lines` (one-shot sensors), `motion` and `residual` are the results of `line_changes`,
+    `film_motion` and `matt_residual`, as far as they were computed.
     """
     found = evidence.read()
     change = evidence.level.astype(np.float64) - 1
@@ -177,24 +176,24 @@ def figures_of(
 
 
 def _worst_line(lines: LineChanges) -> float:
-    """How far the worst row departs from the rows beside it, over the worst column (T5)."""
+    """The departure of the worst row from its neighbours, over that of the worst column (T5)."""
     across, along, columns = lines
     worst = float((across / np.maximum(along, MIN_LIGHT)).max())
     return worst / max(float(columns.max() / max(np.median(columns), MIN_LIGHT)), 1.0)
 
 
 def ranked(drawn: F8, own: F8 | None = None) -> F8:
-    """Return the quantiles that a calibration keeps of right touches' figures.
+    """Return the quantiles of right touches' figures that a calibration keeps.
 
-    Drawn touches know the model's errors alone, and a real film has others.  So the calibration's
-    own presses count as well, with the weight of a tail: what they exceed the drawn ones by
-    becomes its scale.  Nothing changes where they look like drawn ones, and a tail that they
-    begin farther out falls no faster for that.
+    Drawn touches have only the model's errors, and a real film has others.  So the calibration's
+    presses count as well, with the weight of a tail: their excess over the drawn touches sets its
+    scale.  Nothing changes where presses look like drawn touches.  A tail that starts farther out
+    because of them falls no faster.
 
     Parameters
     ----------
     drawn : N x 15, the figures of touches drawn from the calibration
-    own : P x 15, those of its presses; P may be 0
+    own : P x 15, the figures of its presses; P may be 0
     """
     levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
     quantiles, both = np.quantile(drawn, levels, axis=0), drawn
@@ -210,7 +209,7 @@ def ranked(drawn: F8, own: F8 | None = None) -> F8:
 
 
 def p_values(figures: F8, quantiles: F8) -> F8:
-    """Return the share of right touches that have each figure as large as this, or larger."""
+    """Return for each figure the share of right touches whose figure is as large or larger."""
     start = quantiles[:, TAIL_START - 1]
     scale = np.maximum((quantiles[:, TAIL_START:] - start[:, None]).mean(axis=1), FIGURE_ERRORS)
     beyond = TAIL_SHARE * np.exp(-np.maximum(figures - start, 0) / scale)
@@ -219,12 +218,12 @@ def p_values(figures: F8, quantiles: F8) -> F8:
 
 
 def residual_share(ranks: F8, residual: float) -> float:
-    """Return the p-value of what a matt film leaves of a touch."""
+    """Return the p-value of a touch's `matt_residual`."""
     return float(p_values(np.full(len(CHECK_FIGURES), residual), ranks[:-1])[-1])
 
 
 def of_all_checks(least: float, ranks: F8) -> float:
-    """Return the share of right touches whose least p-value is as small as this, or smaller."""
+    """Return the share of right touches whose smallest p-value is as small or smaller."""
     drawn = ranks[-1]
     tail = drawn[RANK_COUNT - TAIL_START - 1]
     if least < tail:

@@ -1,4 +1,4 @@
-"""The cells that the checks of a touch look at, and from when on they count."""
+"""Which cells of a touch the checks use."""
 
 from typing import Any
 
@@ -8,21 +8,21 @@ import numpy as np
 from tactograph.nodes import F4
 
 NOT_TESTED = np.float32(-1)
-"""Value of a map where it tests nothing."""
+"""Value of a map where it holds no test."""
 MIN_LIGHT = np.float32(1e-3)
-"""Light that is divided by, or of which the logarithm is taken, at least."""
+"""Lower bound on light in a denominator or a logarithm."""
 DARK_LIGHT = np.float32(0.05)
-"""Light that counts as none, relative to that of the film at rest in the touch."""
+"""Light that counts as black, relative to the film at rest in the same touch."""
 MIN_CELLS = 20
 """Minimum cells for a verdict."""
 MIN_LEDS = 3
-"""Two LEDs fit any light, so that their slope may be any."""
+"""Two LEDs fit any light, so their slope is untested."""
 MAX_CELLS = 2500
-"""More cells tell no more of medians; of larger images every n-th is looked at."""
+"""Enough cells for a median; of larger images every n-th row and column is used."""
 
 
 def quarter_of(values: F4, quarter: int) -> float:
-    """Return the value that a quarter, two or three of them lie below; 0 of too few."""
+    """Return the lower quartile, median or upper quartile (1, 2, 3); 0 for too few values."""
     if values.size < MIN_CELLS:
         return 0.0
     place = quarter * values.size // 4
@@ -41,7 +41,7 @@ def thinned(planes: Any) -> Any:
 
 
 def few_cells(planes: F4, most: int = MAX_CELLS) -> F4:
-    """Return planes K x H x W on cells of which an image has `most`, if it has more pixels."""
+    """Average planes K x H x W over cells, so that at most about `most` cells remain."""
     rows, columns = planes.shape[1:]
     finer = max(1.0, float(np.sqrt(rows * columns / most)))
     size = max(2, round(columns / finer)), max(2, round(rows / finer))

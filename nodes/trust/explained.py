@@ -1,4 +1,4 @@
-"""One rule for what may have changed the film at rest (T3): it has to explain how light departs."""
+"""One rule for all causes of a change on the film at rest (T3): they have to explain the light."""
 
 import numpy as np
 
@@ -7,28 +7,28 @@ from tactograph.nodes.trust.checked_cells import DARK_LIGHT
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 
 EXPLAINED_SHARE = 0.8
-"""Share of a departure that a mistake has to explain to be named: it is four times as likely as all
-else."""
+"""Share of a departure that a mistake has to explain to be named: four times as much as all other
+causes."""
 FIT_ROUNDS = 5
-"""Rounds of robust least squares: film that is touched drops out in the first ones."""
+"""Rounds of robust least squares; touched film drops out in the first."""
 
 
 def explains(residual: float, departure: float) -> bool:
-    """Return whether what is left of a mean squared departure shows that it is explained."""
+    """Return whether a mean squared departure is explained, by the residual that remains of it."""
     return residual < (1 - EXPLAINED_SHARE) * departure
 
 
 def explained(change: F4, causes: F4) -> F8:
     """Return how much of each cause explains a change of the light; 0 if they explain too little.
 
-    The least-squares solution, regularised by the error of the light.  Each LED has a gain of its
-    own.  Cells that fit less count less, by the weight of Geman and McClure, "Statistical methods
-    for tomographic image reconstruction", 1987.
+    The solution is robust least squares, regularised by the error of the light, with a free gain
+    for each LED.  Cells that fit badly count less, by the weight of S. Geman and D. McClure,
+    "Statistical methods for tomographic image reconstruction", 1987.
 
     Parameters
     ----------
-    change : K x N, of the light of cells
-    causes : M x K x N, the same for one unit of each cause
+    change : K x N, the change of the light of N cells
+    causes : M x K x N, the change by one unit of each cause
     """
     planes, count = np.concatenate([causes, change[None]]).astype(np.float64), len(causes)
     ridge = MIN_ERROR**2 * change.size * np.eye(count)
@@ -49,13 +49,13 @@ def explained(change: F4, causes: F4) -> F8:
 
 
 def added_share(light: F4, flat: F4) -> float:
-    """Return the light that was added everywhere, over that of the film at rest (T3); 0: none.
+    """Return the light that was added everywhere, relative to the film at rest (T3); 0: none.
 
     Dim film then departs more than bright film.
 
     Parameters
     ----------
-    light : K x N, of cells that lie anywhere, relative to the flat frame
+    light : K x N, of any N cells, relative to the flat frame
     flat : K x N, the film at rest on the same cells
     """
     by_added = np.asarray(1 / np.maximum(flat, DARK_LIGHT), np.float32)

@@ -1,4 +1,4 @@
-"""How the light of the film at rest would change at the border if the camera had moved."""
+"""How light at the border of the film at rest changes with a motion of the camera."""
 
 from typing import Annotated
 
@@ -11,21 +11,21 @@ from tactograph.nodes import F4, CoarseLight
 from tactograph.nodes.trust.checked_cells import MIN_LIGHT
 
 RING_CELLS = 4
-"""Width of the border at which film should be at rest, and of the window, two standard deviations
-of it, in which the light's fall-off is taken."""
+"""Width of the border at which film should be at rest, and (as two standard deviations) of the
+Gaussian by which the fall-off of the light is smoothed."""
 FallOff = Annotated[F4, Port("4 K h w", "1")]
-"""Change of the logarithm of the light at the border with a shift along x and y, a zoom and a turn;
-0 elsewhere."""
+"""Derivative of the logarithm of the light at the border by a shift along x and y, a zoom and a
+turn; 0 elsewhere."""
 
 
 @node
 def fall_off(flat: CoarseLight) -> FallOff:
     """Return how the light along the border changes with a motion of the camera (T7).
 
-    Where film is seen at r that was at r + v, log I_k(r) = log F_k(r) + v . grad log F_k(r) + g_k,
-    g_k being the gain of LED k (optical flow: Horn and Schunck, "Determining optical flow", 1981).
-    The motion v is a shift, a zoom and a turn about the middle, the same under all LEDs, each of
-    which falls off in a direction of its own.
+    If film that was at r + v is seen at r, log I_k(r) = log F_k(r) + v . grad log F_k(r) + g_k,
+    with g_k the gain of LED k (optical flow: B. Horn and B. Schunck, "Determining optical flow",
+    1981).  The motion v is a shift, a zoom and a turn about the middle, the same under all LEDs;
+    each LED falls off in a different direction.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def fall_off(flat: CoarseLight) -> FallOff:
     """
     count, rows, columns = flat.shape
     ring = border_cells((rows, columns), RING_CELLS)
-    # Nearer cells tell the same: that is enough for four unknowns.
+    # Neighbouring cells are redundant, and these suffice for four unknowns.
     ring &= np.indices(ring.shape).sum(axis=0) % RING_CELLS == 0
     middle = np.array([rows - 1, columns - 1])[:, None, None] / 2
     y, x = (np.mgrid[:rows, :columns] - middle)[:, ring] / columns

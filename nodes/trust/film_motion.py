@@ -1,4 +1,4 @@
-"""How far the camera has moved since the flat frame was taken, by the film at rest."""
+"""Find how far the camera has moved since the flat frame, from the film at rest."""
 
 import math
 from typing import Annotated
@@ -17,7 +17,7 @@ FilmMotion = Annotated[F4, Port("4", "1")]
 
 
 def motion_size(motion: FilmMotion) -> float:
-    """Return by how much film is displaced in the middle of a side, over the image's width."""
+    """Return the displacement of film at the middle of a side, as a share of the image's width."""
     along, down, zoom, turn = motion.tolist()
     return math.hypot(along, down, zoom / 2, turn / 2)
 
@@ -40,12 +40,12 @@ def motion_in_words(motion: FilmMotion) -> str:
 def film_motion(light: CoarseLight, fall_off: FallOff) -> FilmMotion:
     """Return the shift, zoom and turn that explain the film at rest along the border (T7).
 
-    They are 0 if they explain too little of it (`explained`).
+    They are 0 if they explain too little of its light (`explained`).
 
     Parameters
     ----------
-    light : K x h x w on cells, relative to the flat frame, before any drift is taken out
-    fall_off : 4 x K x h x w, as the node `fall_off` gives it
+    light : K x h x w on cells, relative to the flat frame, before drift is removed
+    fall_off : 4 x K x h x w, from the node `fall_off`
     """
     ring = fall_off.any(axis=(0, 1))
     if not ring.any():

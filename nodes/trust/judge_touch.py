@@ -1,4 +1,4 @@
-"""One verdict on a touch, from all that can be checked without knowing the truth.
+"""Give one verdict on a touch, from all checks that need no truth.
 
 Long because the mistakes that explain a doubted touch are tried one by one.
 """
@@ -29,10 +29,10 @@ from tactograph.nodes.trust.other_frame import other_colours
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 MAX_RIM_SHARE = 0.25
-"""Share from which on there is a warning; soft presses and a real sensor's balls stay below it."""
+"""Share above which a warning is given; soft presses and a real sensor's balls stay below it."""
 NOT_CHECKED = (
-    "this touch is not checked, because the calibration does not say what right touches look like "
-    "('tactograph run rank_checks calibration=FILE' adds it)"
+    "this touch is not checked, because the calibration lacks the figures of right touches "
+    "('tactograph run rank_checks calibration=FILE' adds them)"
 )
 
 
@@ -54,33 +54,32 @@ def judge_touch(
 ) -> Metrics:
     """Return how far a touch can be trusted, and warn of what contradicts it.
 
-    Three checks need no truth: the *light* against what the slopes predict, the *curl* of the
+    Three checks need no truth: the *light* against the prediction of the slopes, the *curl* of the
     slopes, and the film at *rest* against the flat frame.  The trust is the share of right touches
-    of this sensor that look as suspicious as this one, or more so (`check_ranks`).
+    of this sensor that look at least as suspicious as this one (`check_ranks`).
 
     Parameters
     ----------
-    evidence : what `touch_evidence` found
-    ranks : what right touches of this sensor look like, from the calibration
-    rim_share : what `film_on_rims` found
-    lines : what `line_changes` found; a part of the check of the light
-    motion : what `film_motion` found
+    evidence : the figures of `touch_evidence`
+    ranks : the figures of right touches of this sensor, from the calibration
+    rim_share : the share of `film_on_rims`
+    lines : the result of `line_changes`, a part of the check of the light
+    motion : the result of `film_motion`
     light, flat, lights
-        The light relative to the film at rest, that film, and the LEDs: by them a touch that is
-        doubted is tried as if its images were in another order, mirrored, and so on.  Without
-        LEDs, as on one-shot sensors, by the film at rest alone.
+        The light relative to the film at rest, the film at rest, and the LEDs, to find out whether
+        the images of a doubted touch are in another order, mirrored, and so on.  Without LEDs, as
+        on one-shot sensors, only the film at rest is used.
     false_alarms : share of right touches that may be doubted
-    force : go on where all checks fail
-    filled : whether an object fills the frame: then no film at rest is looked for
-    rims_measured
-        Whether the height at rims comes from their shadows, too: then rims are no warning.
+    force : whether to go on if all checks fail
+    filled : whether an object fills the frame, so that there is no film at rest
+    rims_measured : whether shadows measure the height of rims, so that rims give no warning
 
     Returns
     -------
     dict
-        ``trust``, 0 to 1, and the same of each check alone, ``check_curl``, ``check_light`` and
-        ``check_rest``; also ``rim_share``, where it is given.  Without `ranks` nothing is checked,
-        and a warning says so.
+        ``trust``, 0 to 1, and the same for each check alone, ``check_curl``, ``check_light`` and
+        ``check_rest``; also ``rim_share`` if given.  Without `ranks` nothing is checked, and a
+        warning says so.
 
     Raises
     ------
@@ -103,7 +102,7 @@ def judge_touch(
         for share, figure in zip(shares, CHECK_FIGURES.values(), strict=True):
             if figure.check in alone:
                 alone[figure.check] = min(alone[figure.check], share)
-                # What several causes show says less than any of them, and stands later.
+                # Specific figures come first, so a figure with several causes is named last.
                 if share < false_alarms:
                     causes.setdefault(figure.check, figure.cause)
         figures = {"trust": min(alone.values())} | {f"check_{c}": a for c, a in alone.items()}
@@ -158,7 +157,7 @@ def _sentence(
     open_rims: bool,
     lit: str,
 ) -> str:
-    """The causes with the facts of this touch."""
+    """The causes in one sentence, filled in with the facts of this touch."""
     brighter, change = evidence.read().brighter, evidence.level.astype(np.float64) - 1
     apart = change - change.mean()
     one = int(np.abs(change).argmax())

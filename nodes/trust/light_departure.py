@@ -1,4 +1,4 @@
-"""Departure of each pixel's light from what its slope predicts."""
+"""Compare each pixel's light with the prediction of its slope."""
 
 import math
 from typing import Annotated, Any, NamedTuple, Self
@@ -24,9 +24,9 @@ from tactograph.nodes.trust.checked_cells import DARK_LIGHT, MIN_LIGHT, NOT_TEST
 Departure = Annotated[F4, Port("H W", "1", low=-1, high=25)]
 """Reduced chi-squared of a pixel's light; -1 where too few LEDs test the slope."""
 Brighter = Annotated[F4, Port("H W", "1", low=-1, high=1)]
-"""How much brighter film is than its slopes make it, as a share (T4)."""
+"""By which share film is brighter than its slopes predict (T4)."""
 MIN_ERROR = 0.0015
-"""Standard deviation of the light, relative to film at rest: no model is exact."""
+"""Smallest model error of the light, relative to film at rest: no model is exact."""
 UNEVEN_SHARE = 0.25
 """Share of the film's unevenness that differs from LED to LED."""
 MIN_FREEDOM = np.float32(0.5)
@@ -34,19 +34,19 @@ MIN_FREEDOM = np.float32(0.5)
 
 
 class LightDeparture(NamedTuple):
-    """How light departs from its model."""
+    """The departure of the light from its model, and the excess of the brightness."""
 
     departure: Departure
     brighter: Brighter
 
     @classmethod
     def of(cls, departure: F4, light: F4, shown: F4, lit: F4 | float = 1.0) -> Self:
-        """Return a departure, and how much brighter film is than its slopes make it (T4).
+        """Return a departure with the excess of the film's brightness (T4).
 
         Parameters
         ----------
         departure : H x W
-        light, shown : K x H x W, as it is and as the slopes make it
+        light, shown : K x H x W, the light, and the prediction of the slopes
         lit : K x H x W, 1 where an LED was used
         """
         measured, due = (light * shown * lit).sum(axis=0), (shown * shown * lit).sum(axis=0)
@@ -71,30 +71,30 @@ def light_departure(
     *,
     cell_px: Annotated[int, Interval(ge=1, le=64)] = 1,
 ) -> LightDeparture:
-    """Return the reduced chi-squared of the light under the slope that was found, and its excess.
+    """Return the reduced chi-squared of the light given the slope, and the excess brightness.
 
-    With r_k = (m_k - n.v_k) / s_k of equation N1 (`near_light`) and a_k = n.v_k / s_k, over the
-    LEDs that were used::
+    With r_k = (m_k - n.v_k) / s_k of equation N1 (`near_light`) and a_k = n.v_k / s_k, summed over
+    the LEDs that were used::
 
         chi^2 = sum (r_k - b a_k)^2,    b = sum r_k a_k / (sum a_k^2 + 1 / uneven^2)
         s_k^2 = (sigma_k / cell_px)^2 + (e max(n.v_k, 0.05))^2                               (T1)
 
-    b is the film's unknown brightness, and e the model's error of the light: from the presses of
-    the calibration, but not below `MIN_ERROR`, and a quarter of `uneven`.  The degrees of freedom
-    are the LEDs used, less two for the slope and less the share of the brightness that was free.
-    Where fewer LEDs were used than a test needs, the departure is -1.  The excess of the film's
-    brightness is that which the light itself has, sum m_k n.v_k / sum (n.v_k)^2 - 1 (T4).
+    b is the film's unknown brightness.  e is the model's error of the light: that of the
+    calibration's presses, at least `MIN_ERROR`, and a quarter of `uneven`, in quadrature.  The
+    degrees of freedom are the number of LEDs used, minus two for the slope, minus the share of the
+    brightness that was free.  Where they are too few for a test, the departure is -1.  The excess
+    of the film's brightness is sum m_k n.v_k / sum (n.v_k)^2 - 1 (T4).
 
     Parameters
     ----------
     light, sigma : K x H x W, as of a matt film (`matt_light`)
-    slope, used : 2 x H x W and H x W, as `label_lights` found them
+    slope, used : 2 x H x W and H x W, from `label_lights`
     height : H x W in mm, as given to `label_lights`
     lights : K x 3 in mm
     misfit : length 5, the calibration's misfit
     pixel : mm per px
     uneven : standard deviation of the film's brightness, as given to `label_lights`
-    cell_px : side in px of the cells that the light is a mean of; `sigma` is that of a single pixel
+    cell_px : side in px of the cells that `light` is averaged over; `sigma` is a single pixel's
     """
     model_light = expected_light(light_vectors(lights, height, pixel), slope)
     bits = np.arange(len(light), dtype=np.uint8)[:, None, None]

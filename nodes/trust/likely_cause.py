@@ -1,10 +1,10 @@
-"""The mistake that explains a touch which is doubted: it is undone, and the light then fits.
+"""Find the mistake that explains a doubted touch: undo it, and test whether the light then fits.
 
-The images are put in another order, mirrored, turned, or freed of a gamma, and solved as a matt
-film would be: I_k = n . L_k / L_kz, relative to the flat frame.  How much is left of right touches
-of the sensor is known.  The mistake is named whose undoing leaves least, the simplest of those that
-leave the same; none, if that is as rare as a doubt, or what is left of the images as they are is
-not.
+The images are reordered, mirrored, turned, or freed of a gamma, and solved as a matt film under far
+LEDs: I_k = n . L_k / L_kz, relative to the flat frame.  The calibration knows the residual of right
+touches.  The mistake is named whose undoing leaves the smallest residual; of equals, the simplest.
+None is named if even that residual is rare among right touches, or if the residual of the images as
+they are is not.
 """
 
 import math
@@ -32,7 +32,7 @@ from tactograph.nodes.trust.light_departure import MIN_ERROR
 from tactograph.nodes.trust.other_frame import TURNED_IMAGES
 
 USUAL_GAMMA = 2.2
-"""Gamma that is tried; a contrast is told that is nearer to it, or its inverse, than to none."""
+"""Gamma to try; a contrast is reported if it is nearer to this, or to its inverse, than to 1."""
 
 OTHER_CONTRAST = (
     "the film at rest has {times:.2g} times the contrast of the flat frame (switch off gamma, "
@@ -50,7 +50,7 @@ LOCAL_CONTRAST = (
 
 
 class _Mistake(NamedTuple):
-    """What may have been done to the images, in words; the images without it, and their LEDs."""
+    """A mistake in words, and the images (and their LEDs) with the mistake undone."""
 
     words: str
     light: F4
@@ -73,8 +73,8 @@ def likely_cause(
     light : K x h x w, relative to the film at rest
     flat : K x h x w, the film at rest
     lights : K x 3, in mm
-    fits : whether right touches leave as much (`matt_residual`)
-    has_moved : whether the camera has (`film_motion`)
+    fits : whether a residual is usual among right touches (`matt_residual`)
+    has_moved : whether the camera has moved (`film_motion`)
     has_walls : whether rims alone may explain the light
     """
     raw = light * flat
@@ -85,7 +85,7 @@ def likely_cause(
     small, rest = few_cells(raw), np.maximum(few_cells(flat), MIN_LIGHT)
 
     def first_of(mistakes: Iterable[_Mistake]) -> str:
-        """The first mistake that leaves least, if it fits."""
+        """The first mistake with the smallest residual, if that fits."""
         candidates = [
             (_unexplained(m.light / rest[m.leds], lights[m.leds]), m.words) for m in mistakes
         ]
@@ -95,30 +95,29 @@ def likely_cause(
 
     if fits(_unexplained(small / rest, lights)):
         return _at_border(small, rest)
-    # Fewer LEDs fit anything better, and so do they if the camera has moved or one is shaded.
+    # Fewer LEDs always fit better, and more so if the camera has moved or an LED is shaded.
     may_be_foreign = len(raw) > MIN_LEDS and not has_moved and not has_walls
     in_part = chain(_torn(small), _without_one(small) if may_be_foreign else ())
-    # Simple mistakes come first; what is left of a part is explained by more.
+    # Simple mistakes come first: a part of the images is explained by more mistakes.
     return first_of(_mistakes(small)) or _at_border(small, rest) or first_of(in_part)
 
 
 def matt_residual(light: CoarseLight, flat: CoarseLight, lights: LightPositions) -> float:
-    """Return what a matt film leaves of a touch's light, as `likely_cause` looks at it.
+    """Return the residual of a touch's light as that of a matt film under far LEDs.
 
-    Infinite where there is no touch, or one that goes below the film at rest.
+    It is infinite if there is no touch, or if the touch goes below the film at rest.
     """
     rest = np.maximum(few_cells(flat), MIN_LIGHT)
     return _unexplained(few_cells(light * flat) / rest, lights)
 
 
 def _at_border(raw: F4, rest: F4) -> str:
-    """What changed the film at rest along the border: a contrast, or the film itself.
+    """What changed the film at rest along the border, in words: a contrast, or the film itself.
 
-    A contrast is the slope of the logarithm of the light over that of the flat frame's.  A camera's
-    light has that of the flat frame, everywhere; a film's own brightness changes under all LEDs
-    alike.
+    A contrast is the slope of the logarithm of the light over that of the flat frame; unchanged
+    light has contrast 1 everywhere.  A change of the film's albedo is the same under all LEDs.
     """
-    # A black part of the image is no film.
+    # Black parts of the image show no film.
     ring = border_cells(raw.shape[1:], RING_CELLS) & (raw > DARK_LIGHT * rest).any(axis=0)
     if not ring.any():
         return ""
@@ -135,7 +134,7 @@ def _at_border(raw: F4, rest: F4) -> str:
 
 
 def _contrast(touched: F4, due: F4) -> float:
-    """The contrast of the light over that of the flat frame's, both K x N in logarithms; or 0."""
+    """The contrast of the light relative to the flat frame, both K x N in logarithms; or 0."""
     times = float(explained(touched, due[None])[0])
     return times if times > 0 and abs(math.log(times)) >= math.log(USUAL_GAMMA) / 2 else 0.0
 
@@ -152,14 +151,14 @@ def _alike(raw: F4) -> str:
 
 
 def _mistakes(raw: F4) -> Iterator[_Mistake]:
-    """Simple ones first."""
+    """All mistakes to try, the simple ones first."""
     yield _Mistake(
         "the images look as if a gamma had been applied (record raw light: gamma and contrast off)",
         raw ** np.float32(USUAL_GAMMA),
     )
     yield _Mistake("the images look like negatives: bright where film is dark", 1 - raw)
     if raw.shape[1] == raw.shape[2]:
-        # Both do the same where LEDs stand on both sides of the diagonal.
+        # The two are indistinguishable if LEDs stand symmetrically to the diagonal.
         yield _Mistake(
             "the images are transposed, or those of two LEDs across the diagonal are swapped (rows "
             "have to be rows; check names and wires)",
@@ -172,15 +171,15 @@ def _mistakes(raw: F4) -> Iterator[_Mistake]:
     ]
     yield from (_exchanged(raw, order) for order in swaps)
     for side, turn in TURNED_IMAGES.items():
-        hint = "beside those of the calibration, with which they would fit"
+        hint = "compared with the calibration's; turned back they would fit"
         yield _Mistake(f"the images are {side} {hint}", turn(raw))
-    # Begun elsewhere, or gone through the other way round.
+    # The ring of LEDs starts elsewhere, or runs the other way round.
     orders = (way[k:] + way[:k] for way in (ring, ring[::-1]) for k in ring)
     yield from (_exchanged(raw, order) for order in orders if order not in {ring, *swaps})
 
 
 def _exchanged(raw: F4, order: tuple[int, ...]) -> _Mistake:
-    """Images of which place k takes that of `order[k]`."""
+    """The mistake that is undone by taking image `order[k]` for LED k."""
     moved = [f"LED {place + 1}" for place, led in enumerate(order) if led != place]
     right = ", ".join(str(led + 1) for led in order)
     words = f"are in another order than the calibration's: taken as {right} they fit it"
@@ -190,13 +189,13 @@ def _exchanged(raw: F4, order: tuple[int, ...]) -> _Mistake:
 
 
 def _torn(raw: F4) -> Iterator[_Mistake]:
-    """Frames whose end is of the LED before or after."""
+    """Frames whose last rows show the previous or the next LED."""
     for row in range(1, raw.shape[1]):
         for by, which in (1, "next"), (-1, "previous"):
             whole = np.concatenate([raw[:, :row], np.roll(raw[:, row:], by, 0)], axis=1)
             yield _Mistake(
                 f"frames are torn: from {row / raw.shape[1]:.0%} of their height on they show the "
-                f"{which} LED (whole frames: a slower camera, or a shorter cable)",
+                f"{which} LED (get complete frames by a slower camera, or a shorter cable)",
                 whole,
             )
 
@@ -206,14 +205,14 @@ def _without_one(raw: F4) -> Iterator[_Mistake]:
         others = [k for k in range(len(raw)) if k != led]
         yield _Mistake(
             f"the image of LED {led + 1} is not of the touch that the others show (check that it "
-            "is of this touch and that nothing moved)",
+            "is of this touch, and that nothing moved)",
             raw[others],
             others,
         )
 
 
 def _unexplained(light: NDArray[Any], lights: LightPositions) -> float:
-    """What a matt film leaves of the light: residual, length of the normal, curl, film at rest."""
+    """The misfit of a matt film: residual, length of the normal, curl, and film at rest."""
     median = np.median(light, axis=(1, 2), keepdims=True)
     light = np.asarray(light / np.maximum(median, MIN_LIGHT), np.float32)
     directions = lights / lights[:, 2:]
@@ -229,7 +228,7 @@ def _unexplained(light: NDArray[Any], lights: LightPositions) -> float:
     bends = sum(np.abs(part) for part in (p_down, p_right, q_down, q_right))
     curl = np.median(np.abs(p_down - q_right)[lit]) / max(float(np.median(bends[lit])), 1e-6)
     rest = np.median(np.abs(light - 1).max(axis=0)[border_cells(touched.shape, RING_CELLS)])
-    # The mean height over the touch is that of the slopes along the way to its middle.
+    # The slopes along the way to the middle of the touch sum up to its mean height.
     y, x = np.mgrid[: touched.shape[0], : touched.shape[1]]
     outwards = (x - x[touched].mean()) * p + (y - y[touched].mean()) * q
     if float(outwards[lit].sum()) > 0:

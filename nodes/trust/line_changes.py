@@ -1,4 +1,4 @@
-"""Rows that differ from those beside them as no surface does."""
+"""Find rows that differ from their neighbours more than those of a surface do."""
 
 from typing import Annotated, Any, NamedTuple
 
@@ -10,12 +10,11 @@ from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Light, Mask
 
 REACH_PX = 2
-"""Pixels on either side that a fourth difference reads."""
+"""Pixels that a fourth difference reads on either side."""
 
 
 class LineChanges(NamedTuple):
-    """Mean fourth differences of the light: of each row, across it and along it; and of each
-    column, across it."""
+    """Mean fourth differences of the light: across and along each row, and across each column."""
 
     across_row: Annotated[F4, Port("H", "1")]
     along_row: Annotated[F4, Port("H", "1")]
@@ -26,13 +25,14 @@ class LineChanges(NamedTuple):
 def line_changes(light: Light, area: Mask) -> LineChanges:
     """Return how much light changes across and along the rows of pixels, and across columns.
 
-    Film and lens blur a surface in all directions.  Only what is put together of rows changes from
-    row to row far more than along one: an interlaced image, a torn one, one with dead rows (T5).
+    Film and lens blur a surface in all directions.  Only an image whose rows do not belong together
+    changes far more from row to row than along a row: one that is interlaced or torn, or has dead
+    rows (T5).
 
     Parameters
     ----------
     light : K x H x W, relative to the film at rest
-    area : H x W, 1 where the frame shows film; pixels near others are left out
+    area : H x W, 1 where the frame shows film; pixels near the edge of that area are left out
     """
     side = 2 * REACH_PX + 1
     counts = cv2.erode(area, cv2.getStructuringElement(cv2.MORPH_CROSS, (side, side)))
@@ -59,7 +59,7 @@ def _launch(run: Launch) -> None:
 
 @line_changes.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """Noise on ripples, every third row of it moved, and some pixels that show no film."""
+    """Noise on ripples, with every third row displaced, and some pixels that show no film."""
     light = 1 + 0.2 * np.sin(np.arange(W) / 5) + rng.normal(0, 0.01, (K, H, W))
     light[:, ::3] += 0.1
     return {"light": light.astype(np.float32), "area": (rng.random((H, W)) < 0.98).astype(np.uint8)}

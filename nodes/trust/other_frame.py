@@ -1,8 +1,8 @@
-"""Images that lie, or follow one another, otherwise than those of the flat frame.
+"""Find images in another order or orientation than the flat frame's.
 
-Beside a touch the film is at rest, and its light falls off as in the flat frame: under each LED in
-a direction of its own.  Images that are exchanged, mirrored or turned show another LED's fall-off,
-or fall off to another side.
+Beside a touch the film is at rest, and its light falls off as in the flat frame, in a different
+direction under each LED.  Images that are exchanged show another LED's fall-off; mirrored or turned
+images fall off in another direction.
 """
 
 from collections.abc import Callable
@@ -20,14 +20,14 @@ TURNED_IMAGES: dict[str, Callable[[F4], F4]] = {
     "mirrored top to bottom": lambda planes: planes[..., ::-1, :],
     "turned by half": lambda planes: planes[..., ::-1, ::-1],
 }
-"""What undoes each way in which a camera may be held or its images turned."""
+"""The map that undoes each orientation of the camera or its images."""
 
 
 def other_frame(touch: F4, flat: F4, free: NDArray[np.bool_]) -> str:
     """Return what was done to the images of a touch, in words; "" if nothing explains it.
 
-    Where LEDs stand on both sides of an axis, mirrored images are those of LEDs that are exchanged:
-    both are named.
+    If LEDs stand symmetrically to an axis, mirrored images look like exchanged LEDs; both are
+    named.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def other_frame(touch: F4, flat: F4, free: NDArray[np.bool_]) -> str:
 
 
 def other_colours(touch: F4, flat: F4) -> str:
-    """Return what was done to a one-shot sensor's colours or image, by the border; "" if nothing.
+    """Return what was done to a one-shot sensor's colours or image, in words; "" if nothing.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def other_colours(touch: F4, flat: F4) -> str:
 
 
 def _difference(touched: F4, due: F4, free: NDArray[np.bool_]) -> F8:
-    """Mean squared difference of each image's fall-off (rows) from each LED's (columns)."""
+    """The mean squared difference of each image's fall-off (rows) from each LED's (columns)."""
     images, leds = (a[:, free].astype(np.float64) for a in (touched, due))
     between = images[:, None] - leds[None]
     return np.asarray(between.var(axis=2))

@@ -1,4 +1,4 @@
-"""Contradictions between slopes: no surface has a gradient that curls."""
+"""Find contradictions between slopes: the gradient of a surface has no curl."""
 
 from typing import Annotated, Any
 
@@ -13,7 +13,7 @@ from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
 from tactograph.nodes.trust.checked_cells import MIN_LEDS, NOT_TESTED
 
 CoarseCurl = Annotated[F4, Port("h w", "1", low=-1, high=25)]
-"""Curl over what is expected of a surface, squared; -1 where it tests nothing."""
+"""Squared curl over its expected square on a surface; -1 where there is no test."""
 
 
 @node(
@@ -33,9 +33,9 @@ def slope_curl(
 ) -> CoarseCurl:
     """Return the squared curl of the slopes between four cells, over its expected square.
 
-    A surface z has dp/dy = dq/dx.  Images in another order, mirrored, of another sensor or
-    another touch give slopes that curl as much as they change.  Between four neighbouring cells,
-    with differences of the cells' mean slopes::
+    A surface z has dp/dy = dq/dx.  Images that are reordered or mirrored, or of another sensor or
+    touch, give slopes that curl as much as they change.  Between four neighbouring cells, with
+    differences of the cells' mean slopes::
 
         c = dp/dy - dq/dx,    D^2 = |grad p|^2 + |grad q|^2
         c^2 / (var p + var q + level^2 + (share D)^2 + least^2)                              (T2)
@@ -47,18 +47,18 @@ def slope_curl(
     slope : 2 x H x W
     misfit : length 5, the calibration's misfit; its first number is the level, in radians
     used
-        H x W, the LEDs that each slope rests on; where they are fewer than three nothing is tested.
-        All are taken if not given.
-    variance : 2 x H x W, of a single pixel's noise; none is taken if not given
+        H x W, the LEDs that each slope rests on; with fewer than three there is no test.  None:
+        all LEDs.
+    variance : 2 x H x W, of a single pixel's noise; None: zero
     factor : side of a cell in pixels of `slope`; 0 depends on the image
-    cell_px : pixels of the camera along a side of a pixel of `slope`, whose noise they share
-    share : curl of a surface over its curvature, due to cells that are no points
-    least : curl that any sensor has
+    cell_px : side in camera pixels of a pixel of `slope`, which averages their noise
+    share : curl over curvature that a surface shows, because cells have a size
+    least : curl that any sensor shows
 
     Returns
     -------
-    h x w: between a cell and those right of and below it; -1 in the last row and column, on film
-    that is level.
+    h x w, between a cell and those right of and below it; -1 in the last row and column, and on
+    level film.
     """
     side = cell_side(slope.shape[1], slope.shape[2], factor)
     p, q = coarsen(slope, factor=side)
@@ -83,12 +83,12 @@ def slope_curl(
 
 
 def _corners(plane: NDArray[Any]) -> tuple[NDArray[Any], ...]:
-    """The upper left, upper right, lower left and lower right of four neighbouring cells."""
+    """The upper left, upper right, lower left and lower right cell of all blocks of four."""
     return plane[:-1, :-1], plane[:-1, 1:], plane[1:, :-1], plane[1:, 1:]
 
 
 def _changes(plane: F4) -> tuple[F4, F4]:
-    """The change from left to right, and from above to below, among four cells."""
+    """The change from left to right, and from top to bottom, within four cells."""
     a, b, c, d = _corners(plane)
     return (b - a + (d - c)) * np.float32(0.5), (c - a + (d - b)) * np.float32(0.5)
 
@@ -98,7 +98,7 @@ slope_curl.opencl(grid="h w", lanes="rows")
 
 @slope_curl.example
 def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, Any]:
-    """Slopes of a smooth surface with an edge across it, and some that no surface has."""
+    """Slopes of a smooth surface with an edge across it, and some slopes that no surface has."""
     down, across = np.mgrid[:H, :W] / 7
     surface = np.stack([np.cos(across) * np.sin(down), np.sin(across) * np.cos(down)]) * 0.6
     surface[0, :, W // 2 :] -= 0.8

@@ -1,7 +1,7 @@
-"""What the verdict on a touch rests on: its curl, light and film at rest, in a few figures.
+"""Reduce the maps of a touch to the few figures that its verdict rests on.
 
-Long because the curl, the light and the film at rest are looked at in one node, so that a device is
-waited for once.
+Long because one node reduces curl, light and film at rest, so that the host waits for the device
+once.
 """
 
 from itertools import pairwise
@@ -32,45 +32,45 @@ from tactograph.nodes.trust.light_departure import Brighter, Departure
 from tactograph.nodes.trust.slope_curl import CoarseCurl
 
 CURL_BANDS = 9
-"""Bands of rows of a frame, which is read row by row, so that some may be of another image."""
+"""Bands of rows; a camera reads a frame row by row, so some bands may be of another image."""
 MAX_SQUARED_BEND = np.float32(0.16)
-"""Squared bend beyond which a cell may hold an edge, whose light is a mean of two normals."""
+"""Squared bend beyond which a cell may hold an edge, and its light be that of two normals."""
 RestLevel = Annotated[F4, Port("K", "1", low=0.9, high=1.1)]
 """Each LED's light on the film at rest, relative to the flat frame."""
 
 
 class TouchFigures(NamedTuple):
-    """What the maps of a touch come to; touched film is steeper than `FULL_MISFIT_SLOPE`."""
+    """The figures of a touch; touched film is steeper than `FULL_MISFIT_SLOPE`."""
 
     curl: float
-    """How much the slopes curl, over what is expected (T2)."""
+    """Curl of the slopes over the expected curl (T2)."""
     shape: float
     """Greatest change of an LED's light across the image, on the film at rest (T3)."""
     calm: float
     """Share of the image at rest."""
     dark: float
-    """Share of the image without any light, however dim the touch is as a whole."""
+    """Share of the image that is black relative to the rest of the touch."""
     lowest: float
     """Height in mm."""
     highest: float
     at_rest: float
-    """Median departure of the light of film that is not touched (T1)."""
+    """Median departure of the light of untouched film (T1)."""
     of_touch: float
     """Upper quartile of the departure of the light of touched film."""
     dim: float
-    """Lower quartile of the light in shadow, as of a matt film."""
+    """Lower quartile of the light in shadow, converted to a matt film's."""
     brighter: float
-    """Median of what touched film is brighter than its slopes make it (T4)."""
+    """Median excess of the brightness of touched film over the prediction of its slopes (T4)."""
     dirty: float
-    """Cells that lack too much of their light under all LEDs; -1: light is not looked at."""
+    """Number of cells that lack too much light under all LEDs; -1: the light is not checked."""
 
 
 class TouchEvidence(NamedTuple):
-    """What `judge_touch` judges: little, in arrays as few as can be read back from a device."""
+    """The input of `judge_touch`, in as few small arrays as possible, for reading from a device."""
 
     level: RestLevel
     figures: Annotated[F4, Port("11", "1", low=0, high=5)]
-    """`TouchFigures`, one behind the other."""
+    """The values of `TouchFigures`, in order."""
 
     def read(self) -> TouchFigures:
         """Return the figures by name."""
@@ -79,7 +79,7 @@ class TouchEvidence(NamedTuple):
 
 @node(
     sizes={"K": SizeLimit(1, 8, "labels have 8 bits")},
-    tolerance=Close(1e-5, 1e-3, why="the last bits of a quantile are left open"),
+    tolerance=Close(1e-5, 1e-3, why="a device finds quantiles to less than the last bits"),
 )
 def touch_evidence(
     curl: CoarseCurl,
@@ -99,17 +99,16 @@ def touch_evidence(
 
     Parameters
     ----------
-    curl : h x w, as `slope_curl` gives it
-    light : K x h x w on cells, relative to the flat frame, before any drift is taken out
+    curl : h x w, from `slope_curl`
+    light : K x h x w on cells, relative to the flat frame, before drift is removed
     height : H x W in mm
-    drift : K x 6, as `film_drift` found it
+    drift : K x 6, from `film_drift`
     departure, brighter
-        H x W, as `light_departure` gives them.  Without a departure and a slope the light is not
-        looked at.
+        H x W, from `light_departure`.  Without departure and slope the light is not checked.
     slope, used, shadow
-        2 x H x W and H x W: the slopes, the LEDs that they rest on, and those that do not light a
-        pixel.
-    matt : K x H x W, the light as of a matt film
+        2 x H x W and H x W: the slopes, the LEDs that they rest on, and the LEDs that do not light
+        a pixel.
+    matt : K x H x W, the light converted to a matt film's
     max_dimming : share of the light that film may lack under all LEDs
     """
     of_light: tuple[float, ...] = 0.0, 0.0, 0.0, 0.0, -1.0
@@ -125,7 +124,7 @@ def curl_evidence(curl: CoarseCurl) -> float:
     tested, curls = cells >= 0, np.sqrt(np.maximum(cells, 0))
     starts = np.arange(CURL_BANDS + 1) * len(cells) // CURL_BANDS
     bands = (np.s_[start:end] for start, end in pairwise(starts))
-    # Of few cells many may curl by chance.
+    # The offset keeps a band of few cells from standing out by chance.
     return max(float(curls[b].sum() / (tested[b].sum() + MIN_CELLS)) for b in bands)
 
 
@@ -134,7 +133,7 @@ def _of_film(
 ) -> tuple[RestLevel, tuple[float, ...]]:
     """The light of the film at rest, and the figures of the film and the height (T3).
 
-    Without a drift, or if none was found, the median of the frame's border is each LED's light.
+    Without a drift, or if none was found, each LED's light is the median of the frame's border.
     """
     cells, shape = thinned(light), 0.0
     if drift is not None and (drift[:, 0] != 1).any():
@@ -159,8 +158,8 @@ def _of_light(
 ) -> tuple[float, ...]:
     """The figures of the light (T1, T4).
 
-    Where three quarters of the touched film may hold edges, as that of fine gratings, its light is
-    not compared.  Figures of fewer than `MIN_CELLS` cells, and of what is not given, are 0.
+    If three quarters of the touched film may hold edges, as under a fine grating, its light is not
+    compared.  Figures of fewer than `MIN_CELLS` cells, or of missing inputs, are 0.
     """
     bend = thinned(_squared_bend(slope))
     departs, (p, q) = thinned(departure), thinned(slope)
@@ -175,7 +174,7 @@ def _of_light(
         excess = thinned(brighter)
         lit = np.bool_(True) if used is None else np.bitwise_count(thinned(used)) >= MIN_LEDS
         dirty = int((lit & (excess < -np.float32(max_dimming))).sum())
-        # Images that are alike show no slope, but film that is dark.
+        # Images that are alike show level film that is too dark.
         touched = compared & lit & (steep | (np.abs(excess) > FULL_MISFIT_SLOPE))
         middle = quarter_of(excess[touched], 2)
     rest, upper = np.sqrt([quarter_of(at_rest, 2), quarter_of(of_touch, 3)])
@@ -183,7 +182,7 @@ def _of_light(
 
 
 def _squared_bend(slope: F4) -> F4:
-    """The squared difference of a cell's slope from those two cells away, H x W."""
+    """The squared second difference of the slope over two cells, H x W."""
     bend = np.zeros(slope.shape[1:], np.float32)
     across = slope[:, :, 4:] + slope[:, :, :-4] - 2 * slope[:, :, 2:-2]
     down = slope[:, 4:] + slope[:, :-4] - 2 * slope[:, 2:-2]
@@ -193,7 +192,7 @@ def _squared_bend(slope: F4) -> F4:
 
 
 def _light_in_shadow(light: F4, shadow: Labels) -> F4:
-    """The mean light of those LEDs that do not reach a cell, where there are any."""
+    """The mean light of the LEDs that do not reach a cell, for cells with such LEDs."""
     dark = shadow >> np.arange(len(light), dtype=np.uint8)[:, None, None] & 1
     count = dark.sum(axis=0)
     mean = (light * dark).sum(axis=0) / np.maximum(count, np.float32(1))
@@ -202,7 +201,7 @@ def _light_in_shadow(light: F4, shadow: Labels) -> F4:
 
 @touch_evidence.opencl()
 def _launch(run: Launch) -> None:
-    """One work-group looks at the light and one at the film; others find quantiles and bands."""
+    """One work-group reduces the light, one the film; more of them find quantiles and bands."""
     count, height, width = (run.sizes[name] for name in "KHW")
     step, group, options = thinning(height, width), (run.group,), run.inputs
     thin = (-(-height // step), -(-width // step))
@@ -220,7 +219,7 @@ def _launch(run: Launch) -> None:
 
 
 def _thinned(run: Launch, *planes: DeviceArray) -> tuple[list[DeviceArray], tuple[int, int]]:
-    """Every n-th row and column, and the size of that."""
+    """Every n-th row and column of planes, and the new size."""
     rows, columns = (run.sizes[name] for name in "hw")
     step = thinning(rows, columns)
     size = (-(-rows // step), -(-columns // step))
@@ -238,10 +237,10 @@ def _thinned(run: Launch, *planes: DeviceArray) -> tuple[list[DeviceArray], tupl
 def _example(
     rng: np.random.Generator, K: int, H: int, W: int, h: int, w: int, **_: int
 ) -> dict[str, Any]:
-    """Film that is steep in bands, narrow or wide, or ripples; LEDs do not reach some of it.
+    """Film that is steep in narrow or wide bands, or rippled, with shadows.
 
-    The LEDs have drifted, a quarter of the film is touched and some of it black; slopes curl by
-    chance, more so in a part of the image, in some rows not at all.
+    The LEDs have drifted; a quarter of the film is touched and some of it black.  Slopes curl at
+    random, more in one part of the image, and not at all in some rows.
     """
     curl = rng.chisquare(1, (h, w)) * np.where(np.arange(w) < w / 2, 1, 6)
     curl *= rng.choice([0, 1, 1], (h, 1))

@@ -1,23 +1,23 @@
-"""Error of the height's zero where no film is left at rest."""
+"""State the error of the height's zero if no film is at rest."""
 
 from tactograph.graph import node
 from tactograph.nodes import ZeroError
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 MIN_CALM = 0.2
-"""Share of the image at rest with less of which zero is a guess."""
+"""Share of the image at rest below which the height's zero is a guess."""
 
 
 @node
 def zero_error(evidence: TouchEvidence) -> ZeroError:
     """Return the standard deviation of the height's zero, the same for all pixels.
 
-    Heights are above the film at rest.  A touch that reaches all borders leaves none of it, so
-    that zero and tilt are guesses, as far off as the touch is high.
+    Heights are measured from the film at rest.  A touch that reaches all borders leaves none of it,
+    so zero and tilt are guesses that may be wrong by the height of the touch.
 
     Parameters
     ----------
-    evidence : what `touch_evidence` found
+    evidence : the figures of `touch_evidence`
 
     Returns
     -------

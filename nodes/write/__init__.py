@@ -1,5 +1,4 @@
-"""Results as files.
+"""Write results to files.
 
-The result folder, heights in other people's formats, and heights read back.
-A new export goes here.
+The result folder, and heights read back from files.  A new export goes here.
 """

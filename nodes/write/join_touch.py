@@ -1,4 +1,4 @@
-"""Join all that a graph knows of a touch."""
+"""Join the results of a graph into one touch."""
 
 from typing import Annotated, Any, NamedTuple
 

@@ -50,7 +50,7 @@ def write_result(
 
     Parameters
     ----------
-    touch : as `join_touch` makes it
+    touch : from `join_touch`
     metrics : further figures for ``result.json``, such as errors against a truth
     folder : created if needed
     grid

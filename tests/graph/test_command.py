@@ -136,7 +136,7 @@ def test_a_command_that_is_typed_wrong_exits_with_2_and_says_where_to_look(
         (("run", "calibrate", "camera_mm=big"), "camera_mm=big: a number is needed"),
         (
             ("run", "calibrate", "capture=nowhere", "ball_radius_mm=4,0"),
-            "not 0 at [1] (if the comma is a decimal one, write",
+            "not 0 at [1] (for a decimal number write a point",
         ),
         (("run", "calibrate", "camera_mm=true"), "a number is needed"),
         (("run", "calibrate", "ball_radius_mm=1__0"), "'1__0' is not a number"),

@@ -67,7 +67,7 @@ def test_the_inside_of_a_group_is_kept_too(toys: list[str], about: Command, tmp_
     ("option", "message"),
     [
         (("--keep", "ligth"), "no node or output of that name; did you mean 'light'"),
-        (("--keep", "light.high"), "node 'light' makes no 'high'"),
+        (("--keep", "light.high"), "node 'light' has no output 'high'"),
         (("--keep", ","), "--keep ,: write it as node.port,node"),
     ],
 )

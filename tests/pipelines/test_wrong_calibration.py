@@ -34,7 +34,7 @@ def test_a_forced_calibration_is_doubtful_also_at_use(raytraced: Raytraced, tmp_
     file = tmp_path / "cal.npz"
     made = calibrate(raytraced / RIG, file, accept_contradictions=True, led_distance_mm=55.0)
     assert re.match(f"doubtful: a ball of {SEVEN} mm radius", made.outputs["verdict"])
-    assert made.outputs["advice"].startswith("settle first what is doubtful")
+    assert made.outputs["advice"].startswith("settle the doubts first")
     assert any(re.search(f"ball_radius_mm={SEVEN} would agree", each) for each in made.warnings)
     used = run("reconstruct", capture=raytraced / RIG / "sphere_film", calibration=file)
     assert [w for w in used.warnings if w.startswith(f"calibration {file} is doubtful")]

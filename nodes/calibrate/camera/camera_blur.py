@@ -1,6 +1,6 @@
 """Measure the camera's blur on the rims of pressed balls.
 
-Long because edges are found, chosen and fitted.
+Long because edges have to be found, chosen and fitted.
 """
 
 from typing import NamedTuple
@@ -15,24 +15,24 @@ from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 MAX_BALLS = 8
-"""Most balls that are used, spread over all."""
+"""Largest number of balls to use, spread over all."""
 SECTOR_COUNT = 24
-"""Sectors of a ball's surroundings; in each an edge is a piece of a circle."""
+"""Number of sectors around a ball; an edge within one is a piece of a circle."""
 INNER_RADII, OUTER_RADII = 0.8, 1.35
-"""Range in which a rim is searched for, in radii of the circle found."""
+"""Range in which a rim is searched for, in radii of the ball's circle."""
 REACH_PX = 6
-"""Film on either side of an edge to which its light is fitted."""
+"""Width of the film on either side of an edge to which its light is fitted."""
 STEP_PX = 3
-"""Width on either side in which its strength is measured."""
+"""Width on either side of an edge over which its strength is measured."""
 MIN_STEP = 0.15
-"""Weakest edge that counts, relative to the light of the film at rest."""
+"""Smallest strength of an edge, relative to the light of the film at rest."""
 MAX_EDGES, MIN_EDGES = 200, 8
-"""Most edges that are fitted, the strongest; fewest for an estimate of blur."""
+"""Largest number of edges to fit, the strongest; and smallest number for an estimate."""
 SHARP_SHARE = 0.25
-"""Share of the edges that are sharp: others bend, or are shadows that cross a sector."""
+"""Share of edges that are sharp; others are bent film, or shadows that cross a sector."""
 WIDTHS_PX = np.geomspace(0.2, 3, 25)
 SHIFTS_PX = np.arange(-3, 3.01, 0.25)
-"""Widths and places of an edge that are tried."""
+"""Widths and places of an edge to try."""
 COARSE_STEP = 4
 """Stride of the widths in the first, coarse search."""
 PIXEL_VARIANCE = 1 / 12
@@ -42,7 +42,7 @@ MIN_BLUR_PX = 0.15
 
 
 class Edge(NamedTuple):
-    """Strength of an edge, and the light around it by distance from where it was found."""
+    """Strength of an edge, and the light around it by distance from its place."""
 
     step: float
     away: F8
@@ -50,7 +50,7 @@ class Edge(NamedTuple):
 
 
 class CameraBlur(NamedTuple):
-    """The blur, and the same as a figure for people."""
+    """The blur, and its figure for people."""
 
     blur: Blur
     quality: Metrics
@@ -67,24 +67,24 @@ def camera_blur(
 ) -> CameraBlur:
     """Return the standard deviation of the camera's point spread, beyond the pixel itself.
 
-    Where film leaves a ball its light changes at once, and the camera spreads that.  Edges are
-    looked for around each ball, sector by sector and LED by LED, and a step that a Gaussian
-    blurs is fitted to each (the edge spread of ISO 12233, with the edge's slant given by the
-    circle).  Film bends, and so only the sharpest edges tell: the result is the width of their
-    lower quartile, less the pixel's.  What a lens correction blurs counts, too.
+    Where film leaves a ball its light changes abruptly, and the camera spreads that edge.  Edges
+    are searched for around each ball by sector and LED, and a step blurred by a Gaussian is fitted
+    to each (the edge spread of ISO 12233, with the edge's slant given by the circle).  Film bends,
+    so only the sharpest edges count: the result is the lower quartile of the widths, minus the
+    pixel's width.  Blur by resampling for a lens is included.
 
     Parameters
     ----------
     image : K x S x W, as captured, the presses on a sheet
     flat : K x H x W, the film at rest
     circle, of
-        x, y, contact radius in px of `binned` pixels, and press of every ball; balls that were
-        not found have the radius 0.
+        x, y and contact radius of each ball in `binned` pixels, and its press; a ball that was not
+        found has the radius 0.
     pixel, binned : mm per px of the image, and of `circle`
 
     Returns
     -------
-    In px; 0 where the rims are too few or too faint, or as sharp as pixels are.
+    In px; 0 if rims are too few or too faint, or as sharp as a pixel.
     """
     scale = np.float32(binned / pixel)
     used = np.flatnonzero(circle[:, 2] > 0)
@@ -103,7 +103,7 @@ def camera_blur(
 
 
 def _edges(image: Light, flat: Light, middle: tuple[float, float], radius: float) -> list[Edge]:
-    """The strongest edge in every sector around a ball, under every LED."""
+    """The strongest edge in each sector around a ball, under each LED."""
     rows, columns = np.mgrid[: image.shape[1], : image.shape[2]]
     away = np.hypot(columns - middle[0], rows - middle[1])
     first, last = INNER_RADII * radius - REACH_PX, OUTER_RADII * radius + REACH_PX
@@ -140,7 +140,7 @@ def _strongest_step(profile: F8) -> tuple[float, float]:
 def _width(edge: Edge) -> float:
     """Standard deviation in px of the step that fits the light best, with a slope on each side.
 
-    Some widths are tried first, then those on either side of the best.
+    A coarse set of widths is tried first, then those around the best.
     """
     residual = {width: _residual(edge, width) for width in WIDTHS_PX[::COARSE_STEP]}
     best = int(np.searchsorted(WIDTHS_PX, min(residual, key=residual.__getitem__)))
@@ -150,7 +150,7 @@ def _width(edge: Edge) -> float:
 
 
 def _residual(edge: Edge, width: float) -> float:
-    """Sum of squares that a step of this width leaves, wherever it is."""
+    """The residual sum of squares of a step of this width at its best place."""
     x = edge.away[None] - SHIFTS_PX[:, None]
     beyond: NDArray[np.float64] = ndtr(x / width)
     columns = np.stack([1 - beyond, beyond, x * (1 - beyond), x * beyond], axis=1)

@@ -28,11 +28,10 @@ def pixel_size(
 
     Parameters
     ----------
-    stated : mm per px, as a scan states it; used if nothing else is given
+    stated : mm per px, from a scan's file; used if nothing else is given
     mm
-        mm per px, from a nanometre to a metre, which files of 32-bit floats can hold; x, y of
-        pixels that are not square: `read_lens` makes a lens of them, and the side of the ideal
-        image's pixels is returned.
+        mm per px; or x, y for pixels that are not square.  `read_lens` turns those into a lens, and
+        this node returns the side of the ideal image's pixels.
     camera
         The file of a camera.  Its pixel size takes precedence over `mm`, because images
         undistorted by it have that pixel size.
@@ -57,8 +56,8 @@ def pixel_size(
         return of_camera
     if not HeightFile.agree(mm, of_camera):
         warn(
-            f"{camera}: says {of_camera:.6g} mm per px, which is taken in place of `mm`="
-            f"{mm:.6g}: undistorted images have the camera's"
+            f"{camera}: states {of_camera:.6g} mm per px, which is used instead of `mm`="
+            f"{mm:.6g}, since images undistorted by it have that pixel size"
         )
     return of_camera
 

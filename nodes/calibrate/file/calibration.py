@@ -1,4 +1,4 @@
-"""The calibration of a sensor whose LEDs flash: every value that it has, declared once.
+"""The calibration of a sensor whose LEDs flash: each of its values, declared once.
 
 Reader and writer, their ports and pages, and the checks of a file follow from this record.  A new
 value is a field here, or of `Film`.
@@ -41,16 +41,16 @@ from tactograph.nodes.stored import Stored
 from tactograph.nodes.trust.check_ranks import StoredRanks
 
 MIN_LED_HEIGHT_MM = 1e-3
-"""Height of the lowest LED that a sensor can have."""
+"""Smallest height of an LED."""
 MIN_SINGULAR_VALUE = 1e-3
 """Smallest singular value of the directions to the LEDs; at 0 some slope changes no light."""
 
 NO_MISFIT = (0, 1, 0, 0, 0)
-"""The misfit of a model that leaves only noise."""
+"""The misfit of a model whose residual is pure noise."""
 
 
 class Calibration(NamedTuple):
-    """All that a reconstruction needs to know of a sensor."""
+    """Everything that a reconstruction needs to know about a sensor."""
 
     flat: Annotated[Light, Stored(-0.05, 100), "the film at rest, fraction of full scale"]
     dark: Annotated[Dark, Stored(-1, 1), "with all LEDs off, fraction of full scale"]
@@ -78,7 +78,7 @@ class Calibration(NamedTuple):
     correlation: Annotated[
         NoiseCorrelation,
         Stored(1, 100, plain=1.0),
-        "a mean over pixels has so many times the variance that independent noise leaves",
+        "variance of a mean over pixels, relative to that with independent noise",
     ]
     lens: Annotated[
         Lens,
@@ -88,11 +88,11 @@ class Calibration(NamedTuple):
     misfit: Annotated[
         Misfit,
         Stored(0, 1e6, plain=NO_MISFIT),
-        "what the film's model leaves on presses held out: radians of a normal, over how many "
-        "mm alike, light, the share of bounced light that may be wrong, radians of all tilts",
+        "errors of the film's model on held-out presses: radians of a normal, mm over which it is "
+        "correlated, light, share of the light from film to film, radians common to all normals",
     ]
     quality: Annotated[Metrics, "figures of the calibration's quality, for people"]
-    doubts: Annotated[list[str], "what speaks against the calibration, a sentence each"]
+    doubts: Annotated[list[str], "doubts about the calibration, one sentence each"]
     area: Annotated[Mask, Stored(0, 1, plain=1), "1 where the frame shows film"]
     serial: Annotated[str, "the camera's serial number, if it has one"] | None = None
     blur: Annotated[
@@ -103,35 +103,35 @@ class Calibration(NamedTuple):
     label_turn: Annotated[
         LabelTurn,
         Stored(0, 3.2, plain=0.0),
-        "radians by which leaving LEDs out must turn a normal; 0 where labels cost nothing",
+        "radians by which leaving out LEDs has to turn a normal; 0: any angle",
     ] = 0.0
     rest: (
         Annotated[
             Height,
             Stored(-1e3, 1e3, plain=0.0),
-            "mm, height that each pixel sees of the film at rest; 0: a plane",
+            "mm, height of the film at rest that each pixel sees; 0: a plane",
         ]
         | None
     ) = None
     scale_error: Annotated[
         ScaleError,
         Stored(0, 1e3, plain=0.0),
-        "relative error of the heights' scale that the light left open; 0: it confirmed the radius",
+        "relative error of the heights' scale; 0: the light confirmed the radius",
     ] = 0.0
     ranks: StoredRanks | None = None
 
 
 def _check_sensor(arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Refuse LEDs and tables from whose light no slope follows."""
+    """Refuse LEDs and tables whose light does not determine a slope."""
     for name in "lut_light", "lut_slope":
         if len(arrays[name]) > 1 and not np.ptp(arrays[name], axis=0).any():
-            raise ValueError(f"'{name}' holds the same for all entries")
+            raise ValueError(f"'{name}' is the same for all entries")
     lights = arrays["lights"].astype(np.float64)
     if (lights[:, 2] < MIN_LED_HEIGHT_MM).any():
-        raise ValueError("'lights' holds an LED that is not above the film")
+        raise ValueError("'lights' has an LED that is not above the film")
     away = lights / np.linalg.norm(lights, axis=1, keepdims=True)
     if np.linalg.svd(away, compute_uv=False)[-1] < MIN_SINGULAR_VALUE:
-        raise ValueError("'lights' holds LEDs that are all in one place or one line")
+        raise ValueError("'lights' has all LEDs in one place or one line")
 
 
 CALIBRATION_KIND = FileKind(

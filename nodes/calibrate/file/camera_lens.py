@@ -1,4 +1,4 @@
-"""The calibration of a camera's lens: every value that it has, declared once."""
+"""The calibration of a camera's lens: each of its values, declared once."""
 
 from typing import Annotated, NamedTuple
 
@@ -9,7 +9,7 @@ from tactograph.nodes.stored import Stored
 
 
 class CameraLens(NamedTuple):
-    """The lens of a camera, and the size of the images that it holds for."""
+    """The lens of a camera, and the image size for which it is valid."""
 
     lens: Annotated[
         Lens,
@@ -30,7 +30,7 @@ class CameraLens(NamedTuple):
         I4,
         Port("2", "px"),
         Stored(1, 1e5),
-        "px, columns and rows of the images that it holds for",
+        "px, columns and rows of the images for which it is valid",
     ]
     quality: Metrics
 

@@ -19,25 +19,25 @@ def read_calibration(
 ) -> Calibration:
     """Read the ``.npz`` that `write_calibration` wrote, without pickle.
 
-    A warning repeats what made the calibration doubtful.
+    A warning repeats the calibration's doubts.
 
     Parameters
     ----------
     file : the calibration
     lights
-        How the images that it is used for hold the lights, as for `read_capture`.  None: not
-        known.
+        How the images hold the lights, as for `read_capture`.  None: unknown.
     filled
-        Whether an object touches all of the film.  Then film is as bright everywhere, and how
-        bright that is, is known less well by as much as a touch brightens it.
+        Whether an object touches all of the film.  Then the brightness is even, but its error
+        increases by the gain of touched film.
 
     Raises
     ------
     InputError
         If the file is missing, damaged, of another version or holds a pickle; if an array is
         missing, empty, misshapen, not finite or outside the range of any sensor; if an LED is
-        not above the film, or no slope follows from the LEDs' light; if the calibration was made
-        from lights of another order; if its film is no plane at rest and a graph takes it for one.
+        not above the film, or the LEDs' light does not determine a slope; if the calibration was
+        made from lights of another order; if its film at rest is not a plane, and the graph does
+        not support that.
     """
     arrays, about = CALIBRATION_KIND.read_to_use(file, lights)
     header = {"quality": about.quality, "doubts": about.doubts, "serial": about.serial}
@@ -46,7 +46,7 @@ def read_calibration(
         record = record._replace(rest=None)
     elif "rest" not in wanted:
         raise InputError(
-            f"{file}: its film is no plane at rest, for which this graph takes it; use "
+            f"{file}: its film is no plane at rest, which this graph does not support; use "
             "reconstruct, precise, paper or see_touch"
         )
     if filled:

@@ -19,10 +19,11 @@ def read_lens(
 
     Parameters
     ----------
-    image : K x H x W, the image to undistort; only its size is used
+    image : K x H x W, the image to undistort, for its size
     file : the camera; None: an ideal lens, eight zeros
     pixel_mm
-        mm per px; x, y of pixels that are not square, which are a lens where no `file` is given.
+        mm per px; or x, y for pixels that are not square, which count as a lens if there is no
+        `file`.
 
     Raises
     ------
@@ -39,6 +40,6 @@ def read_lens(
     if image.shape[1:] != (rows, columns):
         raise InputError(
             f"{file}: was made with an image of {columns} x {rows} pixels, but these have "
-            f"{image.shape[2]} x {image.shape[1]}; take and crop the grid as the captures"
+            f"{image.shape[2]} x {image.shape[1]}; take and crop the grid's image like the captures"
         )
     return np.asarray(arrays["lens"], np.float32)

@@ -24,15 +24,15 @@ def write_calibration(
     ----------
     values
         The calibration.  Every graph that uses the file repeats its doubts.
-    file : the file; it is replaced as a whole
+    file : the file to write or replace
     sensor
-        The sensor's name.  None: that in the calibration that this one is made from.  What is
-        used with it and names another sensor is refused.
+        The sensor's name.  None: the name in the calibration that this one is derived from.  Images
+        that name another sensor are refused.
 
     Raises
     ------
     InputError
-        If the calibration cannot be of a sensor, the file's name does not end in ``.npz``, or it
+        If no sensor can have this calibration, or if the file's name does not end in ``.npz`` or
         cannot be written.
     """
     sensor = sensor or SensorIdentity.behind(provenance).name or None

@@ -1,4 +1,4 @@
-"""Calibrations of sensors whose LEDs flash."""
+"""The calibration of a sensor whose LEDs flash."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +12,7 @@ from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 
 KIND = CALIBRATION_KIND
 LABELS_ACROSS = 15
-"""LEDs nearer to each other than such a part of their distance share a label."""
+"""LEDs share a label if they are closer than their distance from the film divided by this."""
 LABEL_PLACE: dict[str, Any] = {"xytext": (-5, 4), "textcoords": "offset points", "ha": "right"}
 
 
@@ -29,7 +29,7 @@ def draw(arrays: Mapping[str, Any], title: str, target: Path) -> None:
 
 
 def _draw_leds(part: Any, arrays: Mapping[str, Any]) -> None:
-    """Draw where the LEDs are, with the other places that the fit allows, and the film."""
+    """Draw the LEDs, the alternative places within their error, and the film."""
     lights, others = arrays["lights"], arrays["others"]
     width, height = arrays["pixel_size"] * np.array(arrays["flat"].shape[:0:-1])
     above, side = part.subplots(1, 2)

@@ -1,1 +1,1 @@
-"""Right touches of a sensor, drawn from its calibration, and what the checks say of them."""
+"""Draw right touches of a sensor from its calibration, and rank the checks of a touch by them."""

@@ -1,8 +1,8 @@
-"""Right touches of a calibrated sensor, drawn by chance: what its calibration allows them to be.
+"""Draw random right touches of a calibrated sensor, within the calibration's uncertainty.
 
-All that a calibration does not know is drawn anew for each touch: the object, the LEDs' places and
-the light from film to film within their errors, the errors of the film's model as held-out presses
-have them, and how far LEDs have drifted.
+For each touch everything that a calibration leaves uncertain is drawn: the object, the LEDs' places
+and the light from film to film within their errors, the errors of the film's model as on held-out
+presses, and the LEDs' drift.
 """
 
 from collections.abc import Iterator
@@ -41,15 +41,15 @@ def draw_touches(
     Parameters
     ----------
     calibration : the ``.npz`` of the sensor
-    count : how many
-    seed : the same touches for the same seed
+    count : number of touches
+    seed : the same seed gives the same touches
     rigid : whether no film covers the objects, so that they have walls
     """
     sensor, rng = read_calibration(file=calibration), np.random.default_rng(seed)
     film, (level, width, light, bounce, _tilt) = sensor.film, sensor.misfit.tolist()
     doubts = Doubts(level, width, light, film.uneven, film.contact)
     for number in range(count):
-        # The mean of the squares of these deviations is the variance (`LedPlaces.sampled`).
+        # The mean square of the alternatives' deviations is the variance (`LedPlaces.sampled`).
         chance = rng.normal(size=len(film.others)) / np.sqrt(len(film.others))
         moved = film.lights + np.tensordot(chance, film.others - film.lights, axes=1)
         albedo = float(np.clip(film.albedo * (1 + bounce * rng.normal()), 0, MAX_ALBEDO))

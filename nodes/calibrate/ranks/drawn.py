@@ -1,4 +1,4 @@
-"""Surfaces that are touched and errors of a film's model, drawn by chance."""
+"""Random surfaces of touches, and random errors of a film's model."""
 
 import math
 from collections.abc import Callable
@@ -13,21 +13,21 @@ from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.slope.height_slopes import height_slopes
 
 FLANK_SLOPES = FULL_MISFIT_SLOPE.item(), 3.0
-"""Slopes of an object's flanks, evenly drawn by their logarithms: from film that is as good as at
-rest to the walls that a soft film still covers."""
+"""Range of the slopes of an object's flanks, log-uniform: from film that is nearly at rest to the
+steepest walls that a soft film covers."""
 REACH_SHARES, FOLD_SHARES = (0.15, 0.4), (0.3, 1.0)
-"""Half an object's width over the image's shorter side; and a fold's over that."""
+"""Half an object's width over the image's shorter side, and half a fold's width over that."""
 SKIRT_SHARE = 0.1
-"""Width over which film leaves an object, over half the object's width."""
+"""Width over which film leaves an object, relative to half the object's width."""
 LED_DRIFT, LED_DRIFT_ACROSS = 0.03, 0.01
-"""Standard deviations of an LED's drift since the flat frame, and of its change across the image:
-of LEDs that warm up."""
+"""Standard deviations of an LED's drift since the flat frame, and of its change across the image,
+when LEDs warm up."""
 Random = np.random.Generator
 Form = Callable[[Random, F4, F4, float], F4]
 
 
 class Drawn(NamedTuple):
-    """A surface, the slopes that its light is that of, and the film at rest as LEDs light it."""
+    """A surface, the slopes that its light corresponds to, and the light of its film at rest."""
 
     height: Height
     slope: Slope
@@ -35,7 +35,7 @@ class Drawn(NamedTuple):
 
 
 class Doubts(NamedTuple):
-    """What a calibration leaves open, as its `Misfit` and `Film` have it."""
+    """The uncertainty of a calibration, from its `Misfit` and `Film`."""
 
     level: float
     width_mm: float
@@ -46,9 +46,9 @@ class Doubts(NamedTuple):
     def touch(
         self, rng: Random, number: int, flat: Light, pixel: float, rigid: bool = False
     ) -> Drawn:
-        """Return a touch: balls, edges, folds, grooves and dents, shallow and steep, in turn.
+        """Return a touch by a ball, edge, fold, groove or dent, shallow or steep, in turn.
 
-        `rigid` objects stand on the film and have walls, which no film covers.
+        `rigid` objects have walls, which no film covers.
         """
         count, *size = flat.shape
         height = _surface(rng, size, pixel, OBJECT_FORMS[number % len(OBJECT_FORMS)], rigid)
@@ -64,7 +64,7 @@ class Doubts(NamedTuple):
 
 
 def _surface(rng: Random, size: list[int], pixel: float, form: Form, rigid: bool) -> Height:
-    """The film over an object of any place and turn, H x W in mm."""
+    """The film over an object of random place and orientation, H x W in mm."""
     side = min(size) * pixel
     middle = rng.uniform(-0.5, 0.5, 2) * np.array(size[::-1]) * pixel
     turn = rng.uniform(0, 2 * np.pi)
@@ -76,7 +76,7 @@ def _surface(rng: Random, size: list[int], pixel: float, form: Form, rigid: bool
     above = flank * form(rng, across, along, half)
     if rigid:
         return np.where(above > 0, above + half * rng.uniform(0, 1), 0).astype(np.float32)
-    # Film leaves an object as a soft maximum of both does: it falls by exp(-d / skirt).
+    # A soft maximum of object and film at rest: film falls off as exp(-d / skirt).
     skirt = flank * SKIRT_SHARE * half
     risen = skirt * np.logaddexp(0, above / skirt)
     return cv2.GaussianBlur(risen.astype(np.float32), (0, 0), 1.0)
@@ -108,7 +108,7 @@ def _groove(rng: Random, x: F4, y: F4, half: float) -> F4:
 
 
 def _ridges(rng: Random, x: F4, y: F4, half: float) -> F4:
-    """Sharp ridges that end on a circle, as those of a thread or a file do."""
+    """Sharp ridges that end on a circle, like those of a thread or a file."""
     width = half * rng.uniform(*FOLD_SHARES) / 2
     ridge = np.abs((x / width) % 2 - 1) * width
     return np.where(np.hypot(x, y) < half, ridge, half - np.hypot(x, y))
@@ -128,19 +128,19 @@ OBJECT_FORMS: tuple[Form, ...] = (_ball, _cone, _edge, _plateau, _groove, _dents
 
 
 def _leaning(slope: Slope, error: NDArray[Any]) -> Slope:
-    """The slopes of normals that err: the more the steeper, as those of the film's model do."""
+    """The slopes of normals with errors that grow with the slope, as those of the model do."""
     squared = (slope * slope).sum(axis=0)
     error = error * np.clip(np.sqrt(squared) / FULL_MISFIT_SLOPE, LEVEL_MISFIT_SHARE, 1)
     return np.asarray(slope + error + slope * (slope * error).sum(axis=0), np.float32)
 
 
 def _field(rng: Random, count: int, size: list[int], width: float) -> NDArray[Any]:
-    """Fields of deviation 1, count x H x W, half alike at a distance of `width` pixels."""
+    """Fields of standard deviation 1, count x H x W, with correlation 1/2 at `width` pixels."""
     if width < 1:
         return rng.standard_normal((count, *size), np.float32)
-    # White noise under a Gaussian blur has the correlation exp(-(distance / (2 blur))^2).
+    # White noise after a Gaussian blur has the correlation exp(-(distance / (2 blur))^2).
     blur = min(width / (2 * math.sqrt(math.log(2))), max(size) / 2)
-    # A smooth field needs no more than a value every half of its blur.
+    # Two samples per blur width suffice for a smooth field.
     step = max(1.0, blur / 2)
     wide, rim = blur / step, int(3 * blur / step) + 1
     rows, columns = (int(np.ceil(side / step)) + 2 * rim for side in size)
@@ -151,7 +151,7 @@ def _field(rng: Random, count: int, size: list[int], width: float) -> NDArray[An
 
 
 def _drift(rng: Random, count: int, size: list[int]) -> NDArray[Any]:
-    """The LEDs' light over that of the flat frame; every other touch is as fresh as that."""
+    """The LEDs' light relative to the flat frame; every other touch has no drift."""
     if rng.random() < 1 / 2:
         return np.ones((count, 1, 1))
     u, v = (np.linspace(-1, 1, n) * n / size[1] for n in size[::-1])

@@ -1,4 +1,4 @@
-"""What the checks of a touch say of right touches of a sensor: its presses, and drawn ones."""
+"""Apply the checks of a touch to right touches of a sensor: its presses, and drawn touches."""
 
 import math
 import tempfile
@@ -46,27 +46,26 @@ def rank_checks(
     count: Annotated[int, Interval(ge=10, le=100000)] = 128,
     seed: Annotated[int, Interval(ge=0)] = 0,
 ) -> None:
-    """Draw right touches of a calibrated sensor, check them, and keep the ranks in its file.
+    """Draw right touches of a calibrated sensor, check them, and write the ranks into its file.
 
-    The touches are seen by the calibration's own model, within all that it leaves open
-    (`draw_touches`), and reconstructed by the graphs themselves.  Those whose height is off are
-    left out.  The presses that the calibration kept are right touches as well: they show what
-    the model does not (`ranked`).
+    The touches are rendered by the calibration's model within its uncertainty (`draw_touches`), and
+    reconstructed by the graphs.  Touches whose height is wrong are left out.  The presses of the
+    calibration are right touches as well, and show errors that the model lacks (`ranked`).
 
     Parameters
     ----------
-    flat : K x H x W, of the presses' size; without it the file is there already
+    flat : K x H x W, of the presses' size; None: there are no presses
     press : K x S x W, a sheet of presses without lens distortion
-    mask : S x W, where the calibration used them; a press without any is left out
-    file : the calibration, which is written again
-    count, seed : how many touches are drawn; the same for the same seed
+    mask : S x W, the pixels that the calibration used; a press without any is left out
+    file : the calibration, which is rewritten
+    count, seed : number of drawn touches; the same seed gives the same touches
     """
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the calibration has reported its doubts
         arrays, brought = load_arrays(file), FileKind.module_of(file)
         kind = CALIBRATION_KIND if brought is None else brought.KIND
         small, even = Path(folder) / "small.npz", Path(folder) / "own.npz"
-        # Larger images are drawn on fewer, larger pixels: checks look at as many cells at most.
+        # Large images are drawn with fewer, larger pixels, since checks use few cells.
         few = few_cells(arrays["flat"], MAX_CELLS * USUAL_SIDE**2).shape[1:]
         np.savez(small, **_resized(arrays, few, kind.record))  # type: ignore[arg-type]
         params = {"calibration": str(small), "count": count, "seed": seed}
@@ -79,7 +78,7 @@ def rank_checks(
             pressed = _press_figures(brought.GRAPH, presses, even, ONE_SHOT_PORTS)[0]
             ranks = [ranked(drawn, pressed)] * len(Ranked)
         else:
-            # Three lights are never linearly dependent, so the paper's shadow test takes four.
+            # Three lights are linearly independent, so the paper's shadow test needs four.
             tables = "paper" if len(arrays["flat"]) > MIN_LEDS else "paper_no_shadow"
             walls = params | {"count": max(count // 2, 1), "rigid": True}
             pressed, rims = _press_figures("reconstruct", presses, even, RIM_PORTS | CAUSE_PORTS)
@@ -99,10 +98,7 @@ def rank_checks(
 def _resized(
     arrays: dict[str, NDArray[Any]], size: tuple[int, ...], record: type
 ) -> dict[str, NDArray[Any]]:
-    """A calibration of the same film on an image of other rows and columns.
-
-    Without a lens, and without ranks.
-    """
+    """The calibration for images with this number of rows and columns, without lens and ranks."""
     rows, columns = size
     flat = [cv2.resize(p, (columns, rows), interpolation=cv2.INTER_AREA) for p in arrays["flat"]]
     finer = arrays["flat"].shape[2] / columns
@@ -125,14 +121,14 @@ def _presses_of(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Li
 def _press_figures(
     graph: str, presses: list[Light], calibration: Path, more: dict[str, str] | None = None
 ) -> tuple[F8, F8]:
-    """The figures of the calibration's presses, P x 15, and how much of each hangs on rims."""
+    """The figures of the calibration's presses, P x 15, and each one's share that hangs on rims."""
     figures, rims = [], []
     if presses:
         params = {"calibration": str(calibration), "accept_contradictions": True}
         declared = {"format": 1, "extends": graph, "outputs": EVIDENCE_PORTS | (more or {})}
         with load(declared, params) as pipeline:
             for press in presses:
-                # Where a frame shows no film, what continues it may leave the camera's range.
+                # Film that was continued beyond the visible area may exceed the camera's range.
                 outputs = pipeline(frames=np.clip(press, 0, 1)).outputs
                 figures.append(_figures(outputs))
                 rims.append(float(outputs.get("rims", 0.0)))
@@ -144,9 +140,9 @@ def _drawn(
 ) -> F8:
     """The figures of drawn touches whose height the graph finds, N x 15.
 
-    It is found where its error, over the image's width, is that of slopes which err by `MIN_ERROR`.
-    At least half of them count as found: a graph may be no better than that.  Walls are what
-    another graph measures, so that all of them count.
+    A height is found if its error over the image's width is at most that of slopes with the error
+    `MIN_ERROR`.  At least half of the touches count as found, since a graph may be no better.
+    Touches with walls all count, since another graph measures those.
     """
     figures, off = [], []
     declared = {"format": 1, "extends": [graph, overlay], "outputs": more or {}}
@@ -166,7 +162,7 @@ def _figures(outputs: Mapping[str, Any]) -> F8:
     lines = LineChanges(*(outputs[n] for n in LINE_PORTS)) if LINE_PORTS[0] in outputs else None
     residual = 0.0
     if "leds" in outputs:
-        # Infinite where nothing touches: that explains no touch.
+        # Infinite without a touch.
         residual = matt_residual(outputs["light"], outputs["cells"], outputs["leds"])
         residual = residual if math.isfinite(residual) else 0.0
     return figures_of(evidence, lines, outputs["motion"], residual)

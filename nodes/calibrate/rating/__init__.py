@@ -1,1 +1,1 @@
-"""Rate a calibration, plot it, and say what to press next."""
+"""Rate a calibration, plot it, and advise what to press next."""

@@ -1,4 +1,4 @@
-"""Report what the presses cover and what to press next."""
+"""Report what the presses cover, and advise what to press next."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ BALL_SIDES = (
     "right", "lower right", "lower side", "lower left",
     "left", "upper left", "upper side", "upper right",
 )  # fmt: skip
-"""Sides of a ball, clockwise from x.  Where the film falls to the right is the right side."""
+"""Sides of a ball, clockwise from x.  The right side is where the film falls to the right."""
 MIN_TOUCHED_SHARE = 0.15
 """Share of each part of the film that contacts must cover."""
 FULL_SLOPE = 1.0
@@ -33,13 +33,13 @@ def advise_press(
     lit: SheetLabels,
     doubts: list[str] | None = None,
 ) -> Advice:
-    """Measure how much of the film and of the slopes the presses cover, and name what is missing.
+    """Measure how much of the film and of the slopes the presses cover, and name the gaps.
 
     Parameters
     ----------
-    flat : K x H x W; only its size is used
+    flat : K x H x W, for its size
     slope, mask, lit : the used presses on a sheet: 2 x S x W, S x W, S x W
-    doubts : what speaks against the calibration, which matters more than further presses
+    doubts : doubts about the calibration, which matter more than further presses
 
     Returns
     -------
@@ -81,7 +81,7 @@ def _advice(presses: int, touched: F8, steep: F8) -> str:
     empty, gentle = touched[row, column] < MIN_TOUCHED_SHARE, steep[flattest] < FULL_SLOPE
     if not empty and not gentle:
         if presses == 1:
-            return "press once more: one press has no other to be checked by"
+            return "press once more: a single press cannot be checked by another"
         return "the presses cover the film and the slopes; nothing more is needed"
     where = f" {FILM_REGIONS[row][column]}" if empty else ""
     how = ("," if where else "") + " deeper, or with a smaller ball" if gentle else ""
@@ -90,7 +90,7 @@ def _advice(presses: int, touched: F8, steep: F8) -> str:
     why = [reached] if empty else []
     if gentle:
         side = BALL_SIDES[flattest]
-        why.append(f"slopes on the {side} of what was pressed end at {steep[flattest]:.2f}")
+        why.append(f"slopes on the {side} of the pressed objects end at {steep[flattest]:.2f}")
     if presses == 1:
-        why.append("one press has no other to be checked by")
+        why.append("a single press cannot be checked by another")
     return f"press{where}{how}: {', and '.join(why)}"

@@ -65,10 +65,10 @@ def hold_out_presses(
     pixel: PixelSize,
     uneven: Uneven,
 ) -> HeldOut:
-    """Place the LEDs without a press, measure it with them, and compare it with its ball.
+    """Place the LEDs without a press, measure the press with them, and compare it with its ball.
 
     The position of its ball is refined with the same LEDs.  Slopes are found as in
-    `reconstruct`, for the ball's own height, and judged where at least all LEDs but one reach,
+    `reconstruct`, at the ball's true height, and judged where at least all LEDs but one reach,
     so that the figures rate the calibration, not the treatment of shadows.  With only one
     press nothing can be held out.
 
@@ -78,8 +78,8 @@ def hold_out_presses(
     flat : K x H x W, the film at rest
     slope, mask, height, lit
         Of the presses, as for `calibrate_lights`; a press with an empty mask is left out.
-    balls : the node that found them: circles B x 3 in px, radii in mm, and the press of each
-    noise : (shot, read), as `estimate_noise` returns it
+    balls : circles B x 3 in px, radii in mm, and the press of each ball
+    noise : (shot, read), from `estimate_noise`
     pixel : mm per px
     uneven : relative standard deviation of the film's brightness
 
@@ -137,11 +137,11 @@ def _measure(
     uneven: float,
     lift: float,
 ) -> tuple[Slope, Height]:
-    """Slope and height; unjudged contact pixels get the ball's slope, so their errors stay out."""
+    """Slope and height; unjudged pixels of the contact get the ball's slope, without errors."""
     inside = press.mask > 0
     height = press.height + inside * np.float32(lift)
     level = np.zeros_like(press.slope)
-    # As if light ended at the terminator: what LEDs tell behind it is not judged here.
+    # Without wrap: light behind the terminator is not judged here.
     measured = label_lights(press.light, sigma, lights, height, level, pixel, uneven, 0.0).slope
     slope = np.where(inside & ~judged, press.slope, measured)
     return slope, integrate_dct(slope, pixel)

@@ -1,4 +1,4 @@
-"""All that speaks against a calibration, in one list."""
+"""Join the doubts about a calibration."""
 
 from tactograph.graph import node
 

@@ -1,4 +1,4 @@
-"""Tell a flat frame that is not one of untouched film."""
+"""Detect a flat frame that does not show untouched film."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rest.denoise_flat import TREND_DEGREE
 
 MAX_SLOPE = 0.008
-"""Slope of untouched film, in root mean square; 0.002 to 0.005 on real and rendered film."""
+"""Largest RMS slope of untouched film; it is 0.002 to 0.005 on real and rendered film."""
 RETAKE_FLAT = (
     "take it again with nothing touching the film, after the last touch has relaxed, and with the "
     "camera's local contrast off"
@@ -18,12 +18,13 @@ RETAKE_FLAT = (
 
 @node
 def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[str]:
-    """Return a doubt if the flat frame shows slopes, as of a touch, or what no film does.
+    """Return a doubt if the flat frame shows slopes, as under a touch, or light that no film has.
 
-    Where film slopes, LEDs brighten it that it turns to, and others darken it.  The logarithm of
-    the flat frame less the mean over the LEDs, and less polynomials, is a slope times the tangents
-    of the LEDs' slants.  What slopes leave of it counts as those that it makes by chance, and is
-    the cause where these are the larger ones, as the F statistic has it.
+    Sloping film is brighter under LEDs that it faces, and darker under the others.  The logarithm
+    of the flat frame minus the mean over the LEDs, and minus polynomials, is a slope times the
+    tangents of the LEDs' slants.  The residual of a fit of slopes is expressed as the slopes that
+    it would give by chance.  If those are larger than the fitted slopes (an F test), the frame is
+    uneven for another reason.
 
     Parameters
     ----------
@@ -34,7 +35,7 @@ def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[st
     rest = Rest.of(flat, pixel)
     towards = lights[:, :2] / lights[:, 2:]
     towards = (towards - towards.mean(axis=0)).astype(np.float64)
-    freedom = len(lights) - 1 - towards.shape[1]  # the mean over the LEDs is gone
+    freedom = len(lights) - 1 - towards.shape[1]  # minus one for the mean over the LEDs
     if rest is None or freedom < 1:
         return []
     residual, solved = _rough_part(rest), np.linalg.pinv(towards)
@@ -50,14 +51,16 @@ def judge_flat(flat: Light, lights: LightPositions, pixel: PixelSize) -> list[st
 
 
 def is_uneven(flat: Light, pixel: PixelSize) -> bool:
-    """Return whether a flat frame, K x H x W, holds more than LEDs and lenses make, wherever they
-    are: an LED at 45 degrees changes with the slope by as much."""
+    """Return whether a flat frame, K x H x W, is more uneven than any LEDs and lenses make it.
+
+    The limit is the effect of `MAX_SLOPE` on an LED at 45 degrees.
+    """
     rest = Rest.of(flat, pixel)
     return rest is not None and bool(np.square(_rough_part(rest)).mean() > MAX_SLOPE**2)
 
 
 def _rough_part(rest: Rest) -> F8:
-    """What polynomials leave of the blocks' light, K x M."""
+    """The residual of the blocks' light after a fit of polynomials, K x M."""
     x, y = (place / np.abs(place).max() for place in (rest.x, rest.y))
     terms = [x**i * y**j for i in range(TREND_DEGREE + 1) for j in range(TREND_DEGREE + 1 - i)]
     design: NDArray[np.float64] = np.stack(terms, axis=1)

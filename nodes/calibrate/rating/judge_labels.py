@@ -1,4 +1,4 @@
-"""Measure on the presses what leaving shadowed LEDs out gains."""
+"""Measure on the presses the gain of leaving out shadowed LEDs."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -20,17 +20,17 @@ from tactograph.nodes.shadow.label_lights import label_lights
 from tactograph.nodes.slope.height_slopes import height_slopes
 
 CAUTIOUS_TURN_RAD = 0.8
-"""Angle by which leaving LEDs out must turn a normal where labels cost: as at a crack."""
+"""Angle by which leaving out LEDs has to turn a normal if labels do harm, as at a crack."""
 MIN_DIFFUSED_SHARE = 0.1
-"""Mean share of diffused light from which shadows are bright; a clear gel has 0.25 to 0.4."""
+"""Mean share of diffused light above which shadows are bright; a clear gel has 0.25 to 0.4."""
 MAX_JUDGED_BALLS = 12
-"""Most balls that a judge measures, spread over all."""
+"""Largest number of balls to measure, spread over all."""
 REACH_RADII = 2.6
 """Half the side of the film around a ball that is integrated, in radii of the ball."""
 
 
 class LabelGain(NamedTuple):
-    """The angle for `label_lights`, and what labels gain, as a figure for people."""
+    """The angle for `label_lights`, and the gain of labels as a figure for people."""
 
     turn: LabelTurn
     quality: Metrics
@@ -48,31 +48,31 @@ def judge_labels(
     noise: Noise,
     pixel: PixelSize,
 ) -> LabelGain:
-    """Compare heights of the presses with labels and without.
+    """Compare heights of the presses with all labels and with few.
 
-    In a gel that diffuses light shadows are bright, and an LED that is left out takes what it
-    tells along: slopes around a ball no longer fit together, which bends the height inside.  So
-    balls are measured with labels, and with those alone that turn a normal by
-    `CAUTIOUS_TURN_RAD`.  Where that `pays`, only these are given; one ball alone has no standard
-    error.  No label is fitted to a press, so all presses are held out.  Where film diffuses hardly
-    any light, shadows are dark, and labels stand; so they do where no ball is in shadow.
+    In a gel that diffuses light shadows are bright, and leaving out an LED loses information:
+    slopes around a ball become inconsistent, which bends the height inside.  So balls are measured
+    with all labels, and with only those that turn a normal by `CAUTIOUS_TURN_RAD`.  If that `pays`,
+    only these are used; it cannot pay with a single ball, which has no standard error.  No label is
+    fitted to a press, so all presses are held out.  If the film diffuses hardly any light, or if no
+    ball has a shadow, all labels are kept.
 
     Parameters
     ----------
     image, light, matt
-        K x S x W, the presses as captured, relative to the film at rest, and as `matt_presses`
-        returns them, on a sheet (`sheet`).
+        K x S x W, the presses on a sheet (`sheet`): as captured, relative to the film at rest, and
+        from `matt_presses`.
     flat : K x H x W, the film at rest
-    height : S x W in mm, of the presses, as `press_slopes` returns it
-    film : what was fitted to the presses
-    balls : the node that found them: circles B x 3 in px, radii in mm, and the press of each
-    noise : (shot, read), as `estimate_noise` returns it
+    height : S x W in mm, of the presses, from `press_slopes`
+    film : the film that was fitted to the presses
+    balls : circles B x 3 in px, radii in mm, and the press of each ball
+    noise : (shot, read), from `estimate_noise`
     pixel : mm per px
 
     Returns
     -------
-    ``turn`` for `label_lights`; on a film that diffuses light ``labels_gain_deg``, by how much
-    nearer the normals of the balls' heights are with labels.
+    ``turn`` for `label_lights`; on a film that diffuses light also ``labels_gain_deg``, by how much
+    labels reduce the error of the normals of the balls' heights.
     """
     used = np.flatnonzero(balls.circle[:, 2] > 0)
     if film.diffuse.mean() < MIN_DIFFUSED_SHARE or not used.size:
@@ -99,7 +99,7 @@ def _errors(
     noise: Noise,
     pixel: float,
 ) -> Iterator[float]:
-    """Mean angles between normals of a ball and of its height, with all labels and with few."""
+    """The mean angles between normals of a ball and of its height, with all labels and with few."""
     circle, radius = balls.circle[ball].astype(np.float64), float(balls.radius[ball]) / pixel
     rows, columns = (
         slice(max(0, int(at - REACH_RADII * radius)), int(at + REACH_RADII * radius) + 2)

@@ -1,4 +1,4 @@
-"""Plot a calibration, so that a person can tell a good one from a bad one.
+"""Plot a calibration, so that a person can judge it.
 
 Long because it draws up to six pictures on one page.
 """
@@ -32,15 +32,15 @@ from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, Sh
 TITLE_LETTERS = 150
 """Letters in a line of the title."""
 HEIGHT_IN, LINE_IN, AXES_TITLE_IN = 8, 0.16, 0.6
-"""Inches: the page, a line of its title, and the title of axes with the space around it."""
+"""Heights in inches: of the page, a line of its title, and the title of axes with its margin."""
 MAX_NAMES = 20
-"""Most balls that are labelled with the names of their presses."""
+"""Largest number of balls that are labelled with the names of their presses."""
 MAX_NAME_LETTERS = 24
-"""Most letters of a press's name."""
+"""Largest number of letters of a press's name."""
 
 
 class Binned(NamedTuple):
-    """The film at rest, whose size is that of a press, and the binning of the camera's pixels."""
+    """The film at rest, at the size of a press, and the binning of the camera's pixels."""
 
     flat: Light
     factor: int
@@ -64,25 +64,25 @@ def plot_calibration(
     *,
     file: BesidePicture,
 ) -> None:
-    """Draw the objects found, the tables' coverage, the fit's residual and the null test.
+    """Draw the objects, the coverage of the tables, the residual of the fit and the null test.
 
-    For several presses, also draw where they lie on the film, which are left out, and each
-    press's error with a calibration by the others.
+    For several presses, also draw their places on the film, which ones are left out, and the error
+    of each with a calibration by the others.
 
     Parameters
     ----------
     light, mask, slope, lit
-        Of the calibration object, or of all presses on a sheet; the mask of those used.
+        Of the calibration object, or of all presses on a sheet; the mask marks pixels in use.
     frames
-        `bin_presses`: the size of a press, and the camera's pixels, which the axes count, to one
-        of these.
+        `bin_presses`: the size of a press, and the side of its pixels in camera pixels, which the
+        axes count.
     reflectance, null : the fits: K x 9, that of `fit_reflectance`, and `fit_null_vector`
     quality : the figures of the calibration, for the title
     balls, held_out, advice
         Of several presses: `find_balls`, `hold_out_presses`, and what to press next.
     area : H x W of the frames, 1 where they show film; its edge is dotted
-    verdict : of the calibration, which the picture begins with
-    file : the picture goes beside it: ``cal.npz`` gives ``cal.png``
+    verdict : of the calibration; it comes first
+    file : the calibration; the picture is written beside it, ``cal.png`` for ``cal.npz``
     """
     rows, wide = frames.flat.shape[1], frames.factor
     lights, masks = cut(light, rows), cut(mask, rows)
@@ -155,11 +155,11 @@ def _draw_coverage(figure: Figure, axes: Axes, slope: F4) -> None:
 def _draw_presses(
     axes: Axes, masks: list[U1], balls: FoundBalls, used: NDArray[np.bool_], wide: int
 ) -> None:
-    """Draw the film with all contacts; those left out are grey and dashed."""
+    """Draw the film with all contacts; contacts that are left out are grey and dashed."""
     depth = np.sum([mask > 0 for mask in masks], axis=0)
     scale = {"vmin": 0, "vmax": max(3, depth.max())}
     axes.imshow(depth, cmap="Blues", extent=_extent(depth.shape, wide), **scale)
-    # The middle of the first pixel is at (wide - 1) / 2 of the camera's.
+    # The middle of the first pixel is at (wide - 1) / 2 in camera pixels.
     middle = (wide - 1) / 2
     placed = balls.circle * np.float32(wide) + np.array([middle, middle, 0], np.float32)
     for press, (x, y, radius) in zip(balls.of, placed, strict=True):
@@ -200,7 +200,7 @@ def _residual(light: F4, mask: U1, slope: F4, lit: U1, reflectance: F4) -> F4:
 
 
 def _draw_residual(figure: Figure, axes: Axes, error: F4, wide: int) -> None:
-    # Single pixels at the rim, which are partly in shadow, must not hide the rest.
+    # Single pixels at the rim, which are partly shadowed, must not dominate the scale.
     most = float(np.nanpercentile(error, 99))
     percent = np.ma.masked_invalid(100 * error)
     extent = _extent(error.shape, wide)

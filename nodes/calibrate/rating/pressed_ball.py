@@ -1,4 +1,4 @@
-"""Errors of slope and height in a contact with a ball of known radius."""
+"""The errors of slope and height in a contact with a ball of known radius."""
 
 from typing import NamedTuple
 
@@ -9,18 +9,18 @@ from tactograph.nodes import F4, F8
 from tactograph.nodes.optics.normals import angle_between
 
 JUDGED_RADIUS_SHARE = 0.9
-"""Share of the contact's radius that is judged, because pixels at the rim mix film and ball."""
+"""Share of the contact's radius that is judged, since pixels at the rim mix film and ball."""
 
 
 class PressedBall(NamedTuple):
-    """A ball's contact, x, y and radius in px, the ball's own radius in px, and mm per px."""
+    """A ball's contact (x, y and radius in px), the ball's radius in px, and mm per px."""
 
     circle: F8
     radius: float
     pixel: float
 
     def shape(self, x: F8, y: F8) -> tuple[F8, F8]:
-        """Return the slope (2 x N) and the height in mm over the contact's rim."""
+        """Return the slope (2 x N) and the height in mm above the contact's rim."""
         dx, dy, radius = x - self.circle[0], y - self.circle[1], self.radius
         z = np.sqrt(np.maximum(radius**2 - dx * dx - dy * dy, 1e-3 * radius**2))
         rim = np.sqrt(max(radius**2 - self.circle[2] ** 2, 0.0))

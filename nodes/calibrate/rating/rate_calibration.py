@@ -1,6 +1,6 @@
 """Rate a calibration by a few figures.
 
-Long because each figure that is bad says in words what may be wrong and what to check.
+Long because each bad figure has a sentence about the likely cause and what to check.
 """
 
 from typing import Annotated, NamedTuple
@@ -27,23 +27,23 @@ from tactograph.nodes.optics.sheet import SheetLabels, SheetMask
 
 MAX_RESIDUAL = 0.05
 MIN_STEEPEST_SLOPE, SECTOR_COUNT = 0.5, 16
-"""Slope that the tables cover in every direction, and the directions that are looked at."""
+"""Slope that the tables should cover in every direction, and the number of directions."""
 MAX_LIGHT_MISMATCH = 0.03
 MAX_NOISE_RATIO = 1.3
-"""Multiple of the camera's noise up to which noise explains a departure."""
+"""Multiple of the camera's noise up to which a departure counts as noise."""
 MIN_ANGLE_DEG = 5.0
 """Angle between two LEDs below which they count as the same LED."""
 RING_SLANT_DEG = 15.0
-"""Range of the slants of LEDs that stand in one ring."""
+"""Range of the slants of LEDs in one ring."""
 HELDOUT_FIGURE = "film_heldout_deg"
 MAX_LED_WIDTHS = 100.0
-"""Widths of the image, beyond which light is parallel."""
+"""Distance of an LED, in widths of the image, beyond which its light is parallel."""
 MAX_ALBEDO, MAX_REFRACTION = 0.94, 1.59
-"""Albedo and refraction of a coat next to the largest that `fit_film` allows."""
+"""Albedo and refraction of a coat just below the largest that `fit_film` allows."""
 
 
 class Rating(NamedTuple):
-    """Figures, evidence against the calibration (a sentence each), and the verdict."""
+    """Figures, doubts about the calibration (one sentence each), and the verdict."""
 
     quality: Metrics
     doubts: list[str]
@@ -86,18 +86,17 @@ def rate_calibration(
     mask, lit : S x W, the pixels of known slope, and the LEDs that reach them
     model
         `fit_film` or `calibrate_lights`: the LEDs, K x 3 in mm, the root mean square residual of
-        their fit, K, and the film's albedo and refraction.  Under a coat the light is no smooth
-        function of the slope, and then that raises no warning.
+        their fit, K, and the film's albedo and refraction.  Under a coat the light is not a smooth
+        function of the slope, so `residual` gives no warning.
     goodness : of each ball, 0 to 1; 0 where none was found
     flat, noise
-        K x H x W, the film at rest, and the camera's noise, as `estimate_noise` returns it.
-        Residuals that noise explains raise no warning of a poor fit.
+        K x H x W, the film at rest, and the camera's noise, from `estimate_noise`.
+        Residuals within the noise give no warning of a poor fit.
     pixel : mm per px
-    radius : `judge_radius`: its figures, those of the fit among them, its doubts, and what is open
+    radius : `judge_radius`: figures (including those of the fit), doubts, and what is unconfirmed
     others : the doubts of other nodes
     force
-        Whether a ball's radius and a pixel size that contradict each other are accepted, with a
-        doubt.
+        Whether to accept a ball's radius and a pixel size that contradict each other, with a doubt.
 
     Returns
     -------
@@ -153,7 +152,7 @@ def rate_calibration(
     twins = _of_twins(lights)
     doubts += twins
     if pixel is not None and albedo is not None:
-        # A coat of the largest index trades off against the albedo under it, whatever the radius.
+        # At the largest index, coat and albedo trade off against each other at any radius.
         is_open = refraction is not None and refraction > MAX_REFRACTION
         is_explained = not radius_doubts and not is_poor
         scale = pixel * mask.shape[1], 0.0 if is_open else albedo
@@ -184,7 +183,7 @@ def rate_calibration(
 
 
 def _grain(flat: Light | None, noise: Noise | None, count: int) -> F4:
-    """Standard deviation of a pixel's light on the film at rest, per LED; 0 if not known."""
+    """The standard deviation of a pixel's light on the film at rest, by LED; 0 if unknown."""
     if flat is None or noise is None:
         return np.zeros(count, np.float32)
     level = np.maximum(np.median(flat.reshape(count, -1), axis=1), np.float32(1e-3))
@@ -196,17 +195,17 @@ def _of_twins(lights: LightPositions) -> list[str]:
     away = lights / np.linalg.norm(lights, axis=1, keepdims=True)
     alike = np.triu(away @ away.T > np.cos(np.radians(MIN_ANGLE_DEG)), 1)
     return [
-        f"LEDs {one + 1} and {other + 1} light the film from one place: is led{other + 1} a "
+        f"LEDs {one + 1} and {other + 1} light the film from the same place: is led{other + 1} a "
         f"copy of led{one + 1}, or does the same LED flash twice?"
         for one, other in np.argwhere(alike)[:1]
     ]
 
 
 def _note_order(lights: LightPositions) -> None:
-    """Warn of LEDs of one ring that are not numbered around it: the images may be swapped.
+    """Warn of LEDs in one ring that are not numbered around it: the images may be swapped.
 
-    The light of a calibration cannot tell: what is swapped in balls and flat frame alike is right
-    for touches that are swapped likewise.
+    The light cannot show that: images that are swapped alike in balls, flat frame and touches give
+    a right height.
     """
     slant = np.degrees(np.arctan2(np.hypot(lights[:, 0], lights[:, 1]), lights[:, 2]))
     if slant.min() < MIN_ANGLE_DEG or np.ptp(slant) > RING_SLANT_DEG:
@@ -216,7 +215,7 @@ def _note_order(lights: LightPositions) -> None:
     if not ((steps == 1).all() or (steps == len(lights) - 1).all()):
         order = ", ".join(str(k + 1) for k in np.roll(around, -int(np.argmin(around))))
         warn(
-            f"the LEDs are found around the film in the order {order}: if they are numbered around "
+            f"the LEDs stand around the film in the order {order}: if they are numbered around "
             "it, images are swapped"
         )
 
@@ -224,11 +223,11 @@ def _note_order(lights: LightPositions) -> None:
 def _of_scale(
     lights: LightPositions, width_mm: float, albedo: float, is_explained: bool
 ) -> list[str]:
-    """A doubt if only a wrong radius of the ball, or pixel size, explains the film.
+    """A doubt if only a wrong ball radius or pixel size explains the film.
 
-    Slopes that are too steep or too flat are made up for by LEDs at infinity, or by a film that
-    lights itself.  Parallel light is lawful, as telecentric lamps give it, where it explains the
-    light and no other radius does so better.
+    A fit compensates slopes that are too steep or too flat by LEDs at infinity, or by light from
+    film to film.  Parallel light, as from telecentric lamps, is accepted if it explains the light
+    and no other radius explains it better.
     """
     distance = np.linalg.norm(lights, axis=1)
     farthest = int(np.argmax(distance))
@@ -247,7 +246,7 @@ def _of_scale(
 
 
 def _directions(lights: LightPositions) -> Metrics:
-    """Slant, azimuth and distance of each LED, which can be checked against the sensor."""
+    """Slant, azimuth and distance of each LED, for comparison with the sensor."""
     rated: Metrics = {}
     for k, (x, y, z) in enumerate(lights.astype(np.float64), start=1):
         rated[f"slant_deg/led{k}"] = float(np.degrees(np.arctan2(np.hypot(x, y), z)))

@@ -1,4 +1,4 @@
-"""Tell presses that were taken under other light than the flat frame."""
+"""Detect presses that were taken under other light than the flat frame."""
 
 from pathlib import Path
 
@@ -19,17 +19,17 @@ from tactograph.nodes.trust.film_motion import film_motion, motion_in_words, mot
 from tactograph.nodes.trust.other_frame import other_frame
 
 SKIRT_RADII = 1.5
-"""Radius of the skirt, in contact radii: film within it is lifted, and shaded by its slope."""
+"""Radius of the skirt in contact radii; film within it is lifted, and darkened by its slope."""
 MIN_FREE_SHARE = 0.05
-"""Share of the frame that has to lie outside the skirts; else the whole frame counts."""
+"""Share of the frame that has to lie outside the skirts; otherwise the whole frame counts."""
 MAX_DEPARTURE = 0.08
-"""Departure of an LED's light that pressed film and flickering LEDs explain."""
+"""Departure of an LED's light up to which pressed film and flickering LEDs explain it."""
 MAX_ADDED, CELL_PX = 0.03, 4
-"""Other light (T3) over that of the film at rest, looked for on cells of so many pixels."""
+"""Largest added light (T3) relative to the film at rest, and the side of its cells in px."""
 MAX_MOTION = 0.02
-"""Motion of the film between flat frame and press over the image's width (T7)."""
+"""Largest motion of the film between flat frame and press, over the image's width (T7)."""
 NO_FILM_LIGHT = 0.1
-"""Light beside the balls, under all LEDs, up to which there is no film."""
+"""Light beside the balls, under all LEDs, below which there is no film."""
 _TAKEN_FLAT = (
     "the flat frame",
     "take both with one sensor and the same exposure, gain, gamma and LED currents, none of them "
@@ -43,7 +43,7 @@ _VENDORS_FLAT = (
     "level film by the light model `start`",
     "is it this sensor's, with the same exposure? Else give the untouched film, `folder`=DIR",
 )
-"""The other frame of the comparison, and the advice."""
+"""The frame that a press is compared with, and the advice."""
 
 
 @node
@@ -58,29 +58,29 @@ def rate_exposure(
     start: Path | None = None,
     folder: Path | None = None,
 ) -> Judged:
-    """Return the difference of the presses' untouched film from the flat frame; doubt it.
+    """Compare the untouched film of the presses with the flat frame, and doubt a large difference.
 
-    Heights follow from light relative to the flat frame, so exposure, gain, gamma and LED
-    currents have to be the same in both, and images have to lie alike.  The film beyond the balls'
-    skirts shows whether they were and do.
+    Heights follow from light relative to the flat frame, so exposure, gain, gamma, LED currents and
+    the camera's position have to be the same in both.  The film beyond the balls' skirts shows
+    whether they are.
 
     Parameters
     ----------
     light : K x S x W, the presses relative to the film at rest, on a sheet (`sheet`)
     flat : K x H x W, the film at rest
-    taken : K x H x W, the flat frame of which `rest_light` made `flat`; uniform if none was taken
+    taken : K x H x W, the flat frame before `rest_light`; uniform if none was taken
     circle, of
         The balls: x, y and contact radius in px of their press, B x 3, and the number of that
         press, B.
     names : the presses' names
     start, folder
-        The light model that gives the film at rest where there is no capture of it, and this.
+        The light model that gives the film at rest if there is no capture of it; and the capture.
 
     Returns
     -------
     ``rest_departure_percent``, the largest of all presses and LEDs, with its sign; a doubt for each
-    press that is mirrored, turned, exchanged or moved beside the flat frame, that flickers, or that
-    differs by more than pressed film and flickering LEDs explain.
+    press that is mirrored, turned, exchanged or moved relative to the flat frame, that flickers, or
+    that differs by more than pressed film and flickering LEDs explain.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def rate_exposure(
         if other := other_frame(cells[0] * cells[1], cells[1], far):
             doubts.append(
                 f"{where}beside the ball the images show the film of the flat frame {other}: take "
-                "press and flat frame in one way"
+                "press and flat frame in the same way"
             )
             continue
         led, level = _departure(press, free, where)
@@ -122,7 +122,7 @@ def rate_exposure(
             f"beside the ball the film does not lie where the flat frame shows it: {moved} (take "
             "both with the same camera, lens, zoom and crop)"
         )
-        # Light that was added evens the film's fall-off, as a zoom does.
+        # Added light evens out the film's fall-off, as a zoom does.
         added = added_share(*(a[:, far] for a in cells))
         is_lit = (
             f"under all LEDs the film beside the ball is {abs(added):.1%} "
@@ -131,7 +131,7 @@ def rate_exposure(
         )
         if abs(added) <= MAX_ADDED:
             doubts += [where + lies] * bool(moved)
-        elif moved and added < 0:  # other light brightens, unless the flat frame alone had it
+        elif moved and added < 0:  # other light brightens, unless only the flat frame had it
             doubts.append(f"{where}{lies}, or {is_lit}")
         else:
             doubts.append(f"{where}{is_lit}; or is it another zoom or crop?")
@@ -139,7 +139,7 @@ def rate_exposure(
 
 
 def _free(press: F4, circles: F4) -> NDArray[np.bool_]:
-    """Which pixels are film at rest: all, where balls leave too few."""
+    """The pixels that are film at rest; all pixels if the balls leave too few."""
     rows, columns = press.shape[1:]
     y, x = np.mgrid[:rows, :columns]
     free = np.ones((rows, columns), bool)
@@ -149,12 +149,12 @@ def _free(press: F4, circles: F4) -> NDArray[np.bool_]:
 
 
 def _departure(press: F4, free: NDArray[np.bool_], where: str) -> tuple[int, float]:
-    """Return the LED that departs most, and its light of the film at rest less 1."""
+    """Return the LED that departs most, and its light on the film at rest minus 1."""
     levels = np.median(press[:, free], axis=1) - 1
     if (levels < NO_FILM_LIGHT - 1).all():
         raise InputError(
-            f"{where}there is no film beside the ball, but darkness: press the ball into the film, "
-            "whose light at rest is what slopes and heights are measured by"
+            f"{where}the image is dark beside the ball: press the ball into the film, since slopes "
+            "and heights are measured relative to the light of the film at rest"
         )
     led = int(np.argmax(np.abs(levels)))
     return led, float(levels[led])

@@ -1,4 +1,4 @@
-"""What rings have against a calibration."""
+"""Collect the doubts that rings have about a calibration."""
 
 from tactograph.graph import node
 from tactograph.graph.rings import bring, brought
@@ -8,7 +8,7 @@ from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
 
 @node
 def ring_doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]:
-    """Return the doubts of all judges that rings bring (``judges/NAME.py``), by the judges' names.
+    """Return the doubts of all judges that rings bring (``judges/NAME.py``), sorted by name.
 
     Parameters
     ----------

@@ -9,13 +9,13 @@ from scipy.special import ndtr, stdtrit
 from tactograph.nodes import Metrics
 
 SURE_ODDS = 1e3
-"""Odds from which one explanation is preferred to another."""
+"""Odds above which one explanation is preferred to another."""
 MAX_ERROR_DEG = 3.0
 """Degrees of held-out error above which a calibration is doubtful."""
 
 
 class Judged(NamedTuple):
-    """Figures, what speaks against a calibration, a sentence each, and what nothing confirms."""
+    """Figures, doubts about a calibration (one sentence each), and what nothing confirms."""
 
     quality: Metrics
     doubts: list[str]
@@ -23,27 +23,27 @@ class Judged(NamedTuple):
 
     @classmethod
     def of_heldout(cls, figure: str, degrees: float | None) -> Self:
-        """Return a doubt if normals of what was held out are far off, or none was seen (NaN)."""
+        """Return a doubt if held-out normals are far off, or if none could be measured (NaN)."""
         quality = {} if degrees is None else {figure: degrees}
         if degrees is None or degrees <= MAX_ERROR_DEG:
             return cls(quality, [])
         if math.isnan(degrees):
             doubt = (
-                "no press could be checked by the others, as its contact is not seen where they "
-                "have it: press deeper, and check the ball's radius and the pixel size"
+                "no press could be checked by the others, since they do not find its contact: "
+                "press deeper, and check the ball's radius and the pixel size"
             )
         else:
             doubt = (
-                f"normals of what was held out are {degrees:.1f} degrees off, more than "
+                f"held-out normals are {degrees:.1f} degrees off, more than "
                 f"{MAX_ERROR_DEG:g}: check the ball's radius, the pixel size, the order of the "
                 "images, dirt on the ball, and that gamma and local contrast are off"
             )
         return cls(quality, [doubt])
 
     def verdict(self, figure: str) -> str:
-        """Return one sentence that leads with what counts.
+        """Return a sentence: the first doubt, else what nothing confirms, else the held-out error.
 
-        That is the first doubt, or what nothing confirms, or the held-out error, a `figure`.
+        `figure` is the name of that error.
         """
         against = [doubt for doubt in self.doubts if doubt != self.unconfirmed]
         if against:
@@ -53,17 +53,17 @@ class Judged(NamedTuple):
         if figure not in self.quality:
             return "nothing speaks against it"
         return (
-            f"nothing speaks against it; {figure} counts: normals of what was held out are "
+            f"nothing speaks against it; by {figure}, held-out normals are "
             f"{self.quality[figure]:.2g} degrees off"
         )
 
     def advice(self, advice: str) -> str:
-        """Return advice that does not say that all is well while something is doubtful."""
-        return f"settle first what is doubtful; else {advice}" if self.doubts else advice
+        """Return the advice, behind the doubts if there are any."""
+        return f"settle the doubts first; else {advice}" if self.doubts else advice
 
 
 class Advice(NamedTuple):
-    """Figures for programs, and one sentence for people."""
+    """Figures for programs, and a sentence for people."""
 
     quality: Metrics
     advice: str
@@ -72,11 +72,12 @@ class Advice(NamedTuple):
 def pays(before: list[float], after: list[float], odds: float = math.inf) -> bool:
     """Return whether a larger model lowers the held-out error by more than a standard error.
 
-    And, if `odds` are given, as a logarithm, whether it is the likelier one.
+    If (logarithmic) `odds` are given, it also has to be the likelier model.
 
-    The rule of one standard error (Breiman et al., "Classification and regression trees", 1984),
-    for errors by fold, which both models share.  Few folds tell the standard error badly, so that
-    it counts at the quantile of Student's distribution that is one of a normal distribution.
+    This is the rule of one standard error (L. Breiman et al., "Classification and regression
+    trees", 1984), for errors by fold, with the same folds for both models.  Few folds estimate the
+    standard error badly, so it is multiplied by the quantile of Student's distribution that
+    corresponds to one standard deviation of a normal distribution.
     """
     gained = np.subtract(before, after)
     errors = stdtrit(gained.size - 1, ndtr(1))
@@ -84,10 +85,10 @@ def pays(before: list[float], after: list[float], odds: float = math.inf) -> boo
 
 
 def log_odds(before: float, after: float, unknowns: int, values: float) -> float:
-    """Return the logarithm of a larger model's odds, by Schwarz, "Estimating the dimension of a
-    model", 1978.
+    """Return the logarithm of a larger model's odds (G. Schwarz, "Estimating the dimension of a
+    model", 1978).
 
-    `before` and `after` are the deviations that both models leave of so many independent values,
-    `unknowns` is how many more the larger one has.
+    `before` and `after` are the residual deviations of both models on `values` independent values;
+    `unknowns` is the number of additional unknowns of the larger model.
     """
     return values * math.log(before / after) - unknowns * math.log(values) / 2

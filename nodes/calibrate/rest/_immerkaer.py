@@ -1,4 +1,7 @@
-"""Noise, by a mask blind to smooth light (Immerkaer, "Fast noise variance estimation", 1996)."""
+"""Noise by a mask that is blind to smooth light.
+
+J. Immerkaer, "Fast noise variance estimation", 1996.
+"""
 
 from typing import Any
 
@@ -9,13 +12,13 @@ from numpy.typing import NDArray
 from tactograph.nodes import F4
 
 MASK_TAPS = np.array([1, -2, 1], np.float32)
-"""Taps along x and along y: blind to planes and twists; white noise of 1 gives 6."""
+"""Taps along x and along y, blind to planes and twists; the response to white noise of 1 is 6."""
 USED_SHARE, USED_MEAN = 0.8, 0.5586
-"""Share of the responses that are not edges, and their mean magnitude for a normal distribution."""
+"""Share of responses that are not edges, and their mean magnitude for a normal distribution."""
 
 
 def responses(plane: F4, apart: int = 1) -> F4:
-    """Magnitude of the mask's response to an image (H x W), with its taps `apart` pixels apart."""
+    """The magnitude of the mask's response to an image (H x W), with taps `apart` pixels apart."""
     taps = np.zeros(2 * apart + 1, np.float32)
     taps[::apart] = MASK_TAPS
     return np.abs(cv2.sepFilter2D(plane, -1, taps, taps, borderType=cv2.BORDER_REPLICATE))

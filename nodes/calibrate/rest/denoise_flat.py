@@ -15,13 +15,13 @@ from tactograph.nodes.optics.sheet import SheetLight, cut
 SCALES_PX = (4.0, 8.0, 16.0, 32.0)
 """Standard deviations of the Gaussians that separate the bands of detail."""
 MIN_SIDE_DEVIATIONS = 8
-"""Smallest side of an image, relative to a Gaussian's standard deviation."""
+"""Smallest side of an image for a Gaussian, in its standard deviations."""
 TREND_DEGREE = 6
 """Degree of the polynomial trend of the light over the image, which is always kept."""
 BLOCK_PX = 32
-"""Side of a block in px.  Only the calmer, untouched half of a press's blocks counts."""
+"""Side of a block in px; only the calmer half of a press's blocks, the untouched one, counts."""
 MARK_DEVIATIONS, CONFIRMED_SHARE = 5.0, 0.5
-"""Detail above this many standard deviations stays where presses show this share of it."""
+"""Detail above this many standard deviations is kept if presses show at least this share of it."""
 
 
 @node
@@ -29,8 +29,8 @@ def denoise_flat(flat: Light, image: SheetLight) -> Light:
     """Return the flat frame without the detail that the presses of a calibration do not show.
 
     The flat frame divides every capture, so its noise enters every result.  A real film also
-    settles with a different grain after every touch.  Whatever is fixed (albedo, dirt, markers,
-    the lens) also shows in the untouched parts of the presses.  So the logarithm of the light
+    settles with a different grain after every touch.  Fixed detail (albedo, dirt, markers, the
+    lens) also shows in the untouched parts of the presses.  So the logarithm of the light
     is split into bands of detail, and each band is multiplied by cov(flat, press) / var(flat)
     (Wiener's filter).  Strong detail that the presses show at the same pixel is kept, and so is
     everything coarser than the widest Gaussian.
@@ -74,9 +74,9 @@ def _confirmed(flat: F4, presses: list[F4]) -> F4:
 
 
 def _bands(plane: F4) -> tuple[list[F4], F4]:
-    """The detail between each scale and the next, and the remainder that is coarser.
+    """The detail between each scale and the next, and the coarser remainder.
 
-    The trend is removed first, so that the remainder may be mirrored at the borders.
+    Remove the trend first, so that the remainder can be mirrored at the borders.
     """
     trend = _trend(plane)
     residual = plane - trend
@@ -95,6 +95,6 @@ def _trend(plane: F4) -> F4:
 
 
 def _calm(band: F4) -> F4:
-    """1 for the blocks that vary least, 0 for the others."""
+    """1 for the half of the blocks that vary least, 0 for the other half."""
     rough = block_sums(band * band, BLOCK_PX)
     return np.asarray(rough <= np.median(rough), np.float32)

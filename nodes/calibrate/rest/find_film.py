@@ -11,15 +11,15 @@ from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, U1, Light, Mask
 
 FILM_PERCENTILE = 95
-"""Percentile of the light that is taken for that of film."""
+"""Percentile of the light that is taken as the film's."""
 RIM_LIGHT_SHARE = 0.5
-"""Light over that of film close by, which marks the blurred rim of a dark part."""
+"""Light relative to nearby film below which a pixel is the blurred rim of a dark part."""
 MIN_PART_SHARE, MIN_RIM_SHARE = 0.005, 0.05
-"""Shares of the frame and of its border that a dark part has, if it is no marker there."""
+"""Shares of the frame and of its border above which a dark part is no marker."""
 MARGIN_PX = 5
-"""Film beside a dark part that does not count as film either: the flat frame is smoothed."""
+"""Width of film beside a dark part that is excluded, since the flat frame is smoothed."""
 MAX_CONTINUED_RATIO = 1.5
-"""Limit of continued light, as a multiple of the light on the film."""
+"""Upper bound on continued light, as a multiple of the light on the film."""
 MAX_FIT_PIXELS = 20000
 """Number of pixels to which the fall-off of the light is fitted."""
 
@@ -50,10 +50,9 @@ def find_film(
     ----------
     flat : K x H x W, dark level subtracted
     visible
-        R x C, as fine as the flat frame or finer: 0 where the film's own shape hides it; None:
-        nowhere
+        R x C, as fine as the flat frame or finer: 0 where the film hides itself; None: nowhere
     dark : largest light of a dark pixel, as a share of the film's
-    warning : warn of parts without film
+    warning : whether to warn of parts without film
     """
     area = _area(flat, dark)
     if visible is not None:
@@ -96,7 +95,7 @@ def _area(flat: Light, dark: float) -> U1:
 
 
 def _continued(plane: F4, area: U1) -> F4:
-    """The light of an LED where there is no film, continued from the film."""
+    """The light of an LED, continued from the film over the rest of the frame."""
     inside = np.flatnonzero(area)
     inside = inside[:: 1 + inside.size // MAX_FIT_PIXELS]
     light = plane.ravel()[inside]

@@ -25,10 +25,10 @@ def full_rest(
     flat, dark : K x H x W and H x W, as taken
     binned, binned_dark
         K x h x w and h x w, from the calibration: with ambient light subtracted, or a model
-        if no flat frame was taken.  If the sizes are equal, these are the result.
+        if no flat frame was taken.  If the sizes are equal, these are returned.
     as_taken
-        Whether the flat frame is kept as taken, minus ambient light, whatever its size.  Then
-        it keeps details that `binned` lacks, such as markers that were filled in.
+        Whether to keep the flat frame as taken, minus ambient light, at any size, with details
+        that `binned` lacks, such as markers that were filled in.
     """
     if binned.shape == flat.shape and not as_taken:
         return Flat(binned, binned_dark)

@@ -15,19 +15,19 @@ from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 TILE_PX = 32
-"""Pixels along the side of a tile of film."""
+"""Side of a tile of film in pixels."""
 MAX_TILES, MIN_TILES = 400, 24
-"""About how many tiles are used per press and LED, and the fewest in all for a result."""
+"""Approximate number of tiles per press and LED, and the smallest number in total for a result."""
 CALM_SHARE, CALM_QUANTILE = 0.1, 0.65
-"""Share of the tiles in which at least only noise differs from cell to cell; and the value of this
-quantile for white noise of variance 1."""
+"""Share of tiles in which cells surely differ by noise alone, and the value of this quantile for
+white noise of variance 1."""
 CELL_PX, CELL_DISTANCE = 4, 2
 """Side of a cell in px, and distance of the compared cells in cells."""
 MAX_CORRELATION = 4.0
-"""Largest result: that of a mosaic with a colour in every fourth pixel.  Beyond it, the film
-itself differs."""
+"""Largest result: that of a mosaic with each colour in every fourth pixel.  A larger value is due
+to the film."""
 MIN_VARIANCE = 1e-12
-"""Smallest variance to divide by."""
+"""Lower bound on a variance in a denominator."""
 
 
 @node
@@ -79,9 +79,9 @@ def noise_correlation(
 
 
 def _of_cells(light: F4) -> NDArray[Any]:
-    """Pixel variance that would explain the noise of the cells, for each tile.
+    """The pixel variance that would explain the noise of the cells, for each tile.
 
-    The mask's taps are spaced apart, since neighbouring cells share noise, too.
+    The mask's taps skip cells, since neighbouring cells share noise, too.
     """
     rows, columns = (size // TILE_PX * TILE_PX for size in light.shape)
     cells = coarsen(light[None, :rows, :columns], factor=CELL_PX)[0]

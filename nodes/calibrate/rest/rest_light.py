@@ -24,8 +24,8 @@ def rest_light(
 
     Parameters
     ----------
-    flat : K x H x W, as `read_flat` returns it
-    lights, strength : K x 3 in mm, and K, as `calibrate_lights` returns them
+    flat : K x H x W, from `read_flat`
+    lights, strength : K x 3 in mm, and K, from `calibrate_lights`
     pixel : mm per px
     """
     if not is_uniform(flat):

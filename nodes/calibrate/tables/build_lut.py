@@ -24,7 +24,7 @@ class Lut(NamedTuple):
 
 
 class TablePixels(NamedTuple):
-    """Pixels of the tables that no object was pressed for, as a sheet of one row."""
+    """Pixels of the tables without a pressed object, as a sheet of one row."""
 
     light: SheetLight
     slope: SheetSlope
@@ -33,7 +33,7 @@ class TablePixels(NamedTuple):
 
     @classmethod
     def of(cls, light: NDArray[Any], slope: NDArray[Any], lit: NDArray[Any]) -> Self:
-        """Return pixels by their light K x N, slope 2 x N and the LEDs that reach them, N."""
+        """Return pixels from their light K x N, slope 2 x N, and the LEDs that reach them, N."""
         return cls(
             np.asarray(light, np.float32)[:, None],
             np.asarray(slope, np.float32)[:, None],
@@ -46,9 +46,9 @@ class TablePixels(NamedTuple):
 def build_lut(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Lut:
     """List light and slope of every calibration pixel that at least K-1 LEDs reach.
 
-    This makes the table of the paper's Figure 4 and those of section 3.3.  The latter must hold
-    every pixel that THEIR lights reach, even where the LED left out does not: built from fully
-    lit pixels only, they would end before the steep side begins.
+    These pixels form the table of the paper's Figure 4 and the tables of section 3.3.  A table
+    without one LED has to contain every pixel that the other LEDs reach: built from fully lit
+    pixels only, it would end before the steep side begins.
 
     Parameters
     ----------
@@ -74,6 +74,6 @@ def build_lut(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Lut:
 
 
 def in_tables(mask: U1, lit: U1, count: int) -> NDArray[np.bool_]:
-    """Return where a pixel of known slope is reached by at least all of `count` LEDs but one."""
+    """Return the pixels of known slope that at least `count` - 1 of `count` LEDs reach."""
     reached = np.bitwise_count(lit & np.uint8((1 << count) - 1))
     return (mask > 0) & (reached >= max(3, count - 1))

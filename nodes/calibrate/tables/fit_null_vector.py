@@ -20,9 +20,9 @@ class NullFit(NamedTuple):
 def fit_null_vector(light: Light, mask: Mask, lit: Labels) -> NullFit:
     """Find a with a.I = 0: the eigenvector of I I^T for the smallest eigenvalue (section 3.2).
 
-    The shadow threshold lambda is chosen in multiples of the spread.  Three light
-    directions are linearly independent, so with three LEDs there is no such vector: zeros are
-    returned, and the shadow test refuses them.
+    The shadow threshold lambda is a multiple of the spread.  Three light directions are linearly
+    independent, so with three LEDs there is no such vector: zeros are returned, and the shadow
+    test refuses them.
 
     Parameters
     ----------
@@ -52,6 +52,6 @@ def fit_null_vector(light: Light, mask: Mask, lit: Labels) -> NullFit:
     null = np.linalg.eigh(lit_light @ lit_light.T)[1][:, 0]
     null *= np.sign(null[np.argmax(np.abs(null))])
     residual = null @ lit_light
-    # Median absolute deviation, so that the few remaining shadowed pixels do not widen it.
+    # Median absolute deviation, so that the few remaining shadowed pixels do not increase it.
     spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual - np.median(residual)))
     return NullFit(null.astype(np.float32), float(spread))

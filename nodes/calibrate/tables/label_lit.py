@@ -18,10 +18,10 @@ def label_lit(
 ) -> Labels:
     """Set bit k-1 where LED k gives more light than `black`, or where it does not.
 
-    On a known convex object every darker pixel is in attached shadow.  Such pixels must stay
-    out of the fits: with black pixels in its fit, the null vector of equation 11 detects
-    nothing.  Three lights also leave no fourth for the shadow test of equation 11, so darkness
-    is the only sign of a shadow.
+    On a known convex object every darker pixel is in attached shadow.  Such pixels have to be
+    excluded from the fits: a null vector (equation 11) fitted to black pixels detects nothing.
+    With three LEDs the shadow test of equation 11 does not exist, so darkness is the only sign of
+    a shadow.
 
     Parameters
     ----------

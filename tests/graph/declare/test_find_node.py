@@ -198,4 +198,4 @@ def test_an_installed_package_is_seen_by_the_command_line(install: Install, tmp_
     command = ("-m", "tactograph.graph.command", "nodes", "acme_scale")
     done = python(*command, cwd=tmp_path, PYTHONPATH=folder.parent, PATH="")
     assert done.stdout.startswith("# acme_scale\n\nMultiply the light.")
-    assert "Of the package acme-optics" in done.stdout
+    assert "Package acme-optics" in done.stdout

@@ -67,8 +67,8 @@ def test_a_new_ring_passes_its_own_tests_once_installed(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["brighten"], "say ROOM/brighten, with a room of light"),
-        (["light/flat_field"], "there is a node 'flat_field' already"),
+        (["brighten"], "write ROOM/brighten; rooms are light"),
+        (["light/flat_field"], "node 'flat_field' exists already"),
         (["light/Flat"], "lower-case"),
         (["light/class"], "a Python keyword"),
         (["light/a-b"], "lower-case"),

@@ -192,7 +192,7 @@ def test_a_node_that_is_still_read_is_told_at_the_change_that_takes_it_out(write
     ("change", "wrong"),
     [
         ("{replace: height, op: pixel_size, in: {}, with: {mm: 0.1}}", "a number is not an array"),
-        ("{replace: slope, op: rest_at_border, in: {height: height}}", "makes no 'slope'"),
+        ("{replace: slope, op: rest_at_border, in: {height: height}}", "has no output 'slope'"),
     ],
 )
 def test_a_reader_that_a_replaced_node_does_not_suit_is_told_with_the_change(

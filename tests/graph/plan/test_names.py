@@ -51,9 +51,9 @@ def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
         ("height: height,", "height: hight,",
          "nodes.slope.in.height: there is no node 'hight'; did you mean 'height'?"),
         ("slope: slope.slope", "slope: slope",
-         "node 'slope' has several outputs; say which: slope.slope, slope.mask"),
+         "node 'slope' has several outputs; name one of slope.slope, slope.mask"),
         ("slope: slope.slope", "slope: slope.slop",
-         "nodes.again.in.slope: node 'slope' makes no 'slop'; did you mean 'slope'?"),
+         "nodes.again.in.slope: node 'slope' has no output 'slop'; did you mean 'slope'?"),
         ("{mm: 0.1}", "{mm: 0}",
              "nodes.pixel.with.mm: input should be greater than or equal to 0.000001, not 0"),
         ("{mm: 0.1}", "{mmm: 0.1}", "node 'pixel_size' has no parameter 'mmm'; did you mean 'mm'?"),
@@ -63,7 +63,7 @@ def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
         ("height: again", "height: agian",
          "11:11: outputs.height: there is no node 'agian'; did you mean 'again'?"),
         ("mask: slope.mask", "mask: slope.flag",
-         "outputs.mask: node 'slope' makes no 'flag'; it makes slope, mask"),
+         "outputs.mask: node 'slope' has no output 'flag'; it has slope, mask"),
     ],
 )  # fmt: skip
 def test_a_name_that_means_nothing_is_an_error_with_its_place(
@@ -86,7 +86,7 @@ def test_a_name_that_means_nothing_is_an_error_with_its_place(
          "the neutral nodes pass on one another in a cycle"),
         ("one: {op: touches}\n  two: {op: touches}\n"
          "  a: {op: watched, in: {image: one.image, truth: two.truth}}", "a",
-         "a graph has one stream; 'one' is one already"),
+         "a graph has one stream, and 'one' begins it"),
         ("one: {op: touches}\n  a: {op: noted, in: {image: one.image}}", "a",
          "outputs.read: node 'a' only writes"),
         ("p: {op: pixel_size, with: {mm: 1}}", "",
@@ -172,7 +172,7 @@ outputs: {b: b}
     [
         ("{op: rest_at_border, neutral: true}", "a.in: node 'rest_at_border' needs the input"),
         ("{op: rest_at_border, in: {height: zz}, neutral: true}", "there is no node 'zz'"),
-        ("{op: rest_at_border, in: {height: z.y}, neutral: true}", "node 'z' makes no 'y'"),
+        ("{op: rest_at_border, in: {height: z.y}, neutral: true}", "node 'z' has no output 'y'"),
         ("{op: rest_at_border, in: {height: s}, neutral: true}", "node 's' has several outputs"),
         ("{op: integrate_dct, in: {slope: s.slope}, neutral: true}", "has no neutral value"),
     ],

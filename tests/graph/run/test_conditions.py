@@ -101,7 +101,7 @@ nodes:"""
     ("condition", "message"),
     [
         ("frames.image", "an array of integers; frames.image is float32 K x H x W"),
-        ("previous.found.pixel", "a condition is of the same item"),
+        ("previous.found.pixel", "a condition cannot be a previous value"),
         ("nothing", "nothing"),
     ],
 )
@@ -167,7 +167,7 @@ def test_turns_are_absent_where_what_they_need_is() -> None:
         ("in: {image: sum}, with", "in: {image: sum, else: twice}, with", "'else' needs 'when'"),
         ("outputs: {light: up",
          "  last: {op: doubled, in: {image: up, when: up.still.pixel, else: up.3.still}}\n"
-         "outputs: {light: up", "'up.3.still' does not make what 'last' does"),
+         "outputs: {light: up", "'up.3.still' has other outputs than 'last'"),
     ],
 )  # fmt: skip
 def test_a_wrong_end_of_turns_is_refused(old: str, new: str, message: str) -> None:

@@ -105,7 +105,7 @@ def test_an_item_of_a_source_with_other_settings_is_not_there(how: str) -> None:
     else:
         pipeline.aim(count=2)
     for look in (pipeline.again, lambda: pipeline.inspect("twice")):
-        with pytest.raises(InputError, match=r"'frames' has other settings .* items\(\)"):
+        with pytest.raises(InputError, match=r"settings of 'frames' changed .* items\(\)"):
             look()
     last = list(pipeline.items())[-1]["seen"]
     np.testing.assert_array_equal(pipeline.inspect("twice"), last)
@@ -196,8 +196,8 @@ def test_a_value_from_inside_can_be_looked_at(toys: list[str], backend: str) -> 
     ("reference", "message"),
     [
         ("ligth", "no node 'ligth' is run; did you mean 'light'"),
-        ("cal", r"say which value; 'cal' makes cal\.flat, cal\.dark"),
-        ("light.height", r"'light' makes light\.flat_field"),
+        ("cal", r"name one value; 'cal' has cal\.flat, cal\.dark"),
+        ("light.height", r"'light' has light\.flat_field"),
     ],
 )
 def test_a_value_that_is_not_there_is_told(reference: str, message: str) -> None:
@@ -210,7 +210,7 @@ def test_a_value_that_is_not_there_is_told(reference: str, message: str) -> None
 def test_inspect_and_again_need_an_item() -> None:
     pipeline = load(graph_of(CHAIN), backend="numpy")
     pipeline(frames=STACK)
-    with pytest.raises(InputError, match="no item has run since results are kept; run one now"):
+    with pytest.raises(InputError, match="no item has cached results; run one now"):
         pipeline.inspect("light")
     pipeline(frames=STACK)
     np.testing.assert_array_equal(pipeline.inspect("light"), STACK)

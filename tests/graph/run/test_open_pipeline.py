@@ -69,7 +69,7 @@ def test_strict_is_content_where_nothing_falls_back() -> None:
     [
         ({"strict": True}, "--strict: light runs on numpy: opencl is preferred"),
         ({"backend": "opencl"}, "--backend opencl: no OpenCL device works"),
-        ({"backend": "cuda"}, "there is no back end 'cuda'"),
+        ({"backend": "cuda"}, "no back end is called 'cuda'"),
     ],
 )
 def test_what_cannot_run_as_demanded_is_refused(

@@ -129,7 +129,7 @@ def test_a_result_is_a_mapping_of_its_outputs() -> None:
     (result, *_) = opened(STREAM).items()
     assert set(result) == {"light", "score"}
     assert "height" not in result
-    with pytest.raises(KeyError, match="no output 'height'; there are light, score"):
+    with pytest.raises(KeyError, match="no output 'height'; it has light, score"):
         result["height"]
 
 
@@ -167,8 +167,8 @@ class OnAnotherDevice:
             np.ma.masked_array(np.ones((3, 4, 5)), np.eye(4, 5) * np.ones(3)[:, None, None]),
             "masked",
         ),
-        ([[[1.0, 2.0]], [[1.0]]], "a stack of images cannot be made of list"),
-        (OnAnotherDevice(), "of OnAnotherDevice: copy it to the host first"),
+        ([[[1.0, 2.0]], [[1.0]]], "a stack of images: a list is not an array"),
+        (OnAnotherDevice(), "OnAnotherDevice is not an array: copy it to the host first"),
         (np.zeros((3, 4, 6), np.float32), "6 columns of pixels in frames.image, but 5 in cal.flat"),
         (np.zeros((4, 4, 5), np.float32), "4 lights in frames.image, but 3 in cal.flat"),
     ],
@@ -238,7 +238,7 @@ def test_a_graph_whose_stream_is_given_needs_its_other_files_too() -> None:
 @pytest.mark.parametrize("names", [(), ("light",), ("frames", "light")])
 def test_exactly_the_sources_that_wait_are_stood_in_for(names: tuple[str, ...]) -> None:
     pipeline = load(graph_of(WAITING), backend="numpy")
-    with pytest.raises(InputError, match=r"arrays are needed for \['frames'\]"):
+    with pytest.raises(InputError, match=r"needs arrays for \['frames'\]"):
         pipeline(**dict.fromkeys(names, np.ones((3, 4, 5), np.float32)))
     with pytest.raises(InputError, match="call the pipeline with arrays for frames"):
         next(pipeline.items())
@@ -246,7 +246,7 @@ def test_exactly_the_sources_that_wait_are_stood_in_for(names: tuple[str, ...]) 
 
 def test_a_pipeline_with_a_stream_of_its_own_is_not_called() -> None:
     pipeline = load(graph_of(WAITING), backend="numpy", count=2)
-    with pytest.raises(InputError, match=r"'frames' yields a stream of its own; go through items"):
+    with pytest.raises(InputError, match=r"'frames' yields the items itself; iterate"):
         pipeline()
     assert len(list(pipeline.items())) == 2
 
@@ -353,9 +353,9 @@ def test_a_once_only_step_that_failed_is_tried_afresh(height_file: str) -> None:
     [
         ("failing", NodeError, r"node 'light' \(failing\) failed: RuntimeError: a careless node"),
         ("refusing", InputError, "image.png: too dark"),
-        ("forgetful", NodeError, "declares float32 K x H x W .* but made a NoneType"),
-        ("listing", NodeError, "declares float32 K x H x W .* but made a list"),
-        ("doubtful", NodeError, "declares float32 K x H x W .* but made float64"),
+        ("forgetful", NodeError, "declares float32 K x H x W .* but returned a NoneType"),
+        ("listing", NodeError, "declares float32 K x H x W .* but returned a list"),
+        ("doubtful", NodeError, "declares float32 K x H x W .* but returned float64"),
     ],
 )
 def test_a_node_that_fails_is_named(
@@ -368,7 +368,7 @@ def test_a_node_that_fails_is_named(
 
 def test_only_the_caller_may_hand_in_a_cameras_integers(backend: str) -> None:
     text = STREAM.replace("op: touches, with: {count: $count}", "op: byte_touches")
-    with pytest.raises(NodeError, match=r"declares float32 K x H x W .* but made uint8"):
+    with pytest.raises(NodeError, match=r"declares float32 K x H x W .* but returned uint8"):
         list(opened(text, backend).items())
 
 

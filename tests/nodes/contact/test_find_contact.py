@@ -90,7 +90,7 @@ def test_more_contacts_than_may_be_numbered_are_told() -> None:
         found = find_contact(height, most=2)
     assert (found[24, 31], found[24, 12], found[24, 50]) == (1, 2, 0)
     (note,) = notes
-    assert note.startswith("3 contacts, of which the 2 largest are numbered; `most`")
+    assert note.startswith("3 contacts; the 2 largest are numbered (`most`")
 
 
 def test_a_pin_within_a_ring_is_a_contact_of_its_own() -> None:

@@ -135,7 +135,7 @@ def test_all_contacts_count_and_the_largest_are_measured() -> None:
     areas = [name for name in figures if name.startswith("contact_area")]
     assert areas == [f"contact_area_mm2/c{number}" for number in (1, 2, 3)]
     assert notes == [
-        "of all contacts (figure 'contacts') the 3 largest are measured; `most` sets how many"
+        "of all contacts (figure 'contacts') only the 3 largest are measured; `most` sets how many"
     ]
 
 

@@ -11,7 +11,7 @@ from tactograph.nodes.contact.touch_in_words import touch_in_words
         ({"contacts": 0.0, "trust": 0.981, "check_light": 0.2}, "no contact; trust 0.98"),
         (
             {"contacts": 1.0, "contact_depth_mm/c1": 0.6149, "trust": 4.2e-6},
-            "1 contact, 0.61 mm deep; trust 4.2e-06, which no light was checked for",
+            "1 contact, 0.61 mm deep; trust 4.2e-06 (without a check of the light)",
         ),
         (
             {"contacts": 2.0, "contact_depth_mm/c1": 0.2, "contact_depth_mm/c2": 1.25},

@@ -25,7 +25,7 @@ def test_a_piece_lies_apart_by_what_its_slopes_say() -> None:
     assert found[:, :10] == pytest.approx(0.3, abs=0.003)
     assert not found[:, 16:].any()
     assert (np.diff(found[:, 9:17], axis=1) < 0).all()
-    assert "0.3 mm above or below other such film" in line
+    assert "0.3 mm above or below another" in line
 
 
 def test_pieces_as_far_apart_as_film_of_one_wanders_lie_together() -> None:

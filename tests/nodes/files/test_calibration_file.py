@@ -210,8 +210,8 @@ SPOIL = {
     ),
     "'flat' holds -0.5": lambda f: change(f, flat=np.full((4, 6, 8), -0.5, np.float32)),
     "'area' shows film at 0 of 48": lambda f: change(f, area=np.zeros((6, 8), np.uint8)),
-    "'lut_light' holds the same": lambda f: change(f, lut_light=np.ones((50, 4), np.float32)),
-    "'lut_slope' holds the same": lambda f: change(f, lut_slope=np.ones((50, 2), np.float32)),
+    "'lut_light' is the same for all": lambda f: change(f, lut_light=np.ones((50, 4), np.float32)),
+    "'lut_slope' is the same for all": lambda f: change(f, lut_slope=np.ones((50, 2), np.float32)),
     "it holds 'flat' twice": lambda f: add_again(f, "flat.npy"),
     "'flat' is empty": lambda f: change(f, flat=random(4, 0, 8)),
     "'lut_light' is empty": lambda f: change(
@@ -244,7 +244,7 @@ def test_a_spoilt_file_is_refused_with_the_reason(file: Path, message: str) -> N
     ("film", "why"),
     [
         (FILM._replace(lights=np.full((4, 3), 1e39)), "'lights' holds NaN or infinite values"),
-        (FILM._replace(lights=-random(4, 3)), "'lights' holds an LED that is not above the film"),
+        (FILM._replace(lights=-random(4, 3)), "'lights' has an LED that is not above the film"),
         (FILM._replace(gain=30.0), "'gain' holds 30, which no sensor has"),
     ],
 )

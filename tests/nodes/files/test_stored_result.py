@@ -47,5 +47,5 @@ def test_a_view_that_is_none_is_refused(tmp_path: Path, lens: object) -> None:
     file = write(tmp_path, SEEN)
     result = tmp_path / "result.json"
     result.write_text(json.dumps({**json.loads(result.read_text()), "lens": lens}))
-    with pytest.raises(InputError, match="states no view"):
+    with pytest.raises(InputError, match="view is damaged"):
         StoredResult.beside(file).view(file)

@@ -31,7 +31,7 @@ def test_a_cell_is_the_mean_of_its_pixels_or_its_first_one() -> None:
 
 def test_a_cell_is_so_many_pixels_wide() -> None:
     assert coarsen_pixel(0.05, factor=4) == pytest.approx(0.2)
-    with pytest.raises(InputError, match="give that as `like`"):
+    with pytest.raises(InputError, match="give the image as `like`"):
         coarsen_pixel(0.05, factor=0)
 
 

@@ -47,7 +47,7 @@ def test_what_a_touch_leaves_beyond_the_presses_widens_the_band_and_is_told() ->
     assert found == pytest.approx([np.sqrt(LEFT[0] ** 2 + beyond), 1, 0, 0.02, tilt], rel=1e-3)
     (line,) = told
     assert "departs from the film's model by 2.0 %" in line
-    assert "times as wide" in line
+    assert "times as large" in line
 
 
 def test_noise_alone_widens_no_band() -> None:

@@ -43,5 +43,5 @@ def test_noise_that_hides_shadows_makes_it_a_compromise() -> None:
 
 def test_a_press_without_shadows_has_no_best_threshold() -> None:
     light, slope = table(0.01, 0.0)
-    with pytest.raises(InputError, match="0 are in shadow"):
+    with pytest.raises(InputError, match="0 of the calibration"):
         best_threshold(light, ALL, slope / 3, LIGHTS, NULL)

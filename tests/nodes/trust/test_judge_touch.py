@@ -66,14 +66,14 @@ def test_a_calibration_without_ranks_says_that_nothing_is_checked() -> None:
 
 def test_a_warning_says_the_cause_and_the_cure() -> None:
     (line,) = told(1.9)
-    assert line.startswith("the slopes are those of no surface (check the order of the images")
+    assert line.startswith("no surface has these slopes (check the order of the images")
     assert line.endswith("; the height may be wrong")
     assert "\n" not in line
 
 
 def test_the_worst_cause_is_named_first_and_what_passed_is_not() -> None:
     (line,) = told(9.0, rest=0.8, light=0.1)
-    slopes, led = line.index("slopes are those of no surface"), line.index("LED 2 is darker by 20%")
+    slopes, led = line.index("no surface has these slopes"), line.index("LED 2 is darker by 20%")
     assert slopes < led
     assert "the light of the touch" not in line
 
@@ -114,7 +114,7 @@ def test_what_fails_all_checks_is_refused_unless_forced() -> None:
     with pytest.raises(InputError) as refused:
         judged(**wrong)
     line = str(refused.value)
-    assert all(cause in line for cause in ("slopes are those", "LED 2 is darker", "light of the"))
+    assert all(cause in line for cause in ("has these slopes", "LED 2 is darker", "light of the"))
     assert line.endswith("no height follows; `force`=true goes on all the same")
     assert len(told(**wrong, force=True)) == 1
     assert judged(**wrong, force=True)["trust"] < 1e-6

@@ -213,7 +213,7 @@ def covered(*places: tuple[float, float], contact: float = 40.0) -> str:
         ([(40, 40), (120, 40), (120, 80)], 30, "press at the lower left, deeper, or with a sma"),
         ([(40, 40), (120, 40), (120, 80)], 45, "press at the lower left: contacts cover "),
         ([(40, 40), (120, 40), (120, 80), (40, 80)], 40, "nothing more is needed"),
-        ([(40, 40)], 49, "and one press has no other to be checked by"),
+        ([(40, 40)], 49, "and a single press cannot be checked by another"),
     ],
 )
 def test_what_to_press_next(places, contact: float, advice: str) -> None:

@@ -134,5 +134,5 @@ def test_light_that_was_added_to_the_press_alone_is_told(added: float, told: boo
 def test_light_that_flickers_while_rows_are_read_is_told_as_bands() -> None:
     rows = np.float32(1 - 0.2 * np.sin(np.arange(40) / 2))[:, None]
     _, said = rated(press(0.85) * rows)
-    assert said.startswith("ball: whole rows are brighter or darker than those beside them")
+    assert said.startswith("ball: whole rows are brighter or darker than their neighbours")
     assert "same exposure" not in said

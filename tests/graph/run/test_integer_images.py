@@ -72,7 +72,7 @@ def test_a_source_is_told_who_reads_its_images(sent: list[str], graph: str, kind
 def test_a_source_that_is_not_asked_for_integers_may_yield_them_all_the_same(
     monkeypatch: pytest.MonkeyPatch, backend: str
 ) -> None:
-    monkeypatch.setattr(HostValues, "whole_images", lambda *_: {"whole": True})
+    monkeypatch.setattr(HostValues, "whole_keyword", lambda *_: {"whole": True})
     (result,) = load(graph_of(READ_BY_THE_HOST), backend=backend).items()
     np.testing.assert_array_equal(result["more"], 2 * (WHOLE / np.float32(255)))
 

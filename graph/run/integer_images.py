@@ -1,4 +1,4 @@
-"""Images that stay the camera's unsigned integers where a device can read those."""
+"""Keep images as the camera's unsigned integers if only kernels read them."""
 
 from typing import Any
 
@@ -10,24 +10,24 @@ from tactograph.graph.plan.plan import Plan
 from tactograph.graph.run.previous_values import recalled_values
 
 
-def read_whole(plan: Plan) -> set[Value]:
-    """Images that may stay a camera's integers, since every reader's kernel takes those.
+def integer_values(plan: Plan) -> set[Value]:
+    """The images that may stay integers, since every reader's kernel takes integers.
 
-    They come from callers, from sources, and from idle nodes that hand them on.
+    They come from callers, from sources, and from idle nodes that pass them on.
     """
-    tasks = [t for t in plan.tasks.values() if may_be_whole(t) or t.node.is_idle is not None]
+    tasks = [t for t in plan.tasks.values() if may_give_integers(t) or t.node.is_idle is not None]
     values = {Value(task.id, port) for task in tasks for port in task.node.outputs}
     needed = {*plan.outputs.values(), *recalled_values(plan)}
-    whole_values = {value for value in values if may_be_whole(plan.tasks[value.node])}
-    return {value for value in whole_values | (values - needed) if _is_read_whole(plan, value)}
+    given = {value for value in values if may_give_integers(plan.tasks[value.node])}
+    return {value for value in given | (values - needed) if _readers_take_integers(plan, value)}
 
 
-def may_be_whole(task: Task) -> bool:
-    """Return whether a caller or a source may give integers for images."""
+def may_give_integers(task: Task) -> bool:
+    """Return whether a caller or a source may yield images as integers."""
     return task.stand_in or task.node.whole is not None
 
 
-def goes_up(plan: Plan, task: Task) -> bool:
+def only_device_reads(plan: Plan, task: Task) -> bool:
     """Return whether only the device reads a source's images, so that they can stay integers."""
     value = Value(task.id, next(iter(task.node.outputs)))
     readers = [step for step in plan.steps if value in step.reads]
@@ -35,7 +35,7 @@ def goes_up(plan: Plan, task: Task) -> bool:
     return not host and bool(readers) and all(step.on_device for step in readers)
 
 
-def _is_read_whole(plan: Plan, value: Value) -> bool:
+def _readers_take_integers(plan: Plan, value: Value) -> bool:
     return all(
         task.node.reads_integers(name, plan.placements[task.id].backend)
         for task in plan.tasks.values()
@@ -44,14 +44,14 @@ def _is_read_whole(plan: Plan, value: Value) -> bool:
     )
 
 
-def is_whole(array: Any) -> bool:
+def holds_integers(array: Any) -> bool:
     """Return whether an array holds images as unsigned integers."""
     return isinstance(array, np.ndarray) and array.ndim == 3 and array.dtype.kind == "u"
 
 
 def in_fractions(task: Task, result: Any) -> Any:
-    """A task's result, with integer images converted to fractions of full scale."""
-    return as_fractions(result) if may_be_whole(task) and is_whole(result) else result
+    """A task's result; integer images become fractions of full scale."""
+    return as_fractions(result) if may_give_integers(task) and holds_integers(result) else result
 
 
 def as_fractions(array: NDArray[Any]) -> NDArray[np.float32]:
