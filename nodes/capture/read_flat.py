@@ -11,7 +11,7 @@ from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.capture.read_capture import CaptureFile, Layout, read_capture
 from tactograph.nodes.files.calibration_file import dark_led
-from tactograph.nodes.files.image_files import lights_of, read_plane
+from tactograph.nodes.files.image_files import lights_of
 
 
 class Flat(NamedTuple):
@@ -55,7 +55,7 @@ def read_flat(
     if black is None:
         black = np.zeros((height, width), np.float32)
     if dark is not None:
-        black = read_plane(dark, layout.crop, layout.channel, CaptureFile.read(dark.parent).bits)
+        black = layout.plane(dark, CaptureFile.read(dark.parent).bits)
     if black.shape != (height, width):
         raise InputError(
             f"{dark}: is {black.shape[1]} x {black.shape[0]} pixels, the capture {width} x {height}"

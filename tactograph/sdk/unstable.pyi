@@ -154,12 +154,10 @@ from tactograph.nodes.capture.read_balls import (
     BallPresses as BallPresses,
     Radii as Radii,
     StatedCircles as StatedCircles,
-    read_presses as read_presses,
 )
 from tactograph.nodes.capture.read_capture import (
     CaptureFile as CaptureFile,
     Layout as Layout,
-    read_images as read_images,
 )
 from tactograph.nodes.contact.largest_contacts import (
     LargestContacts as LargestContacts,
@@ -178,7 +176,6 @@ from tactograph.nodes.files.image_files import (
     MAX_PIXELS as MAX_PIXELS,
     Channel as Channel,
     read_numbers as read_numbers,
-    read_plane as read_plane,
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
@@ -196,8 +193,7 @@ from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
 )
 from tactograph.nodes.optics.gauss_newton import (
-    limited_step as limited_step,
-    normal_by_slope as normal_by_slope,
+    SlopeNormal as SlopeNormal,
 )
 from tactograph.nodes.optics.harmonics import (
     harmonics as harmonics,
@@ -209,7 +205,6 @@ from tactograph.nodes.optics.near_light import (
 )
 from tactograph.nodes.optics.normals import (
     cofactors as cofactors,
-    dot as dot,
 )
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
