@@ -16,7 +16,7 @@ from accuracy import DATA, PIXEL_MM, measure, number, row
 
 from tactograph.graph import load
 from tactograph.graph.run.open_pipeline import open_pipeline
-from tactograph.nodes.capture.read_capture import Layout, read_images
+from tactograph.nodes.capture.read_capture import Layout
 
 RIGS = ("far28", "near33")
 SHAPES = ("sphere_film", "cat_film", "cat")
@@ -92,7 +92,7 @@ def fades(data: Path, calibrations: dict[str, Path]) -> None:
     row("rig", "faded", "graph", "sphere_film / px", "film at rest / px")
     row(*["---"] * 5)
     for rig, calibration in calibrations.items():
-        images = {n: read_images(data / rig / n, Layout()) for n in ("sphere_film", "flat")}
+        images = {n: Layout().images(data / rig / n) for n in ("sphere_film", "flat")}
         truth = np.load(data / rig / "sphere_film" / "truth_height_mm.npy")
         for name, gains in FADES.items():
             gain = np.array(gains, np.float32)[:, None, None]

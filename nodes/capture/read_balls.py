@@ -1,6 +1,5 @@
 """Read the presses of one or several balls from which a sensor is calibrated."""
 
-import os
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -10,13 +9,7 @@ from annotated_types import Gt
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.capture.listed_capture import ListedCapture, listed_capture
-from tactograph.nodes.capture.read_capture import (
-    Capture,
-    CaptureFile,
-    Layout,
-    read_capture,
-)
-from tactograph.nodes.files.image_files import lights_of
+from tactograph.nodes.capture.read_capture import CaptureFile, Layout
 from tactograph.nodes.optics.sheet import SheetLight
 
 MAX_MARK_DIFFERENCE = 0.1
@@ -80,7 +73,7 @@ def read_balls(
         As `read_capture`; if `flat` is `folder`; if presses differ in size; if a ball's radius is
         not given, or the number of radii does not match the number of presses.
     """
-    captures = read_presses(folder, layout, flat)
+    captures = layout.presses(folder, flat)
     first = captures[0].image
     names = [capture.name for capture in captures]
     if len(names) > 1 and (center_px is not None or contact_px is not None):
@@ -115,24 +108,6 @@ def read_balls(
         np.array(marks, np.float32) if marks else None,
         captures[0].pixel_size,
     )
-
-
-def read_presses(folder: Path, layout: Layout, flat: Path | None) -> list[Capture]:
-    """Return the captures of a folder, in order of name, if all are of one size.
-
-    It must not be `flat`, that of the untouched film.
-    """
-    if flat is not None and os.path.realpath(flat) == os.path.realpath(folder):
-        raise InputError(f"`flat`={flat}: is the folder of the presses; give the untouched film's")
-    captures = [*read_capture(folder=folder, **layout._asdict())]
-    first = captures[0].image
-    for capture in captures:
-        if capture.image.shape != first.shape:
-            raise InputError(
-                f"{folder / capture.name}: is {lights_of(capture.image)}, but {captures[0].name} "
-                f"is {lights_of(first)}; presses of one sensor are of one size"
-            )
-    return captures
 
 
 def _spread(

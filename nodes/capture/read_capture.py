@@ -3,6 +3,7 @@
 Long because images come in many layouts, and every one that does not fit has its message.
 """
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, Self
@@ -15,7 +16,7 @@ from pydantic import BaseModel, ConfigDict
 from tactograph.graph import InputError, Whole, node, warn
 from tactograph.graph.disk.strict_yaml import Document, EmptyFileError
 from tactograph.graph.errors import missing
-from tactograph.nodes import Height, Labels, Light, PixelSize, Slope
+from tactograph.nodes import F4, Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.capture.led_files import (
     LIGHTS_ADVICE,
     USUAL_PATTERN,
@@ -36,8 +37,10 @@ from tactograph.nodes.files.image_files import (
     Lights,
     channels,
     check_alike,
+    check_white,
     cropped,
     grey,
+    lights_of,
     read_image,
     read_numbers,
     read_truth,
@@ -145,6 +148,82 @@ class Layout(NamedTuple):
         stated = stated or CaptureFile.read(folder)
         return find_led_files(folder, self.files, self.leds or stated.leds or None)
 
+    def plane(self, file: Path, bits: int | None = None, usual_bits: int | None = None) -> F4:
+        """Read one image file as fractions of full scale, H x W: of colours their mean.
+
+        Without `bits`, `usual_bits` is the depth of values in 16.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, damaged or of another depth, or the crop exceeds it.
+        """
+        plane = cropped(grey(read_image(file), self.channel), self.crop, file)
+        if plane.dtype not in (np.uint8, np.uint16):
+            raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit is needed")
+        stated = bits or (usual_bits if plane.dtype == np.uint16 else None)
+        full = white_of([file], stated) or np.iinfo(plane.dtype).max
+        check_white(plane.max(), full, plane, file)
+        light = np.asarray(plane / np.float32(full), np.float32)
+        return light if light.ndim == 2 else np.asarray(light.mean(axis=-1), np.float32)
+
+    def images(self, folder: Path, whole: Whole = False) -> NDArray[Any]:
+        """Read the K images of one folder as K x H x W, fractions of full scale.
+
+        If `whole` allows it and the images use all bits of their type, they remain integers.
+
+        Raises
+        ------
+        InputError
+            As `read_capture`.
+        """
+        lights = self.lights or "leds"
+        is_frame = folder.is_file() and lights != "leds"
+        if not is_frame:
+            _check_folder(folder)
+        stated = CaptureFile.read(folder.parent if is_frame else folder)
+        if lights == "leds":
+            files = [*self.led_files(folder, stated).values()]
+            planes = [grey(read_image(file), self.channel) for file in files]
+        else:
+            file = folder if is_frame else _only_image(folder)
+            planes = channels(
+                read_image(file), file, lights, self.leds or tuple(stated.leds or ()) or None
+            )
+            files = [file] * len(planes)
+        check_alike(planes, files)
+        stack = np.stack(
+            [cropped(plane, self.crop, file) for plane, file in zip(planes, files, strict=True)]
+        )
+        white = white_of(files, stated.bits)
+        if stack.ndim > 3:
+            warn(f"colour images: {MEAN_OF_CHANNELS}")
+            return np.asarray(normalised(stack, files, white).mean(axis=-1), np.float32)
+        if whole and white in (None, np.iinfo(stack.dtype).max):
+            check_exposed(stack, files, white)
+            return stack
+        return normalised(stack, files, white)
+
+    def presses(self, folder: Path, flat: Path | None) -> list[Capture]:
+        """Return the captures of a folder, in order of name, if all are of one size.
+
+        It must not be `flat`, that of the untouched film.
+        """
+        if flat is not None and os.path.realpath(flat) == os.path.realpath(folder):
+            raise InputError(
+                f"`flat`={flat}: is the folder of the presses; give the untouched film's"
+            )
+        captures = [*read_capture(folder=folder, **self._asdict())]
+        first = captures[0].image
+        for capture in captures:
+            if capture.image.shape != first.shape:
+                raise InputError(
+                    f"{folder / capture.name}: is {lights_of(capture.image)}, but "
+                    f"{captures[0].name} is {lights_of(first)}; presses of one sensor are of one "
+                    "size"
+                )
+        return captures
+
 
 @node
 def read_capture(
@@ -209,44 +288,6 @@ read_capture.handed_in(check_handed_in)
 read_capture.reads_ahead()
 
 
-def read_images(folder: Path, layout: Layout, whole: Whole = False) -> NDArray[Any]:
-    """Read the K images of one folder as K x H x W, fractions of full scale.
-
-    If `whole` allows it and the images use all bits of their type, they remain integers.
-
-    Raises
-    ------
-    InputError
-        As `read_capture`.
-    """
-    lights = layout.lights or "leds"
-    is_frame = folder.is_file() and lights != "leds"
-    if not is_frame:
-        _check_folder(folder)
-    stated = CaptureFile.read(folder.parent if is_frame else folder)
-    if lights == "leds":
-        files = [*layout.led_files(folder, stated).values()]
-        planes = [grey(read_image(file), layout.channel) for file in files]
-    else:
-        file = folder if is_frame else _only_image(folder)
-        planes = channels(
-            read_image(file), file, lights, layout.leds or tuple(stated.leds or ()) or None
-        )
-        files = [file] * len(planes)
-    check_alike(planes, files)
-    stack = np.stack(
-        [cropped(plane, layout.crop, file) for plane, file in zip(planes, files, strict=True)]
-    )
-    white = white_of(files, stated.bits)
-    if stack.ndim > 3:
-        warn(f"colour images: {MEAN_OF_CHANNELS}")
-        return np.asarray(normalised(stack, files, white).mean(axis=-1), np.float32)
-    if whole and white in (None, np.iinfo(stack.dtype).max):
-        check_exposed(stack, files, white)
-        return stack
-    return normalised(stack, files, white)
-
-
 def _check_folder(folder: Path) -> None:
     if folder.is_file():
         is_video = folder.suffix.lower() in VIDEO_SUFFIXES
@@ -267,7 +308,7 @@ def _check_sensor(folder: Path, calibration: Path | None, another_sensor: bool) 
 
 
 def _read(folder: Path, layout: Layout, name: str, whole: Whole) -> Capture:
-    image = read_images(folder, layout._replace(lights=_lights(folder, layout)), whole)
+    image = layout._replace(lights=_lights(folder, layout)).images(folder, whole)
     return Capture(
         image,
         name,

@@ -11,7 +11,7 @@ from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.capture.read_capture import CaptureFile, Layout, read_capture
 from tactograph.nodes.files.calibration_file import dark_led
-from tactograph.nodes.files.image_files import lights_of, read_plane
+from tactograph.nodes.files.image_files import lights_of
 
 
 class Flat(NamedTuple):
@@ -57,9 +57,8 @@ def read_flat(
     if black is None:
         black = np.zeros((height, width), np.float32)
     if dark is not None:
-        bits = CaptureFile.read(dark.parent).bits
         usual = None if folder is None else _bits_in(folder)
-        black = read_plane(dark, layout.crop, layout.channel, bits, usual)
+        black = layout.plane(dark, CaptureFile.read(dark.parent).bits, usual)
     if black.shape != (height, width):
         raise InputError(
             f"{dark}: is {black.shape[1]} x {black.shape[0]} pixels, the capture {width} x {height}"

@@ -56,6 +56,48 @@ class HeightFile(NamedTuple):
         is_stated = is_size and cls.agree(width, length)
         return cls(height, width if is_stated else None, error)
 
+    @classmethod
+    def read(cls, file: Path) -> "HeightFile":
+        """Read a height map in the format of its suffix; an unknown one is taken for NumPy's.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, damaged or no height map.
+        """
+        if file.is_dir():
+            raise InputError(f"{file}: is a folder; give the height in it")
+        if not file.is_file():
+            raise InputError(missing(file, "file"))
+        suffix = file.suffix.lower()
+        if suffix in (".tif", ".tiff"):
+            return _read_tiff(file)
+        further = bring("formats", suffix[1:])
+        found: HeightFile = _read_npy(file) if further is None else further.read(file)
+        return found
+
+    def write(self, file: Path, view: View = PLAIN_VIEW) -> None:
+        """Write it in the format of the file's suffix; a mesh as the camera of `view` sees it.
+
+        Raises
+        ------
+        InputError
+            If the format does not hold such heights, or is not known.
+        """
+        suffix = file.suffix.lower()
+        if suffix == ".npy":
+            np.save(file, self.height)
+            return
+        further = bring("formats", suffix[1:])
+        if self.pixel is None or (further is None and suffix not in (".tif", ".tiff", ".ply")):
+            raise InputError(f"{file}: heights of unknown pixel size, or format, are not written")
+        if further is not None:
+            further.write(file, self.height, self.pixel, self.error)
+        elif suffix == ".ply":
+            write_ply(file, self.height, self.pixel, view)
+        else:
+            write_tiff(file, self.height, self.pixel)
+
     @staticmethod
     def agree(one: float, other: float) -> bool:
         """Return whether two lengths of a pixel do not contradict each other."""
@@ -121,22 +163,3 @@ def _tiff_sides(file: Path) -> tuple[float, float]:
             return 10 / float(tags[282]), 10 / float(tags[283])
     except (OSError, SyntaxError, ValueError, KeyError, ZeroDivisionError):
         return math.nan, math.nan
-
-
-def read_height_file(file: Path) -> HeightFile:
-    """Read a height map in the format of its suffix; one that is not known is taken for NumPy's.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged or no height map.
-    """
-    if file.is_dir():
-        raise InputError(f"{file}: is a folder; give the height in it")
-    if not file.is_file():
-        raise InputError(missing(file, "file"))
-    suffix = file.suffix.lower()
-    if suffix in (".tif", ".tiff"):
-        return _read_tiff(file)
-    further = bring("formats", suffix[1:])
-    return _read_npy(file) if further is None else further.read(file)

@@ -203,32 +203,6 @@ def grey(image: NDArray[Any], channel: Channel | None = None) -> NDArray[Any]:
     return np.ascontiguousarray(colours)
 
 
-def read_plane(
-    file: Path,
-    crop: Crop | None = None,
-    channel: Channel | None = None,
-    bits: int | None = None,
-    usual_bits: int | None = None,
-) -> NDArray[np.float32]:
-    """Read one image file as fractions of full scale, H x W: of colours their mean.
-
-    Without `bits`, `usual_bits` are those of values in 16.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, damaged or of another depth, or the crop exceeds it.
-    """
-    plane = cropped(grey(read_image(file), channel), crop, file)
-    if plane.dtype not in (np.uint8, np.uint16):
-        raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit is needed")
-    stated = bits or (usual_bits if plane.dtype == np.uint16 else None)
-    full = white_of([file], stated) or np.iinfo(plane.dtype).max
-    check_white(plane.max(), full, plane, file)
-    light = np.asarray(plane / np.float32(full), np.float32)
-    return light if light.ndim == 2 else np.asarray(light.mean(axis=-1), np.float32)
-
-
 def white_of(files: Sequence[Path], bits: int | None) -> int | None:
     """Return the value of full scale, by the stated depth or as PGMs say; else None.
 

@@ -22,6 +22,12 @@ class StoredResult(NamedTuple):
         """Return the result in the folder of a height map."""
         return cls(height.parent / RESULT_FILE, read_result(height.parent))
 
+    @staticmethod
+    def file_of(place: Path) -> Path | None:
+        """Return the ``result.json`` that a place is or, as a folder, holds."""
+        file = place if place.name == RESULT_FILE else place / RESULT_FILE
+        return file if file.is_file() else None
+
     @property
     def pixel(self) -> float | None:
         """Return the pixel size in mm; None where none is stated.

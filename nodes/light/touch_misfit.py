@@ -31,6 +31,7 @@ from tactograph.nodes.optics.near_light import (
     brightness_share,
     expected_light,
     light_vectors,
+    matt_film_light,
     places,
     vectors_at,
 )
@@ -160,7 +161,7 @@ def _at_rest(
 ) -> tuple[F4, F4]:
     """The departure of the film at rest by LED and block, and the number of its pixels by block."""
     level = np.zeros((2, *height.shape), np.float32) if tilt is None else tilt
-    departs = light - expected_light(light_vectors(lights, height, pixel), level)
+    departs = light - matt_film_light(lights, height, level, pixel)
     calm = (rest != 0).astype(np.float32)
     total = np.stack([block_sums(plane * calm, BLOCK_PX) for plane in departs])
     return total, block_sums(calm, BLOCK_PX)

@@ -7,7 +7,7 @@ import numpy as np
 from tactograph.graph import InputError, NodeCall, Port, node
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
-from tactograph.nodes.optics.near_light import expected_light, light_vectors
+from tactograph.nodes.optics.near_light import matt_film_light
 from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, REST_ROUNDS, RestShape
 
 
@@ -69,7 +69,7 @@ def untouched_film(
         shape = shape.continued(factor).binned(factor)
     direct, thrown = light_at_rest(shape, film, bounce)
     share = np.maximum(direct + thrown, np.float32(MIN_REST_LIGHT))
-    matt = expected_light(light_vectors(film.lights, shape.apparent, shape.pixel), shape.slope)
+    matt = matt_film_light(film.lights, shape.apparent, shape.slope, shape.pixel)
     flat = np.asarray(flat / share, np.float32)
     low = shape.apparent, shape.tilt, shape.slope
     return Surface(shape.apparent, shape.slope, flat, share, thrown, matt, *low)

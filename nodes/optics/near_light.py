@@ -60,6 +60,11 @@ def expected_light(vectors: F4, slope: F4) -> F4:
     return np.asarray((vectors[:, 2] - vectors[:, 0] * p - vectors[:, 1] * q) * nz, np.float32)
 
 
+def matt_film_light(lights: F4, height: F4, slope: F4, pixel: float) -> F4:
+    """Return n.v of equation N1 all over an image, K x H x W: `light_vectors`, `expected_light`."""
+    return expected_light(light_vectors(lights, height, pixel), slope)
+
+
 def wrapped(light: Any, wrap: float) -> Any:
     """Return [.]_w of F1: the light of film that scattered light reaches behind the terminator.
 

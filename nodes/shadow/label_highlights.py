@@ -10,9 +10,8 @@ from tactograph.graph import Flips, SizeLimit, node
 from tactograph.nodes import F8, Height, Labels, Light, LightPositions, PixelSize
 from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.near_light import (
-    expected_light,
-    light_vectors,
     lights_around,
+    matt_film_light,
     places,
     vectors_at,
 )
@@ -106,7 +105,7 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     lights = lights_around(rng, K)
     height = rng.uniform(0, 1, (H, W)).astype(np.float32)
     slope = rng.uniform(-1, 1, (2, H, W)).astype(np.float32)
-    light = expected_light(light_vectors(lights, height, 0.1), slope)
+    light = matt_film_light(lights, height, slope, 0.1)
     light += rng.normal(0, 0.01, light.shape) + (rng.random(light.shape) < 0.1)
     light *= rng.random(light.shape) < 0.9
     return {

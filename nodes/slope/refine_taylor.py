@@ -8,8 +8,7 @@ from annotated_types import Gt, Interval
 from tactograph.graph import Flips, node
 from tactograph.nodes import F4, Labels, Light, Reflectance, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
-from tactograph.nodes.optics.gauss_newton import limited_step, normal_by_slope
-from tactograph.nodes.optics.normals import dot
+from tactograph.nodes.optics.gauss_newton import SlopeNormal
 
 
 @node(
@@ -70,15 +69,15 @@ def refine_taylor(
 
 def _step(light: Light, p: F4, q: F4, reflectance: F4, limit: np.float32) -> tuple[F4, F4]:
     """Solve the normal equations J^T J (dp, dq) = J^T (I - R), and shorten the step to `limit`."""
-    square, normal, by_p, by_q = normal_by_slope(p, q)
+    at = SlopeNormal.of(p, q)
     a = b = c = u = v = np.float32(0) * p
     for plane, coefficients in zip(light, reflectance, strict=True):
-        value, gradient = _reflectance(normal, coefficients)
-        j_p, j_q = dot(gradient, by_p), dot(gradient, by_q)
+        value, gradient = _reflectance(at.normal, coefficients)
+        j_p, j_q = at.by_slope(gradient)
         residual = plane - value
         a, b, c = a + j_p * j_p, b + j_p * j_q, c + j_q * j_q
         u, v = u + j_p * residual, v + j_q * residual
-    return limited_step((a, b, c), (u, v), limit * square)
+    return at.step((a, b, c), (u, v), limit)
 
 
 def _reflectance(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:

@@ -18,7 +18,7 @@ from tactograph.nodes import (
     Slope,
     Uneven,
 )
-from tactograph.nodes.optics.near_light import brightness_share, expected_light, light_vectors
+from tactograph.nodes.optics.near_light import brightness_share, matt_film_light
 from tactograph.nodes.trust.checked_cells import DARK_LIGHT, MIN_LIGHT, NOT_TESTED
 
 Departure = Annotated[F4, Port("H W", "1", low=-1, high=25)]
@@ -96,7 +96,7 @@ def light_departure(
     uneven : standard deviation of the film's brightness, as given to `label_lights`
     cell_px : side in px of the cells that `light` is averaged over; `sigma` is a single pixel's
     """
-    model_light = expected_light(light_vectors(lights, height, pixel), slope)
+    model_light = matt_film_light(lights, height, slope, pixel)
     bits = np.arange(len(light), dtype=np.uint8)[:, None, None]
     lit = (used >> bits & 1).astype(np.float32)
     noise = sigma * np.float32(1 / cell_px)
@@ -123,8 +123,8 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 25], axis=1)
     slope = rng.uniform(-1.2, 1.2, (2, H, W)).astype(np.float32)
     height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
-    vectors = light_vectors(lights.astype(np.float32), height, 0.05)
-    light = expected_light(vectors, slope) + rng.normal(0, 0.02, (K, H, W))
+    light = matt_film_light(lights.astype(np.float32), height, slope, 0.05)
+    light = light + rng.normal(0, 0.02, (K, H, W))
     return {
         "light": light.astype(np.float32),
         "sigma": rng.uniform(0.005, 0.02, (K, H, W)).astype(np.float32),

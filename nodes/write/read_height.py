@@ -6,7 +6,7 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import Height
-from tactograph.nodes.files.height_files import HeightFile, read_height_file
+from tactograph.nodes.files.height_files import HeightFile
 from tactograph.nodes.files.image_files import Crop, cropped
 from tactograph.nodes.files.stored_result import refuse_view
 
@@ -38,7 +38,7 @@ def read_height(
     """
     if not distorted:
         refuse_view(file)
-    height = read_height_file(file).checked(file, unknown=unknown).height
+    height = HeightFile.read(file).checked(file, unknown=unknown).height
     return np.ascontiguousarray(cropped(height, crop, file))
 
 

@@ -10,11 +10,10 @@ from typing import Literal
 import numpy as np
 
 from tactograph.graph import InputError, Provenance, node, warn
-from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Metrics
 from tactograph.nodes.files.height_files import write_ply, write_tiff
 from tactograph.nodes.files.layer_files import write_layer
-from tactograph.nodes.files.result_file import RESULT_FILE, write_result_file
+from tactograph.nodes.files.result_file import RESULT_FILE, result_files
 from tactograph.nodes.files.stored_result import StoredResult
 from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.stream.layer_kinds import layers_of
@@ -80,7 +79,16 @@ def write_result(
             )
         touch = _on_even_grid(touch)
     place = folder / touch.name if touch.name else folder
-    with atomic_files(place, last=RESULT_FILE, instead_of=_optional_files(place)) as target:
+    about = {
+        **provenance.as_dict(),
+        "capture": touch.name,
+        "grid": grid,
+        "pixel_size_mm": float(touch.pixel),
+        "pixel_sides_mm": touch.view.pixel_sides(float(touch.pixel)),
+        **touch.view.stated(),
+        "metrics": {**(metrics or {}), **(touch.metrics or {})},
+    }
+    with result_files(place, about, _optional_files(place)) as target:
         np.save(target / "height.npy", touch.height)
         write_tiff(target / "height.tiff", touch.height, *touch.view.pixel_sides(touch.pixel))
         for layer in layers_of(touch):
@@ -92,16 +100,6 @@ def write_result(
             from tactograph.nodes.drawing.result_pictures import draw_result
 
             draw_result(touch, target)
-        about = {
-            **provenance.as_dict(),
-            "capture": touch.name,
-            "grid": grid,
-            "pixel_size_mm": float(touch.pixel),
-            "pixel_sides_mm": touch.view.pixel_sides(float(touch.pixel)),
-            **touch.view.stated(),
-            "metrics": {**(metrics or {}), **(touch.metrics or {})},
-        }
-        write_result_file(target, about)
 
 
 def _on_even_grid(touch: Touch) -> Touch:

@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tactograph.sdk import Graph, InputError, Pipeline, Result, load
-from tactograph.sdk.unstable import Cache, captures_in
+from tactograph.sdk import Cache, Graph, InputError, Pipeline, Result, load
+from tactograph.sdk.unstable import captures_in
 
 
 def captures_of(graph: Graph, params: Mapping[str, Any]) -> list[Path]:

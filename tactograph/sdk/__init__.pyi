@@ -1,4 +1,5 @@
 from tactograph.graph import (
+    Cache as Cache,
     Close as Close,
     EndOfStream as EndOfStream,
     Exact as Exact,
@@ -14,6 +15,7 @@ from tactograph.graph import (
     SizeLimit as SizeLimit,
     SizeRule as SizeRule,
     TactographError as TactographError,
+    Whole as Whole,
     load as load,
     node as node,
     parity as parity,
@@ -95,9 +97,6 @@ from tactograph.nodes.files.calibration_file import (
 )
 from tactograph.nodes.files.height_files import (
     HeightFile as HeightFile,
-    read_height_file as read_height_file,
-    write_ply as write_ply,
-    write_tiff as write_tiff,
 )
 from tactograph.nodes.files.image_files import (
     Crop as Crop,
@@ -107,11 +106,16 @@ from tactograph.nodes.files.image_files import (
     write_image as write_image,
 )
 from tactograph.nodes.files.result_file import (
-    RESULT_FILE as RESULT_FILE,
-    write_result_file as write_result_file,
+    result_files as result_files,
+)
+from tactograph.nodes.files.stored_result import (
+    StoredResult as StoredResult,
 )
 from tactograph.nodes.optics.camera_view import (
     View as View,
+)
+from tactograph.nodes.optics.near_light import (
+    places as places,
 )
 from tactograph.nodes.optics.shape import (
     Length as Length,

@@ -1,7 +1,3 @@
-from tactograph.graph import (
-    Cache as Cache,
-    Whole as Whole,
-)
 from tactograph.graph.commands import (
     RunOptions as RunOptions,
     graph_command as graph_command,
@@ -78,7 +74,6 @@ from tactograph.nodes.calibrate.ball.ball_search import (
     Circle as Circle,
 )
 from tactograph.nodes.calibrate.ball.balls_on_film import (
-    FINAL_SAMPLES as FINAL_SAMPLES,
     MAX_ROUNDS as MAX_ROUNDS,
     Balls as Balls,
     Fitted as Fitted,
@@ -142,9 +137,8 @@ from tactograph.nodes.calibrate.rating.rate_calibration import (
     MAX_LED_WIDTHS as MAX_LED_WIDTHS,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
-    SURE_ODDS as SURE_ODDS,
     Judged as Judged,
-    log_odds as log_odds,
+    Odds as Odds,
     pays as pays,
 )
 from tactograph.nodes.calibrate.tables.build_lut import (
@@ -154,12 +148,10 @@ from tactograph.nodes.capture.read_balls import (
     BallPresses as BallPresses,
     Radii as Radii,
     StatedCircles as StatedCircles,
-    read_presses as read_presses,
 )
 from tactograph.nodes.capture.read_capture import (
     CaptureFile as CaptureFile,
     Layout as Layout,
-    read_images as read_images,
 )
 from tactograph.nodes.contact.largest_contacts import (
     LargestContacts as LargestContacts,
@@ -168,9 +160,6 @@ from tactograph.nodes.drawing.new_picture import (
     BesidePicture as BesidePicture,
     in_lines as in_lines,
 )
-from tactograph.nodes.drawing.sensor_picture import (
-    draw_sensor as draw_sensor,
-)
 from tactograph.nodes.files.calibration_file import (
     MIN_OPTICAL_MM as MIN_OPTICAL_MM,
 )
@@ -178,16 +167,12 @@ from tactograph.nodes.files.image_files import (
     MAX_PIXELS as MAX_PIXELS,
     Channel as Channel,
     read_numbers as read_numbers,
-    read_plane as read_plane,
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
 )
 from tactograph.nodes.files.sensor_preset import (
     SensorPreset as SensorPreset,
-)
-from tactograph.nodes.files.stored_result import (
-    StoredResult as StoredResult,
 )
 from tactograph.nodes.light.film_drift import (
     terms as terms,
@@ -196,27 +181,22 @@ from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
 )
 from tactograph.nodes.optics.gauss_newton import (
-    limited_step as limited_step,
-    normal_by_slope as normal_by_slope,
+    SlopeNormal as SlopeNormal,
 )
 from tactograph.nodes.optics.harmonics import (
     harmonics as harmonics,
 )
 from tactograph.nodes.optics.near_light import (
-    expected_light as expected_light,
-    places as places,
-    vectors_at as vectors_at,
+    matt_film_light as matt_film_light,
 )
 from tactograph.nodes.optics.normals import (
     cofactors as cofactors,
-    dot as dot,
 )
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
 )
 from tactograph.nodes.optics.sheet import (
     SheetLight as SheetLight,
-    SheetMask as SheetMask,
     cut as cut,
 )
 from tactograph.nodes.simulate.expose import (

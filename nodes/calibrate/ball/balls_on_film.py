@@ -117,9 +117,12 @@ class Balls:
         beneath = None if self.beneath is None else self.beneath.only(chosen)
         return replace(self, **some, beneath=beneath)
 
-    def thinned(self, most: int = MAX_INDEPENDENT_SAMPLES) -> Self:
-        """Return about `most` samples, evenly over each ball, but one or more for each part."""
-        each = max(BALL_PARTS, most // len(self.centre))
+    def thinned(self, most: int = MAX_INDEPENDENT_SAMPLES, *, last: bool = False) -> Self:
+        """Return about `most` samples, evenly over each ball, but one or more for each part.
+
+        For the last fit they are `FINAL_SAMPLES`.
+        """
+        each = max(BALL_PARTS, (FINAL_SAMPLES if last else most) // len(self.centre))
         first = np.searchsorted(self.ball, np.arange(len(self.centre) + 1))
         number = np.arange(self.ball.size) - first[self.ball]
         # A stride that does not divide the rows' length spreads the samples over all columns.

@@ -1,6 +1,5 @@
 """Tell by a ball's contact where pixels are not square."""
 
-import math
 from typing import Annotated
 
 import numpy as np
@@ -12,7 +11,7 @@ from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.ball_search import Circle
 from tactograph.nodes.calibrate.ball.find_ball import oblong_of
 from tactograph.nodes.calibrate.lights.light_samples import MAX_INDEPENDENT_REST
-from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS, log_odds
+from tactograph.nodes.calibrate.rating.verdict import Odds
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
@@ -32,7 +31,7 @@ def judge_oblong(
 ) -> list[str]:
     """Return a doubt if the best ball's contact is an ellipse, as on pixels that are not square.
 
-    Pixels of other sides have to be likelier by `SURE_ODDS` (`log_odds`).  What a ball leaves of
+    Pixels of other sides have to be likelier by sure `Odds`.  What a ball leaves of
     the light is smooth, so that it counts as few independent values, as in `judge_radius`.
 
     Parameters
@@ -54,7 +53,7 @@ def judge_oblong(
     press = cut(light, flat.shape[1])[of[best]]
     oblong, square, free = oblong_of(press, Circle(*circle[best]), radius[best] / pixel)
     values = MAX_INDEPENDENT_REST * len(flat)
-    if log_odds(square, free, 1, values) < math.log(SURE_ODDS):
+    if not Odds.of(square, free, 1, values).are_sure:
         return []
     sides = "wider than long" if oblong > 0 else "longer than wide"
     return [

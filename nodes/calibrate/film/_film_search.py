@@ -9,7 +9,6 @@ from tactograph.graph import warn
 from tactograph.nodes import Metrics
 from tactograph.nodes.calibrate import FOLD_COUNT
 from tactograph.nodes.calibrate.ball.balls_on_film import (
-    FINAL_SAMPLES,
     MAX_INDEPENDENT_SAMPLES,
     MAX_ROUNDS,
     Balls,
@@ -20,7 +19,7 @@ from tactograph.nodes.calibrate.film.film_fit import Fitting, add_harmonics, pla
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, Unknowns
 from tactograph.nodes.calibrate.lights.descend import HUBER_DEVIATIONS
 from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
-from tactograph.nodes.calibrate.rating.verdict import log_odds, pays
+from tactograph.nodes.calibrate.rating.verdict import Odds, pays
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
 
 SHINING_PARTS = frozenset(("lobe", "bounce"))
@@ -64,7 +63,7 @@ class Trial(NamedTuple):
         unusual = more.surprise(larger.fitted) - fewer.surprise(model.fitted)
         values = min(self.balls.u.size, MAX_INDEPENDENT_SAMPLES)
         further = len(more.names) - len(fewer.names)
-        odds = log_odds(*scales, further, values) - unusual
+        odds = Odds.of(*scales, further, values).logarithm - unusual
         return pays(model.errors, larger.errors, odds)
 
 
@@ -193,7 +192,7 @@ def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
         film, rim = best.fitted.film, trial.balls.rim
         trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
         whole = trial.balls
-        trial = trial._replace(balls=whole.thinned(FINAL_SAMPLES))
+        trial = trial._replace(balls=whole.thinned(last=True))
         best = best._replace(fitted=trial.fit(best.parts, placed))
         moved = np.abs(whole.rim / rim - 1).max()
         changed = abs(best.fitted.film.albedo - film.albedo)

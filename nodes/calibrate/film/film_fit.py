@@ -232,7 +232,7 @@ class Certainty(NamedTuple):
     values: float
 
     def shows(self, name: str) -> bool:
-        """Return whether an unknown is likelier to be its (mean) value than 0 (`log_odds`).
+        """Return whether an unknown is likelier to be its (mean) value than 0 (`Odds`).
 
         All others stay as they were found with it, since nothing is fitted again.
         """

@@ -21,14 +21,7 @@ def read(file: Path) -> Calibration:
     return read_calibration(file=file)
 
 
-def draw(arrays: Mapping[str, Any], title: str, target: Path) -> None:
-    """Draw film and LEDs."""
-    from tactograph.nodes.drawing.sensor_picture import draw_sensor  # brings Matplotlib: 0.5 s
-
-    draw_sensor(arrays, title, target, _draw_leds)
-
-
-def _draw_leds(part: Any, arrays: Mapping[str, Any]) -> None:
+def draw(part: Any, arrays: Mapping[str, Any]) -> None:
     """Draw the LEDs, the alternative places within their error, and the film."""
     lights, others = arrays["lights"], arrays["others"]
     width, height = arrays["pixel_size"] * np.array(arrays["flat"].shape[:0:-1])

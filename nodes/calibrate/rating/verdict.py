@@ -84,11 +84,21 @@ def pays(before: list[float], after: list[float], odds: float = math.inf) -> boo
     return odds > 0 and bool(gained.mean() > errors * gained.std(ddof=1) / np.sqrt(gained.size))
 
 
-def log_odds(before: float, after: float, unknowns: int, values: float) -> float:
-    """Return the logarithm of a larger model's odds (G. Schwarz, "Estimating the dimension of a
-    model", 1978).
+class Odds(NamedTuple):
+    """The odds of a larger model over a smaller one, as a logarithm."""
 
-    `before` and `after` are the residual deviations of both models on `values` independent values;
-    `unknowns` is the number of additional unknowns of the larger model.
-    """
-    return values * math.log(before / after) - unknowns * math.log(values) / 2
+    logarithm: float
+
+    @classmethod
+    def of(cls, before: float, after: float, unknowns: int, values: float) -> Self:
+        """Return the odds by Schwarz, "Estimating the dimension of a model", 1978.
+
+        `before` and `after` are the residual deviations of both models on `values` independent
+        values; `unknowns` is the number of additional unknowns of the larger model.
+        """
+        return cls(values * math.log(before / after) - unknowns * math.log(values) / 2)
+
+    @property
+    def are_sure(self) -> bool:
+        """Whether the larger model is to be preferred: `SURE_ODDS`."""
+        return self.logarithm >= math.log(SURE_ODDS)

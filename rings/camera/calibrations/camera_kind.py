@@ -1,7 +1,6 @@
 """Lenses of cameras."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,13 +13,10 @@ MARKS_ACROSS = 12
 """Places across the image at which a lens's displacement is drawn."""
 
 
-def draw(arrays: Mapping[str, Any], title: str, target: Path) -> None:
+def draw(figure: Any, arrays: Mapping[str, Any]) -> None:
     """Draw the displacements at which the camera sees places of an even grid."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # takes 0.5 s
-    from matplotlib.figure import Figure
-
     columns, rows = (int(side) for side in arrays["size"])
-    figure = Figure(figsize=(8, 8 * rows / columns + 1), dpi=100, layout="constrained")
+    figure.set_size_inches(8, 8 * rows / columns + 1)
     axes = figure.subplots()
     step = max(columns // MARKS_ACROSS, 1)
     half = View.unit((rows, columns))
@@ -32,7 +28,6 @@ def draw(arrays: Mapping[str, Any], title: str, target: Path) -> None:
     axes.plot(
         *(plane.ravel() for plane in places), "+", color="#ffb000", label="as the camera sees it"
     )
-    axes.set(title=title, xlabel="x / px", ylabel="y / px", aspect="equal")
+    axes.set(xlabel="x / px", ylabel="y / px", aspect="equal")
     axes.invert_yaxis()
     axes.legend()
-    FigureCanvasAgg(figure).print_png(target)

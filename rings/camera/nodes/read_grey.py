@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Annotated
 
 from tactograph.sdk import F4, Crop, Port, node
-from tactograph.sdk.unstable import Channel, read_plane
+from tactograph.sdk.unstable import Channel, Layout
 
 GreyImage = Annotated[F4, Port("H W", "1")]
 """One image as a fraction of full scale."""
@@ -25,4 +25,4 @@ def read_grey(*, file: Path, crop: Crop | None = None, channel: Channel | None =
     InputError
         If the file is missing, damaged or of another depth, or the crop exceeds it.
     """
-    return read_plane(file, crop, channel)
+    return Layout(crop=crop, channel=channel).plane(file)

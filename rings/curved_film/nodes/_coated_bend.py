@@ -4,7 +4,6 @@ A coat's mirror images and what the film throws on itself change the light as a 
 at once they are separated, since the flat frame shows both over the whole film.
 """
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -15,12 +14,11 @@ from tactograph.sdk import F8, Film, InputError, NodeCall
 from tactograph.sdk.unstable import (
     DERIVATIVE_STEP,
     MAX_ROUNDS,
-    SURE_ODDS,
     FilmEvidence,
     Fitted,
     Fitting,
+    Odds,
     RestShape,
-    log_odds,
 )
 
 COATED_PARTS = frozenset(("lobe",)), frozenset(("lobe", "bounce"))
@@ -64,7 +62,7 @@ def coated_bend(bending: Bending, unknowns: F8, independent: float) -> tuple[F8,
     coat = Fitting.of(matt.fitting.balls, matt.fitting.rest, COATED_PARTS[0])
     now = matt._replace(fitted=coat.fitted(matt.fitted))
     more = len(coat.unknowns.names) - len(matt.fitting.unknowns.names)
-    if log_odds(matt.fitted.scale, now.fitted.scale, more, independent) < math.log(SURE_ODDS):
+    if not Odds.of(matt.fitted.scale, now.fitted.scale, more, independent).are_sure:
         return None
     if not bending.is_stated:
         raise InputError(

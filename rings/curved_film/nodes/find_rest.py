@@ -5,14 +5,25 @@ Long because it searches for a bend, fits it together with LEDs and balls, and s
 
 import math
 from collections.abc import Callable
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 from annotated_types import Gt
 
 from tactograph.rings.curved_film.nodes._coated_bend import Bending, coated_bend
 from tactograph.rings.curved_film.nodes.read_rest import by_rays
-from tactograph.sdk import F4, F8, InputError, Light, Metrics, NodeCall, PixelSize, Port, node
+from tactograph.sdk import (
+    F4,
+    F8,
+    InputError,
+    Light,
+    Metrics,
+    NodeCall,
+    PixelSize,
+    Port,
+    node,
+    places,
+)
 from tactograph.sdk.nodes import film_bounce, find_balls, label_lit
 from tactograph.sdk.unstable import (
     DERIVATIVE_STEP,
@@ -20,6 +31,7 @@ from tactograph.sdk.unstable import (
     BallOnShape,
     Circle,
     FilmEvidence,
+    FoundBalls,
     LedFit,
     Noise,
     Object,
@@ -33,7 +45,6 @@ from tactograph.sdk.unstable import (
     cut,
     descend,
     huber_weight,
-    places,
     refined,
 )
 
@@ -102,27 +113,39 @@ class FoundRest(NamedTuple):
 
 
 class BallPresses(NamedTuple):
-    """What the search looks at: presses of one ball each, K x H x W, and the film at rest."""
+    """What the search looks at: presses of one ball each, K x H x W, and the film at rest.
 
-    evidence: FilmEvidence
+    `radius` is in mm, `pixel` in mm per px at height 0, `camera` one over the pupil's height.
+    """
+
     light: list[F4]
+    flat: F4
     circles: list[Circle]
+    radius: F4
+    noise: F4
+    pixel: float
     camera: float
 
-    @property
-    def flat(self) -> F4:
-        """The film at rest, K x H x W."""
-        return self.evidence.flat
+    @classmethod
+    def of(
+        cls,
+        balls: FoundBalls | FilmEvidence,
+        light: F4,
+        flat: F4,
+        noise: F4,
+        pixel: float,
+        camera: float,
+    ) -> Self:
+        """Return the presses of a sheet that show one of the balls, each alone."""
+        sheets, shown = cut(light, flat.shape[1]), np.flatnonzero(balls.circle[:, 2] > 0)
+        circles = [Circle(*map(float, c)) for c in balls.circle[shown]]
+        alone = [sheets[press] for press in balls.of[shown]]
+        return cls(alone, flat, circles, balls.radius[shown], noise, pixel, camera)
 
     @property
     def radii(self) -> list[float]:
         """The balls' radii in mm."""
-        return self.evidence.radius.tolist()
-
-    @property
-    def pixel(self) -> float:
-        """mm per px at height 0."""
-        return self.evidence.pixel
+        return self.radius.tolist()
 
     @property
     def half(self) -> float:
@@ -197,10 +220,7 @@ def find_rest(
             "middle, others near the border"
         )
     camera = 0.0 if camera_mm is None else 1 / camera_mm
-    every, strength = np.ones(len(names), np.uint8), np.ones(len(flat), np.float32)
-    placed = every, np.ones((len(flat), 3), np.float32), strength
-    found = ball.circle, ball.radius, ball.of
-    presses = ball_presses(FilmEvidence(light, flat, *found, *placed, noise, pixel), camera)
+    presses = BallPresses.of(ball, light, flat, noise, pixel, camera)
     tried, _ = tried_bends(presses)
     is_stated = camera_mm is not None
     bend = _under_coat(presses, tried, bounce, is_stated) or fitted_bend(presses, tried)
@@ -254,7 +274,7 @@ def tried_bends(presses: BallPresses) -> tuple[Bend, Bend]:
 
     Parameters
     ----------
-    presses : as `ball_presses` returns them
+    presses : of one ball each
     """
     bends = []
     for bend in TRIED_BENDS:
@@ -263,27 +283,17 @@ def tried_bends(presses: BallPresses) -> tuple[Bend, Bend]:
     return min(bends, key=lambda each: each.cost), bends[0]
 
 
-def ball_presses(evidence: FilmEvidence, camera: float) -> BallPresses:
-    """Return the presses that show a ball, each alone; `camera` is one over the pupil's height."""
-    found = evidence._replace(selection=np.ones_like(evidence.selection)).used()
-    sheets = cut(found.light, found.flat.shape[1])
-    light = [sheets[press] for press in found.of]
-    every = np.arange(len(light), dtype=np.int32)
-    found = found._replace(light=np.concatenate(light, axis=1), of=every)
-    return BallPresses(found, light, [Circle(*map(float, c)) for c in found.circle], camera)
-
-
 def _under_coat(presses: BallPresses, bend: Bend, bounce: NodeCall, is_stated: bool) -> Bend | None:
     """The bend by a film's model with a coat; None where the film has none."""
 
     def lay(unknowns: F8) -> FilmEvidence:
-        trial = _placed(presses, unknowns, bend.trial)
-        return presses.evidence._replace(
-            circle=np.array(trial.circles, np.float32),
-            first_lights=trial.placed.lights,
-            strength=trial.placed.strength,
-            shape=presses.shape(unknowns),
-        )
+        trial, count = _placed(presses, unknowns, bend.trial), len(presses.light)
+        of, every = np.arange(count, dtype=np.int32), np.ones(count, np.uint8)
+        balls = np.array(trial.circles, np.float32), presses.radius, of, every
+        leds = trial.placed.lights, trial.placed.strength
+        known = presses.noise, presses.pixel, presses.shape(unknowns)
+        sheet = np.concatenate(presses.light, axis=1)
+        return FilmEvidence(sheet, presses.flat, *balls, *leds, *known)
 
     bending = Bending(presses.unit, is_stated, presses.shape, lay, bounce)
     coated = coated_bend(bending, bend.unknowns, bend.samples)
@@ -295,7 +305,7 @@ def fitted_bend(presses: BallPresses, bend: Bend, *, only_ball: bool = False) ->
 
     Parameters
     ----------
-    presses : as `ball_presses` returns them
+    presses : of one ball each
     bend : one that is near
     only_ball : whether the film is a part of a ball, lowest or highest in the middle
     """

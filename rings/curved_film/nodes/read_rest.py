@@ -15,17 +15,18 @@ from tactograph.rings.shapes.mesh_file import rasterised, read_mesh
 from tactograph.sdk import (
     F4,
     F8,
+    HeightFile,
     InputError,
     Lens,
     Light,
     Mask,
     PixelSize,
     node,
-    read_height_file,
+    places,
     warn,
 )
 from tactograph.sdk.nodes import undistort
-from tactograph.sdk.unstable import RestShape, places
+from tactograph.sdk.unstable import RestShape
 
 MESH_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb")
 SEARCH_NAME = "find"
@@ -107,7 +108,7 @@ def read_rest(
     elif file.suffix.lower() in MESH_SUFFIXES:
         height = _by_mesh(file, size, pixel, camera, (x, y, z, turn)).astype(np.float64)
     else:
-        stored = read_height_file(file).height
+        stored = HeightFile.read(file).height
         if stored.shape != size:
             raise InputError(
                 f"{file}: is {stored.shape[1]} x {stored.shape[0]} pixels, but the images are "

@@ -8,21 +8,17 @@ from annotated_types import MinLen
 
 from tactograph.rings.export.nodes._meshes import MESH_WRITERS
 from tactograph.sdk import (
-    RESULT_FILE,
     Height,
     HeightError,
+    HeightFile,
     InputError,
     Metrics,
     PixelSize,
     View,
-    atomic_files,
-    bring,
     brought,
     node,
+    result_files,
     warn,
-    write_ply,
-    write_result_file,
-    write_tiff,
 )
 
 MESH_FORMATS = ("ply", *MESH_WRITERS)
@@ -88,7 +84,6 @@ def export_height(
         raise InputError(
             f"`folder`={folder}: is to be a folder; `formats`={ending} writes height.{ending} there"
         )
-    about = {"format": 1, "pixel_size_mm": float(pixel), "metrics": metrics or {}}
     view = view or View()
     if rest is not None and rest.shape != height.shape:
         raise InputError(
@@ -106,25 +101,13 @@ def export_height(
             "results made with --set save.grid=metric"
         )
     place = folder / name if name else folder
-    with atomic_files(place, last=RESULT_FILE) as target:
+    about = {"format": 1, "pixel_size_mm": float(pixel), "metrics": metrics or {}, **view.stated()}
+    is_result = metrics is not None or not view.is_plain
+    with result_files(place, about if is_result else None) as target:
         for extension in formats:
             file = target / f"height.{extension}"
-            exported = film if extension in MESH_FORMATS else height
-            _write(file, exported, pixel, view, error)
-        if metrics is not None or not view.is_plain:
-            write_result_file(target, {**about, **view.stated()})
-
-
-def _write(file: Path, height: Height, pixel: float, view: View, error: HeightError | None) -> None:
-    """Write a height, or a film as a mesh, in the format of the file's suffix."""
-    extension = file.suffix[1:]
-    if extension == "ply":
-        write_ply(file, height, pixel, view)
-    elif extension in MESH_WRITERS:
-        MESH_WRITERS[extension](file, *view.mesh(height, pixel))
-    elif extension == "npy":
-        np.save(file, height)
-    elif extension == "tiff":
-        write_tiff(file, height, pixel)
-    elif (further := bring("formats", extension)) is not None:
-        further.write(file, height, pixel, error)
+            if extension in MESH_WRITERS:
+                MESH_WRITERS[extension](file, *view.mesh(film, pixel))
+            else:
+                exported = film if extension in MESH_FORMATS else height
+                HeightFile(exported, pixel, error).write(file, view)

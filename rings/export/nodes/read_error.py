@@ -11,7 +11,6 @@ from tactograph.sdk import (
     InputError,
     cropped,
     node,
-    read_height_file,
 )
 
 ERROR_FILE = "error.npy"
@@ -35,12 +34,12 @@ def read_error(*, height: Path, crop: Crop | None = None) -> HeightError | None:
     InputError
         If it is damaged, or negative.
     """
-    file, stated = height, read_height_file(height).error
+    file, stated = height, HeightFile.read(height).error
     if stated is None:
         file = height.parent / ERROR_FILE
         if not file.is_file():
             return None
-        stated = read_height_file(file).height
+        stated = HeightFile.read(file).height
     HeightFile(stated).checked(file, unknown=True)
     error: HeightError = np.ascontiguousarray(cropped(stated, crop, file))
     if (error < 0).any():

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from tactograph.sdk import HeightFile, InputError, PixelSize, node, read_height_file, warn
-from tactograph.sdk.unstable import StoredResult
+from tactograph.sdk import HeightFile, InputError, PixelSize, StoredResult, node, warn
 
 
 @node
@@ -26,7 +25,7 @@ def read_pixel_size(*, height: Path, mm: PixelSize | None = None) -> PixelSize:
     InputError
         If neither says it, a result's pixels are not square, or the file is missing or damaged.
     """
-    stated, where = read_height_file(height).pixel, height
+    stated, where = HeightFile.read(height).pixel, height
     if stated is None:
         where, _ = result = StoredResult.beside(height)
         stated = result.pixel

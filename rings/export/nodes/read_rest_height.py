@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from tactograph.sdk import Height, node, warn
+from tactograph.sdk import Height, StoredResult, node, warn
 from tactograph.sdk.nodes import distort_height, read_calibration
-from tactograph.sdk.unstable import StoredResult
 
 
 @node

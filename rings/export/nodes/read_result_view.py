@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from tactograph.sdk import View, node
-from tactograph.sdk.unstable import StoredResult
+from tactograph.sdk import StoredResult, View, node
 
 
 @node

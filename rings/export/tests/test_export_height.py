@@ -15,7 +15,7 @@ from tactograph.graph import InputError
 from tactograph.graph.command import run_command
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
-from tactograph.nodes.files.height_files import read_height_file
+from tactograph.nodes.files.height_files import HeightFile
 from tactograph.nodes.optics.camera_view import MESH_AXES
 from tactograph.nodes.write.read_height import read_height
 from tactograph.rings.export.formats import tmd
@@ -227,7 +227,7 @@ def test_a_scale_that_is_not_a_number_gives_no_height(
 @pytest.mark.parametrize("number", NO_NUMBERS[1:])
 def test_a_pixel_size_that_is_not_a_length_is_not_stated(tmp_path: Path, number: str) -> None:
     file = png_that_says(tmp_path / "height.png", pixel_size_mm=number)
-    assert read_height_file(file).pixel is None
+    assert HeightFile.read(file).pixel is None
 
 
 def test_a_missing_file_or_a_png_without_a_scale_is_refused(tmp_path: Path) -> None:

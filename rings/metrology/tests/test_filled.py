@@ -9,7 +9,7 @@ from tactograph.graph import load
 from tactograph.graph.run.result import Result
 from tactograph.nodes import BAND_DEVIATIONS, F4
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
-from tactograph.nodes.optics.near_light import expected_light, light_vectors
+from tactograph.nodes.optics.near_light import matt_film_light
 from tactograph.rings.metrology.nodes.surface.measure_step import measure_step
 from tests.fixtures import Calibration
 
@@ -30,7 +30,7 @@ def seen(sensor: Path, brighter: float) -> tuple[F4, float]:
     profile = np.clip((columns * pixel / 7 + wall / 2 - x) / wall, 0, 1)
     z = np.tile(-DEPTH_MM * profile, (rows, 1)).astype(np.float32)
     slope = np.stack(np.gradient(z / np.float32(pixel))[::-1])
-    light = expected_light(light_vectors(known.film.lights, z, pixel), slope)
+    light = matt_film_light(known.film.lights, z, slope, pixel)
     noise = np.random.default_rng(0).normal(1, 0.005, light.shape)
     image = np.maximum(light, 0) * known.flat * 1.045 * (1 + brighter * profile) + known.dark
     return (image * noise).astype(np.float32), pixel

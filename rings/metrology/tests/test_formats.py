@@ -10,7 +10,7 @@ import pytest
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
-from tactograph.nodes.files.height_files import read_height_file
+from tactograph.nodes.files.height_files import HeightFile
 from tactograph.rings.export.nodes.export_height import export_height
 from tactograph.rings.export.nodes.read_error import read_error
 
@@ -51,7 +51,7 @@ def test_height_and_error_are_read_back_here_and_by_the_packages_own_reader(
     kind, error = read.__name__[5:], 0.1 * abs(np.nan_to_num(height))
     export_height(height, PIXEL, error=error, folder=tmp_path, formats=(kind,))
     file = tmp_path / f"height.{kind}"
-    found, theirs = read_height_file(file), read(file)
+    found, theirs = HeightFile.read(file), read(file)
     np.testing.assert_allclose(found.height, height, rtol=1e-6)
     np.testing.assert_allclose(theirs[0], 1e-3 * height, rtol=1e-6)
     assert (found.pixel, 1e3 * theirs[2]) == (pytest.approx(PIXEL), pytest.approx(PIXEL))
@@ -66,7 +66,7 @@ def test_a_file_cut_short_is_one_line(tmp_path: Path, height: F4, kind: str, end
     file = tmp_path / f"height.{kind}"
     file.write_bytes(file.read_bytes()[:end])
     with pytest.raises(InputError, match=rf"damaged or no .{kind} file"):
-        read_height_file(file)
+        HeightFile.read(file)
 
 
 def test_millimetres_where_metres_belong_are_asked_about(tmp_path: Path) -> None:
@@ -75,7 +75,7 @@ def test_millimetres_where_metres_belong_are_asked_about(tmp_path: Path) -> None
     file = tmp_path / "height.x3p"
     x3pio.write(file, np.ones((1, 4, 5)), x_scale=0.027, y_scale=0.027)
     with pytest.raises(InputError, match="27 mm per px; are its lengths in mm"):
-        read_height_file(file)
+        HeightFile.read(file)
 
 
 def _rewritten(file: Path, change: Callable[[bytes], bytes]) -> None:
@@ -102,7 +102,7 @@ def test_foreign_roots_and_stale_checksums_are_read_with_a_warning(
     file = tmp_path / "height.x3p"
     _rewritten(file, change)
     with collect_warnings([]) as lines:
-        found = read_height_file(file)
+        found = HeightFile.read(file)
     assert len(lines) == 1
     assert message in lines[0]
     np.testing.assert_allclose(found.height, height, rtol=1e-6)

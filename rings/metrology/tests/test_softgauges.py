@@ -13,7 +13,7 @@ from benchmarks.real_film import run
 from rings.metrology.tests.scan.scans import groove_shape
 from tactograph.graph import InputError
 from tactograph.nodes import F8
-from tactograph.nodes.files.height_files import read_height_file
+from tactograph.nodes.files.height_files import HeightFile
 from tactograph.rings.export.nodes.export_height import export_height
 
 pytestmark = pytest.mark.slow  # needs the packages of tactograph[metrology]
@@ -108,9 +108,9 @@ def test_an_exported_softgauge_is_read_back(tmp_path: Path) -> None:
     height = np.asarray(1e-3 * X[:20, :30] + 0.01, np.float32)
     height[3, 4] = np.nan
     export_height(height, 1e-3 * PIXEL_UM, folder=tmp_path, formats=("sdf",))
-    found = read_height_file(tmp_path / "height.sdf")
+    found = HeightFile.read(tmp_path / "height.sdf")
     np.testing.assert_allclose(found.height, height, rtol=1e-6)
     assert found.pixel == pytest.approx(1e-3 * PIXEL_UM)
     (tmp_path / "height.sdf").write_bytes((tmp_path / "height.sdf").read_bytes()[:200])
     with pytest.raises(InputError, match=r"height\.sdf: cut off, damaged or no \.sdf file"):
-        read_height_file(tmp_path / "height.sdf")
+        HeightFile.read(tmp_path / "height.sdf")

@@ -7,7 +7,7 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4
-from tactograph.nodes.files.height_files import read_height_file
+from tactograph.nodes.files.height_files import HeightFile
 from tactograph.nodes.write.read_height import read_height
 from tactograph.rings.export.nodes.export_height import export_height
 
@@ -29,7 +29,7 @@ def exported(tmp_path: Path) -> Path:
 
 
 def test_what_is_written_is_read_back_with_its_pixel_size(exported: Path) -> None:
-    found = read_height_file(exported / "height.sur")
+    found = HeightFile.read(exported / "height.sur")
     np.testing.assert_allclose(found.height, slope(), rtol=0, atol=1.01e-7)
     assert found.pixel == pytest.approx(PIXEL)
 

@@ -21,14 +21,7 @@ def read(file: Path) -> PressCalibration:
     return read_press_calibration(file=file)
 
 
-def draw(arrays: Mapping[str, Any], title: str, target: Path) -> None:
-    """Draw film and map."""
-    from tactograph.sdk.unstable import draw_sensor  # brings Matplotlib: 0.5 s
-
-    draw_sensor(arrays, title, target, _draw_map)
-
-
-def _draw_map(part: Any, arrays: Mapping[str, Any]) -> None:
+def draw(part: Any, arrays: Mapping[str, Any]) -> None:
     """Draw the change of each light with a slope in x and in y, in the middle of the film."""
     reflectance, places = arrays["reflectance"], np.arange(len(arrays["flat"]))
     axes = part.subplots(1, 1)

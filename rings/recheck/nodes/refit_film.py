@@ -12,7 +12,6 @@ from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
 from tactograph.sdk import F4, F8, Film, Light, Metrics, NodeCall, PixelSize, SizeLimit, node, warn
 from tactograph.sdk.nodes import film_bounce
 from tactograph.sdk.unstable import (
-    FINAL_SAMPLES,
     PART_UNKNOWNS,
     Balls,
     FilmEvidence,
@@ -21,11 +20,11 @@ from tactograph.sdk.unstable import (
     Held,
     Misfit,
     Noise,
+    Odds,
     Rest,
     SheetLight,
     Unknown,
     least_squares,
-    log_odds,
     pays,
 )
 
@@ -146,7 +145,7 @@ def refit_film(
         renewed = evidence.sample(
             best.film, most=None, shifts=best.shifts, rim=some.rim, fine=True, bounce=bounce
         )
-        more = renewed.thinned(FINAL_SAMPLES)
+        more = renewed.thinned(last=True)
         other = _choose(before_refit, more)
         if np.mean(other[1]) < np.mean(errors):
             whole, some, (best, errors, fold_fits) = renewed, more, other
@@ -216,8 +215,8 @@ def _choose(prior: _Prior, balls: Balls) -> tuple[_Refitted, list[float], list[_
     for names in FILM_CHANGES[1:]:
         candidate = _judged(prior, balls, names)
         scales = best.scale(balls), candidate[0].scale(balls)
-        odds = log_odds(*scales, len(names) - len(best.changed), values)
-        if pays(errors, candidate[1], odds):
+        odds = Odds.of(*scales, len(names) - len(best.changed), values)
+        if pays(errors, candidate[1], odds.logarithm):
             best, errors, fold_fits = candidate
     return best, errors, fold_fits
 

@@ -26,6 +26,7 @@ from tactograph.sdk import (
     PixelSize,
     SizeLimit,
     node,
+    places,
 )
 from tactograph.sdk.nodes import film_bounce, film_light, integrate_dct
 from tactograph.sdk.unstable import (
@@ -38,7 +39,6 @@ from tactograph.sdk.unstable import (
     SheetLight,
     Unknown,
     cut,
-    places,
 )
 
 CELLS_ACROSS = 40

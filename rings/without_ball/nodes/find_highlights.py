@@ -9,7 +9,7 @@ from scipy.ndimage import label
 
 from tactograph.rings.without_ball.nodes.read_lamps import far_lamps
 from tactograph.sdk import F4, Crop, InputError, LightPositions, node
-from tactograph.sdk.unstable import Channel, Layout, read_plane
+from tactograph.sdk.unstable import Channel, Layout
 
 BALL_SHARE = 0.98
 """Share of the ball's radius in which highlights are searched for."""
@@ -46,8 +46,9 @@ def find_highlights(
         If a lamp makes no highlight on the ball, the outline lies beside the image, or two images
         differ in size.
     """
-    files = Layout().led_files(folder)
-    planes = [read_plane(file, crop, channel) for file in files.values()]
+    layout = Layout(crop=crop, channel=channel)
+    files = layout.led_files(folder)
+    planes = [layout.plane(file) for file in files.values()]
     if len({plane.shape for plane in planes}) > 1:
         raise InputError(f"{folder}: the images differ in size")
     y, x = np.indices(planes[0].shape)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.sdk import Light, node
-from tactograph.sdk.unstable import Layout, SheetLight, StatedCircles, read_presses
+from tactograph.sdk.unstable import Layout, SheetLight, StatedCircles
 
 
 class ObjectPresses(NamedTuple):
@@ -35,6 +35,6 @@ def read_objects(*, folder: Path, flat: Path, layout: Layout) -> ObjectPresses:
     InputError
         As `read_capture`; if `flat` is `folder`; if presses differ in size.
     """
-    images = [capture.image for capture in read_presses(folder, layout, flat)]
+    images = [capture.image for capture in layout.presses(folder, flat)]
     unknown = np.full((len(images), 3), np.nan, np.float32)
     return ObjectPresses(np.concatenate(images, axis=1), images[0], unknown)

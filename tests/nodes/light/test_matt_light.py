@@ -8,7 +8,7 @@ import pytest
 from tactograph.nodes import F4, Film
 from tactograph.nodes.light.matt_light import MattLight, matt_light
 from tactograph.nodes.optics.film import predict
-from tactograph.nodes.optics.near_light import expected_light, light_vectors, unwrapped, wrapped
+from tactograph.nodes.optics.near_light import matt_film_light, unwrapped, wrapped
 from tests.nodes.films import FILMS, LEDS, MATT, ball_seen, normals
 
 SIZE = 60, 80
@@ -32,7 +32,7 @@ def matt(film: Film, light: F4, slope: F4, height: F4, **more: object) -> MattLi
 
 
 def wanted(height: F4, slope: F4, film: Film = MATT) -> F4:
-    direct = expected_light(light_vectors(LEDS, height, PIXEL), slope)
+    direct = matt_film_light(LEDS, height, slope, PIXEL)
     return unwrapped(wrapped(direct, film.wrap), direct, film.wrap)[0]
 
 

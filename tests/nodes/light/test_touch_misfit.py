@@ -6,7 +6,7 @@ import pytest
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.light.touch_misfit import touch_misfit
-from tactograph.nodes.optics.near_light import expected_light, light_vectors
+from tactograph.nodes.optics.near_light import matt_film_light
 from tests.nodes.scenes import LIGHTS
 
 PIXEL, SHAPE = 0.1, (80, 90)
@@ -20,7 +20,7 @@ def touch(
     rng = np.random.default_rng(1)
     slope = np.full((2, *SHAPE), 0.3, np.float32)
     height, used = np.zeros(SHAPE, np.float32), np.full(SHAPE, 15, np.uint8)
-    light = expected_light(light_vectors(LIGHTS, height, PIXEL), slope)
+    light = matt_film_light(LIGHTS, height, slope, PIXEL)
     if isinstance(departure, float):
         light[0] += np.float32(departure)
     else:
@@ -72,7 +72,7 @@ def test_a_film_that_is_brighter_leaves_little_where_its_brightness_is_unknown()
 @pytest.mark.parametrize("noise", [0.0, 0.02])
 def test_film_at_rest_shows_how_far_the_leds_light_departs(noise: float) -> None:
     height, slope = np.zeros(SHAPE, np.float32), np.zeros((2, *SHAPE), np.float32)
-    light = expected_light(light_vectors(LIGHTS, height, PIXEL), slope)
+    light = matt_film_light(LIGHTS, height, slope, PIXEL)
     light[0] += np.float32(0.01)
     light += np.random.default_rng(2).normal(0, noise, light.shape).astype(np.float32)
     half = np.broadcast_to(np.arange(SHAPE[1]) < 48, SHAPE).astype(np.uint8)

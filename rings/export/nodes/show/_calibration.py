@@ -1,6 +1,6 @@
 """The content of a calibration of any kind, or of that of a camera's lens."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -42,7 +42,31 @@ def show_calibration(file: Path) -> Shown:
         *section("figures", figures(about.quality)),
         *section("values", _values(arrays, kind)),
     ]
-    return Shown(lines, {f"{file.stem}.png": partial(file_kind.draw, arrays, str(file))})
+    draw = partial(_draw, file_kind.draw, arrays, str(file))
+    return Shown(lines, {f"{file.stem}.png": draw})
+
+
+def _draw(inside: Callable[..., None], arrays: Mapping[str, Any], title: str, target: Path) -> None:
+    """Draw what a kind draws; of a sensor below the film at rest under every LED."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # takes 0.5 s
+    from matplotlib.figure import Figure
+
+    if "flat" not in arrays:
+        figure = Figure(dpi=100, layout="constrained")
+        inside(figure, arrays)
+    else:
+        flat = arrays["flat"]
+        figure = Figure(figsize=(3 * len(flat), 7), dpi=100, layout="constrained")
+        grid = figure.add_gridspec(2, 1)
+        upper, lower = figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1])
+        for k, (axes, plane) in enumerate(zip(upper.subplots(1, len(flat)), flat, strict=True)):
+            # From zero on, what LEDs leave uneven would not be seen.
+            drawn = axes.imshow(plane, cmap="gray")
+            axes.set(title=f"film at rest, LED {k + 1}", xlabel="x / px", ylabel="y / px")
+            figure.colorbar(drawn, ax=axes, orientation="horizontal", label="of full scale")
+        inside(lower, arrays)
+    figure.suptitle(title)
+    FigureCanvasAgg(figure).print_png(target)
 
 
 def _words(head: Mapping[str, Any], *names: str) -> list[str]:

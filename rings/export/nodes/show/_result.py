@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from tactograph.rings.export.shown import Shown, figures, first, origin, section, sentences
-from tactograph.sdk import InputError
-from tactograph.sdk.unstable import StoredResult
+from tactograph.sdk import InputError, StoredResult
 
 
 def show_result(file: Path) -> Shown:

@@ -12,7 +12,7 @@ from tactograph.rings.export.nodes.show._calibration import show_calibration
 from tactograph.rings.export.nodes.show._capture import show_capture
 from tactograph.rings.export.nodes.show._result import show_result
 from tactograph.rings.export.shown import Shown
-from tactograph.sdk import RESULT_FILE, InputError, atomic_file, bring, brought, node
+from tactograph.sdk import InputError, StoredResult, atomic_file, bring, brought, node
 from tactograph.sdk.unstable import missing, one_line
 
 
@@ -52,8 +52,8 @@ def _look(file: Path) -> Shown:
         raise InputError(missing(file, "file")) from None
     if file.suffix == ".npz" and file.is_file():
         return show_calibration(file)
-    if file.name == RESULT_FILE or (file / RESULT_FILE).is_file():
-        return show_result(file if file.is_file() else file / RESULT_FILE)
+    if (result := StoredResult.file_of(file)) is not None:
+        return show_result(result)
     if (further := bring("show", file.suffix[1:])) is not None:
         content: Shown = further.show(file)
         return content

@@ -13,9 +13,9 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 from scipy.interpolate import CubicSpline
 
-from tactograph.sdk import F4, InputError, LightPositions, ShapeImage
+from tactograph.sdk import F4, InputError, LightPositions, ShapeImage, places
 from tactograph.sdk.nodes import light_ring, press, render, shape_ball
-from tactograph.sdk.unstable import expected_light, lens_share, places, vectors_at
+from tactograph.sdk.unstable import lens_share, matt_film_light
 
 MAX_BYTE = 255
 PAPER_PIXEL_MM = ShapeImage().pixel_size_mm
@@ -197,8 +197,8 @@ class SimulatedSensor:
     def _light(self, k: int, moment: float) -> F4:
         """H x W, the light of LED k, from 0 (equation N1; no cast shadows)."""
         film = self._film(moment)
-        vectors = vectors_at(self.lights[k : k + 1], self._x, self._y[:, None], film.height)
-        lit = np.maximum(expected_light(vectors, film.slope)[0], 0)
+        led, pixel = self.lights[k : k + 1], self.scene.pixel_size_mm
+        lit = np.maximum(matt_film_light(led, film.height, film.slope, pixel)[0], 0)
         return np.asarray(self._bare[k] * film.bright * lit)
 
     def _brightness(self, x: float, y: float, depth: float) -> F4:

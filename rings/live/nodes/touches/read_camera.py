@@ -18,8 +18,7 @@ from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream
 from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor, open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
-from tactograph.sdk import InputError, LiveState, node
-from tactograph.sdk.unstable import Whole
+from tactograph.sdk import InputError, LiveState, Whole, node
 
 
 @node(endless=True)

@@ -16,7 +16,7 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
     Thickness,
 )
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
-from tactograph.sdk import F4, F8, Contacts, InputError, Metrics, node, read_height_file, warn
+from tactograph.sdk import F4, F8, Contacts, HeightFile, InputError, Metrics, node, warn
 from tactograph.sdk.nodes import find_contact, read_height
 
 THICKNESS_RANGE_MM = 0.3, 30.0
@@ -211,7 +211,7 @@ def _presses(results: Path, names: Iterable[str]) -> Sequence[tuple[F4, Contacts
     presses = []
     for folder in (results / name for name in names):
         file = folder / "height.tiff"
-        height, pixel = read_height(file=file), read_height_file(file).pixel
+        height, pixel = read_height(file=file), HeightFile.read(file).pixel
         if pixel is None:
             raise InputError(f"{folder}: its height.tiff does not say how large a pixel is")
         contact = find_contact(height)

@@ -5,8 +5,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Interval
 
-from tactograph.sdk import Close, Light, PixelSize, node
-from tactograph.sdk.unstable import places
+from tactograph.sdk import Close, Light, PixelSize, node, places
 
 
 @node(neutral="light", tolerance=Close(2e-4, 1e-4, why="an exponential moves a marker's edge"))

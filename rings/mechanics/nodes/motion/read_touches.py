@@ -11,20 +11,18 @@ from annotated_types import Interval
 from tactograph.rings.frames.calibrated_film import calibrated_film
 from tactograph.sdk import (
     F4,
-    RESULT_FILE,
     FileKind,
     HeightFile,
     InputError,
     PixelSize,
     Port,
+    StoredResult,
     View,
     load,
     node,
-    read_height_file,
     warn,
 )
 from tactograph.sdk.nodes import read_error, read_pixel_size, read_result_view
-from tactograph.sdk.unstable import StoredResult
 
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
 """Heights of P touches; NaN where not known."""
@@ -69,7 +67,7 @@ def read_touches(
     InputError
         If there are less than 2 touches, they differ in size or pixel size, or state none.
     """
-    if (folder / RESULT_FILE).is_file():
+    if StoredResult.file_of(folder) is not None:
         raise InputError(f"{folder}: is one result; give the folder that holds those of a stream")
     if calibration is not None:
         return _replayed(folder, most, calibration)
@@ -88,14 +86,14 @@ def _spread(count: int, most: int, folder: Path, advice: str) -> list[int]:
 
 
 def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
-    every = sorted(file.parent for file in folder.glob(f"*/{RESULT_FILE}"))
+    every = [result for result in sorted(folder.glob("*")) if StoredResult.file_of(result)]
     advice = (
         "give a folder that 'tactograph run reconstruct' wrote for a stream, or a recording with "
         "its sensor's `calibration`"
     )
     results = [every[n] for n in _spread(len(every), most, folder, advice)]
     files = [result / "height.npy" for result in results]
-    heights = [read_height_file(file).height for file in files]
+    heights = [HeightFile.read(file).height for file in files]
     pixels = [read_pixel_size(height=file, mm=pixel) for file in files]
     for result, file in zip(results, files, strict=True):
         stored = StoredResult.beside(file)

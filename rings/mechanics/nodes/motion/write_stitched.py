@@ -6,18 +6,15 @@ import numpy as np
 
 from tactograph.rings.mechanics.nodes.motion.stitch import Sources, Stitched
 from tactograph.sdk import (
-    RESULT_FILE,
     ColourMap,
+    HeightFile,
     Metrics,
     PixelSize,
     Provenance,
-    atomic_files,
     layer_kinds,
     node,
+    result_files,
     write_image,
-    write_ply,
-    write_result_file,
-    write_tiff,
 )
 
 
@@ -58,15 +55,13 @@ def write_stitched(
 
     how = layer_kinds()["error"].drawn
     assert isinstance(how, ColourMap)
-    with atomic_files(folder, last=RESULT_FILE) as target:
-        np.save(target / "height.npy", height)
+    about = {**provenance.as_dict(), "pixel_size_mm": float(pixel), "metrics": metrics}
+    with result_files(folder, about) as target:
+        formats = ("npy", "tiff", "ply") if ply else ("npy", "tiff")
+        for name in formats:
+            HeightFile(height, pixel).write(target / f"height.{name}")
         np.save(target / "error.npy", error)
-        write_tiff(target / "height.tiff", height, pixel)
-        if ply:
-            write_ply(target / "height.ply", height, pixel)
         write_image(target / "source.png", source)
         draw_height(height, error, pixel, target / "height.png")
         draw_map(error, how, pixel, target / "error.png")
         draw_seams(height, source, pixel, target / "seams.png")
-        about = {**provenance.as_dict(), "pixel_size_mm": float(pixel), "metrics": metrics}
-        write_result_file(target, about)

@@ -1,13 +1,11 @@
 """Judge whether a light model is this sensor's, by the residual light and the film's brightness."""
 
-import math
-
 import numpy as np
 
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope, light_model_slope
 from tactograph.sdk import InputError, Light, Metrics, Slope, node, warn
-from tactograph.sdk.unstable import MAX_INDEPENDENT_REST, MAX_SAMPLE_SLOPE, SURE_ODDS, log_odds
+from tactograph.sdk.unstable import MAX_INDEPENDENT_REST, MAX_SAMPLE_SLOPE, Odds
 
 MAX_RESIDUAL = 0.01
 """Share of a cell's light that a model leaves at half of the cells; 0.005 on scans of two sensors
@@ -79,7 +77,7 @@ def _unexplained(fit: ModelSlope) -> float:
 
 
 def _of_order(light: Light, model: LightModel) -> list[str]:
-    """A doubt of images whose order is turned or reversed, if another is likelier (`SURE_ODDS`).
+    """A doubt of images whose order is turned or reversed, if another is likelier by sure `Odds`.
 
     What an order leaves of the light, times the curl of its slopes, counts as a deviation.
     """
@@ -89,8 +87,8 @@ def _of_order(light: Light, model: LightModel) -> list[str]:
     misfits = [(_unexplained(fit), _curl(fit.slope)) for fit in slopes_by_order]
     product = np.prod(misfits, axis=1)
     best = int(np.argmin(product))
-    odds = log_odds(product[0], product[best], 0, MAX_INDEPENDENT_REST * len(light))
-    if odds <= math.log(SURE_ODDS) or misfits[best][0] >= MAX_RESIDUAL:
+    odds = Odds.of(product[0], product[best], 0, MAX_INDEPENDENT_REST * len(light))
+    if not odds.are_sure or misfits[best][0] >= MAX_RESIDUAL:
         return []
     order = ", ".join(str(led + 1) for led in orders[best])
     return [f"the images fit the light model in the order {order} of those listed: sort them."]

@@ -12,7 +12,7 @@ from tactograph.rings.metrology.nodes.scan.light_model import (
     monomials,
 )
 from tactograph.sdk import F4, U1, Flips, Labels, Light, Port, SizeLimit, Slope, node
-from tactograph.sdk.unstable import cofactors, dot, in_blocks, limited_step, normal_by_slope
+from tactograph.sdk.unstable import SlopeNormal, cofactors, in_blocks
 
 MAX_TURN_RAD = np.float32(0.3)
 """Longest step, as the angle in radians by which it turns the normal."""
@@ -97,21 +97,21 @@ def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> tuple[F
     p, q = _start(image, coefficients(model.linear, powers))
     moving = np.ones(p.shape, bool)
     for _ in range(steps):
-        square, n, by_p, by_q = normal_by_slope(p, q)
-        m, gradient = modelled_light(terms, np.array(n))
+        at = SlopeNormal.of(p, q)
+        m, gradient = modelled_light(terms, np.array(at.normal))
         norm = np.sum(m * m, axis=0) + MIN_LIGHT
         brightness = np.sum(m * image, axis=0) / norm
-        columns = [dot(gradient, direction) for direction in (by_p, by_q)]
+        columns = at.by_slope(gradient)
         x, y = (brightness * (j - m * (np.sum(m * j, axis=0) / norm)) for j in columns)
         rest = image - brightness * m
         products = np.sum(x * x, axis=0), np.sum(x * y, axis=0), np.sum(y * y, axis=0)
         right = np.sum(x * rest, axis=0), np.sum(y * rest, axis=0)
-        dp, dq = limited_step(products, right, MAX_TURN_RAD * square)
+        dp, dq = at.step(products, right, MAX_TURN_RAD)
         p, q = np.where(moving, p + dp, p), np.where(moving, q + dq, q)
-        moving &= np.hypot(dp, dq) > MIN_STEP_RAD * square
+        moving &= np.hypot(dp, dq) > MIN_STEP_RAD * at.square
         if not moving.any():
             break
-    m, _ = modelled_light(terms, np.array(normal_by_slope(p, q)[1]))
+    m, _ = modelled_light(terms, np.array(SlopeNormal.of(p, q).normal))
     brightness = np.sum(m * image, axis=0) / (np.sum(m * m, axis=0) + MIN_LIGHT)
     residual = np.sqrt(np.mean((image - brightness * m) ** 2, axis=0))
     dark = model.dark[:, None]

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.rings.metrology.nodes.surface.measure_step import ErrorParts, parts_within
-from tactograph.sdk import Crop, InputError, node, read_height_file
+from tactograph.sdk import Crop, HeightFile, InputError, node
 from tactograph.sdk.unstable import read_numbers
 
 PARTS_FILE = "error_parts.npy"
@@ -29,7 +29,7 @@ def read_error_parts(*, height: Path, crop: Crop | None = None) -> ErrorParts | 
     InputError
         If it is damaged.
     """
-    file, stated = height.parent / PARTS_FILE, read_height_file(height)
+    file, stated = height.parent / PARTS_FILE, HeightFile.read(height)
     if stated.error is not None or not file.is_file():
         return None
     parts = read_numbers(file)

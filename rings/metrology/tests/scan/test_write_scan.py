@@ -8,7 +8,7 @@ import pytest
 from rings.metrology.tests.scan.scans import PIXEL, cap, seen, write_model, write_scan as made_scan
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.capture.read_capture import read_capture
-from tactograph.nodes.files.height_files import read_height_file
+from tactograph.nodes.files.height_files import HeightFile
 from tactograph.rings.metrology.nodes.scan.read_light_model import read_light_model
 from tactograph.rings.metrology.nodes.scan.scan_file import read_scan
 from tactograph.rings.metrology.nodes.scan.write_scan import write_scan
@@ -29,7 +29,7 @@ def test_an_exported_scan_is_read_back(tmp_path: Path) -> None:
     np.testing.assert_allclose(second.image, first.image, atol=1e-6)
     assert second.pixel_size == PIXEL
     np.testing.assert_allclose(
-        read_height_file(tmp_path / "second" / "heightmap.tmd").height, cap(), atol=1e-6
+        HeightFile.read(tmp_path / "second" / "heightmap.tmd").height, cap(), atol=1e-6
     )
     assert read_light_model(file=tmp_path / "second").model.gain is not None
     marks, again = (read_scan(tmp_path / name).balls for name in ("first", "second"))

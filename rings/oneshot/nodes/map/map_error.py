@@ -15,8 +15,7 @@ from tactograph.sdk.unstable import (
     FILM_ROUGHNESS,
     Misfit,
     ResizedLight,
-    dot,
-    normal_by_slope,
+    SlopeNormal,
 )
 
 WINDOW_CELLS = 5
@@ -68,11 +67,11 @@ def map_error(
 def _uphill_doubt(slope: Slope, reflectance: F4, departure: float) -> Slope:
     """The standard deviation of the slope along itself, as a slope."""
     steep, direction = np.hypot(*slope), uphill(slope)
-    _, normal, by_p, by_q = normal_by_slope(*slope)
+    at = SlopeNormal.of(*slope)
     information = np.zeros_like(steep)
     for c in maps_over_film(reflectance, steep.shape):
-        _, gradient = shading(normal, c)
-        along = dot(gradient, by_p) * direction[0] + dot(gradient, by_q) * direction[1]
+        by_p, by_q = at.by_slope(shading(at.normal, c)[1])
+        along = by_p * direction[0] + by_q * direction[1]
         information += along * along
     slope_variance = np.square(np.maximum(steep, MIN_SLOPE))
     variance = 1 / (information / np.float32(departure**2) + 1 / slope_variance)

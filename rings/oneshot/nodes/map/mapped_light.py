@@ -12,7 +12,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
 )
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.sdk import Close, Height, Light, SizeLimit, Slope, node
-from tactograph.sdk.unstable import normal_by_slope
+from tactograph.sdk.unstable import SlopeNormal
 
 
 @node(
@@ -27,7 +27,7 @@ def mapped_light(slope: Slope, height: Height, reflectance: ReflectanceMap) -> L
     slope, height : 2 x H x W, and H x W in mm
     reflectance : K x 9 x 15, as `fit_reflectance_map` gives it
     """
-    normal = normal_by_slope(*slope)[1]
+    normal = SlopeNormal.of(*slope).normal
     maps = maps_over_film(reflectance, height.shape)
     planes = [shading(normal, c)[0] + c[SHADE_COUNT - 1] * height for c in maps]
     return np.asarray(planes, np.float32) + 1

@@ -13,7 +13,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     shading,
 )
 from tactograph.sdk import F4, Flips, Height, Launch, Light, Port, SizeLimit, Slope, node
-from tactograph.sdk.unstable import dot, limited_step, normal_by_slope
+from tactograph.sdk.unstable import SlopeNormal
 
 ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
 """Coefficients of equation M1 (`reflectance_map`): 9 shades, 15 monomials of the place."""
@@ -95,18 +95,18 @@ def _step(
     rests: list[F4], flat: F4, maps: F4, p: F4, q: F4, prior: np.float32, limit: np.float32
 ) -> tuple[F4, F4, F4]:
     """1 + p^2 + q^2, and one solution of the weighted normal equations, cut to `limit`."""
-    square, normal, by_p, by_q = normal_by_slope(p, q)
+    at = SlopeNormal.of(p, q)
     a = c = np.full_like(p, prior)
     b = np.zeros_like(p)
     s, t = -prior * p, -prior * q
     for rest, weight, coefficients in zip(rests, flat, maps, strict=True):
-        value, gradient = shading(normal, coefficients)
-        j_p, j_q = dot(gradient, by_p), dot(gradient, by_q)
+        value, gradient = shading(at.normal, coefficients)
+        j_p, j_q = at.by_slope(gradient)
         residual = rest - value
         w_p, w_q = weight * j_p, weight * j_q
         a, b, c = a + w_p * j_p, b + w_p * j_q, c + w_q * j_q
         s, t = s + w_p * residual, t + w_q * residual
-    return square, *limited_step((a, b, c), (s, t), limit * square)
+    return at.square, *at.step((a, b, c), (s, t), limit)
 
 
 @solve_reflectance_map.opencl()

@@ -8,14 +8,7 @@ from annotated_types import Interval
 from scipy.ndimage import gaussian_filter
 
 from tactograph.sdk import F4, Crop, InputError, Light, node
-from tactograph.sdk.unstable import (
-    CaptureFile,
-    Layout,
-    PressImages,
-    StatedCircles,
-    read_images,
-    read_presses as read_presses_of,
-)
+from tactograph.sdk.unstable import CaptureFile, Layout, PressImages, StatedCircles
 
 
 class Presses(NamedTuple):
@@ -65,7 +58,7 @@ def read_presses(
     film = read_film(flat, lights, smooth_px, crop)
     if folder is None:
         return Presses(film[None], film, [], np.full((1, 3), np.nan, np.float32))
-    captures = read_presses_of(folder, Layout(lights, crop=crop), flat)
+    captures = Layout(lights, crop=crop).presses(folder, flat)
     names = [capture.name for capture in captures]
     circles = [CaptureFile.read(folder / name).circle() for name in names]
     images = np.stack([capture.image for capture in captures])
@@ -84,5 +77,5 @@ def read_film(
     crop: Crop | None = None,
 ) -> F4:
     """Read the untouched film from one colour image or from a capture folder: K x H x W."""
-    stack = read_images(place, Layout(lights, crop=crop))
+    stack = Layout(lights, crop=crop).images(place)
     return np.stack([gaussian_filter(plane, smooth_px, mode="nearest") for plane in stack])
