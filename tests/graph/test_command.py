@@ -663,7 +663,7 @@ def test_links_that_run_in_a_circle_are_no_place(
 
 def test_a_stream_without_an_item_is_no_success(about: Command) -> None:
     said = one_line(about("run", STREAM, "count=0", "--backend", "numpy"))
-    assert "ended before a first item" in said
+    assert "ended before the first item" in said
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
