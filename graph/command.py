@@ -41,8 +41,8 @@ COMMANDS = (
     "schema",
 )
 STOPPED_MESSAGE = (
-    "tactograph: stopped; no file is half written. The same command starts again; "
-    "'compare' and 'batch' go on where they were"
+    "tactograph: stopped; no file is half written. Run the same command to start again; "
+    "'compare' and 'batch' continue where they stopped"
 )
 
 SIGPIPE_EXIT_CODE = 141
@@ -67,7 +67,7 @@ class _Lazy(click.Group):
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
             name = error.option_name
-            message = f"No such option '{name}'; one of a command stands behind the command's name"
+            message = f"No such option '{name}'; write a command's option behind the command"
             raise click.NoSuchOption(name, message, error.possibilities, ctx) from None
 
     def resolve_command(
@@ -91,7 +91,7 @@ class _Lazy(click.Group):
 
 
 def _ring_verbs() -> list[str]:
-    """The commands that rings bring; those of the core have precedence."""
+    """The commands of rings; commands of the core have precedence."""
     from tactograph.graph.rings import brought
 
     return sorted({name.replace("_", "-") for name in brought("verbs")} - {*COMMANDS})
@@ -106,7 +106,7 @@ def _ring_command(name: str) -> click.Command | None:
         return None
     command = getattr(module, "command", None)
     if not isinstance(command, click.Command):
-        raise NodeError(f"{module.__name__} holds no click command called 'command'")
+        raise NodeError(f"{module.__name__} has no click command called 'command'")
     return command
 
 
@@ -115,7 +115,7 @@ def _meant(word: str) -> str:
     from tactograph.graph.files.read_graph import shipped_names
 
     if word in shipped_names() or word.endswith((".yaml", ".yml")):
-        return f"; a graph is run by 'tactograph run {printable(word)}'"
+        return f"; to run a graph write 'tactograph run {printable(word)}'"
     return did_you_mean(word, [*COMMANDS, *_ring_verbs()])
 
 
@@ -130,17 +130,17 @@ def command_line() -> None:
 
 
 def run_command(words: list[str]) -> None:
-    """Run one command within this process, as if it had been typed."""
+    """Run one command in this process, as if it had been typed."""
     command_line.main(words, standalone_mode=False)
 
 
 def main() -> None:
     """Run the command line: exit 0 when done, 2 if the input is wrong, 1 for anything else.
 
-    If its output has no reader any more, it ends with 141 like other programs.
+    If the reader of its output has gone, it exits with 141 like other programs.
     """
     collect_seldom()
-    # Pictures go into files; matplotlib would refuse an unknown back end late.
+    # Pictures go into files, so no other back end of Matplotlib is needed.
     os.environ["MPLBACKEND"] = "agg"
     warnings.showwarning = _show_warning
     if "_TACTOGRAPH_COMPLETE" in os.environ:
@@ -192,7 +192,7 @@ def _report_unexpected(error: BaseException) -> int:
 
 
 def _end_unheard(error: OSError) -> int:
-    """Print nothing from now on, say why if that can be read, and return the exit code."""
+    """Stop printing, report why if standard error still works, and return the exit code."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     if isinstance(error, BrokenPipeError):  # the reader, such as `| head`, has gone
@@ -200,7 +200,7 @@ def _end_unheard(error: OSError) -> int:
         return SIGPIPE_EXIT_CODE
     with suppress(OSError):
         reason = error.strerror or error
-        click.echo(f"tactograph: what it prints cannot be written: {reason}", err=True)
+        click.echo(f"tactograph: cannot write to standard output: {reason}", err=True)
     return WriteError.exit_code
 
 

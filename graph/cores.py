@@ -7,7 +7,7 @@ CORES_VARIABLE = "TACTOGRAPH_CORES"
 
 
 def cores() -> int:
-    """The number of cores that this process may use: those it is bound to, or its share."""
+    """The number of cores that this process may use: its share, or those it is bound to."""
     setting = os.environ.get(CORES_VARIABLE, "")
     if setting.isdecimal() and int(setting) > 0:
         return min(int(setting), _bound_to())

@@ -1,8 +1,8 @@
 """Errors and warnings in one line: what is wrong, where, and what to do.
 
-A node's message names a parameter or input of that node in backticks, with a value where one is to
-be given: ``"the pixel size is not known; give `pixel_mm`=MM"``.  `as_in_graph` puts what feeds it
-in the running graph in its place: ``pixel_size_mm=MM``.
+A node's message names a parameter or an input in backticks, with a value if the user has to give
+one: ``"the pixel size is not known; give `pixel_mm`=MM"``.  `as_in_graph` replaces the name by what
+feeds it in the running graph: ``pixel_size_mm=MM``.
 """
 
 import difflib
@@ -17,16 +17,16 @@ from traceback import walk_tb
 from typing import NamedTuple
 
 MAX_CHARACTERS = 2000
-"""The most characters of a text from a file that are printed."""
+"""Largest number of characters to print of a text from a file."""
 MARKED_NAME = re.compile(r"`(\w+(?:\.\w+)*)`(=(?:[^\s;:()]*[^\s;:(),.])?)?")
-"""A name of the node in its message, and the value that follows it."""
+"""A marked name in a node's message, and the value that follows it."""
 _CUT_SHORT = re.compile(r"\d+ requested and \d+ written")
 
 
 class TactographError(Exception):
     """Base of every error this package raises on purpose.  Exit code 1.
 
-    `item` is the name of the stream's item at which it was raised, if that has one.
+    `item` is the name of the stream's item that raised it, if the item has a name.
     """
 
     exit_code = 1
@@ -45,23 +45,23 @@ class InputError(TactographError):
 
 
 class GraphError(InputError):
-    """A graph file that cannot be run, with its place as ``file:line:column``.
+    """A graph file is wrong; the message begins with the place, ``file:line:column``.
 
-    `others` are further errors that were found with this one.
+    `others` are further errors of the same file.
     """
 
     others: Sequence[str] = ()
 
 
 class ErrorsTogether:
-    """Errors of blocks that do not depend on one another, to be raised as one."""
+    """Gathers the errors of independent blocks, to raise them together."""
 
     def __init__(self) -> None:
         self._errors: dict[str, GraphError] = {}
 
     @contextmanager
     def gathered(self) -> Iterator[None]:
-        """Go on behind the block if that finds the graph wrong."""
+        """Note a GraphError of the block, and continue behind it."""
         try:
             yield
         except GraphError as error:
@@ -77,7 +77,7 @@ class ErrorsTogether:
 
 
 class WriteError(InputError):
-    """A place that cannot be written: a full disk, a missing permission."""
+    """A file cannot be written: the disk is full, or a permission is missing."""
 
 
 class NodeError(TactographError):
@@ -89,11 +89,11 @@ class DeviceError(NodeError):
 
 
 class NotBuiltError(TactographError):
-    """Kernels would have to be compiled first, and whoever asks does not wait for that.
+    """Kernels would have to be compiled first, and the caller does not wait for that.
 
     Parameters
     ----------
-    share : of the programs that are needed, those that are not built, 0 to 1
+    share : share of the needed programs that are not built, 0 to 1
     """
 
     def __init__(self, message: str, share: float = 1.0) -> None:
@@ -102,11 +102,11 @@ class NotBuiltError(TactographError):
 
 
 class EndOfStream(Exception):  # noqa: N818  (nothing went wrong)
-    """Raised by a sink that wants no further item: this one counts, and the stream ends."""
+    """Raised by a sink to end the stream after this item, which still counts."""
 
 
 def message_of(error: BaseException) -> str:
-    """The message of an exception; a foreign one may fail even to give that."""
+    """The message of an exception; a foreign exception may fail even when asked for it."""
     try:
         return str(error)
     except Exception as second:
@@ -114,10 +114,10 @@ def message_of(error: BaseException) -> str:
 
 
 def full_disk(error: BaseException) -> WriteError | None:
-    """An error for the user if another says that a disk is full, else None."""
+    """An error for the user if `error` means that a disk is full, else None."""
     if not isinstance(error, OSError):
         return None
-    # NumPy names no errno where it could write but a part of an array.
+    # NumPy gives no errno if it could write only a part of an array.
     reason = "No space left on device" if _CUT_SHORT.fullmatch(str(error)) else error.strerror
     if reason == error.strerror and error.errno not in (errno.ENOSPC, errno.EDQUOT):
         return None
@@ -126,24 +126,24 @@ def full_disk(error: BaseException) -> WriteError | None:
 
 
 def printable(text: str) -> str:
-    """Text with control characters, which a terminal obeys, written as ``\\x1b`` and the like."""
+    """Text whose control characters are replaced by ``\\x1b`` and the like."""
     return "".join(c if c in "\n\t" or not _is_control(c) else f"\\x{ord(c):02x}" for c in text)
 
 
 def one_line(text: str) -> str:
-    """Text from a file as one line: printable, without breaks, of limited length."""
+    """Text from a file as one printable line of limited length."""
     start = text[:MAX_CHARACTERS].encode("utf-8", "backslashreplace").decode()
     more = "…" if len(text) > MAX_CHARACTERS else ""
     return printable(" ".join(start.splitlines())).replace("\t", " ") + more
 
 
 def shortened(text: str, most: int = 60) -> str:
-    """A text that may be long, for a message."""
+    """A text, shortened for a message."""
     return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 def _is_control(character: str) -> bool:
-    """Return whether a character controls a terminal or turns the direction of the text."""
+    """Return whether a character controls a terminal or the direction of the text."""
     kind = unicodedata.category(character)
     return kind == "Cc" or (kind == "Cf" and unicodedata.bidirectional(character) in _BIDI_CLASSES)
 
@@ -154,7 +154,7 @@ _BIDI_CLASSES = {"LRE", "RLE", "PDF", "LRO", "RLO", "LRI", "RLI", "FSI", "PDI"}
 def did_you_mean(word: str, choices: Iterable[str], lister: str = "") -> str:
     """Return ``"; did you mean 'x'?"`` for the closest known word, else an empty string.
 
-    Of words that the command `lister` lists, name up to three, and the command.
+    If `lister` is a command that lists all choices, name up to three of them, and that command.
     """
     words = list(choices)
     few = difflib.get_close_matches(word, words, n=3, cutoff=0.75) if lister else []
@@ -165,9 +165,9 @@ def did_you_mean(word: str, choices: Iterable[str], lister: str = "") -> str:
 
 
 def missing(path: Path, what: str) -> str:
-    """Say that a path does not exist, and which name beside it is close.
+    """Say that a path does not exist, and suggest a similar name beside it.
 
-    `what` is the noun of what was expected there, such as ``folder``.
+    `what` is the noun for the path, such as ``folder``.
     """
     first = next((each for each in (path, *path.parents) if each.parent.is_dir()), path)
     where = "" if first == path else f", nor '{first}'"
@@ -181,7 +181,7 @@ def missing(path: Path, what: str) -> str:
 
 
 def a_few(words: Sequence[str], most: int) -> str:
-    """Join the first words of a list, and count the others: ``a, b and 3 more``."""
+    """Join the first words of a list, and count the rest: ``a, b and 3 more``."""
     more = len(words) - most
     return ", ".join(words[:most]) + (f" and {more} more" if more > 0 else "")
 
@@ -192,9 +192,9 @@ words; None for a name that the node does not have."""
 
 
 def as_in_graph(message: str, feed: Feed) -> str:
-    """A node's message, with what feeds its marked names in their place.
+    """Replace the marked names in a node's message by what feeds them.
 
-    A value stays behind what the user can set, and goes behind the name of a node.
+    A value is kept if the user can set the name, and dropped if a node feeds it.
     """
 
     def fed(match: re.Match[str]) -> str:
@@ -208,7 +208,7 @@ def as_in_graph(message: str, feed: Feed) -> str:
 
 
 class _Collector(NamedTuple):
-    """Where warnings go; the graph's names for what they mark; whether they keep their marks."""
+    """The list for warnings, the feeds of marked names, and whether warnings keep their marks."""
 
     notes: list[str]
     feed: Feed | None = None
@@ -240,9 +240,9 @@ def is_of_printing(error: OSError) -> bool:
 
 @contextmanager
 def collect_warnings(notes: list[str], *, marked: bool = False) -> Iterator[list[str]]:
-    """Collect the warnings of the block in `notes`, which it hands on.
+    """Collect the warnings of the block in `notes`, and yield that list.
 
-    With `marked` they keep the marks of names, for a graph that is not known yet.
+    With `marked` they keep the marks of names, since the graph is not known yet.
     """
     token = _collector.set(_Collector(notes, marked=marked))
     try:

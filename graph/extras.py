@@ -1,4 +1,4 @@
-"""Packages that only some features need, and the extra of the installation that brings them."""
+"""Packages that only some features need, and the extras that install them."""
 
 from importlib.util import find_spec
 
@@ -6,9 +6,9 @@ from tactograph.graph.errors import InputError
 
 
 def need(extra: str, feature: str, *packages: str) -> None:
-    """Refuse a feature whose packages, named as they are imported, are not all installed.
+    """Refuse a feature if one of its packages, by import name, is not installed.
 
-    Raises InputError, which begins with the feature and names the extra that brings them.
+    Raises InputError, which names the feature and the extra to install.
     """
     missing = [name for name in packages if find_spec(name) is None]
     if missing:

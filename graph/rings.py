@@ -1,7 +1,8 @@
 """Rings: packages that bring nodes, kernels, graphs and commands; the core is the first of them.
 
 A package registers itself by one entry point of the group ``tactograph.rings``, whose name is
-the ring's and whose value the package.  What lies in its folder is found by place and file name:
+the ring's and whose value the package.  The contents of its folder are found by place and file
+name:
 
 ==============================  ============================================================
 ``nodes/**/NAME.py``            node NAME, declared by ``@node``
@@ -10,7 +11,7 @@ the ring's and whose value the package.  What lies in its folder is found by pla
 ``calibrations/NAME_kind.py``   files of calibrations of a kind (`nodes.calibrate.kinds`)
 ``layers/NAME.py``              layer NAME of a touch: its ``KIND`` (`nodes.stream.touch`)
 ``pipelines/FOLDER/NAME.yaml``  graph NAME; in ``overlays``, ``studies`` an overlay, a study;
-                                in ``variants`` what it adds to graph NAME of another
+                                in ``variants`` variants of another package's graph NAME
 ``verbs/NAME.py``               ``tactograph NAME``, a click command called ``command``
 ``formats/EXT.py``              files ``.EXT`` of heights: functions ``read``, ``write``
 ``show/EXT.py``                 what ``tactograph show`` prints of ``NAME.EXT``: ``show``
@@ -18,7 +19,7 @@ the ring's and whose value the package.  What lies in its folder is found by pla
 ``sensors/NAME.yaml``           preset NAME of a sensor
 ==============================  ============================================================
 
-Nothing of a package is imported before a graph or a command names what it brings.
+No module of a package is imported before a graph or a command names it.
 """
 
 import importlib
@@ -47,7 +48,7 @@ class Ring:
     package: str
     distribution: str
     places: tuple[tuple[str, str, Path], ...]
-    """What it brings, the package and the folder of each."""
+    """The kinds of files that it brings, with the package and the folder of each."""
 
     @property
     def shipped(self) -> bool:
@@ -74,19 +75,19 @@ class Ring:
 
 
 def rings() -> tuple[Ring, ...]:
-    """The core, then the rings of installed packages by name; those that fail are warned of."""
+    """The core, then the rings of installed packages by name; a broken ring gives a warning."""
     return _rings(tuple(sys.path))
 
 
 @cache
 def _rings(path: tuple[str, ...]) -> tuple[Ring, ...]:
-    """The rings on `path`, cached: reading all packages' metadata takes long."""
+    """The rings on `path`; cached, since reading the metadata of all packages takes long."""
     points = sorted(entry_points(group=ENTRY_POINT_GROUP), key=lambda point: point.name)
     return (_core(), *_readable(points))
 
 
 def brought(kind: str) -> dict[str, tuple[Ring, Path]]:
-    """The modules of one kind that rings bring, by file name; of two the first ring's counts."""
+    """The modules of one kind that rings bring, by file name; the first ring has precedence."""
     names: dict[str, tuple[Ring, Path]] = {}
     for ring in rings():
         for file in ring.files(kind, "[!_]*.py"):
@@ -95,7 +96,7 @@ def brought(kind: str) -> dict[str, tuple[Ring, Path]]:
 
 
 def bring(kind: str, name: str) -> ModuleType | None:
-    """Import what a ring brings under this name; None if none does.
+    """Import the module of this kind and name; None if no ring has it.
 
     Raises NodeError, which names the ring, if it cannot be imported.
     """
@@ -121,7 +122,7 @@ def _core() -> Ring:
 
 
 def _readable(points: list[EntryPoint]) -> Iterator[Ring]:
-    """The rings whose package is there and takes this version; a warning for each other."""
+    """The rings whose package exists and accepts this version; a warning for each other ring."""
     for point in points:
         folder = _folder(point.value)
         distribution = point.dist.name if point.dist else point.value.partition(".")[0]
@@ -144,7 +145,7 @@ def _readable(points: list[EntryPoint]) -> Iterator[Ring]:
 
 
 def _folder(package: str) -> Path | None:
-    """The folder of a package, which is not imported; None if there is none."""
+    """The folder of a package, found without importing it; None if there is none."""
     try:
         spec = importlib.util.find_spec(package)
     except (ImportError, ValueError):

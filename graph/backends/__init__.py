@@ -1,7 +1,7 @@
 """Back ends of nodes: NumPy on the host, or one device.
 
-NumPy is a plain call and needs no code here.  A device's back end NAME is the module NAME.py of
-this folder with ``open_device(text, waits=…) -> (device | None, reason)``, and an entry below.
+NumPy is a plain call and needs no code here.  A device back end NAME is a module NAME.py in this
+folder with ``open_device(text, waits=…) -> (device | None, reason)``, and an entry below.
 """
 
 from typing import Literal, get_args

@@ -1,4 +1,4 @@
-"""Arrays on a device, and the work-items that go over them."""
+"""Arrays on a device, and the grids of work-items that process them."""
 
 import math
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ class DeviceArray(NamedTuple):
 
     @property
     def buffer(self) -> Any:
-        """The buffer for kernels and copies; it belongs to this array as long as that is held."""
+        """The buffer for kernels and copies, which belongs to this array as long as it exists."""
         return self.memory.buffer
 
     @property
@@ -29,28 +29,28 @@ class DeviceArray(NamedTuple):
 
 
 def bytes_for(shape: tuple[int, ...], dtype: np.dtype[Any]) -> int:
-    """The size of a buffer for an array: whole words of four bytes, at least one."""
+    """The size of a buffer for an array, rounded up to words of four bytes, at least one word."""
     return -(-max(math.prod(shape) * dtype.itemsize, 1) // 4) * 4
 
 
 def in_lanes(grid: tuple[int, ...], lanes: int) -> tuple[int]:
-    """Work-items that each do `lanes` elements of a grid, counted through as one axis."""
+    """The number of work-items that each process `lanes` elements of the flattened grid."""
     return (-(-math.prod(grid) // lanes),)
 
 
 def in_row_lanes(grid: tuple[int, ...], lanes: int) -> tuple[int]:
-    """Work-items that each do `lanes` elements of a row, and none of the next row."""
+    """The number of work-items that each process up to `lanes` elements of one row."""
     return (math.prod(grid[:-1]) * -(-grid[-1] // lanes),)
 
 
 def local_size(axes: int, lanes: int = 1) -> tuple[int, ...]:
     """Work-group size: a run of 128 along the fastest axis, which vectorises on CPUs too.
 
-    Work-items of several lanes are few, and fewer in a group share them out evenly.
+    Work-items of several lanes are few; smaller groups distribute them evenly.
     """
     return (128 if axes > 1 or lanes == 1 else 32, *(1,) * (axes - 1))
 
 
 def global_size(grid: tuple[int, ...], local: tuple[int, ...]) -> tuple[int, ...]:
-    """Grid, slowest axis first, to work-items, fastest axis first, in whole groups."""
+    """Convert a grid, slowest axis first, to work-items, fastest axis first, in complete groups."""
     return tuple(-(-n // m) * m for n, m in zip(reversed(grid), local, strict=True))

@@ -1,8 +1,7 @@
-"""Buffers on one device, lent and taken back.
+"""A pool of buffers on one device.
 
-The free buffer with the lowest number is lent first.  An item of a stream takes and returns the
-same buffers as the item before, so each launch gets the buffers that it had before and can be
-enqueued again as it was (see `Prepared`).
+The free buffer with the lowest number is lent first.  So an item of a stream uses the same buffers
+as the previous item, and each launch can be enqueued again unchanged (see `Prepared`).
 """
 
 import itertools
@@ -22,7 +21,7 @@ SIZE_STEP_BITS = 4
 class Memory:
     """A buffer on loan, which returns to its pool when this object is freed.
 
-    `number` identifies it for the life of the device; `sent` is what the host wrote there.
+    `number` identifies it for the life of the device; `sent` is the array that the host wrote.
     """
 
     __slots__ = ("_free", "buffer", "number", "sent")
@@ -31,7 +30,7 @@ class Memory:
         self.buffer, self.number, self._free = buffer, number, free
         self.sent: NDArray[Any] | None = None
 
-    # As a default, since a module's names may be gone when the interpreter ends.
+    # A default argument, since a module's names may be gone when the interpreter exits.
     def __del__(self, push: Callable[[Free, tuple[int, Any]], None] = heappush) -> None:
         if self._free is not None:
             push(self._free, (self.number, self.buffer))

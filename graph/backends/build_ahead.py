@@ -1,8 +1,9 @@
-"""Programs built ahead by processes of their own, while this one builds those that it needs first.
+"""Build programs ahead in helper processes, while this process builds those that it needs first.
 
 A driver compiles one program at a time in a process.  A helper starts its compiler while this
-process still plans, goes through a plan's programs, passes over those that another process is at,
-and keeps them on disk (`programs.py`).  It writes to no terminal, and ends with its parent.
+process still plans.  Then it goes through a plan's programs, skips those that another process is
+building, and keeps them on disk (`programs.py`).  It writes to no terminal, and ends with its
+parent.
 """
 
 import os
@@ -28,7 +29,7 @@ from tactograph.graph.cores import cores
 from tactograph.graph.errors import NotBuiltError
 
 MIN_AHEAD_PROGRAMS = 4
-"""The fewest programs not on disk that justify a process: it takes as long to start as two."""
+"""Smallest number of missing programs for a helper, which starts in the time of two builds."""
 MAX_HELPERS = 3
 helpers: list[subprocess.Popen[bytes]] = []
 _idle: list[subprocess.Popen[bytes]] = []
@@ -36,7 +37,7 @@ _idle: list[subprocess.Popen[bytes]] = []
 
 
 def begin_helpers(device: cl.Device) -> None:
-    """Start processes on the cores beside ours, which wait for what to build."""
+    """Start helpers on the other cores, which wait for programs to build."""
     if any(helper.poll() is None for helper in helpers) or not sys.executable:
         return
     for _ in range(min(cores() - 1, MAX_HELPERS)):
@@ -55,10 +56,10 @@ def begin_helpers(device: cl.Device) -> None:
 def build_ahead(
     context: cl.Context, needed: Sequence[Recipe], perhaps: Sequence[Recipe], *, waits: bool = True
 ) -> None:
-    """Begin to build programs that are not on disk, in this order, on the cores beside ours.
+    """Begin to build programs that are not on disk, in this order, on the other cores.
 
-    Those that are needed `perhaps` come last, and are left to helpers.  Raises NotBuiltError
-    instead if one that is needed is not on disk, and the caller does not wait for it.
+    Programs that are needed `perhaps` come last, and are left to helpers.  Raises NotBuiltError
+    instead if a needed program is not on disk and the caller does not wait for it.
     """
     (handle,) = context.devices
     missing = [r for r in (*needed, *perhaps) if not is_ready(handle, *r)]
@@ -71,7 +72,7 @@ def build_ahead(
     if len(missing) >= MIN_AHEAD_PROGRAMS:
         begin_helpers(handle)
     while _idle:
-        # In a thread: a helper that still starts takes nothing yet.
+        # In a thread: a helper that is still starting does not read yet.
         Thread(target=_tell, args=(_idle.pop(), missing), daemon=True).start()
 
 
@@ -82,7 +83,7 @@ def _tell(helper: subprocess.Popen[bytes], recipes: Sequence[Recipe]) -> None:
 
 
 def main() -> None:
-    """Build what the parent writes into the standard input."""
+    """Build the programs that the parent writes to standard input."""
     parent, name = sys.argv[1:]
     platforms = (p for p in cl.get_platforms() if p.name in CACHED_PLATFORMS)
     context = next(context_of(d) for p in platforms for d in p.get_devices() if d.name == name)

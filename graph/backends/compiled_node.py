@@ -67,7 +67,7 @@ class Compiled:
             reason = lines[0] if lines else str(error)
             raise NodeError(f"{kernel_file(self.node)} does not compile: {reason}") from None
         signatures = kernel_signatures(self.source)
-        # Pipelines share a program, but a kernel holds the arguments of its own next launch.
+        # Pipelines share a program, but not its kernels, which hold arguments.
         return {
             kernel.function_name: Kernel(kernel, signatures[kernel.function_name])
             for kernel in program.all_kernels()

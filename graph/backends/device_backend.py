@@ -11,13 +11,13 @@ if TYPE_CHECKING:
 
     DeviceBackend: TypeAlias = OpenCL
 else:
-    DeviceBackend = object  # pyopencl is not loaded where NumPy alone runs
+    DeviceBackend = object  # pyopencl is not loaded if only NumPy runs
 
 
 def open_device(
     backends: Collection[str], text: str | None = None, *, waits: bool = True
 ) -> tuple[DeviceBackend | None, str]:
-    """The first of these back ends whose device works, or None and the reason.
+    """Open the first back end whose device works; return None and the reason if none does.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def open_device(
     text
         A part of the device's name.
     waits
-        Whether the caller waits where kernels have to be compiled first.
+        Whether the caller waits if kernels have to be compiled first.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Nodes that a node on the host calls, and that run on a device."""
+"""Run a node on the device when another node calls it on the host."""
 
 import inspect
 from collections.abc import Mapping
@@ -13,9 +13,9 @@ from tactograph.graph.errors import DeviceError, NodeError
 
 
 class DeviceCall:
-    """A node, called with arrays of the host, which runs on a device.
+    """A node that runs on a device when it is called with arrays on the host.
 
-    Its text names what its results depend on besides the arguments.
+    Its `repr` names everything but the arguments that its results depend on.
     """
 
     def __init__(self, node: Node, device: DeviceBackend) -> None:

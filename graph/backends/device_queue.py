@@ -1,7 +1,7 @@
-"""One OpenCL device, one in-order queue, one pool of buffers.
+"""One OpenCL device with an in-order queue and a pool of buffers.
 
 Only a download waits.  A buffer returns to the pool after the last step that reads its value; on
-an in-order queue the next owner cannot overtake.
+an in-order queue its next owner cannot overtake that step.
 """
 
 from __future__ import annotations
@@ -54,25 +54,25 @@ __kernel void fraction(
 
 _serials = itertools.count(1)
 SCALAR_PLATFORMS = ("rusticl",)
-"""Platforms whose compilers for CPUs vectorise across work-items, and take ten times as long to
-build kernels whose work-items do several elements."""
+"""Platforms whose CPU compilers vectorise across work-items, and take ten times as long to build
+kernels whose work-items process several elements."""
 
 
 def usual_lanes(device: Device) -> int:
-    """Return the number of elements that a work-item does side by side on a device."""
+    """Return the number of elements that a work-item processes side by side on a device."""
     return 16 if device.kind == "CPU" and device.handle.platform.name not in SCALAR_PLATFORMS else 1
 
 
 def usual_group(device: Device, lanes: int) -> int:
     """Return the number of work-items of a kernel that is a single work-group.
 
-    More hide more of the memory's latency; that was tried on NVIDIA's devices alone.
+    More of them hide more of the memory's latency; the number was measured on NVIDIA devices only.
     """
     return 1 if lanes > 1 else 512 if "NVIDIA" in device.name else 128
 
 
 def _array_class() -> type[Array]:
-    """pyopencl's arrays, whose module costs time that few need."""
+    """pyopencl's array class; imported here, since its module is slow and rarely needed."""
     from pyopencl.array import Array
 
     return Array
@@ -81,8 +81,9 @@ def _array_class() -> type[Array]:
 class Queue:
     """One OpenCL device with its queue and its buffers.
 
-    `lanes` is the number of elements that a work-item does side by side.  None suits it to the
-    device: most CPU compilers do not vectorise across work-items, GPUs want one element each.
+    `lanes` is the number of elements that a work-item processes side by side.  None chooses it for
+    the device: most CPU compilers do not vectorise across work-items, and GPUs need one element
+    each.
     `group` is the number of work-items of a kernel that is a single work-group.
 
     Attributes
@@ -90,7 +91,7 @@ class Queue:
     error
         The exception type of the device's library.
     driver
-        Its version; another version may give other numbers.
+        The driver's version; another version may give other numbers.
     serial
         Unique identifier of this device, and its compiled kernels, within the process.
     queue
@@ -123,13 +124,13 @@ class Queue:
     def empty(self, shape: tuple[int, ...], dtype: np.dtype[Any]) -> DeviceArray:
         """Take a buffer from the pool; an empty array still gets some bytes to point at.
 
-        With `poison` set, every byte of it holds that value, so that a test can tell an
-        element that a kernel failed to write.
+        With `poison` set, every byte of it holds that value, so that a test detects an element
+        that a kernel failed to write.
         """
         return self.take(bytes_for(shape, dtype), shape, dtype)
 
     def take(self, nbytes: int, shape: tuple[int, ...], dtype: np.dtype[Any]) -> DeviceArray:
-        """`empty`, where the result of `bytes_for` is known."""
+        """Like `empty`, with the result of `bytes_for`."""
         memory = self.pool.take(nbytes)
         if self.poison is not None:
             # A copy, not a fill: oclgrind takes filled buffers for uninitialised ones.
@@ -195,33 +196,33 @@ class Queue:
             ).wait()
 
     def lent(self, array: DeviceArray) -> Array:
-        """An array of pyopencl's; its memory returns to the pool with the last view of it."""
-        # Views of an array hold its buffer alone, so the buffer must hold the memory.
+        """A pyopencl array, whose memory returns to the pool with its last view."""
+        # Views of an array refer only to its buffer, so the buffer has to keep the memory.
         buffer: Any = cl.Buffer.from_int_ptr(array.buffer.int_ptr)
         buffer.memory = array.memory
         return _array_class()(self.queue, array.shape, array.dtype, data=buffer)
 
     def mapped(self, array: Array, name: str) -> NDArray[Any]:
-        """An array of pyopencl's for the host, which on a CPU reads it where it lies.
+        """A pyopencl array for the host, which on a CPU reads it in place.
 
         Raises
         ------
         InputError
-            If it lies in another context, or with gaps.
+            If it belongs to another context, or is not contiguous.
         """
         if not isinstance(array, _array_class()) or array.context != self.context:
             raise InputError(
-                f"{name} lies in another OpenCL context; make it with pipeline.queue, "
-                "or hand in array.get()"
+                f"{name} belongs to another OpenCL context; make it with pipeline.queue, "
+                "or pass array.get()"
             )
         if not array.flags.c_contiguous:
-            raise InputError(f"{name} lies with gaps; hand in array.copy()")
+            raise InputError(f"{name} is not contiguous; pass array.copy()")
         array.finish()
         view: NDArray[Any] = array.map_to_host(self.queue, cl.map_flags.READ)
         return view
 
     def adopted(self, array: Array) -> DeviceArray:
-        """An array that was mapped, read where it lies; one that begins within it is copied."""
+        """A mapped array, read in place; it is copied if it begins within its buffer."""
         buffer: Any = array.base_data
         nbytes = bytes_for(array.shape, array.dtype)
         if array.offset == 0 and buffer.size >= nbytes:

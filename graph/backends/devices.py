@@ -1,7 +1,7 @@
-"""OpenCL devices: every one listed, none trusted before it has run a real kernel.
+"""List OpenCL devices, and trust none before it has run a real kernel.
 
 Some runtimes list a CPU and then cannot compile for it.  So each candidate compiles and runs a
-small kernel, and the verdict says why one was passed over.
+small kernel, and its verdict states why it is not used.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     import pyopencl as cl
 
 NOT_IN_A_FORK = (
-    "OpenCL was used before this process was forked, and no runtime works on in a fork; start "
-    "processes by 'spawn' or 'forkserver' (DataLoader: multiprocessing_context=\"spawn\"), or take "
+    "OpenCL was used before this process was forked, and no runtime works in a fork; start "
+    "processes by 'spawn' or 'forkserver' (DataLoader: multiprocessing_context=\"spawn\"), or use "
     'backend="numpy" here'
 )
 _PROBE_KERNEL = """
@@ -52,7 +52,7 @@ class Device:
 
 
 def find_devices() -> list[Device]:
-    """List and probe every device; empty, with no error, where there is no OpenCL at all."""
+    """List and probe every device; return an empty list if there is no OpenCL."""
     return [_probed(handle) for handle in _handles()]
 
 
@@ -62,10 +62,10 @@ def choose_device(text: str | None = None, *, waits: bool = True) -> tuple[Devic
     Parameters
     ----------
     text
-        A part of the device's or platform's name; None takes the first that works, GPUs
-        first.  Simulators are taken only by name: they are made for tests, not for speed.
+        A part of the device's or platform's name; None chooses the first that works, GPUs
+        first.  Simulators are chosen only by name: they are made for tests, not for speed.
     waits
-        Whether the caller waits where the compiler has to be started first.
+        Whether the caller waits if the compiler has to be started first.
 
     Raises
     ------
@@ -116,7 +116,7 @@ def how_to_get_one() -> str:
 
 @cache
 def _first_process() -> int:
-    """The process that first asked for devices, which a fork of it remembers."""
+    """The process that first asked for devices; a fork inherits the cached number."""
     return os.getpid()
 
 
@@ -141,7 +141,7 @@ def _handles() -> Iterator[cl.Device]:
         except cl.Error:
             continue
     gpu = cl.device_type.GPU
-    # Loaders list drivers in no order; by name Intel's comes first.
+    # Loaders list drivers in arbitrary order; sorted by name, Intel's comes first.
     yield from sorted(handles, key=lambda h: (0, "") if h.type & gpu else (1, h.platform.name))
 
 
@@ -168,7 +168,7 @@ def _probed(handle: cl.Device) -> Device:
 
 
 def _has_probe(handle: cl.Device) -> bool:
-    """Return whether the probe's kernel is built, before which nothing else is."""
+    """Return whether the probe's kernel is built; it is always built first."""
     from tactograph.graph.backends.programs import is_ready
 
     return is_ready(handle, _PROBE_KERNEL, ())
@@ -176,7 +176,7 @@ def _has_probe(handle: cl.Device) -> bool:
 
 @cache
 def _run_probe(handle: cl.Device) -> str | None:
-    """Compile and run a small kernel, once a process; return what is wrong, or None."""
+    """Compile and run a small kernel, once per process; return what is wrong, or None."""
     import pyopencl as cl
 
     from tactograph.graph.backends.build_ahead import begin_helpers

@@ -21,16 +21,16 @@ _DRIVER_FILES = {"linux": "libintelocl.so", "win32": "intelocl64.dll"}
 
 @contextmanager
 def listed() -> Iterator[None]:
-    """List the runtime while the loader looks for drivers, which it does once a process.
+    """List the runtime while the loader searches for drivers, which it does once per process.
 
-    Nothing changes where the package is absent, where the system lists the runtime itself,
-    or where the user has set the variable.
+    Nothing changes if the package is absent, if the system lists the runtime itself, or if the user
+    has set the variable.
     """
     runtime = _runtime()
     if runtime is None:
         yield
     elif sys.platform == "win32":
-        # The libraries that the driver needs lie beside it; older loaders do not look there.
+        # The driver's libraries are beside it, where older loaders do not search.
         with os.add_dll_directory(str(runtime.parent)), _named("OCL_ICD_FILENAMES", str(runtime)):
             yield
     else:
@@ -72,7 +72,7 @@ def is_for_this_system() -> bool:
 
 
 def _runtime() -> Path | None:
-    """The driver that the package brought, if it is installed."""
+    """The package's driver, if it is installed."""
     try:
         files = distribution("intel-opencl-rt").files or []
     except PackageNotFoundError:
@@ -83,7 +83,7 @@ def _runtime() -> Path | None:
 
 
 def _drivers(folder: Path) -> list[str]:
-    """The libraries that a folder of .icd files lists, without those that are not there.
+    """The existing libraries that a folder of .icd files lists.
 
     The package leaves .icd files in `sys.prefix` whose paths only conda's installer corrects.
     """

@@ -17,14 +17,14 @@ from tactograph.graph.backends.kernel_source import Argument
 
 T = TypeVar("T")
 WAIT_VARIABLE = "TACTOGRAPH_WAIT"
-"""The environment variable that, at 1, has each launch waited for, and named if it crashes."""
+"""If this environment variable is 1, each launch is waited for, and named if it crashes."""
 
 
 class Kernel:
     """A kernel whose argument types are fixed at its first launch.
 
-    With declared argument types, pyopencl sets all arguments in the time of a single one without
-    them.  `signature` holds the arguments as the source declares them.
+    With declared argument types, pyopencl sets all arguments in the time that one takes without.
+    `signature` are the arguments as the source declares them.
     """
 
     def __init__(self, kernel: cl.Kernel, signature: Sequence[Argument] = ()) -> None:
@@ -41,7 +41,7 @@ class Kernel:
         Raises
         ------
         TypeError
-            If there are too many or too few, or one has a wrong type.
+            If there are too many or too few arguments, or one has a wrong type.
         """
         name, signature = f"kernel {self.name}", self._signature
         if len(arguments) != len(signature):
@@ -67,7 +67,7 @@ class Kernel:
         return Kernel(kernel, self._signature)
 
     def numbered_copy(self, number: int) -> Kernel:
-        """The copy of this number, made on first use: that takes as long as a hundred launches."""
+        """The copy of this number; it is made once, since that takes as long as 100 launches."""
         while len(self._copies) <= number:
             self._copies.append(self.copy())
         return self._copies[number]
@@ -94,7 +94,7 @@ class Kernel:
     def _named(
         self, launch: Callable[[], cl.Event], arguments: Sequence[Any]
     ) -> Callable[[], cl.Event]:
-        """Launch and wait, if that is asked for, in a function named by kernel and arguments.
+        """If `WAIT_VARIABLE` is 1, launch and wait in a function named after kernel and arguments.
 
         A kernel that goes out of bounds may end the process.  Python's fault handler then prints
         only the names of the running functions.
@@ -121,7 +121,7 @@ def _launch_and_wait(launch: Callable[[], cl.Event]) -> cl.Event:
 
 
 def _in_short(name: str, value: Any) -> str:
-    """An argument in a word: of a buffer its size, of a number its value."""
+    """An argument in a word: the size of a buffer, or the value of a number."""
     if isinstance(value, cl.MemoryObjectHolder):
         return f"{name}: {value.size} bytes"
     return f"{name}={value}"
@@ -177,7 +177,7 @@ def _float(value: Any) -> np.float32:
 
 def _whole(make: Callable[[int], Any], value: Any) -> Any:
     if isinstance(value, int | np.integer):
-        return make(int(value))  # which refuses what is out of range
+        return make(int(value))  # which refuses a number out of range
     raise TypeError
 
 

@@ -26,16 +26,16 @@ _TYPE_NAME = re.compile(r"\btypedef\s+(\w+)\s+(\w+)\s*;")
 _KERNEL_HEAD = re.compile(r"\b(?:__)?kernel\b[^{};]*?\bvoid\s+(\w+)\s*\(([^)]*)\)")
 
 Argument = tuple[str, str]
-"""C type, with a star for a buffer, and name, without the underscore that avoids a built-in."""
+"""C type (with a star for a buffer) and name (without the underscore that avoids a built-in)."""
 
 
 def kernel_source(node: Node) -> str:
-    """The text of the node's ``.cl`` file with its headers written in.
+    """The text of the node's ``.cl`` file with its headers inserted.
 
     Raises
     ------
     NodeError
-        If a file is not there.
+        If a file does not exist.
     """
     return _with_headers(node, f"{node.name}.cl", set())
 
@@ -52,7 +52,7 @@ def kernel_file(node: Node) -> str:
 
 
 def _with_headers(node: Node, file: str, written: set[str]) -> str:
-    """The text of a file with each header written in where it is first included.
+    """The text of a file with each header inserted where it is first included.
 
     ``#line`` makes the compiler's messages name the original file and line.
     """
@@ -89,7 +89,7 @@ def _find(node: Node, file: str) -> tuple[str, str]:
 
 
 def _own(node: Node, source: str | os.PathLike[str]) -> tuple[str, str]:
-    """Kernels that a declaration gives itself, as text or as a path."""
+    """The kernels that a declaration states as text or as a path."""
     if isinstance(source, str) and ("{" in source or "\n" in source):
         return f"source of {node.name}", source
     try:
@@ -137,7 +137,7 @@ def scalar_type(annotation: Any) -> tuple[str, int, tuple[Any, ...]] | None:
 
 
 def scalar_values(annotation: Any, value: Any) -> list[Any]:
-    """The numbers of a parameter: a tuple item by item, a choice as its index."""
+    """The numbers of a parameter: the items of a tuple, or the index of a choice."""
     scalar = scalar_type(annotation)
     assert scalar is not None
     _, count, choices = scalar
@@ -169,7 +169,7 @@ def kernel_signatures(text: str) -> dict[str, list[Argument]]:
     macros = _macros(plain)
     signatures: dict[str, list[Argument]] = {}
     for name, head in _KERNEL_HEAD.findall(plain):
-        # Arguments that several kernels share are macros; vectors of LANES are typedefs.
+        # Arguments shared by several kernels are macros; vectors of LANES are typedefs.
         written = re.sub(r"\w+", lambda word: macros.get(word[0], word[0]), head)
         signatures[name] = [_argument(piece) for piece in written.split(",") if piece.strip()]
     return signatures
@@ -198,19 +198,19 @@ def _argument(piece: str) -> Argument:
 
 
 def check_kernel(node: Node) -> None:
-    """Compare the kernel of a node that has one launch with the node's declaration.
+    """Compare the kernel of a node with a single launch with the node's declaration.
 
     Raises
     ------
     NodeError
-        If a file is not there, or the kernel takes other arguments.
+        If a file does not exist, or the kernel takes other arguments.
     """
     if node.kernels.grid is None:
         return
     file, text = _find(node, f"{node.name}.cl")
     stated = kernel_signatures(text).get(node.name)
     if stated is None:
-        raise NodeError(f"{file} holds no kernel '{node.name}'")
+        raise NodeError(f"{file} has no kernel '{node.name}'")
     expected = [(c_type, name.rstrip("_")) for c_type, name in expected_arguments(node)]
     for index, (due, declared) in enumerate(zip(expected, stated, strict=False), start=1):
         if due != declared:

@@ -1,4 +1,4 @@
-"""The argument of a node's launch function: its arrays on the device, and its kernels."""
+"""`Launch`, the argument of a node's launch function: its arrays on the device, and its kernels."""
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping
@@ -26,7 +26,7 @@ T = TypeVar("T")
 
 
 class Record:
-    """The kernels that a launch enqueued, and the scratch buffers that it took."""
+    """The kernels that a launch enqueued, and its scratch buffers."""
 
     def __init__(self) -> None:
         self.kernels: list[Callable[[], cl.Event | None]] = []
@@ -36,7 +36,7 @@ class Record:
 class Launch:
     """One launch of a node that needs more than one kernel, or a library.
 
-    `repeats` says whether it only enqueued kernels, which can be enqueued again; `record` then
+    `repeats` is true as long as it only enqueued kernels, which can be enqueued again; `record`
     holds them.
     """
 
@@ -67,7 +67,7 @@ class Launch:
     def timer(self) -> tuple[cl.Event, cl.Event]:
         """The first and the last event; a marker's if there was none.
 
-        Markers around every launch would do as well, but Intel's runtime runs all work behind a
+        Markers around every launch would be simpler, but Intel's runtime runs all work behind a
         marker on a single core.
         """
         if not self._events:
@@ -77,15 +77,15 @@ class Launch:
 
     @property
     def lanes(self) -> int:
-        """The number of elements that a work-item does side by side: the kernels' LANES."""
+        """The number of elements that a work-item processes side by side: the kernels' LANES."""
         return self._device.lanes
 
     def in_lanes(self, *grid: int) -> tuple[int]:
-        """The grid of a kernel in which each work-item does LANES elements of this grid."""
+        """The grid of a kernel in which each work-item processes LANES elements of this grid."""
         return in_lanes(grid, self.lanes)
 
     def in_row_lanes(self, *grid: int) -> tuple[int]:
-        """The grid of a kernel in which each work-item does LANES elements of one row."""
+        """The grid of a kernel in which each work-item processes LANES elements of one row."""
         return in_row_lanes(grid, self.lanes)
 
     @property
@@ -100,12 +100,12 @@ class Launch:
 
     @property
     def part(self) -> tuple[int] | None:
-        """The work-group of a kernel whose groups do a part each; on a CPU work-items do."""
+        """The size of work-groups that each process a part; on a CPU a part is one work-item's."""
         return None if self.lanes > 1 else (self.group,)
 
     @property
     def alone(self) -> tuple[int] | None:
-        """The work-group of a kernel that keeps much for each work-item: on a CPU one of them."""
+        """The size of work-groups for kernels with much data per work-item: one item on a CPU."""
         return (1,) if self.lanes > 1 else None
 
     @property
@@ -129,12 +129,12 @@ class Launch:
         name
             The kernel.
         grid
-            Work-items needed, slowest axis first; rounded up to whole work-groups.
+            Work-items needed, slowest axis first; rounded up to complete work-groups.
         arguments
             Device arrays, None for a null pointer, numbers, or pyopencl local memory; checked
             and converted by the kernel's own signature.
         local
-            Work-group size, fastest axis first, where the kernel relies on it.
+            Work-group size, fastest axis first, if the kernel relies on it.
         constants
             Macros for the source, so that loops over them can be unrolled; the file is
             compiled once for each set of values.
@@ -190,10 +190,10 @@ class Launch:
         self.kernel(node.name, grid, *arguments, constants=constants)
 
     def capture(self, launches: Callable[[], None]) -> Callable[[], None]:
-        """Return a function that enqueues the kernels of `launches`, as often as it is called.
+        """Return a function that enqueues the kernels of `launches` at each call.
 
-        Their arguments are set once, now, so that enqueuing takes a fifth of the time.  Only the
-        last captured sequence may be enqueued.
+        Their arguments are set only once, now, so that enqueuing takes a fifth of the time.  Only
+        the last captured sequence may be enqueued.
         """
         self.repeats = False
         captured: list[Callable[[], cl.Event]] = []
@@ -209,7 +209,7 @@ class Launch:
         return enqueue
 
     def scratch(self, shape: tuple[int, ...], dtype: Any = np.float32) -> DeviceArray:
-        """Take a buffer for this launch alone from the pool."""
+        """Take a buffer from the pool, for this launch only."""
         buffer = self._device.empty(shape, np.dtype(dtype))
         if self._record is not None:
             self._record.scratch.append(buffer)
@@ -218,7 +218,7 @@ class Launch:
     def put(self, array: NDArray[Any]) -> DeviceArray:
         """Copy a host array, which may be empty, to a buffer of its own; `keep` keeps a constant.
 
-        It does not come from the pool: the queue may still use that, and a copy would have to wait.
+        It does not come from the pool, whose buffers the queue may still use: a copy would wait.
         """
         self.repeats = False
         return self._device.constant(array)
@@ -230,11 +230,11 @@ class Launch:
         """
         self.repeats = False
         to.memory.sent = array
-        # The events hold the arrays; to free them now would mean to wait for the copy.
+        # The events hold the arrays; freeing them now would wait for the copy.
         self._sent.append(self._device.send(array, to))
 
     def download(self, array: DeviceArray) -> NDArray[Any]:
-        """Wait for an array and copy it to the host, where its values decide the next launch."""
+        """Wait for an array, and copy it to the host, whose next launch depends on its values."""
         self.repeats = False
         return self._device.download(array)
 
@@ -256,11 +256,11 @@ class Launch:
         return arrived
 
     def library(self, enqueue: Callable[[Any], object], array: DeviceArray, *, last: bool) -> None:
-        """Enqueue a library's kernels over an array of pyopencl's own class.
+        """Enqueue a library's kernels over a pyopencl array.
 
-        They leave no event; the `last` operation of a launch is followed by a marker.
+        They return no event; the `last` operation of a launch is followed by a marker.
         """
-        from pyopencl.array import Array  # which few need
+        from pyopencl.array import Array  # slow, and rarely needed
 
         queue = self._device.queue
         view = Array(queue, array.shape, array.dtype, data=array.buffer)
@@ -293,7 +293,7 @@ class Launch:
     def keep(self, key: Hashable, make: Callable[[], T]) -> T:
         """Return the result of `make` for `key`, made once for this node on this device."""
         if key not in self._compiled.shared:
-            # A repeated launch skips what `make` does, unless that was recorded.
+            # A repeated launch skips the work of `make`, unless that was recorded.
             repeats = self.repeats and self._record is None
             self._compiled.shared[key] = make()
             self.repeats = repeats

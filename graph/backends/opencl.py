@@ -29,7 +29,7 @@ def open_device(text: str | None = None, *, waits: bool = True) -> tuple[OpenCL 
 class OpenCL(Queue):
     """One OpenCL device with its queue, its buffers and its compiled nodes.
 
-    `waits`: whether it is waited for where kernels have to be compiled first.
+    `waits`: whether the caller waits if kernels have to be compiled first.
     """
 
     backend = "opencl"
@@ -44,15 +44,14 @@ class OpenCL(Queue):
     def compile(self, nodes: Sequence[Node]) -> None:
         """Check the sources of nodes' kernels, and begin to build those that are not on disk.
 
-        A kernel is built where it is first launched; what other processes have built by then is
-        taken from them.
+        A kernel is built when it is first launched, unless another process has built it by then.
 
         Raises
         ------
         NodeError
             If a source does not match its declaration.
         NotBuiltError
-            If kernels that are needed are not built, and are not waited for.
+            If needed kernels are not built, and the caller does not wait.
         """
         programs = self._programs(nodes)
         longest_first = sorted(programs, key=lambda node: len(programs[node][0]), reverse=True)
@@ -61,9 +60,9 @@ class OpenCL(Queue):
         build_ahead(self.context, needed, perhaps, waits=self._waits)
 
     def build(self, nodes: Sequence[Node]) -> int:
-        """Build nodes' kernels, with helpers, and keep them on disk; return how many programs.
+        """Build nodes' kernels, with helpers, and keep them on disk; return the number of programs.
 
-        What does not compile without constants of its launch is left to that.
+        A program that does not compile without constants of its launch is left to the launch.
         """
         self.compile(nodes)
         count = 0
@@ -77,7 +76,7 @@ class OpenCL(Queue):
         """The programs of nodes without constants of a launch."""
         programs: dict[Node, Recipe] = {}
         for node in nodes:
-            # A launch function may do with a library's kernels.
+            # A launch function may use only a library's kernels.
             with suppress(NodeError) if node.kernels.launch else nullcontext():
                 programs[node] = self.compiled(node).recipe({})
         return programs
@@ -95,16 +94,16 @@ class OpenCL(Queue):
         sizes: Mapping[str, int],
         wanted: Wanted = EVERYTHING,
     ) -> Prepared:
-        """Work out a node's launches over arrays of the given sizes.
+        """Prepare a node's launches on arrays of the given sizes.
 
-        Outputs that are not wanted are left out if the node can do without them.
+        Outputs that are not wanted are left out if the node allows it.
         """
         return Prepared(self, self.compiled(node), settings, sizes, wanted)
 
 
 @contextmanager
 def _unheard() -> Iterator[None]:
-    """Keep a compiler from counting errors on the terminal, past Python's own stream."""
+    """Keep a compiler from printing to the terminal, which bypasses Python's streams."""
     heard, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     os.close(nowhere)

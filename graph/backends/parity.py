@@ -1,8 +1,8 @@
 """Parity: the generated proof that a node's implementations agree.
 
 For every node with a kernel, the NumPy function is compared with the kernel over the cases of
-`parity_cases`, within the node's own tolerance.  Outputs hold rubbish before the
-launch; inputs must be unchanged after it.
+`parity_cases`, within the node's tolerance.  Before the launch outputs hold garbage; after it
+inputs have to be unchanged.
 """
 
 from collections.abc import Iterable, Mapping
@@ -21,13 +21,13 @@ from tactograph.graph.errors import InputError
 
 POISON_BYTE = 0xA5
 MAX_DIFFERENCES = 5
-"""Differences that a message lists."""
+"""Largest number of differences that a message lists."""
 
 
 def check(node: Node, device: str | None = None) -> int:
     """Compare a node's kernel with its NumPy function over all generated cases.
 
-    For a test of one's own node: ``def test_brighten(): parity.check(brighten)``.
+    For the test of a node: ``def test_brighten(): parity.check(brighten)``.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def _on_device(
 
 
 def _stated_sizes(node: Node, case: Case) -> dict[str, int]:
-    """The sizes of the ports that are there."""
+    """The sizes of the ports that are present."""
     ports = [port for name, port in node.inputs.items() if name not in case.omitted]
     dims = {dim for port in (*ports, *node.outputs.values()) for dim in port.dims}
     return {symbol: size for symbol, size in case.sizes.items() if symbol in dims}

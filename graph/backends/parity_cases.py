@@ -16,7 +16,7 @@ from tactograph.graph.declare.ports import PortType
 from tactograph.graph.errors import InputError
 
 CASE_SHAPES = ((1, 1), (3, 5), (31, 37), (64, 64), (70, 131))
-"""H x W: one pixel, odd, prime, whole work-groups, larger than a work-group."""
+"""H x W: one pixel, odd, prime, complete work-groups, larger than a work-group."""
 CASE_FILLS = ("random", "zero", "low", "high", "edges", "nan")
 INTEGER_FILLS: dict[str, tuple[type, int]] = {
     "8 bits": (np.uint8, 255),
@@ -116,7 +116,7 @@ def _fills(node: Node) -> list[str]:
 
 
 def _middle(shapes: tuple[tuple[int, int], ...]) -> tuple[int, int]:
-    """The shape of cases in which something else matters."""
+    """The shape for cases that do not vary the shape."""
     return shapes[min(2, len(shapes) - 1)]
 
 
@@ -136,7 +136,7 @@ def _demands(node: Node) -> list[tuple[str, ...]]:
 
 
 def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> dict[str, int]:
-    """H and W as given, four lights or as many as the node needs, the rest H times W.
+    """The sizes of a case: H and W as given, four lights (or as many as the node needs), else H W.
 
     A part h x w of an image may be as large as the image.  Derived sizes follow from the node's
     rules.
@@ -156,7 +156,7 @@ def _sizes(node: Node, shape: tuple[int, int], settings: Mapping[str, Any]) -> d
 
 
 def _fits(node: Node, shape: tuple[int, int], setting: dict[str, Any]) -> bool:
-    """Return whether a setting suits images of this shape: a window may be larger than they are."""
+    """Return whether a setting suits images of this shape; a window may be too large for them."""
     try:
         _sizes(node, shape, setting)
     except InputError:

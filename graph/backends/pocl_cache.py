@@ -1,8 +1,9 @@
-"""PoCL's programs on disk, which PoCL trusts: a damaged one kills the process.
+"""Protection from damaged programs in PoCL's cache: PoCL trusts them, and a damaged one kills the
+process.
 
-The process can neither catch that nor report it.  So each process that uses PoCL leaves a note,
-into which Python writes how the process died.  The next process reads the note and moves PoCL's
-programs to another folder.
+The process can neither catch nor report that.  So each process that uses PoCL leaves a note, into
+which Python writes how the process died.  The next process reads the note and moves PoCL's programs
+to another folder.
 """
 
 import atexit
@@ -18,22 +19,22 @@ from pathlib import Path
 from tactograph.graph.disk.disk_cache import cache_folder
 
 CACHE_VARIABLE = "POCL_CACHE_DIR"
-"""The environment variable that PoCL reads as it is loaded."""
+"""The environment variable that PoCL reads when it is loaded."""
 SPECIALISE_VARIABLE = "POCL_WORK_GROUP_SPECIALIZATION"
-"""Whether PoCL compiles a kernel once more for each size of work-group that it is launched in."""
+"""Whether PoCL compiles a kernel again for each size of its work-groups."""
 
 
 def compile_once() -> None:
-    """Have PoCL, before it is loaded, launch what it compiled for any size of work-group.
+    """Before PoCL is loaded, have it launch kernels as compiled for any size of work-group.
 
-    That a binary holds, and it is as fast: lanes are filled by hand.
+    A binary contains that version, and it is as fast, since lanes are filled by hand.
     """
     os.environ.setdefault(SPECIALISE_VARIABLE, "0")
 
 
 @cache
 def heed_crashes() -> None:
-    """Point PoCL, before it is loaded, to a folder without damaged programs, and say so."""
+    """Before PoCL is loaded, point it to a folder without damaged programs, with a warning."""
     folder = _place()
     if folder is None:
         return
@@ -41,7 +42,7 @@ def heed_crashes() -> None:
     if how := _crashes(folder):
         damaged = Path(chosen) if chosen else ours if ours.is_dir() else _usual_place()
         damage = (
-            f"a run before died of '{how}' while it used PoCL: what {damaged} holds may be damaged"
+            f"an earlier run died of '{how}' while it used PoCL: files in {damaged} may be damaged"
         )
         if chosen:
             warnings.warn(f"{damage}; empty that folder", stacklevel=2)
@@ -69,12 +70,12 @@ def note_crash() -> None:
 
 
 def _place() -> Path | None:
-    # On Windows, asking whether a process runs would end it.
+    # On Windows, the test whether a process runs would end it.
     return None if sys.platform == "win32" else cache_folder()
 
 
 def _crashes(folder: Path) -> str:
-    """The cause of death in the notes, "" if there is none; each note is read once."""
+    """The cause of death in the notes, or ""; each note is read once."""
     how = ""
     with suppress(OSError):
         for file in _notes(folder).iterdir():

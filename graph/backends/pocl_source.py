@@ -1,11 +1,11 @@
-"""Sources as PoCL compiles them soonest.
+"""Rewrite sources so that PoCL compiles them faster.
 
-PoCL has its compiler read 14,500 declarations before each program, which takes longer than most
-kernels do.  So a program brings those of the names in it, all overloads of each, from the same
-file, which the compiler then leaves out by the file's own guard.
+PoCL's compiler reads 14,500 declarations before each program, which takes longer than most kernels.
+So a program contains the declarations of the names in it (all overloads of each), copied from the
+same file, and the guard of that file makes the compiler skip it.
 
-PoCL compiles a kernel's own code three times, but a function once.  So the code of a kernel whose
-lanes are filled by hand becomes a function, which nothing is gained by writing into a loop.
+PoCL compiles the code of a kernel three times, but a function only once.  So the code of a kernel
+whose lanes are filled by hand becomes a function; inlining it would gain nothing.
 """
 
 import re
@@ -13,7 +13,7 @@ from functools import cache, partial
 from pathlib import Path
 
 HEADER_GUARD = "_OPENCL_H_"
-"""The macro by which the file is read once."""
+"""The guard macro of the file of declarations."""
 _POCL_LIBRARY = re.compile(r"/\S+/libpocl\.so\S*")
 _LANED_KERNEL = re.compile(
     r"^LANED __kernel void (\w+)\(([^()]*)\)\s*(\{.*?^\})", re.DOTALL | re.MULTILINE
@@ -21,11 +21,11 @@ _LANED_KERNEL = re.compile(
 _PARAMETER_LIST = re.compile(r"#define (\w+_PARAMETERS)\b((?:.*\\\n)+.*)")
 """A macro that holds several parameters of a kernel."""
 _PLACE_NAME = re.compile(r"GRID_[23]|get_(local|group)|barrier|__local")
-"""What asks for more than one number of the work-item, or waits for others."""
+"""Names in code that uses more than the work-item's first number, or waits for other work-items."""
 
 
 def pocl_source(source: str) -> tuple[str, tuple[str, ...]]:
-    """Return a source that PoCL compiles sooner, and the options for it."""
+    """Return a source that PoCL compiles faster, and the options for it."""
     lists = {name: listed.replace("\\\n", "") for name, listed in _PARAMETER_LIST.findall(source)}
     source = _LANED_KERNEL.sub(partial(_as_function, lists), source)
     names = set(re.findall(r"\w+", source))
@@ -35,7 +35,7 @@ def pocl_source(source: str) -> tuple[str, tuple[str, ...]]:
 
 
 def _as_function(lists: dict[str, str], kernel: re.Match[str]) -> str:
-    """A kernel that calls its own code with the number of the work-item."""
+    """The kernel as a function and a kernel that calls it with the work-item's number."""
     name, arguments, code = kernel.groups()
     for macro, listed in lists.items():
         arguments = re.sub(rf"\b{macro}\b", listed, arguments)
@@ -54,7 +54,7 @@ def _as_function(lists: dict[str, str], kernel: re.Match[str]) -> str:
 
 @cache
 def _declarations() -> list[tuple[str | None, str]]:
-    """The lines of the file, and the function that each declares; [] without it."""
+    """The lines of the file, and the function that each declares; [] if there is no such file."""
     try:
         maps = Path("/proc/self/maps").read_text(encoding="utf-8")
     except OSError:  # not Linux
@@ -66,7 +66,7 @@ def _declarations() -> list[tuple[str | None, str]]:
     if file is None:
         return []
     lines = file.read_text(encoding="utf-8").splitlines()
-    # Without its guard, and the types, which PoCL reads before.
+    # Without the guard, and without the types, which PoCL reads earlier.
     kernels = (
         line for line in lines if HEADER_GUARD not in line and not line.startswith("#include")
     )
@@ -74,7 +74,7 @@ def _declarations() -> list[tuple[str | None, str]]:
 
 
 def _declares(line: str) -> str | None:
-    """The function that a line declares, where it is whole."""
+    """The function that a line declares, if the declaration is complete."""
     if "__ovld" not in line or not line.endswith(";"):
         return None
     return line.partition("(")[0].split()[-1]

@@ -1,7 +1,7 @@
-"""A node's launch, worked out once for all items whose arrays have the same sizes.
+"""A node's launch, prepared once for all items whose arrays have the same sizes.
 
-An item with the same buffers and numbers enqueues the same kernels again, arguments included.
-That takes a fifth of the time and skips the node's launch function.
+An item with the same buffers and numbers enqueues the same kernels with the same arguments again.
+That takes a fifth of the time, and skips the node's launch function.
 """
 
 from collections.abc import Callable, Hashable, Mapping
@@ -21,7 +21,7 @@ from tactograph.graph.backends.launch import Launch, Record
 from tactograph.graph.declare.engine_arguments import Wanted
 
 MAX_BUFFER_SETS = 4
-"""Sets of buffers for which a node's launch is kept: recalled values alternate."""
+"""Number of sets of buffers for which a node's launch is kept, since recalled values alternate."""
 
 
 class Repeatable(NamedTuple):
@@ -35,8 +35,8 @@ class Repeatable(NamedTuple):
 class Prepared:
     """A node on a device with known sizes; only buffers differ from item to item.
 
-    `shapes` are those of its outputs, None where one of them depends on the data: the launch
-    function then makes that output.
+    `shapes` are those of its outputs; None if one of them depends on the data, so that the launch
+    function allocates that output.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Prepared:
                 return outputs, (events[0], events[-1])
             del scratch
             return self._launched(inputs, outputs)
-        # Not the first time: copying kernels takes longer than enqueuing them a few times.
+        # From the second time on: copying kernels takes longer than enqueuing them a few times.
         record = Record() if key in self._records else None
         results = self._launched(inputs, outputs, record)
         self._records[key] = None if record is None else _repeatable(record)
@@ -106,7 +106,7 @@ class Prepared:
         device, settings = self._device, self._settings
         launch = Launch(device, self._compiled, inputs, outputs, settings, self.sizes, record)
         (self._node.kernels.launch or Launch.own_kernel)(launch)
-        timer = launch.timer  # which marks the queue where nothing was enqueued
+        timer = launch.timer  # which enqueues a marker if nothing was enqueued
         self._repeats = launch.repeats
         return launch.outputs, timer
 

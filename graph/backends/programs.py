@@ -1,10 +1,10 @@
-"""OpenCL programs, each built once a process.
+"""OpenCL programs, each built once per process.
 
 A build takes hundreds of times as long as a launch.  Programs belong to a context, so all queues of
 a device share one.  PoCL and NVIDIA's driver keep binaries on disk, but still parse each source
-(PoCL in 60 ms), so binaries are kept here too, which takes a fifteenth of that.  For other drivers,
-pyopencl or the driver keeps them.  PoCL compiles every kernel of a program to hand out a binary:
-set PYOPENCL_NO_CACHE=1 where few of them are launched.
+(PoCL in 60 ms); binaries kept here load in a fifteenth of that.  For other drivers, pyopencl or the
+driver keeps them.  PoCL compiles every kernel of a program to return a binary: set
+PYOPENCL_NO_CACHE=1 if only few kernels are launched.
 """
 
 import os
@@ -29,11 +29,11 @@ from tactograph.graph.disk.disk_cache import cached_file, read_cached, write_cac
 Recipe = tuple[str, tuple[str, ...]]
 """A program's source and options."""
 MAX_PROGRAMS = 64
-"""Built programs that a process keeps."""
+"""Largest number of built programs that a process keeps."""
 ahead: deque[Recipe] = deque(maxlen=MAX_PROGRAMS)
 """Programs that will be needed."""
 MAX_PROGRAM_BYTES = 2 * 10**8
-"""Bytes of programs on disk: some two thousand programs."""
+"""Largest size of all programs on disk, some two thousand programs."""
 LOCK_DIGITS = 12
 """Digits of a program's key that choose its byte of the file of locks."""
 POCL_PLATFORM = "Portable Computing Language"
@@ -49,9 +49,9 @@ def context_of(handle: cl.Device) -> cl.Context:
 
 @lru_cache(MAX_PROGRAMS)
 def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Program:
-    """Build a source, or return the program that was built of it before.
+    """Build a source, or return the program that was built of it earlier.
 
-    Where another process is building it, this one builds what is `ahead`, then waits.
+    If another process is building it, this one builds programs that are `ahead`, then waits.
 
     Raises
     ------
@@ -70,9 +70,9 @@ def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Prog
 
 
 def build_if_free(context: cl.Context, source: str, options: tuple[str, ...]) -> None:
-    """Build a source for the disk, unless it is there, or another process is building it.
+    """Build a source for the disk, unless it exists or another process is building it.
 
-    One that does not compile without constants of its launch is left to that.
+    A source that does not compile without constants of its launch is left to the launch.
     """
     file = _cache_file(context.devices[0], source, options)
     if file is None or file.exists():
@@ -83,12 +83,12 @@ def build_if_free(context: cl.Context, source: str, options: tuple[str, ...]) ->
 
 
 def start_compiler(context: cl.Context) -> None:
-    """Have PoCL read what it compiles with: as long as a program takes, once a process."""
+    """Have PoCL load its compiler, which takes as long as a program, once per process."""
     _compiled(context, "__kernel void nothing(void) {}", ())
 
 
 def is_ready(device: cl.Device, source: str, options: tuple[str, ...]) -> bool:
-    """Return whether nothing would be gained by building a source for the disk."""
+    """Return whether building a source for the disk would gain nothing."""
     file = _cache_file(device, source, options)
     return fcntl is None or file is None or file.exists() or not _can_be_written(file.parent)
 
@@ -123,7 +123,7 @@ def _onto_disk(
 
 @contextmanager
 def _alone(file: Path, *, wait: bool = True) -> Iterator[None]:
-    """Keep other processes from building the same program, where files can be locked.
+    """Keep other processes from building the same program, if files can be locked.
 
     Raises
     ------
@@ -132,7 +132,7 @@ def _alone(file: Path, *, wait: bool = True) -> Iterator[None]:
     """
     with ExitStack() as stack:
         if fcntl is not None:
-            # One file for all programs, each a byte of it: nothing is left to clear away.
+            # One file for all programs, with a byte for each, so there are no lock files to remove.
             place = int(file.name[:LOCK_DIGITS], 16)
             try:
                 file.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -161,7 +161,7 @@ def _built(program: cl.Program, options: tuple[str, ...]) -> cl.Program:
 
 
 def _cache_file(device: cl.Device, source: str, options: tuple[str, ...]) -> Path | None:
-    """The file for a binary; None where binaries are not kept."""
+    """The file for a binary; None if binaries are not kept."""
     unwanted = os.environ.get("PYOPENCL_NO_CACHE", "0") != "0"
     if unwanted or device.platform.name not in CACHED_PLATFORMS:
         return None

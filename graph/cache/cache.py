@@ -15,13 +15,13 @@ from tactograph.graph.plan.sizes import Shapes
 
 Side = Literal["host", "device"]
 MAX_MEGABYTES = 512
-"""The most memory for the values of one cache, on host and device together."""
+"""Default limit on the memory of a cache's values, on host and device together."""
 MAX_RUNS = 20_000
-"""The most runs whose shapes, time and warnings a cache remembers."""
+"""Largest number of runs whose shapes, time and warnings a cache remembers."""
 _ENTRY_BYTES = 500
 """Overhead of a value; an empty array still has a buffer."""
 _OBJECT_BYTES = 2**23
-"""The assumed size of an object that is no array."""
+"""Assumed size of an object other than an array."""
 
 
 class CacheKey(NamedTuple):
@@ -42,7 +42,7 @@ class Run:
 
 
 class Cache:
-    """Results of nodes, up to a number of bytes; the one that was used longest ago goes first.
+    """Results of nodes up to a limit of memory; the least recently used are dropped first.
 
     Pipelines of one thread may share it: ``load("a.yaml", cache=cache)``.  They then also
     share the device, its compiled kernels and its buffers.
@@ -50,7 +50,7 @@ class Cache:
     Parameters
     ----------
     megabytes
-        The most memory for all values, on host and device together.
+        Limit on the memory of all values, on host and device together.
     """
 
     def __init__(self, megabytes: float = MAX_MEGABYTES) -> None:
@@ -109,7 +109,7 @@ class Cache:
     def device(
         self, backends: Collection[str], text: str | None
     ) -> tuple[DeviceBackend | None, str]:
-        """The device for a graph, the same for all graphs that want it; see `open_device`."""
+        """The device for a graph, shared by all graphs that use it; see `open_device`."""
         key = text, tuple(backends)
         if key not in self._devices:
             self._devices[key] = open_device(backends, text)

@@ -1,4 +1,4 @@
-"""Keys of values: short texts for a value's content, or for all that makes it."""
+"""Keys of values: hashes of a value's content, or of everything that determines it."""
 
 import hashlib
 import itertools

@@ -1,4 +1,4 @@
-"""The origin of a result.  A stored result may stand for a new one only if it is the same."""
+"""The origin of a result: a stored result may replace a new one only if the origins are equal."""
 
 import hashlib
 import importlib.metadata
@@ -26,7 +26,7 @@ from tactograph.graph.plan.draft import Draft
 
 ENGINE_PACKAGE, NODES_PACKAGE = "tactograph.graph", "tactograph.nodes"
 NO_SOURCE = {"__pycache__", "commands", "verbs", "tests"}
-"""Folders of a package that make no result."""
+"""Folders of a package that do not affect results."""
 INSTALLED_FOLDERS = ("site-packages", "dist-packages")
 _FOR_DEVELOPERS = re.compile(r"""extra == ['"](test|tests|lint|docs|dev)['"]""")
 
@@ -38,15 +38,15 @@ def find_origin(
     backend: str | None = None,
     device: str | None = None,
 ) -> dict[str, Any]:
-    """Find all that decides what a graph puts out here and now, as plain data.
+    """Return everything that determines a graph's outputs, as plain data.
 
-    ``hash`` is the graph's, ``arguments`` are the values of its params.  ``inputs`` has the hash of
-    every file's or folder's content that these, or nodes that read (``node.param``), name, and what
-    an ``.npz`` states of its sensor.  ``code`` has, by package and for the engine, a hash of all
-    its source.  ``versions`` are of Python, this package, the nodes' packages, and what these need.
-    ``device`` is "" where none is used.  A param without a value does not count.
+    ``hash`` is the graph's, ``arguments`` are the values of its params.  ``inputs`` has a hash of
+    the content of every file or folder that params or reading nodes (``node.param``) name, and the
+    sensor that an ``.npz`` states.  ``code`` has a hash of the source of each package and of the
+    engine.  ``versions`` are those of Python, this package, the nodes' packages and their
+    requirements.  ``device`` is "" if none is used.  Params without a value are left out.
 
-    Raises InputError if a node or the device is not there.
+    Raises InputError if a node or the device does not exist.
     """
     draft = names.bind(graph, {**graph.placeholders, **arguments}, sinks=True)
     files = {
@@ -84,7 +84,7 @@ def find_origin(
 
 
 def _named_files(draft: Draft, params: Iterable[str]) -> dict[str, Path]:
-    """The files and folders that a graph, not one of these params, names to nodes that read."""
+    """The files and folders that the graph names to reading nodes, except by these params."""
     words = {f"${name}" for name in params}
     return {
         f"{task.id}.{name}": value
@@ -103,10 +103,10 @@ def digest(about: Mapping[str, Any]) -> str:
 
 
 def code_of(node: Node) -> str:
-    """A hash of all source that a node may be made of.
+    """A hash of all source that may affect a node.
 
-    It covers the core's nodes, the node's own package, and the kernels with their headers, also of
-    the nodes that it calls.
+    It covers the core's nodes, the node's package, and the kernels with their headers, including
+    those of the nodes that it calls.
     """
     kernels = [kernel_source(n) for n in (node, *node.calls.values()) if n.has_kernel]
     files = [*_source(NODES_PACKAGE), *_source(_package(node))]
@@ -125,7 +125,7 @@ def _package(node: Node) -> str:
 def _source(package: str) -> tuple[str, ...]:
     """Hashes of a package's files, or of a module's and those beside it.
 
-    They are read once a process, as modules are.  Source that cannot be read is never the same.
+    They are read once per process, like modules.  Source that cannot be read equals no other.
     """
     try:
         spec = importlib.util.find_spec(package)
@@ -142,7 +142,7 @@ def _source(package: str) -> tuple[str, ...]:
 
 
 def _below(folder: Path) -> Iterator[Path]:
-    """The files of a folder and of those in it that hold modules."""
+    """The files of a folder, and of its subfolders with modules."""
     inside = [*folder.iterdir()]
     if any(each.suffix == ".py" for each in inside):
         yield from (each for each in inside if each.is_file())
@@ -153,7 +153,7 @@ def _below(folder: Path) -> Iterator[Path]:
 
 @cache
 def _versions_around(package: str) -> Mapping[str, str]:
-    """The versions of an installed package and of what it may need."""
+    """The versions of an installed package and of its requirements."""
     try:
         needs = importlib.metadata.requires(package) or []
     except importlib.metadata.PackageNotFoundError:

@@ -1,6 +1,6 @@
-"""Results that took long to make and depend on no stream, kept on disk from start to start.
+"""Keep slow results that do not depend on the stream on disk, for later processes.
 
-A file (`disk_cache`) holds one node's outputs; a damaged one is made again.
+A file (`disk_cache`) holds one node's outputs; if it is damaged, they are computed again.
 """
 
 import io
@@ -19,16 +19,16 @@ from tactograph.graph.disk.disk_cache import CACHE_SUFFIX, cache_folder, read_ca
 from tactograph.graph.errors import collect_warnings, warn
 
 MIN_STORED_MS = 200.0
-"""The least time that justifies a file."""
+"""Smallest time that justifies a file."""
 _ARRAY_CLASSES = {"_reconstruct", "_frombuffer", "scalar", "ndarray", "dtype"}
 
 
 def recall_or_make(
     node: Node, settings: dict[str, Any], arguments: Sequence[Any], make: Callable[[], Any]
 ) -> Any:
-    """The result of a node, taken from disk if it was slow to make before.
+    """Return the result of a node, from disk if a slow result was kept.
 
-    A result that came with a warning is made anew, since a file does not keep the warning.
+    A result with a warning is not kept, since a file does not keep the warning.
     """
     folder = cache_folder()
     if folder is None:
@@ -53,7 +53,7 @@ def recall_or_make(
 
 
 def has_stored(node: Node) -> bool:
-    """Return whether earlier results of a node are on disk; its inputs decide which one fits."""
+    """Return whether earlier results of a node are on disk; its inputs decide whether one fits."""
     folder = cache_folder()
     return folder is not None and any(folder.glob(f"{node.name}-*{CACHE_SUFFIX}"))
 
@@ -68,7 +68,7 @@ def _file(folder: Path, node: Node, settings: dict[str, Any], arguments: Sequenc
 
 
 def _read(file: Path, node: Node) -> tuple[Any] | None:
-    """The content of a file, None if it is of no use."""
+    """The content of a file, or None if it is unusable."""
     body = read_cached(file)
     if body is None:
         return None
@@ -86,7 +86,7 @@ def _write(file: Path, node: Node, result: Any) -> None:
     with suppress(Exception):
         plain = result if node.output_record is None else node.results(result)
         body = pickle.dumps(plain, protocol=5)
-        _Reader(io.BytesIO(body)).load()  # only what can be read again
+        _Reader(io.BytesIO(body)).load()  # keep only what can be read back
         write_cached(file, body)
 
 

@@ -87,7 +87,7 @@ class GraphCommand(click.Command):
 
 
 def _how_to_give(option: str, words: Sequence[str]) -> tuple[str, bool]:
-    """Say how a value is given to the graph that is among the words, and whether it takes it."""
+    """Say how to give a value to the graph among the words, and whether it takes the value."""
     from tactograph.graph.files.read_graph import read_graph
     from tactograph.graph.files.typed_values import settings_called
 
@@ -122,7 +122,7 @@ class GraphName(click.ParamType):  # type: ignore[type-arg]  # not generic befor
         self.studies = studies
 
     def get_missing_message(self, param: click.Parameter, ctx: click.Context | None = None) -> str:
-        return "Name one that ships, of 'tactograph graphs', or a file of your own."
+        return "Name a graph of 'tactograph graphs', or a graph file."
 
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
@@ -212,7 +212,7 @@ class RunOptions:
         return changed(read_graph(graph), self.overlays, self.settings)
 
     def open(self, graph: Graph, arguments: Mapping[str, Any], **more: Any) -> Pipeline:
-        """Plan and compile a graph as the options, and further words to `open_pipeline`, say."""
+        """Plan and compile a graph by these options, and further arguments of `open_pipeline`."""
         from tactograph.graph.run.open_pipeline import open_pipeline
 
         return open_pipeline(
@@ -220,13 +220,13 @@ class RunOptions:
         )
 
     def open_device(self, graph: Graph) -> tuple[DeviceBackend | None, str]:
-        """Open the device on which the graph would run; None with the reason if there is none."""
+        """Open the device on which the graph would run; None and the reason if none works."""
         from tactograph.graph.backends.device_backend import open_device
 
         return open_device([self.backend] if self.backend else graph.backends, self.device)
 
     def origin(self, graph: Graph, arguments: Mapping[str, Any]) -> dict[str, Any]:
-        """Find all that decides what the graph puts out: see `find_origin`."""
+        """Return everything that determines the graph's outputs: see `find_origin`."""
         from tactograph.graph.cache.result_origin import find_origin
 
         return find_origin(graph, arguments, backend=self.backend, device=self.device)

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 def command(
     graph: str, values: tuple[str, ...], options: RunOptions, repeats: int, out: Path | None
 ) -> None:
-    """Time GRAPH on the values given: milliseconds per node and item, medians.
+    """Time GRAPH on these values: median milliseconds per node and item.
 
-    Without --backend and --device it runs on NumPy, then as the graph prefers on every device
+    Without --backend and --device it runs on NumPy, then by the graph's preference on every device
     that works.  An item is timed from its source to the last output; 'ready' is the time to the
-    end of the first item, with reading, indexing and compiling.  Only --out is written.
+    end of the first item, including reading, indexing and compiling.  Only --out is written.
     """
     from tactograph.graph.disk.atomic_files import atomic_file
     from tactograph.graph.files.typed_values import read_words

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) -> None:
     """Resolve GRAPH, or each of STUDY, compare types, units and sizes, and list the params.
 
-    All errors of a pass are listed; the next pass needs the one before it.
+    All errors of a pass are listed; a pass runs only if the previous one found none.
     """
     from tactograph.graph.files.read_graph import read_graphs
 
@@ -45,7 +45,7 @@ def _check(read: Graph, own_params: Container[str]) -> None:
     for line in _written(read, plan):
         say(f"writes: {line}")
     for unused in plan.unused:
-        # A use may leave outputs unread, and a graph what a group of another file makes.
+        # Outputs of a use, or of another file's group, may stay unread.
         use = read.uses.get(unused.rpartition(".")[0])
         shared = use and read.definition(use).body.file != read.file
         if not shared and not any(node in plan.tasks for node in read.alike(unused)):
@@ -54,7 +54,7 @@ def _check(read: Graph, own_params: Container[str]) -> None:
         if not read.uses_of(group):
             say(f"not used by any node: the group {group}")
     settings = {str(value) for entry in read.nodes.values() for value in entry.settings.values()}
-    # A graph is not at fault for a param that it inherits.
+    # An inherited param is not the graph's fault.
     if unread := [n for n in read.params if n in own_params and f"${n}" not in settings]:
         say(f"params that no node reads: {', '.join(unread)}")
     width = max((len(name) for name in read.params), default=0)
@@ -63,7 +63,7 @@ def _check(read: Graph, own_params: Container[str]) -> None:
 
 
 def _written(graph: Graph, plan: Plan) -> list[str]:
-    """Settings that name places to write to, with those places."""
+    """The settings that name places to write to, with the places."""
     written = []
     for task in plan.tasks.values():
         for name, parameter in task.node.parameters.items():

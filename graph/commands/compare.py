@@ -52,8 +52,8 @@ if TYPE_CHECKING:
 def command(words: tuple[str, ...], out: Path, columns: str | None, **choices: Any) -> None:
     """Run every GRAPH on every capture on every back end; of a STUDY, its base and variants.
 
-    NAME=VALUE and --with go to every graph.  Folders among the words, as a shell makes them from
-    DIR/*, are further captures.  What was finished before is not run again.
+    NAME=VALUE and --with apply to every graph.  Folders among the words, as a shell expands DIR/*,
+    are further captures.  Runs that were finished earlier are not repeated.
     """
     _compare(_read_study(words, out, **choices), out, columns)
 

@@ -33,7 +33,7 @@ add_completion_class(_Bash)
 
 
 def complete_graph(begun: str, *, studies: bool = False) -> list[CompletionItem]:
-    """The shipped graphs that begin so, with `studies` those too; else files."""
+    """The shipped graphs (and `studies`) that begin with this text; else files."""
     from tactograph.graph.files.graph_places import shipped
     from tactograph.graph.files.read_graph import shipped_names
 
@@ -48,7 +48,7 @@ def complete_overlay(
     """The variants of a graph, and the overlays that fit it; else files."""
     from tactograph.graph.files.graph_places import shipped
 
-    # Click takes no word for the graph where an option still lacks its value.
+    # Click does not know the graph yet if an option still lacks its value.
     graph = next((word for word in ctx.meta.get(WORDS_KEY, ()) if not word.startswith("-")), None)
     read = _read(graph, ())
     names = {*shipped("overlays"), *(read.variants if read is not None else ())}

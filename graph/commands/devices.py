@@ -1,4 +1,4 @@
-"""``tactograph devices``: every OpenCL device, and whether it can be trusted."""
+"""``tactograph devices``: every OpenCL device, and whether it works."""
 
 import click
 

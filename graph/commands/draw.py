@@ -14,7 +14,7 @@ from tactograph.graph.errors import InputError
 @click.option("--all", "every", is_flag=True, help="Every node of the groups.")
 @RunOptions.add
 def command(graph: str, out: Path | None, every: bool, options: RunOptions) -> None:
-    """Draw the plan of GRAPH, nodes coloured by back end; a group that is used is one box."""
+    """Draw the plan of GRAPH, nodes coloured by back end; the use of a group is one box."""
     from tactograph.graph.disk.atomic_files import atomic_file
     from tactograph.graph.plan.sketch import sketch_of
     from tactograph.graph.show.draw_svg import to_svg

@@ -1,4 +1,4 @@
-"""``tactograph explain``: what would run where and why, and what may be taken from disk."""
+"""``tactograph explain``: what would run where, and why, and which results may be on disk."""
 
 from __future__ import annotations
 
@@ -18,10 +18,9 @@ if TYPE_CHECKING:
 @click.option("--all", "every", is_flag=True, help="Every node of the groups, and transfers.")
 @RunOptions.add
 def command(graph: str, values: tuple[str, ...], every: bool, options: RunOptions) -> None:
-    """Print the plan of GRAPH, and what of it may be taken from disk.
+    """Print the plan of GRAPH, and which of its results may be on disk.
 
-    A group that is used is one line.
-    Params that are not given do not matter to the plan.  No node runs.
+    The use of a group is one line.  No node runs, so params need no values.
     """
     from tactograph.graph.files.typed_values import read_words
 
@@ -62,7 +61,7 @@ def _row(plan: Plan, step: Step) -> _Row:
 
 
 def _by_box(rows: Iterable[_Row], plan: Plan) -> Iterator[_Row]:
-    """The rows, those of each outermost use in one."""
+    """The rows, with those of each outermost use merged."""
     from tactograph.graph.show.sketch import box_around
 
     boxes: dict[str, list[_Row]] = {}
@@ -97,7 +96,7 @@ def _print(title: str, rows: Iterable[_Row]) -> None:
 
 
 def _when(step: Step, task: Task | None) -> str:
-    """Occasion of a step's run, and whether an earlier result may replace it."""
+    """When a step runs, and whether an earlier result may replace it."""
     from tactograph.graph.cache.store import has_stored
 
     if step.conditions:

@@ -1,7 +1,7 @@
-"""The first run of a graph: NumPy computes its one item while another process builds its kernels.
+"""The first run of a graph: NumPy computes its only item while another process builds its kernels.
 
-Both give the same heights (`parity`), and for a touch NumPy takes less time than the compiler,
-unless its images are large or few kernels are missing.
+Both give the same heights (`parity`).  For one touch NumPy is faster than the compiler, unless its
+images are large or few kernels are missing.
 """
 
 from __future__ import annotations
@@ -28,23 +28,22 @@ if TYPE_CHECKING:
     from tactograph.graph.run.pipeline import Pipeline
 
 BUILDER_NICENESS = 10
-"""The builder's share of a core that others want: a tenth.  With the lowest priority, 19, it takes
-twice as long on a busy machine, and the first height comes no sooner."""
+"""Priority of the builder, which gives it a tenth of a busy core.  At the lowest priority, 19, it
+takes twice as long on a busy machine, and the first height is no earlier."""
 MAX_NUMPY_VALUES = 2 * 10**6
-"""Values of the largest stack of images for NumPy where no kernel is built: four LEDs, half a
-megapixel.
+"""Largest stack of images for NumPy if no kernel is built: four LEDs with half a megapixel.
 
-There a coated film takes `reconstruct` as long as its kernels take the compiler: the one grows with
-the images, by 14 us of the processor a pixel, the other with the programs (6 s on two cores).
+At that size `reconstruct` takes as long for a coated film as the compiler for its kernels: 14 us of
+processor time a pixel, against 6 s on two cores for the programs.
 """
 
 
 def open_soonest(
     open_it: Callable[..., Pipeline], options: RunOptions, graph: Graph
 ) -> tuple[Pipeline, bool]:
-    """Open a graph where its first item is ready soonest; return whether its kernels are left.
+    """Open a graph where its first item is ready soonest; return whether kernels remain to build.
 
-    `open_it` takes further words of `open_pipeline`.
+    `open_it` takes further arguments of `open_pipeline`.
     """
     insists = options.backend or options.device or options.strict
     bound = graph.prefer != PREFERRED_ORDER or any(each.backend for each in graph.nodes.values())
@@ -58,7 +57,7 @@ def open_soonest(
 
 
 def _yields_one(pipeline: Pipeline, most: float) -> bool:
-    """Return whether the graph has a stream, as for touches but not for fits, of one small item."""
+    """Return whether the graph has a stream (as graphs for touches have) with one small item."""
     if pipeline.endless or (stream := pipeline.begin()) is None:
         return False
     with closing(stream), collect_warnings([]), suppress(TactographError):
@@ -68,15 +67,15 @@ def _yields_one(pipeline: Pipeline, most: float) -> bool:
 
 
 def import_pictures(plan: Plan) -> None:
-    """Import Matplotlib in a thread, while the main one computes, if a node draws `pictures`."""
+    """Import Matplotlib in a thread while the main thread computes, if a node draws `pictures`."""
     if any(task.settings.get("pictures") for task in plan.tasks.values()):
         Thread(target=import_module, args=("tactograph.graph.show.pictures",), daemon=True).start()
 
 
 class KernelBuilder:
-    """Builds the kernels of a run in a process that gives way to this one, and ends with it.
+    """Builds the kernels of a run in a process of low priority, which ends with this one.
 
-    That process is `main` below, whose standard input ends with this one, however it does.
+    That process runs `main` below; its standard input closes when this process ends in any way.
     """
 
     def __init__(self, graph: str, values: Sequence[str], options: RunOptions) -> None:
@@ -94,7 +93,7 @@ class KernelBuilder:
             os.setpriority(os.PRIO_PROCESS, self._process.pid, BUILDER_NICENESS)
 
     def last_line(self) -> str:
-        """Wait for the end, and return what it says."""
+        """Wait for the builder to end, and return its last line."""
         assert self._process.stdout is not None
         try:
             return self._process.stdout.read().strip().rpartition("\n")[2]

@@ -10,7 +10,7 @@ from tactograph.graph.commands import say
 from tactograph.graph.errors import InputError
 
 FIRST_GRAPHS = "calibrate", "reconstruct", "precise"
-"""The graphs with which to start, in the order in which they are needed."""
+"""The graphs to start with, in the order in which they are needed."""
 
 
 @click.command("graphs", short_help="List the graphs that ship.")

@@ -14,9 +14,9 @@ from tactograph.graph.commands import FOLDER_PATH, say
     help="The folder of a ring that holds its nodes.  [default: the clone you are in]",
 )  # fmt: skip
 def command(name: str, folder: Path) -> None:
-    """Write the function, the kernel and the test of a node NAME that works, to be edited.
+    """Write the function, the kernel and the test of a working node NAME, as a start.
 
-    ROOM is the folder of nodes/ it goes to: capture, light, shadow, slope, height and others.
+    ROOM is its folder below nodes/: capture, light, shadow, slope, height and so on.
     """
     from tactograph.graph.extras import need
 

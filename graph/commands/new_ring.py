@@ -13,7 +13,7 @@ from tactograph.graph.commands import FOLDER_PATH, say
 def command(folder: Path, name: str) -> None:
     """Write into FOLDER a package with a node, its kernel, a graph, a command and tests.
 
-    Once it is installed, 'tactograph' finds what it brings by place and file name.
+    Once it is installed, 'tactograph' finds its contents by place and file name.
     """
     from tactograph.graph.extras import need
 

@@ -1,4 +1,4 @@
-"""``tactograph nodes``: the nodes there are, or the page of one."""
+"""``tactograph nodes``: list all nodes, or show the page of one."""
 
 from __future__ import annotations
 

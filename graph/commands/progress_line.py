@@ -1,7 +1,7 @@
-"""A line on a terminal, from two seconds on: the present stage, and the time since the start.
+"""A progress line on the terminal after two seconds: the present stage, and the elapsed time.
 
-Where standard error is a file or a pipe, a line every ten seconds says the same.  Of many captures
-or runs it is the time that is left, by the share that is done.
+If standard error is a file or a pipe, a line is printed every ten seconds.  For many captures or
+runs it shows the remaining time, estimated from the finished share.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class ProgressLine:
             say(text, err=err)
 
     def warnings(self, warned: Iterable[tuple[str, Iterable[str]]]) -> None:
-        """Print the warnings of many runs in few lines, with where each was first given."""
+        """Print the warnings of many runs in few lines, with the run that first gave each."""
         for text in warning_lines(warned):
             self.say(text, err=True)
 

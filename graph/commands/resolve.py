@@ -10,7 +10,7 @@ from tactograph.graph.commands import changed, graph_argument, say, set_option, 
 @with_option
 @set_option
 def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) -> None:
-    """Print GRAPH with 'extends' and 'patch' worked in: a graph file by itself."""
+    """Print GRAPH with 'extends' and 'patch' applied, as a self-contained graph file."""
     from tactograph.graph.files.dump_graph import dump_graph
     from tactograph.graph.files.read_graph import read_graph
 

@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from tactograph.graph.run.result import Result
 
 FRAME_MS = 1000 / 30
-"""Time of a camera's frame; an item that took longer names its slowest node."""
+"""Time of a camera's frame; for an item that took longer, the slowest node is named."""
 WARNING_INTERVAL_S = 10.0
-"""Time after which a warning that an endless stream did not repeat is printed again."""
+"""Pause after which a recurring warning of an endless stream is printed again."""
 
 
 @graph_command("run", short_help="Run a graph.")
@@ -44,7 +44,7 @@ WARNING_INTERVAL_S = 10.0
     help="With --help after a graph: list the parameters of its nodes, too.",
 )  # fmt: skip
 @click.option(
-    "--figures", is_flag=True, help="Print all figures, also where a sentence says the main ones."
+    "--figures", is_flag=True, help="Print all figures, even if a sentence states the main ones."
 )
 @click.option("--quiet", is_flag=True, help="Print nothing but warnings and errors.")
 def command(**words: Any) -> None:
@@ -65,7 +65,7 @@ def command(**words: Any) -> None:
 
 @dataclass(frozen=True)
 class _Wanted:
-    """The words of the command."""
+    """The arguments and options of the command."""
 
     graph: str
     values: tuple[str, ...]
@@ -114,7 +114,7 @@ def _run_pipeline(
 
 
 def _run_items(pipeline: Pipeline, report: _Report, selection: Mapping[str, str]) -> None:
-    """Run all items, and write the values that are to be kept."""
+    """Run all items, and write the selected values."""
     from tactograph.graph.run.keep_values import write_selection
 
     folder = _out_folder(pipeline) / "kept"
@@ -129,7 +129,7 @@ def _run_items(pipeline: Pipeline, report: _Report, selection: Mapping[str, str]
             # Not after Ctrl-C, which may come when an item's files are there but it has not ended.
             if not count:
                 name = pipeline.plan.graph.name
-                raise InputError(f"{name}: its stream ended before a first item came")
+                raise InputError(f"{name}: its stream ended before the first item")
     except InputError as error:
         if error.item and not pipeline.endless:
             error.args = (f"{error}; 'tactograph batch' goes on past a capture that fails",)
@@ -145,8 +145,8 @@ def _out_folder(pipeline: Pipeline) -> Path:
 class _Report:
     """The lines that a run prints.
 
-    `last_due` holds when each warning was last due; those of an endless stream without their
-    figures, which differ from item to item.
+    `last_due` has the time at which each warning last occurred; warnings of an endless stream count
+    without their figures, which differ from item to item.
     """
 
     def __init__(
@@ -159,8 +159,8 @@ class _Report:
     def item(self, number: int, result: Result) -> None:
         """Print the warnings and the figures of an item.
 
-        Of an endless stream print the first item, and each whose sentence says more than other
-        numbers than the last: a touch that begins or ends.
+        For an endless stream, print the first item, and each item whose sentence differs from the
+        last in more than its numbers: a touch that begins or ends.
         """
         from tactograph.graph.run.raise_warnings import warning_kind
 
@@ -177,14 +177,14 @@ class _Report:
             self._line.end()
 
     def warnings(self, warnings: Iterable[str]) -> None:
-        """Print the warnings that were not printed yet."""
+        """Print new warnings."""
         for warning in warnings:
             if warning not in self.last_due:
                 self._line.say(f"warning: {warning}", err=True)
                 self.last_due[warning] = 0.0
 
     def _news(self, warnings: Iterable[str]) -> None:
-        """Print the kinds of warnings that have not been due for a while, as a camera's faults."""
+        """Print kinds of warnings that have not occurred for a while, such as a camera's faults."""
         from tactograph.graph.run.raise_warnings import warning_kind
 
         now = time.monotonic()
@@ -231,7 +231,7 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
         if is_stopping:
             raise KeyboardInterrupt
 
-    # A shell's background jobs ignore Ctrl-C, and go on doing so.
+    # Background jobs of a shell ignore Ctrl-C, and continue to do so.
     signals = [signal.SIGTERM]
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signals.append(signal.SIGINT)
@@ -250,7 +250,7 @@ def _stoppable(pipeline: Pipeline) -> Iterator[Callable[[], None]]:
 def _summary(number: int, result: Result, *, figures: bool) -> str:
     """The sentences among the outputs of an item, or its figures, and its time.
 
-    Where a graph puts sentences out, figures are printed on request only.
+    If a graph has sentences among its outputs, figures are printed only on request.
     """
     texts = {name: value for name, value in result.outputs.items() if isinstance(value, str)}
     rows = dict(texts)
@@ -267,7 +267,7 @@ def _summary(number: int, result: Result, *, figures: bool) -> str:
 
 
 def _times(result: Result) -> str:
-    """Milliseconds on each back end, and a long item's slowest node; without sources and sinks."""
+    """Milliseconds on each back end, and the slowest node of a long item, of nodes that compute."""
     times, tasks = result.times, result.plan.tasks
     ends = {name for name, task in tasks.items() if task.node.sink or task.node.source}
     steps = [s for s in result.plan.steps if s.name in times]

@@ -11,9 +11,9 @@ from tactograph.graph.errors import InputError
 def command(graph: str, values: tuple[str, ...], options: RunOptions) -> None:
     """Build the kernels of GRAPH, as when a robot boots, and keep them on disk.
 
-    They serve every process of this user on this device, as long as kernels and driver are the
-    same.  Some hang on the calibration and on the image: with all values that GRAPH needs one item
-    is run as well.  Nothing else is written.
+    They serve every process of this user on this device, as long as kernels and driver stay the
+    same.  Some depend on the calibration and on the image: if all values that GRAPH needs are
+    given, one item is run as well.  Nothing else is written.
     """
     from tactograph.graph.files.typed_values import read_words
     from tactograph.graph.plan.make_plan import make_plan

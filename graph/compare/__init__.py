@@ -1,1 +1,1 @@
-"""Variants side by side over captures: runs, tables, pictures, one page."""
+"""Compare variants side by side over captures: runs, tables, pictures, and a report."""

@@ -26,12 +26,12 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 
 REPEATS_PER_ITEM = 3
-"""Times that an item is computed, for the median of its times."""
+"""How often an item is computed, for the median of its times."""
 
 
 @dataclass(frozen=True)
 class Study:
-    """The settings of a comparison, which decide its runs; `values` are ``name=value`` words."""
+    """The settings that determine the runs of a comparison; `values` are ``name=value`` words."""
 
     graphs: Sequence[Graph]
     values: Sequence[str] = ()
@@ -44,7 +44,7 @@ class Study:
 
     @cached_property
     def arguments(self) -> dict[str, dict[str, Any]]:
-        """The values of each graph's params, by its name.  Raises what `read_words` does."""
+        """The values of each graph's params, by its name.  Raises the errors of `read_words`."""
         return {graph.name: read_words(graph, self.values) for graph in self.graphs}
 
     def check(self) -> None:
@@ -68,7 +68,7 @@ class Study:
 
 @dataclass
 class Row:
-    """The result of one job: figures and times, or the reason why there are none."""
+    """The result of one job: figures and times, or the error."""
 
     variant: str
     capture: str
@@ -98,7 +98,7 @@ class Row:
         return " ".join(filter(None, [self.variant, on, *self._swept, *self._seeded]))
 
     def folder(self, out: Path) -> Path:
-        """The folder of the run's results in that of the comparison."""
+        """The folder of the run's results, below that of the comparison."""
         parts = [self.variant, self.backend, self.capture, ",".join(self._swept), *self._seeded]
         return out.joinpath(*(part.replace("/", "_") for part in parts if part))
 
@@ -138,16 +138,16 @@ def make_jobs(study: Study) -> list[Job]:
             row.seed = next(iter(seed.values()), None)
             folder = row.folder(Path())
             if folder in jobs:
-                raise InputError(f"two of the runs are called {folder}; give them different names")
+                raise InputError(f"two runs are called {folder}; give them different names")
             jobs[folder] = Job(changed, backend, capture, row)
     return [*jobs.values()]
 
 
 def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]:
-    """Run one job, or take its row from a former run with the same key.
+    """Run one job, or take its row from an earlier run with the same key.
 
     Nodes whose results are in `cache` from another job do not run again.  Returns the row, and
-    whether a former run made it.
+    whether it is from an earlier run.
     """
     row, folder = job.row, job.row.folder(out)
     values = {**study.arguments[job.graph.name], **_places(job, folder)}
@@ -179,7 +179,7 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
         first = first or result
         for name, figure in result.figures.items():
             figures.setdefault(name, []).append(float(figure))
-        # Steps that read, write or rate an item do not count, nor do those that run once.
+        # Only steps that compute an item count, not those that read, write or rate it, or run once.
         for step in _computing(result):
             if step.stream:
                 times.setdefault(step.name, []).append(result.times.get(step.name, 0.0))
@@ -197,7 +197,7 @@ def _run(job: Job, values: Mapping[str, Any], device: str | None, row: Row, cach
 
 
 def _computing(result: Result) -> list[Step]:
-    """The transfers, and the nodes that make arrays or numbers of others."""
+    """The transfers, and the nodes that compute arrays or numbers from others."""
     nodes = {name: task.node for name, task in result.plan.tasks.items()}
     kinds = {name: {port.kind for port in node.outputs.values()} for name, node in nodes.items()}
     others = {name for name, node in nodes.items() if node.source or kinds[name] <= {"object"}}

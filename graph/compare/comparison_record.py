@@ -1,4 +1,4 @@
-"""The record of a comparison: the command that makes it again, and all that its figures hang on."""
+"""The record of a comparison: the command to repeat it, and everything its figures depend on."""
 
 import json
 import shlex
@@ -17,7 +17,7 @@ RECORD_FILE = "report.json"
 
 
 def make_record(study: Study, rows: Sequence[Row], argv: list[str]) -> dict[str, Any]:
-    """Describe a comparison that has been run, as ``report.json`` holds it."""
+    """Describe a finished comparison for ``report.json``."""
     return {
         "command": shlex.join(["tactograph", *argv]),
         "created": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),

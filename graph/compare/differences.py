@@ -19,7 +19,7 @@ class Difference:
 
 
 def differences(base: Graph, other: Graph) -> dict[str, list[Difference]]:
-    """The changes that turn `base` into `other`, by box, and behind them those of the graphs.
+    """The changes that turn `base` into `other`, by box, then those of the graphs themselves.
 
     A box is a node, or the outermost use of a group with all its nodes.
     """

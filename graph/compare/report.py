@@ -46,9 +46,9 @@ from tactograph.graph.show.warning_lines import warning_lines
 REPORT_FILE = "report.html"
 TRUTH_LABEL = "truth"
 MAX_APART = 3
-"""Differences within a box that are shown at once; of more, their number."""
+"""Largest number of differences within a box to list; of more, their number is shown."""
 MAX_PANELS = 7
-"""Runs of a capture that are drawn; of more runs, evenly spaced ones."""
+"""Largest number of runs of a capture to draw; of more, evenly spaced ones are drawn."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Section:
 
 
 def write_report(study: Study, rows: Sequence[Row], record: Mapping[str, Any], out: Path) -> Path:
-    """Write ``report.html`` into the folder of the runs, whose views are drawn; return its path."""
+    """Draw the views of the runs, write ``report.html`` into their folder, and return its path."""
     lines = make_lines(rows)
     source = resources.files("tactograph.graph.compare").joinpath("report.html.j2")
     environment = Environment(
@@ -123,7 +123,7 @@ def _table(lines: Sequence[Line], details: bool = False) -> dict[str, Any]:
 
 
 def _label(variant: str, backend: str, sweep: Mapping[str, Any], lines: Iterable[Line]) -> str:
-    """A run in a few words: only those that distinguish it from the others."""
+    """A run in a few words: those that distinguish it from other runs."""
     several = len({other.backend for other in lines}) > 1
     swept = [f"{target.rpartition('.')[2]} {short(v)}" for target, v in sweep.items()]
     return ", ".join([variant, *swept, *([backend] if several else [])])
@@ -145,7 +145,7 @@ def _curves(sweep: Sweep, lines: Sequence[Line]) -> list[Picture]:
 
 
 def _curves_of(name: str, sweep: Sweep, lines: Sequence[Line]) -> dict[str, Curve]:
-    """The curves of one figure; a label tells variant, back end and other swept values."""
+    """The curves of one figure, labelled by variant, back end and other swept values."""
     curves: dict[str, tuple[list[Any], list[Any]]] = {}
     for line in lines:
         if name not in line.figures:
@@ -243,12 +243,12 @@ class _Shown:
 
 
 def _panel(labels: Sequence[str]) -> str:
-    """The title of the panel of runs that are equal."""
+    """The title of a panel for equal runs."""
     return labels[0] if len(labels) == 1 else f"{labels[0]}; {len(labels) - 1} equal"
 
 
 def _distinct(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """The arrays without those that equal a former one."""
+    """The arrays without those that equal an earlier one."""
     distinct: dict[bytes, tuple[str, NDArray[Any]]] = {}
     for label, array in arrays.items():
         distinct.setdefault(array.tobytes(), (label, array))

@@ -1,7 +1,7 @@
-"""Views of a run, kept on disk, and the truth that belongs to each.
+"""Keep the views of a run on disk, and find the truth for each.
 
-A view called ``truth_shadow`` is the truth for the view ``shadow``; one whose name says nothing of
-that kind, such as ``truth``, is the truth for the first view of its kind and unit.
+A view called ``truth_shadow`` is the truth for the view ``shadow``; a view called ``truth`` is the
+truth for the first view of the same kind and unit.
 """
 
 import json
@@ -34,7 +34,7 @@ def views_of(result: Result) -> list[View]:
 
 
 def find_truth(view: View, views: Mapping[str, View]) -> View | None:
-    """The truth for `view` among `views`, if it is there."""
+    """The truth for `view` among `views`, or None."""
     for truth in views.values():
         if truth.is_truth and _is_alike(truth, view):
             others = [v for v in views.values() if not v.is_truth and _is_alike(truth, v)]

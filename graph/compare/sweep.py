@@ -22,7 +22,7 @@ SWEEP_SYNTAX = (
 
 @dataclass(frozen=True)
 class Sweep:
-    """The values of one parameter, ``node.param``; `log` if they are spaced by a factor."""
+    """The values of one parameter, ``node.param``; `log` if neighbours differ by a factor."""
 
     target: str
     values: tuple[Any, ...]
@@ -31,7 +31,7 @@ class Sweep:
 
 
 def read_sweep(word: str) -> Sweep:
-    """Read ``node.param=from..to:count``, the same with ``log:`` before it, or ``a,b,c``.
+    """Read ``node.param=from..to:count``, the same with ``log:`` before `from`, or ``a,b,c``.
 
     A range of whole numbers in whole steps gives whole numbers.
 
@@ -65,9 +65,9 @@ def points(graph: Graph, sweeps: Iterable[Sweep]) -> list[dict[str, Any]]:
 def seeds(
     graph: Graph, target: str | None, repeats: int, arguments: Mapping[str, Any]
 ) -> list[dict[str, Any]]:
-    """The settings of `repeats` runs that differ in a seed: the graph's own, and upwards.
+    """The settings of `repeats` runs with different seeds: the graph's seed, and the next ones.
 
-    Raises InputError if the parameter is no whole number.
+    Raises InputError if the parameter is not a whole number.
     """
     if target is None or not has_parameter(graph, target):
         return [{}]
@@ -80,7 +80,7 @@ def seeds(
 def check_targets(graphs: Sequence[Graph], targets: Iterable[str], option: str) -> None:
     """Refuse a parameter that none of the graphs has.
 
-    Raises InputError, which names the nodes, or the parameters of the node, that there are.
+    Raises InputError, which lists the nodes, or the parameters of the node.
     """
     for target in targets:
         if not any(has_parameter(graph, target) for graph in graphs):

@@ -16,12 +16,12 @@ from tactograph.graph.show.text_table import fitting_table
 from tactograph.graph.show.warning_lines import warning_lines
 
 HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy"})
-"""Words in a figure's name; of other figures the one nearest to its aim is the best."""
+"""Words in the names of such figures; any other figure is best when nearest to its aim."""
 FIGURE_AIMS = {"in_90_percent_band": 90, "stated_over_actual": 1}
-"""Figures that are right at a number other than zero."""
+"""Figures whose ideal value is not zero."""
 DESCRIPTIVE_FIGURES = ("contact", "peak_px", "trust", "check_", "rim_share")
-"""Beginnings of names of descriptive figures: no value is better than another.  Trust is a verdict
-on the input by the checks that a graph makes: one that checks less trusts more."""
+"""Beginnings of names of descriptive figures, of which no value is better than another.  Trust
+depends on the checks that a graph makes: a graph that checks less trusts more."""
 TIME_FIGURE = "ms"
 BEST_MARK = "*"
 """Marks the best figure on the terminal."""
@@ -29,7 +29,7 @@ BEST_MARK = "*"
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the table: the runs that differ in nothing but their seed."""
+    """A line of the table: the runs that differ only in their seed."""
 
     variant: str
     capture: str
@@ -74,7 +74,7 @@ def make_lines(rows: Iterable[Row]) -> list[Line]:
 def over_all(lines: Sequence[Line]) -> list[Line]:
     """The means over all captures, if there are several, as a paper states them.
 
-    Errors of both signs do not cancel: the mean is that of their sizes, and is labelled so.
+    Signed errors do not cancel: their absolute values are averaged, and the mean is labelled so.
     """
     if len({line.capture for line in lines}) < 2:
         return []
@@ -105,9 +105,9 @@ def what_is_better(name: str) -> str:
 
 
 def is_best(line: Line, name: str, lines: Iterable[Line]) -> bool:
-    """Return whether no line of the same capture has a better figure, and some a worse one.
+    """Return whether no line of the same capture has a better figure, and some have a worse one.
 
-    The time of a single run is never the best: the next run takes another.
+    The time of a single run is never the best, since it varies from run to run.
     """
     if name not in line.figures or not what_is_better(name):
         return False
@@ -127,7 +127,7 @@ def _cost(name: str, value: float) -> float:
 
 
 def _size(name: str, value: float) -> float:
-    """A figure as it is averaged: an error counts without its sign."""
+    """A figure for averaging: an error counts without its sign."""
     return abs(value) if what_is_better(name) == "nearer to zero" else value
 
 
@@ -150,9 +150,9 @@ def read_rows(out: Path) -> list[Row]:
 def print_table(
     rows: Sequence[Row], echo: Callable[[str], None], width: int, wanted: Sequence[str] = ()
 ) -> None:
-    """Print the figures, the best value of each capture marked with a star.
+    """Print the `wanted` figures, or all; a star marks the best value of each capture.
 
-    Of the figures those that are `wanted`, or all.  Raises InputError if there is no such figure.
+    Raises InputError if a wanted figure does not exist.
     """
     lines = make_lines(rows)
     names = _chosen(lines, wanted) if wanted else columns(lines)
@@ -189,7 +189,7 @@ def _what_is_best(names: Iterable[str]) -> str:
 
 
 def fallback_lines(rows: Iterable[Row]) -> list[str]:
-    """Each fallback once, after the names of the graphs that it concerns."""
+    """Each fallback once, behind the names of its graphs."""
     variants: dict[str, dict[str, None]] = {}
     for row in rows:
         for text in row.fallbacks:
@@ -209,7 +209,7 @@ def _line(rows: Sequence[Row]) -> Line:
 
 
 def _mean_line(lines: Sequence[Line], remark: str) -> Line:
-    """A plain mean: captures are no repeats, so an interval would be meaningless."""
+    """A plain mean: captures are not repeats, so an interval would be meaningless."""
     first = lines[0]
     names = [name for name in first.figures if all(name in line.figures for line in lines)]
     figures = {}

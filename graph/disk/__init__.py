@@ -1,1 +1,1 @@
-"""Files read and written safely: strict YAML, plain arrays, whole files, a cache on disk."""
+"""Safe reading and writing of files: strict YAML, plain arrays, atomic files, a cache on disk."""

@@ -1,4 +1,4 @@
-"""NumPy files, read without pickle and without trust in the sizes of their headers."""
+"""Read NumPy files without pickle, and without trusting the sizes in their headers."""
 
 import math
 import zipfile
@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 ZIP_MAGIC = b"PK\x03\x04"
 MAX_BYTES = 2**30
-"""The most bytes of a file's arrays after unpacking."""
+"""Largest size of a file's arrays after unpacking."""
 
 
 def load_array(file: Path) -> NDArray[Any]:
     """Read an ``.npy``.
 
-    Raises OSError if it cannot be read; ValueError if it is no array of numbers, holds a pickle, or
-    is shorter than its header says.
+    Raises OSError if it cannot be read; ValueError if it is not an array of numbers, holds a
+    pickle, or is shorter than its header states.
     """
     with file.open("rb") as stream:
         if stream.read(len(ZIP_MAGIC)) == ZIP_MAGIC:
@@ -26,7 +26,7 @@ def load_array(file: Path) -> NDArray[Any]:
 
 
 def load_arrays(file: Path, only: str | None = None) -> dict[str, NDArray[Any]]:
-    """Read an ``.npz``, or of it the array `only`, if it is there.
+    """Read an ``.npz``, or only its array `only`, if it has one.
 
     Raises OSError if it cannot be read; ValueError if it is damaged, holds a pickle, or unpacks to
     more than `MAX_BYTES`.

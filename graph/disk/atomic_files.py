@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all: written beside their place, then moved there."""
+"""Atomic files: they are written beside their place, then moved, so none is ever incomplete."""
 
 import os
 import shutil
@@ -34,13 +34,15 @@ def atomic_files(
 ) -> Iterator[Path]:
     """Yield a temporary folder; move every file in it to `folder` if the block succeeds.
 
-    Errors name `target`, else `folder`.  Folders that it makes go again if they stay empty.
+    Errors name `target`, or else `folder`.  New folders that stay empty are removed again.
 
-    The file `last`, which vouches for the others, is moved after them, and before that those of
-    `instead_of` are removed that the block did not write.  A kill leaves the temporary folder, and
-    possibly a mixture of new and old files.  The next write into `folder` removes a killed writer's
-    temporary folder.  Raises WriteError if `folder` cannot be made or written; InputError if its
-    name is not UTF-8, or the block could not read another file.
+    The file `last` lists the other files, and is moved after them.  Before that, files of
+    `instead_of` that the block did not write are removed.  A kill leaves the temporary folder, and
+    possibly a mixture of new and old files; the next write into `folder` removes the temporary
+    folder.
+
+    Raises WriteError if `folder` cannot be made or written; InputError if its name is not UTF-8, or
+    if the block could not read another file.
     """
     refuse_other_names(folder)
     place = target or (folder if folder.name else folder.absolute())
@@ -52,7 +54,7 @@ def atomic_files(
         stage, lock = _new_stage(folder)
     except (FileExistsError, NotADirectoryError):
         raise _refusal(
-            folder, "a folder is needed, and a file is there; give another place"
+            folder, "a folder is needed, but a file has that name; give another place"
         ) from None
     except OSError as error:
         _remove_empty(new_folders)
@@ -81,14 +83,14 @@ def atomic_files(
 
 
 def _remove_empty(folders: Iterable[Path]) -> None:
-    """Remove folders, the innermost first, up to one that holds something."""
+    """Remove folders, innermost first, up to one that is not empty."""
     with suppress(OSError):
         for folder in folders:
             folder.rmdir()
 
 
 def _reason(error: OSError, folder: Path) -> object:
-    """Why nothing can be written into `folder`; a full disk is named by where it is mounted."""
+    """Why writing into `folder` fails; a full disk is named by its mount point."""
     if not full_disk(error):
         return error.strerror or error
     around = (folder.absolute(), *folder.absolute().parents)
@@ -97,7 +99,7 @@ def _reason(error: OSError, folder: Path) -> object:
 
 
 def _new_stage(folder: Path) -> tuple[Path, int | None]:
-    """A temporary folder, and its lock where folders can be locked."""
+    """A temporary folder, and its lock if folders can be locked."""
     while True:
         stage = Path(tempfile.mkdtemp(prefix=STAGE_PREFIX, dir=folder))
         try:
@@ -110,7 +112,7 @@ def _new_stage(folder: Path) -> tuple[Path, int | None]:
 
 
 def _remove_leftovers(folder: Path) -> None:
-    """Remove temporary folders of dead writers, whose locks are free."""
+    """Remove temporary folders of killed writers, whose locks are free."""
     for stage in folder.glob(f"{STAGE_PREFIX}*"):
         with suppress(OSError):
             lock = lock_folder(stage)
@@ -135,7 +137,7 @@ def _refusal(place: Path, reason: object) -> WriteError:
 
 
 def _is_elsewhere(error: OSError, folder: Path) -> bool:
-    """Return whether the error is of another file, which the block reads."""
+    """Return whether the error concerns another file, which the block reads."""
     if not isinstance(error.filename, str):
         return False
     return not Path(error.filename).absolute().is_relative_to(folder.absolute())

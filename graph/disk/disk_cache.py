@@ -1,8 +1,8 @@
-"""A cache on disk, whose files last from start to start and may be removed at any time.
+"""A cache on disk, for later processes; its files may be removed at any time.
 
-A file is written beside its place and moved there, so two writers or a kill leave whole files.  Its
-content is checked when it is read.  The files that were read longest ago go when a folder is too
-large.
+A file is written beside its place and moved there, so that two writers or a kill leave complete
+files.  Its content is checked when it is read.  If a folder is too large, the least recently read
+files are removed.
 """
 
 import hashlib
@@ -18,9 +18,9 @@ from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.errors import InputError
 
 FOLDER_VARIABLE = "TACTOGRAPH_CACHE"
-"""The environment variable with another folder, or ``off``."""
+"""The environment variable that sets another folder, or ``off``."""
 MAX_FOLDER_BYTES = 10**9
-"""The most bytes of a folder's files."""
+"""Largest size of all files in a folder."""
 CACHE_SUFFIX = ".cached"
 _FIRST_LINE = b"tactograph kept 1\n"
 
@@ -58,7 +58,7 @@ def read_cached(file: Path) -> bytes | None:
 
 
 def write_cached(file: Path, body: bytes, most_bytes: int = MAX_FOLDER_BYTES) -> None:
-    """Write a file; a full or read-only disk is no error."""
+    """Write a file; ignore a full or read-only disk."""
     if len(body) > most_bytes // 4:
         return
     with suppress(OSError, InputError):
@@ -70,7 +70,7 @@ def write_cached(file: Path, body: bytes, most_bytes: int = MAX_FOLDER_BYTES) ->
 
 
 def _make_room(new: Path, most: int) -> None:
-    """Delete the files that were read longest ago."""
+    """Delete the least recently read files."""
     stats = []
     for file in new.parent.glob(f"*{CACHE_SUFFIX}"):
         with suppress(OSError):

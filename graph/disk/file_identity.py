@@ -1,4 +1,4 @@
-"""Identity of the files that a graph is given: the hash and header of each."""
+"""The identity of a graph's input files: the hash and header of each."""
 
 import json
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.errors import one_line
 
 ABOUT_ARRAY = "about"
-"""The array of an ``.npz`` that is text: JSON about the others."""
+"""The text array of an ``.npz``: JSON about its other arrays."""
 IDENTITY_KEYS = ("sensor", "serial", "date")
 
 
@@ -29,7 +29,7 @@ def about_in(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 def file_identity(file: Path) -> dict[str, str]:
     """Return hash, sensor, serial and date of an ``.npz``, as far as its header states them.
 
-    Nothing for other files, which may be large or change with every item.
+    Empty for other files, which may be large or change with every item.
     """
     if file.suffix != ".npz" or not file.is_file():
         return {}
@@ -49,7 +49,7 @@ def _stated(file: Path, key: str) -> Mapping[str, str]:
 
 
 def identities(paths: Mapping[str, Any]) -> dict[str, dict[str, str]]:
-    """Return the identities of the files among a graph's params, by name; ``out`` is no input."""
+    """Return the identities of the files among a graph's params, except ``out``, by name."""
     return {
         name: identity
         for name, path in paths.items()

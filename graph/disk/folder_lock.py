@@ -5,9 +5,9 @@ from pathlib import Path
 
 
 def lock_folder(folder: Path) -> int | None:
-    """Lock a folder for as long as the file descriptor that is returned stays open.
+    """Lock a folder as long as the returned file descriptor stays open.
 
-    Returns None where folders cannot be locked: on Windows, and on some file systems.  Raises
+    Returns None if folders cannot be locked, as on Windows and some file systems.  Raises
     BlockingIOError if another process holds the lock; OSError if the folder cannot be opened.
     """
     try:

@@ -1,7 +1,7 @@
 """YAML without surprises: plain data, YAML 1.2 scalars, and the place of every value.
 
 Directives, tags, anchors, aliases, merge keys, duplicate keys and more than one document are
-refused, so a graph file means what it looks like and can neither import anything nor explode.
+refused, so a graph file means what it looks like, cannot import anything, and cannot expand.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Entries = TypeVar("Entries", bound=BaseModel)
 MAX_BYTES = 100_000
 MAX_DEPTH = 20
 MAX_KEPT_BYTES = 10**7
-"""Bytes of parsed files on disk: those of a thousand graphs."""
+"""Largest size of parsed files on disk, enough for a thousand graphs."""
 _YAML_TAG = "tag:yaml.org,2002:"
 _COLLECTION_TAGS = {f"{_YAML_TAG}map", f"{_YAML_TAG}seq"}
 _DIRECTIVE_LINE = re.compile(r"\ufeff?(?:[ \t]*(?:#[^\n]*)?\r?\n)*%")
@@ -42,9 +42,9 @@ class EmptyFileError(GraphError):
 
 
 class Place(NamedTuple):
-    """A place in a graph file, counted from 1; line 0: not from a file.
+    """A place in a graph file, counted from 1; line 0 means that it is not from a file.
 
-    `use` is the place that uses the group which holds this place.
+    `use` is the place that uses the group around this place.
     """
 
     file: str
@@ -61,7 +61,7 @@ class Place(NamedTuple):
 
 @dataclass
 class Document:
-    """Plain data and, for every path into it, the place it was read from."""
+    """Plain data, with the place in a file of every path into it."""
 
     data: Any
     places: dict[Path_, Place]
@@ -90,9 +90,10 @@ class Document:
 
     @classmethod
     def parse(cls, text: str, name: str, *, keep: bool = False) -> Self:
-        """Parse YAML text; `name` stands for the file in messages.
+        """Parse YAML text; `name` is the file in messages.
 
-        With `keep`, the next process takes it from disk, a tenth of the time.
+        With `keep` the result is kept on disk, from which the next process reads it ten times as
+        fast.
         """
         parsed = (_kept if keep else _parsed)(text, name)
         return cls(deepcopy(parsed.data), dict(parsed.places))
@@ -114,7 +115,7 @@ class Document:
         return Document(data, places, self.root + path)
 
     def checked(self, kind: type[Entries]) -> Entries:
-        """The data as a pydantic model; InputError tells the place of what is wrong."""
+        """The data as a pydantic model.  Raises InputError with the place of what is wrong."""
         try:
             return kind.model_validate(self.data)
         except ValidationError as error:
@@ -137,14 +138,14 @@ def dotted(path: Path_) -> str:
 
 @cache
 def _rules() -> tuple[object, ...]:
-    """All that decides what a text is read as."""
+    """Everything besides a text that determines its meaning."""
     sources = (Path(file).read_bytes() for file in (__file__, errors.__file__))
     return *sources, _ruamel_version, unicodedata.unidata_version
 
 
 @lru_cache(64)
 def _kept(text: str, name: str) -> Document:
-    """`_parsed`, or what that made of the same text by the same rules before."""
+    """The result of `_parsed`, from disk if the same text was parsed by the same rules."""
     file = cached_file("graphs", text, *_rules())
     if file is None:
         return _parsed(text, name)
@@ -184,7 +185,7 @@ def _parsed(text: str, name: str) -> Document:
 
 
 def parse_scalar(text: str) -> Any:
-    """Read a value typed on the command line by the same rules as in a graph file.
+    """Read a value from the command line by the rules of graph files.
 
     Raises InputError if it looks like a number but is none.
     """
@@ -215,7 +216,7 @@ def _plain(
 
 
 def _refuse_extras(node: Node, place: Place, parents: set[int]) -> None:
-    """Refuse sharing, tags and half characters, which plain data does not need."""
+    """Refuse aliases, tags and unpaired surrogates, which plain data does not need."""
     if id(node) in parents or node.anchor is not None:
         raise GraphError(f"{place}: anchors and aliases are not allowed; use 'extends' to share")
     parents.add(id(node))
@@ -251,7 +252,7 @@ def _mapping(
 
 
 def _implicit_tag(text: str, *, plain: bool) -> str:
-    """The tag that YAML 1.2 gives to a scalar without one; quoted ones are text."""
+    """The tag that YAML 1.2 gives to an untagged scalar; a quoted one is text."""
     return str(_YAML_RESOLVER.resolve(ScalarNode, text, (plain, not plain)))
 
 
@@ -266,7 +267,7 @@ def _scalar(text: str, tag: str) -> Any:
         return int(text.replace("_", ""), 0) if prefixed else int(text)
     if kind == "float":
         return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
-    return text  # a date is text too: only quoting would tell it from a folder's name
+    return text  # also a date, which could be the name of a folder
 
 
 _YAML_RESOLVER = YAML(typ="safe", pure=True).resolver

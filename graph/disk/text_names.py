@@ -1,4 +1,4 @@
-"""File names that are text: others cannot be written down, and crash some libraries."""
+"""Refuse file names that are not text: they cannot be recorded, and crash some libraries."""
 
 from pathlib import Path
 
@@ -27,5 +27,5 @@ def at_home(place: str) -> str:
         return str(Path(place).expanduser())
     except RuntimeError:
         raise InputError(
-            f"{place}: there is no such user; a name of its own is ./{place}"
+            f"{place}: there is no such user; write ./{place} for a file of that name"
         ) from None

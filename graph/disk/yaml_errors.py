@@ -1,4 +1,4 @@
-"""Errors of YAML in plain words: the place, and what to do."""
+"""Describe YAML errors in plain words: the place, and what to do."""
 
 import re
 
@@ -69,7 +69,7 @@ def _other_level(context: str, at: StringMark, begun: StringMark) -> str:
         levels = sorted({len(line) - len(line.lstrip()) for line in before})
         return (
             f"indented by {at.column}, but the lines above by {' or '.join(map(str, levels))}; "
-            "indent it like what it stands beside"
+            "indent it like its neighbours"
         )
     first = f"in line {begun.line + 1}"
     if "mapping" in context:

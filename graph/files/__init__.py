@@ -1,1 +1,1 @@
-"""Graph files: strict YAML read, variants patched, graphs written back as files and schema."""
+"""Graph files: read strict YAML, apply variants, and write graphs and their schema."""

@@ -1,8 +1,7 @@
-"""Patch verbs: how a variant says, in a line or two, where it differs.
+"""Apply a change of a variant, one patch verb, to a graph.
 
-A change speaks of a node of the flat graph (``save``, ``pass_2.label``), of a use of a group
-(``pass_2``), of a group (``pass``), or of a node of a group (``pass.label``), which is the same
-change in every use.
+A change names a node of the flat graph (``save``, ``pass_2.label``), a use of a group (``pass_2``),
+a group (``pass``), or a node of a group (``pass.label``), which it changes in every use.
 """
 
 from tactograph.graph.errors import GraphError
@@ -27,16 +26,16 @@ KEYS_BY_VERB: dict[str, tuple[set[str], set[str]]] = {
     "backend": ({"to"}, set()),
     "neutral": (set(), set()),
 }
-"""The keys that each verb needs, and those that it may have besides."""
+"""The keys that each verb needs, and its optional keys."""
 IN_FILE = {"inputs": "in", "settings": "with", "while_": "while"}
-"""What a file calls a key of a change."""
+"""Keys of a change that have another name in a file."""
 
 
 def apply_patch(graph: Graph, change: Change, places: Places) -> Graph:
     """Return `graph` with one change made.
 
-    Raises GraphError if the change has no verb or several, a key is missing or too many, or the
-    node it speaks of is not there.
+    Raises GraphError if the change does not have exactly one verb, if a key is missing or not
+    allowed, or if the node does not exist.
     """
     place = places[""]
     verbs = [verb for verb in KEYS_BY_VERB if verb in change]

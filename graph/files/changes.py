@@ -1,4 +1,4 @@
-"""Change single settings of a graph, as a command line or a program asks for it."""
+"""Change single settings of a graph, for a command line or a program."""
 
 import os
 from collections.abc import Mapping
@@ -13,11 +13,10 @@ from tactograph.graph.files.flat_graph import Graph
 
 
 def with_changes(graph: Graph, changes: Mapping[str, Any], asked: str = "--set") -> Graph:
-    """Apply ``node.param=value`` changes, as a patch file's `set` would.
+    """Apply ``node.param=value`` changes, like `set` of a patch.
 
-    `asked` says in messages who wants them.
-
-    Raises GraphError if a change names no node of the graph.
+    `asked` names the origin of the changes in messages.  Raises GraphError if a change names no
+    node of the graph.
     """
     for target, value in changes.items():
         node_id, dot, setting = target.rpartition(".")

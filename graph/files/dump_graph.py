@@ -8,7 +8,7 @@ from tactograph.graph.files.flat_graph import Graph
 
 
 def dump_graph(graph: Graph) -> str:
-    """The graph file, with `extends` and `patch` worked in."""
+    """The graph file, with `extends` and `patch` applied."""
     yaml = YAML(typ="safe", pure=True)
     yaml.default_flow_style = None
     yaml.sort_base_mapping_type_on_output = False  # type: ignore[assignment]

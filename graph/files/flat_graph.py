@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tactograph.graph.files.layer import Layer
 
 PREVIOUS_ITEM = "previous"
-"""``previous.node.port`` is the value that the port had at the item before."""
+"""``previous.node.port`` is the value of the port at the previous item."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,8 @@ class Entry:
 class Use:
     """A place where a group is used.
 
-    As a file says it: what it gives to the group.  In a flat graph: every input that reads
-    something, as a reference of that graph, and every param.
+    As read from a file it has the stated inputs and params.  In a flat graph it has all connected
+    inputs, as references of that graph, and all params.
     """
 
     group: str
@@ -88,7 +88,7 @@ class Use:
     settings: Mapping[str, Any] = field(default_factory=dict)
     places: Mapping[str, Place] = field(default_factory=dict)
     turns: Group | None = None
-    """Where a group is repeated, the group of its turns, which no other use has."""
+    """If the group is repeated, a group of its turns, which belongs to this use alone."""
 
     def where(self, key: str = "") -> str:
         """``file:line:column: path`` of a key such as ``in.height``, or of the use."""
@@ -100,7 +100,7 @@ class Use:
 
 @dataclass(frozen=True)
 class Graph:
-    """A flat graph: what `tactograph resolve` prints and what the hash is taken of."""
+    """A flat graph, which `tactograph resolve` prints and which has a hash."""
 
     name: str
     title: str
@@ -111,13 +111,13 @@ class Graph:
     places: Mapping[str, Place] = field(default_factory=dict, compare=False)
     groups: Mapping[str, Group] = field(default_factory=dict, compare=False, repr=False)
     uses: Mapping[str, Use] = field(default_factory=dict, compare=False, repr=False)
-    """The nodes that came of each group; a change may name either."""
+    """The uses of groups that the nodes came from; a change may name a use or a node."""
     variants: Mapping[str, Layer] = field(default_factory=dict, compare=False, repr=False)
-    """Named changes of its file and of those that it extends."""
+    """Variants in its file and in the files that it extends."""
     own: Mapping[str, Node] = field(default_factory=dict, compare=False, repr=False)
-    """Nodes that no package brings, by name; see `load`."""
+    """Nodes that a program hands over, by name; see `load`."""
     gone: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)
-    """Nodes that a change took out, with its place."""
+    """Nodes that a change removed, with the place of the change."""
     inherited: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
     """Params of the graph below the last change."""
 
@@ -144,7 +144,7 @@ class Graph:
 
     @property
     def placeholders(self) -> dict[str, Any]:
-        """Placeholders for required params, where only the plan matters and not the data."""
+        """Placeholders for required params, for planning without data."""
         return {name: PARAM_PLACEHOLDER for name, param in self.params.items() if param.required}
 
     @cached_property
@@ -159,7 +159,7 @@ class Graph:
 
     @property
     def backends(self) -> list[str]:
-        """Back ends that the graph prefers, in order, then those that its nodes are bound to."""
+        """The back ends that the graph prefers, in order, then those that nodes are bound to."""
         bound = (entry.backend for entry in self.nodes.values())
         return list(dict.fromkeys([*self.prefer, *filter(None, bound)]))
 
@@ -178,7 +178,7 @@ class Graph:
         return CAPTURE_PARAM if CAPTURE_PARAM in self.params else None
 
     def at_capture(self, folder: str | Path) -> dict[str, str]:
-        """The value of that param for a capture; empty for a graph that takes none."""
+        """That param with the capture's folder as its value; empty if the graph has none."""
         return {} if self.capture_param is None else {self.capture_param: str(folder)}
 
     @property
@@ -197,7 +197,7 @@ class Graph:
     def check_node(self, node_id: str, where: str) -> None:
         """Refuse a reference at `where` to a node that does not exist.
 
-        A node that a change took out is reported at the change: its reader was right before.
+        A node that a change removed is reported at the change, since its reader was right before.
         """
         if node_id in self.nodes:
             return
@@ -209,9 +209,9 @@ class Graph:
         raise GraphError(f"{where}: there is no node '{node_id}'{self.hint(node_id, self.nodes)}")
 
     def stands(self, node_id: str, where: str) -> str:
-        """Place of a node, in brackets, if it is in another file than `where`.
+        """The place of a node in brackets, if it is in another file than `where`.
 
-        Then a change may have put it before a reader that it does not suit.
+        A change in that file may have put the node before a reader that it does not suit.
         """
         place = self.nodes[node_id].places.get("")
         elsewhere = place is not None and not where.startswith(f"{place.file}:")
@@ -238,7 +238,7 @@ class Graph:
         return [path for path, use in self.uses.items() if use.group == group]
 
     def alike(self, node: str) -> list[str]:
-        """Copies of a group's node in all uses; of a node outside groups, the node itself."""
+        """The copies of a group's node in all uses; for a node outside groups, the node itself."""
         path, _, inner = node.rpartition(".")
         if path not in self.uses:
             return [node]
@@ -246,10 +246,10 @@ class Graph:
         return [path for path in paths if path in self.nodes]
 
     def in_full(self, name: str) -> str:
-        """A name with the uses that its node lies in: ``take.cal`` for `cal`.
+        """Expand a name by the uses around its node: ``take.cal`` for `cal`.
 
-        A node or use around all others comes first, then the one that lies in the fewest uses; of
-        several, none is meant.
+        An outermost node or use has precedence, then the node in the fewest uses.  A name that
+        could mean several is returned unchanged.
         """
         first, dot, rest = name.partition(".")
         around = first in self.nodes or first in self.uses or first in self.groups
@@ -259,7 +259,7 @@ class Graph:
         return f"{near[0]}{dot}{rest}" if len(near) == 1 else name
 
     def in_short(self, name: str) -> str:
-        """The last part of a name, where that means the same."""
+        """The last part of a name, if that is unambiguous."""
         last = name.rpartition(".")[2]
         return last if self.in_full(last) == name else name
 
@@ -271,15 +271,15 @@ class Graph:
         return [path for path in paths if path.count(".") == least]
 
     def hint(self, name: str, choices: Iterable[str]) -> str:
-        """What a name that no node has may have been meant for."""
+        """A suggestion for a name that no node has."""
         near = self._called(name.partition(".")[0])
         return f"; say which: {', '.join(near)}" if near else did_you_mean(name, choices)
 
     @cached_property
     def _inside(self) -> dict[str, list[str]]:
-        """Nodes and uses that lie in uses, by the last part of their names.
+        """The nodes and uses inside uses, by the last part of their names.
 
-        Turns have all names in common, so what lies in one is named in full.
+        All turns have the same names, so nodes inside turns have to be named in full.
         """
         paths = [name for name in self.nodes if "." in name]
         for path, use in self.uses.items():
@@ -304,10 +304,10 @@ class Graph:
 
 @dataclass(frozen=True)
 class Group:
-    """A graph inside a graph: `body` has the params, nodes, uses and outputs, as written."""
+    """A graph inside a graph; `body` has its params, nodes, uses and outputs as written."""
 
     inputs: Mapping[str, Param]
-    """A default is a reference of the graph around, or None: the input may be left out."""
+    """A default is a reference of the surrounding graph, or None if the input is optional."""
     body: Graph
 
     @property

@@ -1,6 +1,6 @@
-"""Pydantic models of graph files: they check what is read, and give the JSON schema.
+"""Pydantic models of graph files, for checking them and for the JSON schema.
 
-Long because all that a graph file may say is declared here, with its help for editors.
+Long because it declares everything that a graph file may contain, with help for editors.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ WANTED_BY_KIND = {
     "flag": "true or false",
     "numbers": "a list of numbers",
 }
-"""What a value of each kind of param is."""
+"""A value of each kind of param, in words."""
 _TYPES_BY_KIND: dict[str, tuple[type, ...]] = {
     "path": (str,),
     "number": (int, float),
@@ -57,14 +57,14 @@ _WANTED_BY_TYPE = {
 
 
 def is_of_kind(value: Any, kind: str) -> bool:
-    """Return whether a value is one that a param of `kind` takes."""
+    """Return whether a param of `kind` accepts a value."""
     if kind == "numbers":
         return isinstance(value, list) and all(is_of_kind(part, "number") for part in value)
     return isinstance(value, _TYPES_BY_KIND[kind]) and (kind == "flag") == isinstance(value, bool)
 
 
 def _whole(value: Any) -> Any:
-    """Refuse `true` and 1.0, which Python holds equal to 1."""
+    """Refuse `true` and 1.0, which are equal to 1 in Python."""
     if type(value) is not int:
         raise ValueError("a whole number is needed")
     return value
@@ -81,14 +81,14 @@ _ONE_OR_MORE = (
 Names = Annotated[list[str], *_ONE_OR_MORE]
 """One name, or a list of them."""
 References = Annotated[list[Reference], *_ONE_OR_MORE]
-"""What one change says of one node, or of several."""
+"""One node, or several, that a change names."""
 
 MAX_TURNS = 100
-"""Far more turns than a group converges in."""
+"""Largest number of turns of a repeated group, far more than convergence takes."""
 
 
 def _counted(value: Any) -> Any:
-    """As many turns without params of their own as a number says."""
+    """Turn a number into that many turns without params."""
     if type(value) is not int:
         return value
     if not 1 <= value <= MAX_TURNS:
@@ -109,7 +109,7 @@ Turns = Annotated[
         }
     ),
 ]
-"""What each turn of a repeated group is given."""
+"""The params of each turn of a repeated group."""
 
 
 class _Strict(BaseModel):
@@ -146,7 +146,7 @@ class NodeModel(_Strict):
     settings: dict[Name, Any] = Field(
         default={},
         alias="with",
-        description="Parameters; $name stands for a param of the graph, which `name: $name` makes.",
+        description="Parameters; $name is a param of the graph, which `name: $name` declares.",
     )
     backend: Backend | None = Field(None, description="Refuse to run elsewhere.")
     neutral: bool = Field(False, description="Take the node out; its neutral value stands in.")
@@ -165,15 +165,15 @@ class UseModel(_Strict):
         default={}, alias="with", description="Params of the group; $name stands for one around it."
     )
     repeat: Turns | None = Field(
-        None, description="Turns, one after the other: their number, or the params of each."
+        None, description="Turns in sequence: their number, or the params of each."
     )
     carry: dict[Name, Reference] | None = Field(
-        None, description="Input of a turn: the output of the one before that it reads."
+        None, description="Input of a turn: the output of the previous turn that it reads."
     )
     while_: Reference | None = Field(
         None,
         alias="while",
-        description="Output of a turn; where it is zero, later turns rest and are as that one.",
+        description="Output of a turn; once it is zero, later turns rest and repeat that turn.",
     )
 
 
@@ -196,8 +196,8 @@ class GroupInputModel(_Strict):
     help: str = Field("", description="One line for people.")
     default: Reference | None = Field(
         None,
-        description="What it reads where a use does not say; null: it may be left out. Without "
-        "it, a use has to say.",
+        description="What it reads if a use does not state it; null: it is optional. Without a "
+        "default a use has to state it.",
     )
 
 
@@ -205,7 +205,7 @@ class GroupParamModel(_Strict):
     """A value that a use gives to a group."""
 
     kind: Kind | None = Field(
-        None, description="With it, the graph has the same param, where a use gives no value."
+        None, description="With a kind, the graph gets this param if a use gives no value."
     )
     help: str = Field("", description="One line for people.")
     default: Any = Field(None, description="Without it, a use or the user gives the value.")
@@ -261,14 +261,14 @@ AnyGroup = Annotated[
 
 
 NO_VALUE: Any = None
-"""A key that is not there; null is no value of it."""
+"""The default of an absent key, for which null is no value."""
 
 
 class PatchModel(_Strict):
-    """One change to the graph that is extended; exactly one verb.
+    """One change to the extended graph, with exactly one verb.
 
     A name is a node, `use.node`, or `group.node`: that node in every use of the group.  A list of
-    them is the same change to each, but for `replace` and `insert`.
+    names makes the same change to each, except for `replace` and `insert`.
     """
 
     set: References = Field(
@@ -307,14 +307,14 @@ class ChangeModel(_Strict):
     )
     patch: list[PatchModel] | None = None
     outputs: dict[Name, Reference | None] = Field(
-        {}, description="null, in a change: the other graph's output is not wanted."
+        {}, description="References by name; null, in a change, removes an output."
     )
 
 
 class VariantModel(ChangeModel):
     """A named change to a graph."""
 
-    base: str | None = Field(None, description="A graph in place of that of the file.")
+    base: str | None = Field(None, description="A graph to change instead of the file's.")
     extends: Names = Field([], description="Overlays that are laid over the graph first.")
 
 
@@ -347,7 +347,7 @@ Model = TypeVar("Model", bound=BaseModel)
 def validate(document: Document, model: type[Model]) -> Model:
     """Check a document against its model.
 
-    Raises GraphError with the places of all that no file of this kind may say.
+    Raises GraphError with the places of everything that is not allowed in such a file.
     """
     if not isinstance(document.data, dict):
         raise GraphError(f"{document.place(())}: a graph file is a mapping with 'format: 1'")

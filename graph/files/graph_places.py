@@ -33,10 +33,10 @@ def variants_added_to(name: str) -> list[Path]:
 
 
 def _shipped_files(pattern: str) -> list[Path]:
-    """The graph files of the core and of all rings.
+    """The graph files of the core and of all rings, by name.
 
-    Of one name that of the core or of a shipped ring counts; where several other rings bring it,
-    it has to be named ``ring/name``.
+    A file of the core or of a shipped ring has precedence.  If several other rings have a file of
+    one name, it has to be named ``ring/name``.
     """
     files: dict[tuple[str, str], list[tuple[Path, bool]]] = {}
     for ring in rings():
@@ -47,11 +47,9 @@ def _shipped_files(pattern: str) -> list[Path]:
 
 
 def find_file(name: str, base_folder: Path | None, kind: Shipped) -> Path | None:
-    """The file of a bare name, a ``ring/name`` or a path; None if there is no such file.
+    """The file of a bare name, a ``ring/name`` or a path; None if no shipped file has a bare name.
 
-    A bare name is that of a file of this kind that ships.
-
-    Raises InputError if the name says where the file is, and it is not there.
+    Raises InputError if a ``ring/name`` or a path does not exist.
     """
     bringer, slash, graph = name.partition("/")
     ring = next((each for each in rings() if each.name == bringer), None)

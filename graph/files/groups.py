@@ -1,7 +1,8 @@
-"""Groups: nodes that a graph defines once and uses several times, each use with names of its own.
+"""Groups: nodes that a graph defines once and uses several times, each time under new names.
 
-A node ``label`` of a group is the node ``pass_2.label`` where ``pass_2`` uses it.  Inside, a
-reference names a node or an input of the group; outside it names a node, or an output of a use.
+The node ``label`` of a group becomes the node ``pass_2.label`` of its use ``pass_2``.  Inside the
+group a reference names a node or an input of the group; outside it names a node, or an output of a
+use.
 """
 
 from collections.abc import Iterable, Mapping
@@ -23,15 +24,14 @@ from tactograph.graph.files.flat_graph import (
 
 MAX_NODES = 10_000
 MAX_GROUP_DEPTH = 50
-"""Far more nodes and uses, and groups in one another, than anybody needs."""
+"""Limits on nodes and uses, and on nested groups, far above any real graph."""
 
 
 def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use]) -> Graph:
-    """Add nodes to a graph; each use of a group becomes the group's nodes.
+    """Add nodes to a graph; each use of a group is replaced by the group's nodes.
 
-    Raises GraphError if a use names no group, gives what the group does not take or leaves out what
-    it needs, a group uses itself, a reference in a group names nothing there, or there are too many
-    nodes, or groups in one another.
+    Raises GraphError if a use names no group, or lacks or adds an input or param; if a group uses
+    itself, or refers to nothing; if there are too many nodes or nested groups.
     """
     added = _uses(graph, nodes, "", ())
     uses = {path: use for path, (use, _) in added.items()}
@@ -53,9 +53,9 @@ def flat_reference(
 ) -> str | None:
     """Translate a reference in a scope to its name in the flat graph.
 
-    Returns None for an input of the group that this use leaves out.  With `whole`, a use of several
-    outputs may be meant, whose parts are read through it.  Raises GraphError, with
-    `where`, if it names nothing that can be read.
+    Returns None for an input of the group that this use leaves out.  With `whole` the reference may
+    name a use with several outputs, which are read through it.  Raises GraphError, with `where`, if
+    it names nothing that can be read.
     """
     bare, previous = split_previous(reference)
     name, _, rest = bare.partition(".")
@@ -109,7 +109,7 @@ def in_scope(
 
 
 def meant_nodes(graph: Graph, name: str) -> list[str]:
-    """Nodes that a name means: those of a use or, as ``group.node``, one node in every use."""
+    """The nodes that a name means: those of a use, or for ``group.node`` that node in every use."""
     name = graph.in_full(name)
     if name in graph.nodes:
         return [name]
@@ -120,12 +120,12 @@ def meant_nodes(graph: Graph, name: str) -> list[str]:
 
 
 def outputs_of(graph: Graph, path: str) -> Mapping[str, str]:
-    """The outputs of a use, of a repeated one those of its last turn."""
+    """The outputs of a use; for a repeated use, those of its last turn."""
     return graph.definition(graph.uses[graph.last_turn(path)]).body.outputs
 
 
 def refuse_idle(name: str, group: Group) -> None:
-    """Refuse a group's unread inputs and params, and its outputs that no node makes.
+    """Refuse inputs and params of a group that no node reads, and outputs that no node has.
 
     Raises GraphError with the place of the first.
     """
@@ -157,7 +157,7 @@ def refuse_idle(name: str, group: Group) -> None:
 def _uses(
     graph: Graph, nodes: Mapping[str, Entry | Use], scope: str, chain: tuple[str, ...]
 ) -> dict[str, tuple[Use, str]]:
-    """Uses among nodes and inside one another, as written in their files, with their scope."""
+    """The uses among nodes, and nested in them, as written in their files, with their scopes."""
     uses: dict[str, tuple[Use, str]] = {}
     for name, use in nodes.items():
         if isinstance(use, Entry):
@@ -182,7 +182,7 @@ def _uses(
         uses[path] = use, scope
         uses |= _uses(graph, group.body.uses, path, (*chain, use.group))
         if sum(1 + len(graph.definition(each).body.nodes) for each, _ in uses.values()) > MAX_NODES:
-            # A few groups that use one another come to more than any memory holds.
+            # A few nested groups can multiply beyond any memory.
             raise GraphError(
                 f"{use.where('group')}: with '{use.group}' there are more than {MAX_NODES} nodes "
                 "and uses of groups; use them less often"
@@ -191,7 +191,7 @@ def _uses(
 
 
 def _with_taken_over(graph: Graph, uses: Iterable[Use]) -> dict[str, Param]:
-    """Params of the graph, and before them those of groups that say what kind they are of."""
+    """The params of groups that state a kind, then those of the graph."""
     taken: dict[str, Param] = {}
     for use in uses:
         body = graph.definition(use).body

@@ -1,8 +1,8 @@
-"""Params that a graph need not state: those of a node's parameter that is called the same.
+"""Params that a graph need not state, because a node's parameter has the same name.
 
 ``with: {crop: $crop}`` makes `crop` a param of the graph, with the kind, the default and the help
 of the node's parameter `crop`.  Under another name (``with: {folder: $crop}``) it has to be stated,
-so that a slip of the pen is found.
+so that a typo is found.
 """
 
 import typing
@@ -18,9 +18,9 @@ from tactograph.graph.files.flat_graph import Entry, Graph, Param
 
 
 def with_implied_params(graph: Graph) -> Graph:
-    """Add the params that nodes take under the names of their own parameters.
+    """Add the params that nodes take under the names of their parameters.
 
-    Raises GraphError if nodes differ in what such a param is where it is not given.
+    Raises GraphError if nodes differ in kind or default of such a param.
     """
     implied: dict[str, Param] = {}
     for entry in graph.nodes.values():
@@ -39,7 +39,7 @@ def with_implied_params(graph: Graph) -> Graph:
 
 
 def _param_of(graph: Graph, entry: Entry, name: str) -> Param | None:
-    """The param that is like a node's parameter; None where the plan will refuse the node."""
+    """The param that matches a node's parameter; None if the plan will refuse the node."""
     try:
         node = find_node(entry.op, graph.own)
     except InputError:
@@ -54,7 +54,7 @@ def _param_of(graph: Graph, entry: Entry, name: str) -> Param | None:
 
 
 def _kind_of(parameter: Parameter) -> str:
-    """The kind of param that gives a parameter all that it takes; "" if there is none."""
+    """The kind of param that covers all values of a parameter; "" if there is none."""
     parts = parts_of(parameter.annotation)
     members = [
         each

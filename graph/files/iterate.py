@@ -1,7 +1,7 @@
-"""Iteration: a group used several times in a row, each turn given what the one before made.
+"""Iteration: a group used several times in sequence; each turn reads outputs of the previous one.
 
 ``rough: {group: pass, repeat: 4, carry: {height: height}}`` is four uses, ``rough.1`` to
-``rough.4``, in a group of their own, so that all that holds of uses holds of turns.
+``rough.4``, in a group of their own, so that turns behave like any other uses.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,18 +14,17 @@ from tactograph.graph.errors import GraphError
 from tactograph.graph.files.flat_graph import Graph, Group, Param, Use
 
 Turns = Sequence[Mapping[str, Any]]
-"""What each turn is given, beside what all are given."""
+"""The params of each turn, in addition to those of all turns."""
 
 
 def in_turns(
     use: Use, turns: Turns | None, carry: Mapping[str, str] | None, going: str | None
 ) -> Use:
-    """The use as it is, or of all turns if it is to be repeated.
+    """Return the use unchanged, or a use of all turns if it is repeated.
 
-    `carry` names, by input of a turn, the output of the one before that it reads; `going` an output
-    without which further turns rest, and are as the one before.
-
-    Raises GraphError if one of the first two is missing.
+    `carry` maps an input of a turn to the output of the previous turn that it reads.  `going` is an
+    output; once it is zero, further turns rest and repeat the previous one.  Raises GraphError if
+    `turns` or `carry` is missing.
     """
     if not turns and not carry:
         if going:

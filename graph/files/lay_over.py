@@ -1,4 +1,4 @@
-"""Lay a layer over a graph, or make a graph of one that stands alone."""
+"""Lay a layer over a graph, or make a graph from a layer that extends none."""
 
 from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -35,7 +35,7 @@ from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
 
 @contextmanager
 def blamed_on(place: Place) -> Iterator[None]:
-    """Report a name that is missing or does not fit at the line that holds it."""
+    """Report an InputError of the block at this place."""
     try:
         yield
     except GraphError:
@@ -47,7 +47,7 @@ def blamed_on(place: Place) -> Iterator[None]:
 def alone(layer: Layer) -> Graph:
     """Make the graph of a file that extends no other.
 
-    Raises GraphError if it is no graph, or a use of a group is wrong.
+    Raises GraphError if the file is not a graph, or if a use of a group is wrong.
     """
     model, document = layer.model, layer.document
     assert isinstance(model, GraphModel)
@@ -68,7 +68,7 @@ def alone(layer: Layer) -> Graph:
 
 
 def laid_over(graph: Graph, layer: Layer) -> Graph:
-    """Apply the own content of a file or variant to a graph.
+    """Apply the changes of a file or variant to a graph.
 
     Raises GraphError if a change does not fit the graph.
     """
@@ -94,7 +94,7 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
 
 
 def _patched(graph: Graph, changes: list[PatchModel], document: Document) -> Graph:
-    """Make all changes; raises GraphError with the errors of all that do not rest on another's."""
+    """Make all changes.  Raises GraphError with the errors of all independent changes."""
     errors, missing = ErrorsTogether(), set[str]()
     for index, change in enumerate(changes):
         for each in _stated(change):
@@ -111,19 +111,19 @@ def _patched(graph: Graph, changes: list[PatchModel], document: Document) -> Gra
 
 
 def _named_in(change: Change) -> set[str]:
-    """The names of which a change speaks: its node, use or group, and whose readers it takes."""
+    """The names in a change: its node, use or group, and the reference whose readers it takes."""
     return {str(change[key]) for key in (*VERB_FUNCTIONS, "after") if change.get(key)}
 
 
 def _without_unread(graph: Graph, stated: Container[str]) -> Graph:
-    """The graph without params that none of its nodes takes, but for those `stated` here."""
+    """The graph without params that no node takes, except those `stated` here."""
     read = {v for e in graph.nodes.values() for v in e.settings.values() if isinstance(v, str)}
     params = graph.params.items()
     return replace(graph, params={n: p for n, p in params if n in stated or f"${n}" in read})
 
 
 def _stated(change: PatchModel) -> list[Change]:
-    """What a change says, of one node at a time."""
+    """Split a change into one for each node that it names."""
     stated = {name: getattr(change, name) for name in change.model_fields_set}
     listed = [verb for verb in VERB_FUNCTIONS if isinstance(stated.get(verb), list)]
     if not listed:
@@ -201,7 +201,7 @@ def _with_shared(groups: dict[str, Group], used: Iterable[str], folder: Path) ->
 
 
 def _used_in(group: Group) -> Iterator[str]:
-    """The groups that a group uses, as they are or in turns."""
+    """The groups that a group uses, repeated or not."""
     for use in group.body.uses.values():
         yield from (use.group, *_used_in(use.turns)) if use.turns else [use.group]
 
@@ -249,7 +249,7 @@ def _group(name: str, stated: GroupModel, document: Document, path: Path_) -> Gr
 def _refuse_taken(
     groups: Iterable[str], nodes: Mapping[str, str], earlier: Container[str], document: Document
 ) -> None:
-    """Refuse a group that has the name of another, or of a node that is no use of it."""
+    """Refuse a group with the name of another group, or of a node that is no use of it."""
     taken = {node.partition(".")[0]: group for node, group in nodes.items()}
     for name in groups:
         place = document.place(("groups", name))

@@ -42,7 +42,7 @@ def check_new(graph: Graph, target: str, place: Place) -> None:
 def flat_change(graph: Graph, change: Change, places: Places, scope: str, node: str = "") -> Change:
     """Translate a change in a scope to references and values of the flat graph.
 
-    `node` is the name there of the node that it changes.
+    `node` is the name, in that scope, of the node that it changes.
     """
     reads = change.get("inputs", {})
     reads_set = {port: reference for port, reference in reads.items() if reference is not None}
@@ -92,7 +92,7 @@ def change_group(graph: Graph, name: str, node: str, change: Change, places: Pla
 
 
 def _put_into_body(body: Graph, node: str, change: Change, places: Places) -> Graph:
-    """Use a group in another: as a new node of its definition, or in place of one."""
+    """Use a group in another group, as a new node of its definition or replacing one."""
     inputs: Mapping[str, str] = {}
     if node in body.nodes:
         inputs = body.nodes[node].inputs
@@ -103,7 +103,7 @@ def _put_into_body(body: Graph, node: str, change: Change, places: Places) -> Gr
 
 
 def _use(change: Change, inputs: Mapping[str, str], places: Places) -> Use:
-    """The use that a change makes; `inputs` stand where it gives none."""
+    """The use that a change makes; `inputs` are its defaults."""
     use = Use(change["group"], change.get("inputs", inputs), change.get("settings", {}), places)
     return in_turns(use, change.get("repeat"), change.get("carry"), change.get("while_"))
 
@@ -170,7 +170,7 @@ def _set_use(graph: Graph, path: str, values: Mapping[str, Any], places: Places)
         if not any(f"${name}" in each.settings.values() for each in nodes):
             raise GraphError(
                 f"{places['']}: set: no node of the group '{use.group}' takes the param '{name}' "
-                "any more; an earlier change gave a value to what did"
+                "any more, since an earlier change gave its reader a value"
             )
 
     def taken(entry: Entry | Use) -> dict[str, Any]:
@@ -211,8 +211,7 @@ def put_use(graph: Graph, target: str, change: Change, places: Places) -> Graph:
 def _without_use(graph: Graph, path: str, place: Place, *, keep_readers: bool) -> Graph:
     """Return the graph without the nodes of a use.
 
-    With `keep_readers` those who read one of its outputs read ``path.output``, whatever makes
-    it then.
+    With `keep_readers`, readers of its outputs read ``path.output`` of whatever replaces it.
     """
     outputs = outputs_of(graph, path) if keep_readers else {}
     swapped = {

@@ -60,14 +60,14 @@ def redirect(graph: Graph, old: str, new: str, place: Place) -> Graph:
 
 
 def with_references(graph: Graph, changed: Callable[[str], str]) -> Graph:
-    """Change every reference of the graph, both to this item and to the one before."""
+    """Change every reference of the graph, to this and to the previous item."""
 
     def swap(reference: str) -> str:
         bare, previous = split_previous(reference)
         return f"{PREVIOUS_ITEM}.{changed(bare)}" if previous else changed(bare)
 
     def swapped(inputs: Mapping[str, str]) -> dict[str, str]:
-        # What stands in for a node is a node, not what it makes.
+        # `else` names a node, not one of its outputs.
         return {p: r if p == RESTING_INPUT else swap(r) for p, r in inputs.items()}
 
     return replace(
@@ -79,7 +79,7 @@ def with_references(graph: Graph, changed: Callable[[str], str]) -> Graph:
 
 
 def _why_unread(graph: Graph, reference: str) -> str:
-    """Reason why no input and no output of the graph may read a reference."""
+    """Why no input or output of the graph reads a reference."""
     node, _ = split_reference(reference, graph.nodes)
     if node not in graph.nodes:
         return f"there is no node '{node}'{did_you_mean(node, graph.nodes)}"

@@ -1,4 +1,4 @@
-"""Graphs given by a program as plain data, in the form that a file's YAML would give."""
+"""Graphs that a program gives as plain data, in the form of a parsed YAML file."""
 
 import os
 import sys
@@ -14,9 +14,9 @@ _ENGINE_PACKAGE = "tactograph.graph"
 
 
 def as_document(data: Mapping[str, Any]) -> Document:
-    """Make a document of the data; its place is the program's line that hands them over.
+    """Make a document of the data; its place is the line of the program that hands it over.
 
-    Raises GraphError if something in them is not what a graph file could hold.
+    Raises GraphError if the data contains anything that a graph file could not.
     """
     places: dict[Path_, Place] = {}
     return Document(_plain(data, (), _handed_over(), places), places)

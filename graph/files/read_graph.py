@@ -1,4 +1,4 @@
-"""Read a graph: strict YAML, `extends` followed, overlays laid over it, all errors placed."""
+"""Read a graph: parse strict YAML, follow `extends`, lay overlays over it, and place all errors."""
 
 import os
 from collections.abc import Container, Iterable, Iterator, Mapping
@@ -17,7 +17,7 @@ from tactograph.graph.files.layer import Layer, layer_of, read_layer
 from tactograph.graph.files.plain_data import as_document
 
 Source = str | os.PathLike[str] | Mapping[str, Any] | Graph
-"""A graph by name, by path, as plain data, or as it is."""
+"""A graph by name, by path, as plain data, or as a `Graph`."""
 Chain = tuple[str, ...]
 """The files and variants whose `extends` led here."""
 _OVERLAY_FOLDER = "overlays, for --with"
@@ -31,7 +31,7 @@ def shipped_names() -> list[str]:
 
 
 def shipped_titles() -> dict[str, dict[str, str]]:
-    """Titles of what ships, by folder and name; variants of a study stand under the study."""
+    """The titles of shipped graphs by folder and name; variants of a study are under the study."""
     by_heading: dict[str, dict[str, str]] = {}
     for name, file in {**shipped("graphs"), **shipped("studies")}.items():
         layer = read_layer(file)
@@ -51,10 +51,10 @@ def shipped_titles() -> dict[str, dict[str, str]]:
 def read_graph(source: Source) -> Graph:
     """Read a graph: a path, the name of a shipped pipeline, or plain data like a file's.
 
-    ``FILE.yaml/NAME`` is a variant of a file of one's own, ``GRAPH_NAME`` one of a shipped graph,
-    or the graph with a shipped overlay.
+    ``FILE.yaml/NAME`` is a variant in a file, ``GRAPH_NAME`` a variant of a shipped graph, or the
+    graph with a shipped overlay.
 
-    Raises InputError if the file is not there; GraphError with file, line, column, path and reason,
+    Raises InputError if there is no such file; GraphError with file, line, column, path and reason
     if it is not a graph file.
     """
     if isinstance(source, Graph):
@@ -68,9 +68,9 @@ def read_graph(source: Source) -> Graph:
 
 
 def read_graphs(name: str) -> list[Graph]:
-    """The graph of that name; of a study, its base and all its variants."""
+    """The graph of that name; for a study, its base and all variants."""
     file = None
-    with suppress(InputError):  # which `read_graph` tells
+    with suppress(InputError):  # `read_graph` reports it
         file = find_file(name, None, "studies")
     if file is None or not (layer := read_layer(file)).base:
         return [read_graph(name)]
@@ -79,9 +79,9 @@ def read_graphs(name: str) -> list[Graph]:
 
 
 def graphs_of(document: Document, file: Path) -> list[Graph]:
-    """The graphs of a document that is to be the content of a file: its graph, then its variants.
+    """The graphs of a document for a file: its graph and variants; none for a group or overlay.
 
-    A group, and an overlay, are no graph by themselves.  Raises what `read_graph` does.
+    Raises the errors of `read_graph`.
     """
     if file.name.endswith(".group.yaml"):
         group_in(file.name, document)
@@ -138,7 +138,7 @@ def _variant_of(file: Path, variants: Mapping[str, Layer], key: str) -> Layer:
 
 
 def _composed(name: str, chain: Chain) -> Graph:
-    """A shipped graph whose name is followed by those of variants or overlays."""
+    """A shipped graph whose name is followed by names of variants or overlays."""
     variant = _shipped_variant(name)
     if variant is not None:
         return _lay(_named(variant.base, None, chain), variant, chain)
@@ -176,7 +176,7 @@ def _shipped_variant(name: str) -> Layer | None:
 
 
 def _in_words(text: str, variants: Container[str]) -> tuple[str, ...]:
-    """Overlays and variants whose names are joined in a text; empty if a part is neither."""
+    """The overlays and variants whose names are joined in a text; empty if a part is neither."""
 
     def is_layer(name: str) -> bool:
         own = name in variants or name in shipped("overlays")
@@ -203,7 +203,7 @@ def _further(chain: Chain, layer: Layer) -> Chain:
 
 
 def _graph_of(layer: Layer, chain: Chain) -> Graph:
-    """The graph of a file, with `extends` followed; of a study, its base."""
+    """The graph of a file, with `extends` followed; for a study, its base."""
     model, chain = layer.model, _further(chain, layer)
     assert isinstance(model, GraphModel)
     if not model.extends:
@@ -258,9 +258,9 @@ def _overlaid(graph: Graph, name: str, base_folder: Path | None, chain: Chain) -
 def _overlay(
     variants: Mapping[str, Layer], name: str, base_folder: Path | None, chain: Chain
 ) -> Layer:
-    """One of some variants, an overlay, or a variant of another graph, by its full name.
+    """One of these variants, an overlay, or (by its full name) a variant of another graph.
 
-    A variant extends the overlay of its own name, not itself.
+    A variant that extends its own name means the overlay of that name.
     """
     if name in variants and variants[name].id not in chain:
         return variants[name]
@@ -271,7 +271,7 @@ def _overlay(
         if variant is not None:
             return replace(variant, name=name)
         if name in variants:
-            _further(chain, variants[name])  # which tells the loop
+            _further(chain, variants[name])  # which reports the loop
         names = list(dict.fromkeys([*variants, *shipped("overlays")]))
         hint = did_you_mean(name, names) or f" (there are: {', '.join(names)})"
         if name in shipped("graphs"):
@@ -299,7 +299,7 @@ def _lay(graph: Graph, layer: Layer, chain: Chain) -> Graph:
             below = _lay(below, _overlay(layer.siblings, name, layer.file.parent, chain), chain)
     title = layer.model.title
     if layer.base and layer.base != graph.name and below.title != graph.title:
-        title = below.title  # which the overlays below it have made
+        title = below.title  # made by the overlays below it
     elif layer.base != graph.name or not title:
         title = ", ".join(filter(None, [graph.title, layer.name if layer.base else title]))
     return replace(laid_over(below, layer), name=f"{graph.name}_{layer.name}", title=title)

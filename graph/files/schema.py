@@ -17,7 +17,7 @@ from tactograph.graph.files.read_graph import shipped_names
 def make_schema() -> dict[str, Any]:
     """Return the schema: the file formats, and every built-in node with its ports and ranges.
 
-    A file is a study if it has a `base`, a group if it has `inputs`, else a graph.
+    A file is a study if it has a `base`, a group if it has `inputs`, and otherwise a graph.
     """
     kinds: list[type[BaseModel]] = [GraphModel, StudyModel, GroupFileModel]
     _, schema = models_json_schema([(kind, "validation") for kind in kinds], by_alias=True)
@@ -96,7 +96,7 @@ def _rule(node: Node) -> dict[str, Any]:
                 },
                 RESTING_INPUT: {
                     "type": "string",
-                    "description": "With `when`: the node whose values it has where it rests.",
+                    "description": "With `when`: the node whose values replace these if it rests.",
                 },
             },
             "additionalProperties": {"type": "string"} if node.repeated else False,

@@ -12,7 +12,7 @@ from tactograph.graph.files.graph_model import WANTED_BY_KIND, is_of_kind
 from tactograph.graph.files.graph_places import shipped
 
 MAX_NAMED_SETTINGS = 3
-"""The most nodes' parameters of one name that a message names."""
+"""Largest number of nodes' parameters of one name that a message names."""
 
 
 def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
@@ -38,14 +38,14 @@ def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
 
 
 def _how_to_write(graph: Graph, word: str) -> str:
-    """How a word without a name is given to the graph, by its first param as an example."""
+    """How to write a word without a name, with the graph's first param as an example."""
     first = next(iter(graph.params), "name")
     example = f"{word}=VALUE" if word in graph.params else f"{first}={word}"
     return f"write values as name=value, such as {example}"
 
 
 def settings_called(graph: Graph, name: str) -> str:
-    """The nodes' parameters of that name, as ``--set`` takes them; empty if there is none."""
+    """The parameters of that name in all nodes, as for ``--set``; "" if there is none."""
     nodes = [
         node_id
         for node_id, entry in graph.nodes.items()
@@ -55,7 +55,7 @@ def settings_called(graph: Graph, name: str) -> str:
 
 
 def overlays_with(name: str) -> str:
-    """The shipped overlays that have a param of that name, as ``--with`` takes them; or empty."""
+    """The shipped overlays with a param of that name, as for ``--with``; "" if there is none."""
     overlays = [
         f"--with {overlay}"
         for overlay, file in shipped("overlays").items()

@@ -1,4 +1,4 @@
-"""Results drawn in a notebook."""
+"""Draw results in a notebook."""
 
 from collections.abc import Mapping
 from html import escape
@@ -10,7 +10,7 @@ from tactograph.graph.declare.ports import PortType
 from tactograph.graph.show.views import kind_of
 
 MAX_MAPS = 4
-"""Maps of a result that are drawn."""
+"""Largest number of maps of a result to draw."""
 
 
 def result_html(

@@ -1,4 +1,4 @@
-"""Pictures of views and of sweeps, as data URIs that a page can hold by itself."""
+"""Draw views and sweeps as data URIs, for a self-contained page."""
 
 import base64
 import io
@@ -26,7 +26,7 @@ MAX_PANELS_ACROSS = 4
 PAGE_WIDTH_IN = 10.4
 """The width of a picture that fills the page."""
 ERROR_PERCENTILE = 99.5
-"""The percentile of the absolute errors that ends the common scale: otherwise a few pixels on an
+"""Percentile of the absolute errors at which the common scale ends; otherwise a few pixels on an
 edge would leave all others white."""
 
 Panels = Mapping[str, NDArray[Any]]
@@ -104,7 +104,7 @@ def draw_labels(panels: Panels, unit: str) -> str:
 
 
 def draw_section(panels: Panels, unit: str, row: int, truth: str | None) -> str:
-    """Plot one row of every map, the truth broad and grey, and the errors beneath."""
+    """Plot one row of every map, with the truth as a broad grey line, and the errors below."""
     figure = _figure(4.6 if truth else 3.4)
     if truth:
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))

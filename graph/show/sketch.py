@@ -1,4 +1,4 @@
-"""A graph to be drawn: boxes and edges, with the uses of groups drawn whole or folded to a box."""
+"""A graph to draw: boxes and edges; uses of groups are drawn open, or folded to one box."""
 
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -20,7 +20,7 @@ class Box:
 
 @dataclass(frozen=True)
 class Sketch:
-    """Boxes, the edges between them, and those to the next item; `groups` has that of each use."""
+    """Boxes, the edges between them, and edges to the next item; `groups` has each use's group."""
 
     title: str
     boxes: list[Box]

@@ -122,7 +122,7 @@ def test_a_command_that_is_typed_wrong_exits_with_2_and_says_where_to_look(
         (("run", "nowhere.yaml"), "nowhere.yaml: there is no such graph file"),
         (("run", "paper", "capture"), "as name=value, such as capture=VALUE"),
         (("run", "paper", "touch", "cal.npz"), "'touch': write values as name=value, such as capt"),
-        (("--quiet", "run", "paper"), "'--quiet'; one of a command stands behind the command's"),
+        (("--quiet", "run", "paper"), "'--quiet'; write a command's option behind"),
         (("run", "paper", "--capture", "a"), "'--capture'; a param is written capture=a (see"),
         (("run", "paper", "--capture=a"), "'--capture'; a param is written capture=a (see"),
         (("run", "paper", "--capture", "flat=a"), "a param is written capture=VALUE (see"),
@@ -590,9 +590,7 @@ def test_what_cannot_be_printed_is_told_in_one_line() -> None:
     with Path("/dev/full").open("w") as full:
         done = printing_to(full.fileno())
     assert done.returncode == 2
-    assert done.stderr == (
-        "tactograph: what it prints cannot be written: No space left on device\n"
-    )
+    assert done.stderr == ("tactograph: cannot write to standard output: No space left on device\n")
 
 
 def after_help(told: str, **more: str) -> str:
@@ -665,7 +663,7 @@ def test_links_that_run_in_a_circle_are_no_place(
 
 def test_a_stream_without_an_item_is_no_success(about: Command) -> None:
     said = one_line(about("run", STREAM, "count=0", "--backend", "numpy"))
-    assert "ended before a first item" in said
+    assert "ended before the first item" in said
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")

@@ -153,7 +153,7 @@ def _departure(press: F4, free: NDArray[np.bool_], where: str) -> tuple[int, flo
     levels = np.median(press[:, free], axis=1) - 1
     if (levels < NO_FILM_LIGHT - 1).all():
         raise InputError(
-            f"{where}the image is dark beside the ball: press the ball into the film, since slopes "
+            f"{where}there is no film beside the ball: press the ball into the film, since slopes "
             "and heights are measured relative to the light of the film at rest"
         )
     led = int(np.argmax(np.abs(levels)))

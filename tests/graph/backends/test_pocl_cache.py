@@ -52,7 +52,7 @@ def test_after_a_crash_programs_are_kept_elsewhere_and_the_folder_is_named(
     runs.die(number)
     place, told = runs.begin()
     assert place == str(runs.cache / "pocl")
-    assert f"a run before died of '{how}' while it used PoCL: what {runs.usual} holds" in told
+    assert f"an earlier run died of '{how}' while it used PoCL: what {runs.usual} holds" in told
     assert runs.begin() == (place, ""), "told once, and for good"
 
 

@@ -221,7 +221,7 @@ def test_two_captures_of_one_name_are_refused(compared: Compared, tmp_path: Path
     more = tmp_path / "more" / "a"
     more.mkdir(parents=True)
     said = one_line(compared(over=[compared.captures[0], more]))
-    assert "two of the runs are called first/preferred/a" in said
+    assert "two runs are called first/preferred/a" in said
 
 
 def test_a_capture_is_named_by_its_folder_however_it_is_reached(

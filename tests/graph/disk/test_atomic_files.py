@@ -150,7 +150,7 @@ def test_a_disk_that_is_read_only_is_an_input_error(
         pytest.fail("the block must not run")
 
 
-A_FILE = "a folder is needed, and a file is there; give another place"
+A_FILE = "a folder is needed, but a file has that name; give another place"
 
 
 @pytest.mark.parametrize(

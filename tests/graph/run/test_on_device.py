@@ -114,7 +114,7 @@ def test_what_the_device_cannot_read_is_refused(height_file: str) -> None:
     bad[3, 4] = np.nan
     cases: list[tuple[Pipeline, Array, str]] = [
         (pipeline, to_device(elsewhere, height), "make it with pipeline.queue"),
-        (pipeline, to_device(pipeline.queue, height)[:, ::2], "height lies with gaps"),
+        (pipeline, to_device(pipeline.queue, height)[:, ::2], "height is not contiguous"),
         (pipeline, to_device(pipeline.queue, bad), "holds NaN"),
         (load(graph_of(SLOPES), backend="numpy"), to_device(elsewhere, height), r"height\.get\(\)"),
     ]

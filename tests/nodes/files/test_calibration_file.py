@@ -217,7 +217,7 @@ SPOIL = {
     "'lut_light' is empty": lambda f: change(
         f, lut_light=random(0, 4), lut_slope=random(0, 2), lut_lit=np.zeros(0, np.uint8)
     ),
-    "all in one place": lambda f: change(f, lights=np.float32([[1, 2, 30]] * 4)),
+    "all LEDs in one place": lambda f: change(f, lights=np.float32([[1, 2, 30]] * 4)),
     "or one line": lambda f: change(f, lights=np.float32([[k, 2, 30] for k in range(4)])),
     "'format' is not a whole number": lambda f: say(f, format="1"),
     "not a calibration;": lambda f: change(f, about=np.array("[" * 100_000)),

@@ -52,7 +52,7 @@ def test_a_calibration_is_replaced_by_one_of_its_kind_alone(
         check("write_calibration", file)
     monkeypatch.chdir(tmp_path)
     graph = read_graph("calibrate")
-    with pytest.raises(InputError, match=r"^calibrate: give out=, as its default does not"):
+    with pytest.raises(InputError, match=r"^calibrate: give out=, since its default is not"):
         bind(graph, graph.placeholders, sinks=True)
 
 
