@@ -10,6 +10,9 @@ from tactograph.nodes import Metrics
 
 SURE_ODDS = 1e3
 """Odds from which one explanation is preferred to another."""
+MAX_INDEPENDENT_REST = 20
+"""Most independent values per LED that a frame counts as where it departs from a model, because
+its departures are smooth."""
 MAX_ERROR_DEG = 3.0
 """Degrees of held-out error above which a calibration is doubtful."""
 
@@ -96,6 +99,11 @@ class Odds(NamedTuple):
         values, `unknowns` is how many more the larger one has.
         """
         return cls(values * math.log(before / after) - unknowns * math.log(values) / 2)
+
+    @classmethod
+    def of_frame(cls, before: float, after: float, unknowns: int, lights: int) -> Self:
+        """Return them of what models leave of a frame under each of so many LEDs."""
+        return cls.of(before, after, unknowns, MAX_INDEPENDENT_REST * lights)
 
     @property
     def are_sure(self) -> bool:
