@@ -8,7 +8,7 @@ A layer is a value with a name.  ``layers/NAME.py`` of the core or of a ring dec
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -90,11 +90,8 @@ class LedLabels:
     """Bits per LED, over the image: a colour for each LED, a dark one for several."""
 
     title: str
-
-    @staticmethod
-    def colour(bits: int) -> str:
-        """Return the colour of a label; near white for none."""
-        return label_colour(bits)
+    colours: ClassVar = [label_colour(bits) for bits in range(256)]
+    """Of each label; near white for none."""
 
 
 @dataclass(frozen=True)
