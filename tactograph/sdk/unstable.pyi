@@ -150,10 +150,6 @@ from tactograph.nodes.capture.read_capture import (
 from tactograph.nodes.contact.largest_contacts import (
     LargestContacts as LargestContacts,
 )
-from tactograph.nodes.drawing.new_picture import (
-    BesidePicture as BesidePicture,
-    in_lines as in_lines,
-)
 from tactograph.nodes.files.image_files import (
     MAX_PIXELS as MAX_PIXELS,
     Channel as Channel,
