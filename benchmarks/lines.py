@@ -1,14 +1,12 @@
 """Lines of product code by room, without blank lines, comments and docstrings.
 
-    python benchmarks/lines.py [FOLDER]
-
 A room is a folder of the core with the folder below it (`nodes/light`), a ring is `rings/NAME`.
 """
 
 import ast
 import re
 import subprocess
-import sys
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections import Counter
 from pathlib import Path
 
@@ -53,4 +51,6 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(*sys.argv[1:2]))
+    parser = ArgumentParser(description=__doc__, formatter_class=RawDescriptionHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=Path, default=Path(), help="a checkout")
+    main(parser.parse_args().folder)

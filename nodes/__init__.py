@@ -60,10 +60,13 @@ Contacts = Annotated[U1, Port("H W", "contact number", high=2)]
 Mask = Annotated[U1, Port("H W", "flag", high=1), "1 where a pixel counts, else 0"]
 MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1.0
 """Range of pixel sizes; a size outside is in another unit, such as um."""
+MIN_OPTICAL_MM = 1e-4
+"""Side of a pixel, in mm, below which no lens resolves it: a fifth of the wavelength of light."""
 PixelSize = Annotated[
     float,
     Port(unit="mm/px", low=0.01, high=0.2),
     Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM),
+    Stored(MIN_OPTICAL_MM, 1e3),
     "Side of a pixel on the film",
 ]
 Albedo = Annotated[float, Port(unit="1", high=0.95), "Share of the light that the film reflects"]
@@ -134,6 +137,14 @@ LutSlope = Annotated[F4, Port("N 2", "mm/mm", low=-2, high=2)]
 """Slope of the calibration pixels: the tables' values."""
 LutLit = Annotated[U1, Port("N", "LED bits", high=255)]
 """The LEDs that reach each calibration pixel; they determine its tables."""
+
+
+class Tables(NamedTuple):
+    """The tables of a calibration (`build_lut`)."""
+
+    lut_light: LutLight
+    lut_slope: LutSlope
+    lut_lit: LutLit
 
 
 class KnownSlopes(NamedTuple):
@@ -286,3 +297,9 @@ class ShadowRises(NamedTuple):
     foot: Annotated[I4, Port("C", "pixel number")]
     rise: Annotated[F4, Port("C", "mm")]
     led: Annotated[U1, Port("C", "LED number")]
+
+    @classmethod
+    def none(cls) -> Self:
+        """Return the rises of a touch without shadow: C = 0."""
+        nowhere = np.zeros(0, np.int32)
+        return cls(nowhere, nowhere, np.zeros(0, np.float32), np.zeros(0, np.uint8))

@@ -11,7 +11,7 @@ from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.graph_model import GraphModel, VariantModel, validate
-from tactograph.graph.files.graph_places import find_file, shipped, variants_added_to
+from tactograph.graph.files.graph_places import Shipped, find_file, shipped, variants_added_to
 from tactograph.graph.files.lay_over import alone, blamed_on, group_in, laid_over
 from tactograph.graph.files.layer import Layer, layer_of, read_layer
 from tactograph.graph.files.plain_data import as_document
@@ -23,8 +23,10 @@ Chain = tuple[str, ...]
 _OVERLAY_FOLDER = "overlays, for --with"
 
 
-def shipped_names() -> list[str]:
-    """Bare names of the shipped graphs, variants included."""
+def shipped_names(kind: Shipped = "graphs") -> list[str]:
+    """Bare names of the shipped files of a kind; of graphs with their variants."""
+    if kind != "graphs":
+        return sorted(shipped(kind))
     folders = shipped_titles()
     del folders[_OVERLAY_FOLDER]
     return sorted(name for titles in folders.values() for name in titles)
@@ -78,11 +80,12 @@ def read_graphs(name: str) -> list[Graph]:
     return [base, *(_lay(base, variant, ()) for variant in base.variants.values())]
 
 
-def graphs_of(document: Document, file: Path) -> list[Graph]:
-    """The graphs of a document for a file: its graph and variants; none for a group or overlay.
+def graphs_of(text: str, file: Path) -> list[Graph]:
+    """The graphs of a file's text: its graph and variants; none for a group or overlay.
 
     Raises the errors of `read_graph`.
     """
+    document = Document.parse(text, str(file))
     if file.name.endswith(".group.yaml"):
         group_in(file.name, document)
         return []

@@ -1,6 +1,5 @@
 """Write pictures of calibrations, which replace earlier pictures of that kind and no other file."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -13,30 +12,24 @@ from tactograph.graph.disk.atomic_files import atomic_file
 
 ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
 """Colours of plots, distinguishable with any colour vision."""
-FIGURES_PER_LINE = 5
-"""Figures per line of a title."""
 DRAWN_BY = "Matplotlib"
 """Beginning of a picture's text chunk ``Software``."""
 
 
 def write_picture(figure: Figure, file: Path) -> None:
-    """Write a figure as PNG, completely or not at all.
+    """Write a figure as PNG, completely or not at all; that of a calibration next to its file.
 
     Raises
     ------
     WriteError
         If it cannot be written.
     """
-    with atomic_file(file) as target:
+    with atomic_file(_picture_of(file)) as target:
         FigureCanvasAgg(figure).print_png(target, pil_kwargs={"compress_level": 1})
 
 
-def in_lines(figures: Sequence[str]) -> str:
-    """Return figures as a title of several lines."""
-    return "\n".join(
-        "  ".join(figures[i : i + FIGURES_PER_LINE])
-        for i in range(0, len(figures), FIGURES_PER_LINE)
-    )
+def _picture_of(file: Path) -> Path:
+    return file.with_suffix(".png") if file.suffix == ".npz" else file
 
 
 def _is_free(picture: Path) -> bool:
@@ -51,16 +44,7 @@ def _is_free(picture: Path) -> bool:
 
 
 def _free(file: Path) -> Path:
-    if not _is_free(file):
-        raise ValueError(
-            "the name of a new file, or of an earlier picture of a calibration, is needed"
-        )
-    return file
-
-
-def _free_beside(file: Path) -> Path:
-    picture = file.with_suffix(".png")
-    if not _is_free(picture):
+    if not _is_free(picture := _picture_of(file)):
         raise ValueError(
             f"{picture} exists and is no picture of a calibration; another name is needed"
         )
@@ -68,6 +52,5 @@ def _free_beside(file: Path) -> Path:
 
 
 NewPicture = Annotated[Path, AfterValidator(_free)]
-"""Path of a picture; a file of another kind is refused before the work starts."""
-BesidePicture = Annotated[Path, AfterValidator(_free_beside)]
-"""Path of a calibration whose picture is written beside it, ``.png`` for ``.npz``."""
+"""Path of a picture, or of a calibration whose picture goes next to it, ``.png`` for ``.npz``; a
+file of another kind is refused before the work starts."""

@@ -25,8 +25,6 @@ from tactograph.nodes.stored import Value, stored_values, with_plain
 R = TypeVar("R")
 MIN_FLAT_LIGHT = 1e-3
 """Smallest 99th percentile of a flat frame, as a fraction of full scale."""
-MIN_OPTICAL_MM = 1e-4
-"""Side of a pixel, in mm, below which no lens resolves it: a fifth of the wavelength of light."""
 MIN_FILM_SHARE = 0.01
 """Share of a frame that must show film."""
 MAX_LENS_SHIFT = 0.5

@@ -34,8 +34,8 @@ def height_system(
     slope: Slope,
     variance: SlopeVariance,
     rest: Mask,
-    rises: ShadowRises,
     pixel: PixelSize,
+    rises: ShadowRises | None = None,
     mask: Mask | None = None,
     *,
     robust: Annotated[float, Ge(0.1)] = 2.5,
@@ -51,8 +51,8 @@ def height_system(
     ----------
     slope, variance : 2 x H x W; the variance of p and q
     rest : H x W, 1 on the film at rest, whose height is zero
-    rises : the C measurements of `shadow_constraints`
     pixel : mm per px
+    rises : the C measurements of `shadow_constraints`; None: there are none
     mask : H x W, 1 on the pixels that count; None: all count
     robust
         c of Cauchy's rho, in standard deviations: equations with larger residuals lose their
@@ -76,7 +76,7 @@ def height_system(
     right, right_variance = _steps(slopes[0], variances[0], bend, floor, np.float32(pixel))
     down, down_variance = _steps(slopes[1].T, variances[1].T, bend, floor, np.float32(pixel))
     pixels = right, down.T, right_variance, down_variance.T, state
-    ends = _rises_inside(window, rises, rest.shape[1], mask)
+    ends = _rises_inside(window, rises or ShadowRises.none(), rest.shape[1], mask)
     constants = _constants(window, anchored, floor, rise_px, robust, pixel)
     return HeightSystem(*pixels, *ends, *constants)
 
@@ -155,12 +155,14 @@ def _launch(run: Launch) -> None:
     rest, mask = inputs["rest"], inputs.get("mask")
     run.kernel("find_touch", (rows + columns,), rest, mask, *lines, *size)
     # The host needs all of these before the device can go on.
-    coming = [run.begin_download(inputs[f"rises.{name}"]) for name in ShadowRises._fields]
-    has_rises = inputs["rises.top"].shape[0] > 0
+    parts = [inputs.get(f"rises.{name}") for name in ShadowRises._fields]
+    has_rises = parts[0] is not None and parts[0].shape[0] > 0
+    coming = [run.begin_download(part) for part in parts] if has_rises else []
     mask_coming = run.begin_download(mask) if mask is not None and has_rises else lambda: None
     in_rows, in_columns = map(run.download, lines)
     window = Window(_span(in_rows & 1), _span(in_columns & 1))
-    mask_here, rises = mask_coming(), ShadowRises(*(arrived() for arrived in coming))
+    mask_here, arrived = mask_coming(), [array() for array in coming]
+    rises = ShadowRises(*arrived) if has_rises else ShadowRises.none()
     anchored = bool((in_rows & 2).any())
     ends = _rises_inside(window, rises, columns, mask_here)
     limits = settings["floor"], settings["rise_px"], settings["robust"]

@@ -111,8 +111,7 @@ def shadow_constraints(
             measured = _measure(rays, ends, dark, is_known, slope, height, led[2], pixel)
             measurements.append((*measured, np.full(len(measured[0]), k + 1, np.uint8)))
     if not measurements:
-        nowhere = np.zeros(0, np.int32)
-        return ShadowRises(nowhere, nowhere, np.zeros(0, np.float32), np.zeros(0, np.uint8))
+        return ShadowRises.none()
     rises = ShadowRises(*map(np.concatenate, zip(*measurements, strict=True)))
     if rest is None:
         return rises

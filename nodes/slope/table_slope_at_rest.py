@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import U1, Light, LutLight, LutLit, LutSlope, Reflectance, Slope
+from tactograph.nodes import U1, Light, Reflectance, Slope, Tables
 from tactograph.nodes.slope.index_lut import index_lut
 from tactograph.nodes.slope.lut_nearest import lut_nearest
 from tactograph.nodes.slope.refine_taylor import refine_taylor
@@ -11,11 +11,7 @@ from tactograph.nodes.slope.refine_taylor import refine_taylor
 
 @node
 def table_slope_at_rest(
-    lut_light: LutLight,
-    lut_slope: LutSlope,
-    lut_lit: LutLit,
-    reflectance: Reflectance,
-    share: Light | None = None,
+    tables: Tables, reflectance: Reflectance, share: Light | None = None
 ) -> Slope | None:
     """Return the slopes of the film at rest as the paper's flow finds them; None for a plane.
 
@@ -26,12 +22,12 @@ def table_slope_at_rest(
 
     Parameters
     ----------
-    lut_light, lut_slope, lut_lit : the tables of `build_lut`
+    tables : N x K, N x 2 and N
     reflectance : K x 9, the coefficients of `fit_reflectance`
     share : K x H x W, r of `untouched_film`; None: the film at rest is a plane
     """
     if share is None:
         return None
     lit: U1 = np.zeros(share.shape[1:], np.uint8)
-    coarse = lut_nearest(share, lit, index_lut(lut_light, lut_slope, lut_lit))
+    coarse = lut_nearest(share, lit, index_lut(*tables))
     return refine_taylor(share, coarse, lit, reflectance)

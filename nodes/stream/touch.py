@@ -8,7 +8,7 @@ know the ways of drawing a kind, but no layer.
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -90,11 +90,8 @@ class LedLabels:
     """LED bits over the image: a colour for each LED, and a dark one for several."""
 
     title: str
-
-    @staticmethod
-    def colour(bits: int) -> str:
-        """Return the colour of a label; near white for none."""
-        return label_colour(bits)
+    colours: ClassVar = [label_colour(bits) for bits in range(256)]
+    """Of each label; near white for none."""
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ from tactograph.rings.batch.worker import Tally, Worker
 from tactograph.sdk import atomic_file
 from tactograph.sdk.unstable import ProgressLine, one_line, refuse_to_write_over
 
-MAX_FAILURES = 10
-"""Failed captures that are printed; the table has all."""
+MAX_NAMED = 10
+"""Failed captures, and files passed over, that are printed; the table has all captures."""
 
 
 def run_batch(job: Job, captures: Captures, number: int | None, *, retry_failed: bool) -> int:
@@ -45,8 +45,11 @@ def run_batch(job: Job, captures: Captures, number: int | None, *, retry_failed:
             if not Path(job.place).exists():
                 workers.open_ahead()
         origin = job.options.origin(job.graph, job.arguments)
-        files = (file for file in captures.passed_over if not lies_in(file, job))
-        line.warnings((file, ["passed over, as it is no folder"]) for file in files)
+        files = [file for file in captures.passed_over if not lies_in(file, job)]
+        for file in files[:MAX_NAMED]:
+            line.say(f"warning: {file}: passed over, as it is no folder", err=True)
+        if (more := len(files) - MAX_NAMED) > 0:
+            line.say(f"warning: {more} more files passed over", err=True)
         closing.enter_context(alone_in(job.place))
         store = open_batch(job, origin, captures.captures, workers)
         if damaged := reopen_damaged(store):
@@ -89,11 +92,11 @@ def _conclude(line: ProgressLine, store: Store, job: Job) -> int:
     """Write the table beside the store, print a summary, and return the number of failures."""
     captures, entries = store.captures, store.read_all()
     failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]
-    for capture, entry in failures[:MAX_FAILURES]:
+    for capture, entry in failures[:MAX_NAMED]:
         # Most reasons begin with the place.
         place = "" if capture in entry.reason else f"{capture}: "
         line.say(f"failed: {place}{entry.reason}", err=True)
-    if (more := len(failures) - MAX_FAILURES) > 0:
+    if (more := len(failures) - MAX_NAMED) > 0:
         line.say(f"failed: {more} more, see the table", err=True)
     line.warnings((c, e.warnings) for c, e in zip(captures, entries, strict=True))
     table = Path(table_of(job))

@@ -55,7 +55,7 @@ def draw(array: NDArray[Any], unit: str) -> Picture:
 
 def _labels(array: NDArray[Any], unit: str) -> Picture:
     count = max(int(array.max(initial=0)).bit_length(), 1)
-    table = np.array([ImageColor.getrgb(LedLabels.colour(bits)) for bits in range(256)], np.uint8)
+    table = np.array([*map(ImageColor.getrgb, LedLabels.colours)], np.uint8)
     uri = _uri(np.minimum(array, 255).astype(np.uint8), table)
     return Picture(uri, 0, count, unit, False, array)
 

@@ -28,7 +28,6 @@ from tactograph.graph.files.captures_in import (
 )
 from tactograph.graph.files.graph_places import (
     find_file as find_file,
-    shipped as shipped,
 )
 from tactograph.graph.files.read_graph import (
     graphs_of as graphs_of,
@@ -49,15 +48,12 @@ from tactograph.nodes import (
     MAX_PIXEL_MM as MAX_PIXEL_MM,
     UM_PER_MM as UM_PER_MM,
     LightPlaces as LightPlaces,
-    LutLight as LutLight,
-    LutLit as LutLit,
-    LutSlope as LutSlope,
     Misfit as Misfit,
     Noise as Noise,
     ResizedLight as ResizedLight,
     ScaleError as ScaleError,
-    ShadowRises as ShadowRises,
     SlopeVariance as SlopeVariance,
+    Tables as Tables,
 )
 from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
@@ -114,14 +110,12 @@ from tactograph.nodes.calibrate.lights.light_fit import (
     LedPlaces as LedPlaces,
 )
 from tactograph.nodes.calibrate.lights.light_samples import (
-    MAX_INDEPENDENT_REST as MAX_INDEPENDENT_REST,
     Object as Object,
     Press as Press,
     Rest as Rest,
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
     LED_DRIFT as LED_DRIFT,
-    LED_DRIFT_ACROSS as LED_DRIFT_ACROSS,
     Doubts as Doubts,
 )
 from tactograph.nodes.calibrate.rating.advise_press import (
@@ -155,13 +149,6 @@ from tactograph.nodes.capture.read_capture import (
 )
 from tactograph.nodes.contact.largest_contacts import (
     LargestContacts as LargestContacts,
-)
-from tactograph.nodes.drawing.new_picture import (
-    BesidePicture as BesidePicture,
-    in_lines as in_lines,
-)
-from tactograph.nodes.files.calibration_file import (
-    MIN_OPTICAL_MM as MIN_OPTICAL_MM,
 )
 from tactograph.nodes.files.image_files import (
     MAX_PIXELS as MAX_PIXELS,

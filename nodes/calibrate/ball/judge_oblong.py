@@ -10,7 +10,6 @@ from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.ball_search import Circle
 from tactograph.nodes.calibrate.ball.find_ball import oblong_of
-from tactograph.nodes.calibrate.lights.light_samples import MAX_INDEPENDENT_REST
 from tactograph.nodes.calibrate.rating.verdict import Odds
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
@@ -52,8 +51,7 @@ def judge_oblong(
         radius = np.full(len(circle), radius_mm, np.float32)
     press = cut(light, flat.shape[1])[of[best]]
     oblong, square, free = oblong_of(press, Circle(*circle[best]), radius[best] / pixel)
-    values = MAX_INDEPENDENT_REST * len(flat)
-    if not Odds.of(square, free, 1, values).are_sure:
+    if not Odds.of_frame(square, free, 1, len(flat)).are_sure:
         return []
     sides = "wider than long" if oblong > 0 else "longer than wide"
     return [

@@ -36,7 +36,7 @@ from tactograph.nodes import (
     ScaleError,
     Spread,
 )
-from tactograph.nodes.files.calibration_file import MIN_OPTICAL_MM, FileKind
+from tactograph.nodes.files.calibration_file import FileKind
 from tactograph.nodes.stored import Stored
 from tactograph.nodes.trust.check_ranks import StoredRanks
 
@@ -54,7 +54,7 @@ class Calibration(NamedTuple):
 
     flat: Annotated[Light, Stored(-0.05, 100), "the film at rest, fraction of full scale"]
     dark: Annotated[Dark, Stored(-1, 1), "with all LEDs off, fraction of full scale"]
-    pixel_size: Annotated[PixelSize, Stored(MIN_OPTICAL_MM, 1e3), "mm/px"]
+    pixel_size: Annotated[PixelSize, "mm/px"]
     lut_light: Annotated[LutLight, Stored(-1e3, 1e3), "light of the tables, 1 on the film at rest"]
     lut_slope: Annotated[LutSlope, Stored(-1e4, 1e4), "slope of the tables, mm/mm"]
     lut_lit: Annotated[LutLit, Stored(), "bit k-1 is set where LED k reaches the pixel"]

@@ -31,8 +31,7 @@ from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
 from tactograph.nodes.calibrate.film.film_fit import Fitting
 from tactograph.nodes.calibrate.film.film_unknowns import STATED_UNKNOWNS, USUAL_NEARNESS
-from tactograph.nodes.calibrate.lights.light_samples import MAX_INDEPENDENT_REST
-from tactograph.nodes.calibrate.rating.verdict import SURE_ODDS
+from tactograph.nodes.calibrate.rating.verdict import MAX_INDEPENDENT_REST, SURE_ODDS
 
 MAX_SAMPLES = 600
 """Samples of the balls; a radius that is worth a warning shows with few."""

@@ -9,6 +9,7 @@ from scipy.ndimage import binary_erosion, map_coordinates
 
 from tactograph.nodes import F4, F8, U1, Height, Labels, Light, Mask, Slope
 from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE, MIN_PIXELS
+from tactograph.nodes.calibrate.rating.verdict import MAX_INDEPENDENT_REST
 from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import cut
@@ -21,9 +22,6 @@ MAX_SAMPLES_EACH = 500
 """Pixels that suffice for each of several objects, or for one that is only compared."""
 LIGHT_DEVIATION = 0.006
 """Expected standard deviation of the light."""
-MAX_INDEPENDENT_REST = 20
-"""Most independent values per LED that the flat frame counts as where it departs from the model,
-because its departures are smooth."""
 DIM_LIGHT = 0.05
 """Light below this may be half shadow."""
 EDGE_MARGIN_PX = 3

@@ -22,13 +22,14 @@ from tactograph.nodes.drawing.new_picture import (
     BLUE,
     GREY,
     ORANGE,
-    BesidePicture,
-    in_lines,
+    NewPicture,
     write_picture,
 )
 from tactograph.nodes.optics.harmonics import harmonics
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
+FIGURES_PER_LINE = 5
+"""Figures per line of a title."""
 TITLE_LETTERS = 150
 """Letters in a line of the title."""
 HEIGHT_IN, LINE_IN, AXES_TITLE_IN = 8, 0.16, 0.6
@@ -62,7 +63,7 @@ def plot_calibration(
     area: Mask | None = None,
     verdict: str | None = None,
     *,
-    file: BesidePicture,
+    file: NewPicture,
 ) -> None:
     """Draw the objects, the coverage of the tables, the residual of the fit and the null test.
 
@@ -112,7 +113,7 @@ def plot_calibration(
     if area is not None and not area.all():
         _draw_area(axes[0, 0], area, wide)
     figure.suptitle(title, fontsize=9)
-    write_picture(figure, file.with_suffix(".png"))
+    write_picture(figure, file)
 
 
 def _title(quality: Metrics) -> str:
@@ -122,7 +123,8 @@ def _title(quality: Metrics) -> str:
         for name, value in quality.items()
         if "/" not in name
     ]
-    return in_lines(figures)
+    starts = range(0, len(figures), FIGURES_PER_LINE)
+    return "\n".join("  ".join(figures[i : i + FIGURES_PER_LINE]) for i in starts)
 
 
 def _draw_circle(axes: Axes, light: F4, mask: U1, wide: int) -> None:

@@ -10,6 +10,8 @@ from tactograph.nodes import Metrics
 
 SURE_ODDS = 1e3
 """Odds above which one explanation is preferred to another."""
+MAX_INDEPENDENT_REST = 20
+"""Maximum number of independent values per LED in a frame whose residual from a model is smooth."""
 MAX_ERROR_DEG = 3.0
 """Degrees of held-out error above which a calibration is doubtful."""
 
@@ -97,6 +99,11 @@ class Odds(NamedTuple):
         values; `unknowns` is the number of additional unknowns of the larger model.
         """
         return cls(values * math.log(before / after) - unknowns * math.log(values) / 2)
+
+    @classmethod
+    def of_frame(cls, before: float, after: float, unknowns: int, lights: int) -> Self:
+        """Return them of what models leave of a frame under each of so many LEDs."""
+        return cls.of(before, after, unknowns, MAX_INDEPENDENT_REST * lights)
 
     @property
     def are_sure(self) -> bool:

@@ -402,11 +402,13 @@ def test_a_folder_of_captures_stands_for_those(batch: Batch, tmp_path: Path) -> 
 
 
 def test_files_beside_captures_are_passed_over_and_named(batch: Batch, tmp_path: Path) -> None:
-    (tmp_path / "day" / "grid.png").write_bytes(b"")
+    files = [tmp_path / "day" / name for name in ("grid.png", "notes.txt")]
+    for file in files:
+        file.write_bytes(b"")
     (tmp_path / "day" / "linked").symlink_to(batch.captures[0])
     code, err = batch()
     assert code == 0
-    assert err == f"warning: {tmp_path / 'day' / 'grid.png'}: passed over, as it is no folder\n"
+    assert err == "".join(f"warning: {f}: passed over, as it is no folder\n" for f in files)
     linked = str(tmp_path / "day" / "linked")
     assert batch.store.captures == [*map(str, batch.captures), linked]
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from tactograph.rings.editor.language.cursor import Cursor
 from tactograph.rings.editor.language.scope import PATCH_VERBS, Scope, scope_at, taken_by
 from tactograph.sdk import Graph, nodes
-from tactograph.sdk.unstable import shipped, shipped_names
+from tactograph.sdk.unstable import shipped_names
 
 CHANGE_VERBS = ("set", "replace", "remove", "backend", "neutral")
 """The verbs that speak of a node that is there."""
@@ -17,7 +17,7 @@ Offers = dict[str, str]
 def offers_at(cursor: Cursor, file: Path, graph: Graph | None) -> Offers:
     """The words that fit at the cursor; none where anything may stand."""
     if "extends" in cursor.path[-2:]:
-        return _plain([*shipped_names(), *shipped("overlays")])
+        return _plain([*shipped_names(), *shipped_names("overlays")])
     scope = scope_at(cursor, file, graph)
     if not cursor.entry:
         return scope.ports if cursor.path[-2:-1] == ("outputs",) else {}
@@ -25,7 +25,7 @@ def offers_at(cursor: Cursor, file: Path, graph: Graph | None) -> Offers:
         case ("op",):
             return _plain(dir(nodes))
         case ("group",):
-            names = (name.removesuffix(".group") for name in shipped("groups"))
+            names = (name.removesuffix(".group") for name in shipped_names("groups"))
             return _plain([*(cursor.data.get("groups") or {}), *names])
         case (verb,) if verb in CHANGE_VERBS and not cursor.is_key:
             return _changeable(scope)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tactograph.sdk import Graph, GraphError, Pipeline, TactographError
-from tactograph.sdk.unstable import Document, graphs_of
+from tactograph.sdk.unstable import graphs_of
 
 _MEANT_WORDS = re.compile(r"'([^']+)'[^']*; did you mean (('[^']+'(?:, | or )?)+)\?")
 _QUOTED_WORD = re.compile(r"'([^']+)'")
@@ -42,7 +42,7 @@ def check(text: str, file: Path) -> Checked:
     messages: dict[str, None] = {}
     graphs: list[Graph] = []
     with _gathered(messages):
-        graphs = graphs_of(Document.parse(text, str(file)), file)
+        graphs = graphs_of(text, file)
     for graph in graphs:
         with _gathered(messages):
             Pipeline.verify(graph)

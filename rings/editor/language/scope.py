@@ -71,7 +71,7 @@ def scope_at(cursor: Cursor, file: Path, graph: Graph | None) -> Scope:
     if graph is None:
         base = cursor.data.get("base") or cursor.data.get("extends") or BASE_OF_OVERLAYS
         try:
-            graph = graphs_of(Document.parse(f"format: 1\nextends: '{base}'", str(file)), file)[0]
+            graph = graphs_of(f"format: 1\nextends: '{base}'", file)[0]
         except InputError:  # there is no such graph
             return Scope()
     return of_graph(graph)

@@ -4,20 +4,14 @@ import numpy as np
 
 from tactograph.sdk import F4, Film, node
 from tactograph.sdk.nodes import film_light
-from tactograph.sdk.unstable import LutLight, LutLit, LutSlope, TablePixels
+from tactograph.sdk.unstable import TablePixels, Tables
 
 MIN_PREDICTED_LIGHT = 0.05
 """Light predicted for the old film above which the ratio of both films is used."""
 
 
 @node
-def carry_tables(
-    lut_light: LutLight,
-    lut_slope: LutSlope,
-    lut_lit: LutLit,
-    old: Film,
-    new: Film,
-) -> TablePixels:
+def carry_tables(tables: Tables, old: Film, new: Film) -> TablePixels:
     """Return the tables' pixels with the light that their slopes have on the new film.
 
     The light of each pixel is multiplied by the ratio of both films' light (`film_light`) for its
@@ -25,17 +19,17 @@ def carry_tables(
 
     Parameters
     ----------
-    lut_light, lut_slope, lut_lit : N x K, N x 2 and N: the tables of the old calibration
+    tables : N x K, N x 2 and N: those of the old calibration
     old, new : the films; if they are equal, the light does not change by a bit
 
     Returns
     -------
     Light K x 1 x N, slope 2 x 1 x N, a mask of ones and the LEDs that reach each pixel.
     """
-    slope = np.ascontiguousarray(lut_slope.T)
+    slope = np.ascontiguousarray(tables.lut_slope.T)
     then, now = (_light(film, slope, float(old.contact)) for film in (old, new))
     ratio = np.where(then > MIN_PREDICTED_LIGHT, now / np.maximum(then, MIN_PREDICTED_LIGHT), 1)
-    return TablePixels.of(lut_light.T * ratio, slope, lut_lit)
+    return TablePixels.of(tables.lut_light.T * ratio, slope, tables.lut_lit)
 
 
 def _light(film: Film, slope: F4, height: float) -> F4:

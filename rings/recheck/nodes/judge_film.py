@@ -16,7 +16,6 @@ from tactograph.sdk.unstable import (
     DEVIATIONS_PER_MAD,
     FALSE_ALARMS,
     LED_DRIFT,
-    LED_DRIFT_ACROSS,
     SHIFT_DEVIATION_PX,
 )
 
@@ -147,7 +146,7 @@ def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
     by_y, by_x = np.gradient(dent, pixel)
     slopes = np.stack([by_y, by_x])
     # LEDs that drift across the image turn film by as much.
-    if np.abs(slopes).max() < max(_noise(slopes), LED_DRIFT_ACROSS):
+    if np.abs(slopes).max() < max(_noise(slopes), LED_DRIFT.across):
         return 0.0, (0, 0)
     y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)
     return float(dent[y, x]), (int(x), int(y))
@@ -157,7 +156,7 @@ def _of_leds(strength: F4) -> str:
     usual = float(np.median(strength))
     k = int(np.abs(strength / usual - 1).argmax())
     percent = 100 * float(strength[k]) / usual
-    drift = _reach(strength.size, LED_DRIFT)
+    drift = _reach(strength.size, LED_DRIFT.level)
     if abs(percent - 100) > 100 * drift:
         return (
             f"LED {k + 1} has {percent:.0f} % of the light that the others have: check it and its "

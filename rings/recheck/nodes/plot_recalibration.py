@@ -1,12 +1,17 @@
 """Plot what a new film has changed."""
 
+import textwrap
+
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
 from tactograph.rings.recheck.nodes.film_change import FilmChange
-from tactograph.sdk import F4, ORANGE, Light, Metrics, node, write_picture
-from tactograph.sdk.unstable import BesidePicture, FoundBalls, SheetLight, cut, in_lines
+from tactograph.sdk import F4, ORANGE, Light, Metrics, NewPicture, node, write_picture
+from tactograph.sdk.unstable import FoundBalls, SheetLight, cut
+
+TITLE_LETTERS = 150
+"""Letters in a line of the title."""
 
 
 @node
@@ -19,7 +24,7 @@ def plot_recalibration(
     quality: Metrics,
     advice: str,
     *,
-    file: BesidePicture,
+    file: NewPicture,
 ) -> None:
     """Draw both films at rest, the check press, and maps of albedo and dents.
 
@@ -37,8 +42,10 @@ def plot_recalibration(
     figure, (upper, lower) = draw_films(films, change, words, width=15)
     _draw_press(upper, cut(image, now.shape[1])[0], balls.circle[balls.of == 0])
     draw_light(lower, change.strength, words)
-    figure.suptitle(_title(quality) + f"\n{advice}", fontsize=9)
-    write_picture(figure, file.with_suffix(".png"))
+    figures = [f"{n}={v:.4g}" for n, v in quality.items() if not n.startswith("light_percent")]
+    title = textwrap.fill("   ".join(figures), TITLE_LETTERS)
+    figure.suptitle(f"{title}\n{advice}", fontsize=9)
+    write_picture(figure, file)
 
 
 def _draw_press(axes: Axes, press: F4, circles: F4) -> None:
@@ -47,12 +54,3 @@ def _draw_press(axes: Axes, press: F4, circles: F4) -> None:
         axes.add_patch(Circle((x, y), radius, fill=False, color=ORANGE))
     is_pressed = (circles[:, 2] > 0).any()
     axes.set_title("check press" if is_pressed else "no check press")
-
-
-def _title(quality: Metrics) -> str:
-    figures = [
-        f"{name} {value:.4g}"
-        for name, value in quality.items()
-        if not name.startswith("light_percent")
-    ]
-    return in_lines(figures)

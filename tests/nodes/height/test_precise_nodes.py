@@ -77,7 +77,7 @@ def equations(
     """What slopes of this variance, film at rest and shadows say about the height."""
     if isinstance(variance, float):
         variance = variance_of(variance)
-    made: HeightSystem = height_system(slope, variance, rest, rises, PIXEL, mask, **settings)
+    made: HeightSystem = height_system(slope, variance, rest, PIXEL, rises, mask, **settings)
     return made
 
 

@@ -44,10 +44,11 @@ DIMMED_SHARE = 0.6
 """Brightness of the image under the labels, so that their colours stand out."""
 WHITE_SHARE = 0.995
 """Share of the pixels that are shown below white."""
-LABEL_COUNT = 256
+LABEL_COUNT = len(LedLabels.colours)
+LABEL_BITS = LABEL_COUNT.bit_length() - 1
 BLUE_CURVE, GREEN_CURVE, RED_CURVE = ("blue", "#3d7bff"), ("green", "#36c25b"), ("red", "#ff5247")
 LIGHT_NAMES: dict[Lights, tuple[tuple[str, str], ...]] = {
-    "leds": tuple((str(k), LedLabels.colour(1 << k - 1)) for k in range(1, 9)),
+    "leds": tuple((str(k + 1), LedLabels.colours[1 << k]) for k in range(LABEL_BITS)),
     "bgr": (BLUE_CURVE, GREEN_CURVE, RED_CURVE),
     "rgb": (RED_CURVE, GREEN_CURVE, BLUE_CURVE),
 }
@@ -191,7 +192,7 @@ def _labelled(numbers: U1, grey: Picture, colours: Picture) -> Picture:
 @lru_cache
 def _label_colours(lights: Lights) -> Picture:
     """A colour for each of the 256 labels: the LED's own, or a dark one for several."""
-    colours = [LedLabels.colour(bits) for bits in range(LABEL_COUNT)]
+    colours = [*LedLabels.colours]
     for k, (_, colour) in enumerate(LIGHT_NAMES[lights]):
         colours[1 << k] = colour
     return _in_rgb(colours)
@@ -254,7 +255,7 @@ def _scale_bar(pen: ImageDraw.ImageDraw, x: int, bottom: int, width: int, mm: fl
 def _legend(
     pen: ImageDraw.ImageDraw, right: int, y: int, names: tuple[tuple[str, str], ...]
 ) -> None:
-    entries = [*names, ("several", LedLabels.colour(3))]
+    entries = [*names, ("several", LedLabels.colours[0b11])]
     for text, colour in reversed(entries):
         right -= round(pen.textlength(text, font=_font()))
         _write(pen, right, y, text)

@@ -5,7 +5,7 @@ import numpy as np
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope, light_model_slope
 from tactograph.sdk import InputError, Light, Metrics, Slope, node, warn
-from tactograph.sdk.unstable import MAX_INDEPENDENT_REST, MAX_SAMPLE_SLOPE, Odds
+from tactograph.sdk.unstable import MAX_SAMPLE_SLOPE, Odds
 
 MAX_RESIDUAL = 0.01
 """Share of a cell's light that a model leaves at half of the cells; 0.005 on scans of two sensors
@@ -87,7 +87,7 @@ def _of_order(light: Light, model: LightModel) -> list[str]:
     misfits = [(_unexplained(fit), _curl(fit.slope)) for fit in slopes_by_order]
     product = np.prod(misfits, axis=1)
     best = int(np.argmin(product))
-    odds = Odds.of(product[0], product[best], 0, MAX_INDEPENDENT_REST * len(light))
+    odds = Odds.of_frame(product[0], product[best], 0, len(light))
     if not odds.are_sure or misfits[best][0] >= MAX_RESIDUAL:
         return []
     order = ", ".join(str(led + 1) for led in orders[best])

@@ -9,7 +9,7 @@ from tactograph.rings.oneshot.nodes.map.raise_walls import WallGain
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import MattDeviation
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.sdk import Dark, FileKind, Lens, Light, Mask, Metrics, PixelSize, Stored
-from tactograph.sdk.unstable import MIN_OPTICAL_MM, Misfit, StoredRanks
+from tactograph.sdk.unstable import Misfit, StoredRanks
 
 
 class PressCalibration(NamedTuple):
@@ -21,7 +21,7 @@ class PressCalibration(NamedTuple):
 
     flat: Annotated[Light, Stored(-0.05, 100), "the film at rest, fraction of full scale"]
     dark: Dark
-    pixel_size: Annotated[PixelSize, Stored(MIN_OPTICAL_MM, 1e3), "mm/px"]
+    pixel_size: Annotated[PixelSize, "mm/px"]
     reflectance: Annotated[
         ReflectanceMap,
         Stored(-1e6, 1e6),

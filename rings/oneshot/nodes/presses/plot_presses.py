@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from tactograph.rings.oneshot.nodes.presses import Circles
-from tactograph.sdk import BLUE, F4, ORANGE, U1, Light, Port, node, write_picture
-from tactograph.sdk.unstable import BesidePicture
+from tactograph.sdk import BLUE, F4, ORANGE, U1, Light, NewPicture, Port, node, write_picture
 
 TITLE_LETTERS = 130
 """Letters in a line of the title."""
@@ -24,7 +23,7 @@ def plot_presses(
     verdict: str,
     advice: str,
     *,
-    file: BesidePicture,
+    file: NewPicture,
 ) -> None:
     """Draw the contacts on the film at rest, and each one's error by a calibration without it.
 
@@ -56,4 +55,4 @@ def plot_presses(
     errors.set(title="normal, held out / degrees", xlabel="contact, by number")
     title_lines = [textwrap.fill(line, TITLE_LETTERS) for line in (verdict, advice)]
     figure.suptitle("\n".join(title_lines), fontsize=9)
-    write_picture(figure, file.with_suffix(".png"))
+    write_picture(figure, file)
