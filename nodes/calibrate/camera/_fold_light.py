@@ -26,6 +26,9 @@ BIN_VARIANCE = 1 / 12
 """Variance in px^2 of the places within a bin, whose mean slope stands for all of them."""
 MIN_FOLD_PIXELS = 100
 """Fewest pixels around a fold that tell of it."""
+MAX_VARIANCE_RATIO = 4.0
+"""Variance of a slant, over the median one around a ball, up to which it counts: LEDs nearly in
+line tell no turn."""
 MIN_WEIGHT = 1e-9
 """Added to normal equations, which too few LEDs leave open."""
 
@@ -99,10 +102,12 @@ def folds(
     y, x = np.mgrid[:rows, :columns]
     away = np.hypot(x - middle[0], y - middle[1])
     at = (away > rims[0] - reach) & (away < rims[1] + reach)
+    if not at.any():
+        return Folds(*np.zeros((3, 0)))
     turn, away = np.arctan2(y[at] - middle[1], x[at] - middle[0]), away[at]
     sector = np.floor(turn / (2 * np.pi) * sectors).astype(int) % sectors
-    bins = away.astype(int) - int(away.min(initial=rims[1]))
-    size = sectors, int(bins.max(initial=0)) + 1
+    bins = away.astype(int) - int(away.min())
+    size = sectors, int(bins.max()) + 1
     around = _Around(
         (x[at] - (columns - 1) / 2) * pixel,
         (y[at] - (rows - 1) / 2) * pixel,
@@ -110,9 +115,17 @@ def folds(
         sector * size[1] + bins,
         size,
     )
-    angle, brightness, weight = _bent(around, image[:, at], flat[:, at], film, noise, pixel)
-    square = np.zeros(size)
+    lit = _lit(around, image[:, at], flat[:, at], film)
+    bent = _bent(around, lit, image[:, at], flat[:, at], film, noise, pixel)
+    angle, variance, brightness, weight = bent
+    square, tells = np.zeros(size), np.zeros(size, bool)
     square[:, 1:-1] = np.square(angle[:, 2:] - angle[:, :-2]) / 8
+    # Slants by other LEDs differ, which would look like a fold.
+    alike = (lit[..., 1:] == lit[..., :-1]).all(axis=0)
+    sure = variance < MAX_VARIANCE_RATIO * np.median(variance[variance > 0])
+    tells[:, 1:-1] = alike[:, 1:] & alike[:, :-1] & sure[:, 2:] & sure[:, :-2]
+    square *= tells
+    weight = weight * tells.ravel()[around.cell]
     found = []
     for number in range(sectors):
         inner = square[number, reach:-reach]
@@ -130,20 +143,30 @@ def folds(
     return Folds(*np.asarray(found).reshape(-1, 3).T)
 
 
-def _bent(
-    around: _Around, image: F4, flat: F4, film: Film, noise: Noise, pixel: float
-) -> tuple[F8, F8, F8]:
-    """Return each cell's slant from the ball, and each pixel's brightness for it, and its weight.
+def _lit(around: _Around, image: F4, flat: F4, film: Film) -> NDArray[np.bool_]:
+    """Return the LEDs whose light reaches all pixels of a cell, K x sectors x bins."""
+    dark = image < (FULL_MATT_LIGHT + film.diffuse[:, None]) * flat
+    return np.stack([around.mean(plane) == 0 for plane in dark])
 
-    LEDs that leave a pixel of a cell dark do not count in it.  The height, by which LEDs are
-    nearer, follows from the slants, from without.
+
+def _bent(
+    around: _Around,
+    lit: NDArray[np.bool_],
+    image: F4,
+    flat: F4,
+    film: Film,
+    noise: Noise,
+    pixel: float,
+) -> tuple[F8, F8, F8, F8]:
+    """Return each cell's slant from the ball, a pixel's variance of it, its brightness and weight.
+
+    The height, by which LEDs are nearer, follows from the slants, from without.
     """
     flat = np.maximum(flat, MIN_FLAT_LIGHT)
     seen = image / flat
     deviation = np.sqrt(noise[0] * np.maximum(image, 0) + noise[1]) / flat
     b, direct = film.diffuse[:, None], direct_share(film)[:, None]
-    dark = [around.mean(one) > 0 for one in seen < FULL_MATT_LIGHT]
-    counts = ~np.stack(dark).reshape(len(dark), -1)[:, around.cell]
+    counts = lit.reshape(len(lit), -1)[:, around.cell]
     z = np.zeros(seen.shape[1])
     for _ in range(HEIGHT_ROUNDS):
         place = around.x.astype(np.float32), around.y.astype(np.float32), z.astype(np.float32)
@@ -159,7 +182,10 @@ def _bent(
         z = (np.cumsum(rise[:, ::-1], axis=1)[:, ::-1] - rise / 2).ravel()[around.cell]
     slant = angle.ravel()[around.cell]
     tilted = np.stack([*(np.sin(slant) * around.outward), np.cos(slant)])
+    turned = np.stack([*(np.cos(slant) * around.outward), -np.sin(slant)])
+    spread = np.linalg.solve(by_normal, turned.T[..., None])[..., 0]
+    variance = around.mean((spread * turned.T).sum(axis=1))
     expected = np.einsum("kin,in->kn", vectors, tilted)
     weight = np.square(expected).sum(axis=0)
     brightness = (expected * light).sum(axis=0) / np.maximum(weight, MIN_WEIGHT)
-    return angle, brightness, np.where(counts.sum(axis=0) >= MIN_LEDS, weight, 0)
+    return angle, variance, brightness, np.where(counts.sum(axis=0) >= MIN_LEDS, weight, 0)
