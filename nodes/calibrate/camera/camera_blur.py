@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from tactograph.graph import node
-from tactograph.nodes import F8, Blur, Light, Metrics, PixelSize
+from tactograph.nodes import F8, Blur, Film, Light, Metrics, Noise, PixelSize
 from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
+from tactograph.nodes.calibrate.camera._fold_light import Folds, folds, tells_folds
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 MAX_BALLS = 8
@@ -22,6 +23,8 @@ INNER_RADII, OUTER_RADII = 0.8, 1.35
 """Range in which a rim is searched for, in radii of the ball's circle."""
 REACH_PX = 6
 """Width of the film on either side of an edge to which its light is fitted."""
+FOLD_REACH_PX = 2 * REACH_PX
+"""Width of the film on either side of a fold in whose light a blur is searched for."""
 STEP_PX = 3
 """Width on either side of an edge over which its strength is measured."""
 MIN_STEP = 0.15
@@ -64,6 +67,8 @@ def camera_blur(
     of: BallPress,
     pixel: PixelSize,
     binned: PixelSize,
+    film: Film | None = None,
+    noise: Noise | None = None,
 ) -> CameraBlur:
     """Return the standard deviation of the camera's point spread, beyond the pixel itself.
 
@@ -73,6 +78,10 @@ def camera_blur(
     so only the sharpest edges count: the result is the lower quartile of the widths, minus the
     pixel's width.  Blur by resampling for a lens is included.
 
+    A film that bends gently at all rims looks like a blur to edges, but a blur would make it darker
+    there (`_fold_light`): on film that is plain and throws no light on itself, the blur is at most
+    what the brightness of the folds allows.
+
     Parameters
     ----------
     image : K x S x W, as captured, the presses on a sheet
@@ -81,6 +90,7 @@ def camera_blur(
         x, y and contact radius of each ball in `binned` pixels, and its press; a ball that was not
         found has the radius 0.
     pixel, binned : mm per px of the image, and of `circle`
+    film, noise : what was fitted to the presses, and (shot, read); without them edges alone tell
 
     Returns
     -------
@@ -88,16 +98,22 @@ def camera_blur(
     """
     scale = np.float32(binned / pixel)
     used = np.flatnonzero(circle[:, 2] > 0)
-    presses, edges = cut(image, flat.shape[1]), list[Edge]()
+    presses, edges, bent = cut(image, flat.shape[1]), list[Edge](), list[Folds]()
     for ball in used[:: -(-used.size // MAX_BALLS) or 1]:
         x, y, radius = circle[ball] * scale
         middle = float(x + (scale - 1) / 2), float(y + (scale - 1) / 2)
         edges += _edges(presses[of[ball]], flat, middle, float(radius))
+        if film is not None and noise is not None and tells_folds(film):
+            rims = float(INNER_RADII * radius), float(OUTER_RADII * radius)
+            about = FOLD_REACH_PX, SECTOR_COUNT, film, noise, float(pixel)
+            bent.append(folds(presses[of[ball]], flat, middle, rims, *about))
     edges = sorted(edges, key=lambda edge: -edge.step)[:MAX_EDGES]
     blur = 0.0
     if len(edges) >= MIN_EDGES:
         width = float(np.quantile([_width(edge) for edge in edges], SHARP_SHARE))
         wider = float(np.sqrt(max(width * width - PIXEL_VARIANCE, 0)))
+        if film is not None and bent:
+            wider = min(wider, Folds(*np.concatenate(bent, axis=1)).most_blur(film.uneven))
         blur = wider if wider >= MIN_BLUR_PX else 0.0
     return CameraBlur(blur, {"camera_blur_px": blur})
 

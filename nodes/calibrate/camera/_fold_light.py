@@ -1,0 +1,191 @@
+"""How wide a blur can be, by the light of the folds where film leaves a ball.
+
+What bends within some pixels may be film, or the camera.  Film that bends is everywhere as bright
+as its slopes make it.  A camera that blurs sees a mean of normals that differ, and a mean of unit
+vectors is short: to second order by half of the blur's variance times the square of the normal's
+turn per pixel.  So what a fold lacks of its brightness, in proportion to that square, is the
+variance of the blur, however the film bends.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import BAND_DEVIATIONS, F4, F8, Film, Light, Noise
+from tactograph.nodes.calibrate import MIN_FLAT_LIGHT
+from tactograph.nodes.calibrate.film.film_misfit import BRIGHTENING_FACTOR
+from tactograph.nodes.optics.film import FULL_MATT_LIGHT, direct_share, emitted, touch_gain
+from tactograph.nodes.optics.near_light import vectors_at
+
+HEIGHT_ROUNDS = 3
+"""Rounds of slopes and of the height that follows from them, from which LEDs are seen elsewhere."""
+MIN_LEDS = 3
+"""LEDs that tell a normal and how bright it is."""
+BIN_VARIANCE = 1 / 12
+"""Variance in px^2 of the places within a bin, whose mean slope stands for all of them."""
+MIN_FOLD_PIXELS = 100
+"""Fewest pixels around a fold that tell of it."""
+MAX_VARIANCE_RATIO = 4.0
+"""Variance of a slant, over the median one around a ball, up to which it counts: LEDs nearly in
+line tell no turn."""
+MIN_WEIGHT = 1e-9
+"""Added to normal equations, which too few LEDs leave open."""
+
+
+class Folds(NamedTuple):
+    """By fold, sums over its pixels: half squares of the turn times the brightness that is lacking,
+    and times themselves; and the largest half square.  What is smooth along a fold is taken off."""
+
+    lacking: F8
+    square: F8
+    largest: F8
+
+    def most_blur(self, uneven: float) -> float:
+        """Return the largest blur in px that the brightness allows; infinity where no fold tells.
+
+        It is uncertain by the scatter of the folds, by what the brightness of touched film departs
+        by anyway, and, where folds are brighter than without a blur, by how much they are.
+        """
+        whole = self.square.sum()
+        if whole == 0:
+            return np.inf
+        variance = self.lacking.sum() / whole
+        scatter = np.sqrt(np.square(self.lacking - variance * self.square).sum()) / whole
+        unlike = uneven / BRIGHTENING_FACTOR * (self.square / self.largest).sum() / whole
+        deviation = np.sqrt(scatter**2 + unlike**2 + min(variance, 0) ** 2)
+        most = max(variance, 0) + BAND_DEVIATIONS * deviation - BIN_VARIANCE
+        return float(np.sqrt(max(most, 0)))
+
+
+class _Around(NamedTuple):
+    """Pixels around a ball, N: places in mm, directions from the ball, cells of sector and bin."""
+
+    x: F8
+    y: F8
+    outward: F8
+    cell: NDArray[np.intp]
+    size: tuple[int, int]
+
+    def mean(self, values: F8) -> F8:
+        """The mean of each cell, sectors x bins."""
+        count = np.bincount(self.cell, minlength=self.size[0] * self.size[1])
+        sums = np.bincount(self.cell, values, count.size)
+        return (sums / np.maximum(count, 1)).reshape(self.size)
+
+
+def tells_folds(film: Film) -> bool:
+    """Return whether a fold's brightness is known: no coat mirrors, no film throws light on it."""
+    return film.refraction == 1 and film.albedo == 0 and not film.harmonics.any()
+
+
+def folds(
+    image: Light,
+    flat: Light,
+    middle: tuple[float, float],
+    rims: tuple[float, float],
+    reach: int,
+    sectors: int,
+    film: Film,
+    noise: Noise,
+    pixel: float,
+) -> Folds:
+    """Return what the sharpest fold in every sector around a ball tells, `reach` px on either side.
+
+    Parameters
+    ----------
+    image, flat : K x H x W, as captured
+    middle, rims : of the ball, and distances between which its rim is, in px
+    film : a plain one (`tells_folds`)
+    """
+    _, rows, columns = image.shape
+    y, x = np.mgrid[:rows, :columns]
+    away = np.hypot(x - middle[0], y - middle[1])
+    at = (away > rims[0] - reach) & (away < rims[1] + reach)
+    if not at.any():
+        return Folds(*np.zeros((3, 0)))
+    turn, away = np.arctan2(y[at] - middle[1], x[at] - middle[0]), away[at]
+    sector = np.floor(turn / (2 * np.pi) * sectors).astype(int) % sectors
+    bins = away.astype(int) - int(away.min())
+    size = sectors, int(bins.max()) + 1
+    around = _Around(
+        (x[at] - (columns - 1) / 2) * pixel,
+        (y[at] - (rows - 1) / 2) * pixel,
+        np.stack([np.cos(turn), np.sin(turn)]),
+        sector * size[1] + bins,
+        size,
+    )
+    lit = _lit(around, image[:, at], flat[:, at], film)
+    bent = _bent(around, lit, image[:, at], flat[:, at], film, noise, pixel)
+    angle, variance, brightness, weight = bent
+    square, tells = np.zeros(size), np.zeros(size, bool)
+    square[:, 1:-1] = np.square(angle[:, 2:] - angle[:, :-2]) / 8
+    # Slants by other LEDs differ, which would look like a fold.
+    alike = (lit[..., 1:] == lit[..., :-1]).all(axis=0)
+    sure = variance < MAX_VARIANCE_RATIO * np.median(variance[variance > 0])
+    tells[:, 1:-1] = alike[:, 1:] & alike[:, :-1] & sure[:, 2:] & sure[:, :-2]
+    square *= tells
+    weight = weight * tells.ravel()[around.cell]
+    found = []
+    for number in range(sectors):
+        inner = square[number, reach:-reach]
+        if inner.size == 0:
+            continue
+        far = (bins - reach - int(np.argmax(inner))) / reach
+        near = (sector == number) & (np.abs(far) <= 1) & (weight > 0)
+        if near.sum() < MIN_FOLD_PIXELS:
+            continue
+        root, far = np.sqrt(weight[near]), far[near]
+        smooth = np.stack([np.ones_like(far), far, far * far], axis=1) * root[:, None]
+        both = np.stack([brightness[near], square[number, bins[near]]], axis=1) * root[:, None]
+        both -= smooth @ np.linalg.lstsq(smooth, both, rcond=None)[0]
+        found.append((-both[:, 0] @ both[:, 1], both[:, 1] @ both[:, 1], inner.max()))
+    return Folds(*np.asarray(found).reshape(-1, 3).T)
+
+
+def _lit(around: _Around, image: F4, flat: F4, film: Film) -> NDArray[np.bool_]:
+    """Return the LEDs whose light reaches all pixels of a cell, K x sectors x bins."""
+    dark = image < (FULL_MATT_LIGHT + film.diffuse[:, None]) * flat
+    return np.stack([around.mean(plane) == 0 for plane in dark])
+
+
+def _bent(
+    around: _Around,
+    lit: NDArray[np.bool_],
+    image: F4,
+    flat: F4,
+    film: Film,
+    noise: Noise,
+    pixel: float,
+) -> tuple[F8, F8, F8, F8]:
+    """Return each cell's slant from the ball, a pixel's variance of it, its brightness and weight.
+
+    The height, by which LEDs are nearer, follows from the slants, from without.
+    """
+    flat = np.maximum(flat, MIN_FLAT_LIGHT)
+    seen = image / flat
+    deviation = np.sqrt(noise[0] * np.maximum(image, 0) + noise[1]) / flat
+    b, direct = film.diffuse[:, None], direct_share(film)[:, None]
+    counts = lit.reshape(len(lit), -1)[:, around.cell]
+    z = np.zeros(seen.shape[1])
+    for _ in range(HEIGHT_ROUNDS):
+        place = around.x.astype(np.float32), around.y.astype(np.float32), z.astype(np.float32)
+        light = (seen / touch_gain(film, z) - b) / direct * counts / deviation
+        shine = np.stack([emitted(film, k, place) + 0 * z for k in range(len(seen))])
+        vectors = vectors_at(film.lights, *place) * (shine * counts / deviation)[:, None]
+        by_normal = np.einsum("kin,kjn->nij", vectors, vectors) + MIN_WEIGHT * np.eye(3)
+        normal = np.linalg.solve(by_normal, np.einsum("kin,kn->ni", vectors, light)[..., None])
+        nx, ny, nz = normal[..., 0].T
+        outward = around.mean(nx * around.outward[0] + ny * around.outward[1])
+        angle = np.arctan2(outward, np.maximum(around.mean(nz), MIN_WEIGHT))
+        rise = np.tan(angle) * pixel
+        z = (np.cumsum(rise[:, ::-1], axis=1)[:, ::-1] - rise / 2).ravel()[around.cell]
+    slant = angle.ravel()[around.cell]
+    tilted = np.stack([*(np.sin(slant) * around.outward), np.cos(slant)])
+    turned = np.stack([*(np.cos(slant) * around.outward), -np.sin(slant)])
+    spread = np.linalg.solve(by_normal, turned.T[..., None])[..., 0]
+    variance = around.mean((spread * turned.T).sum(axis=1))
+    expected = np.einsum("kin,in->kn", vectors, tilted)
+    weight = np.square(expected).sum(axis=0)
+    brightness = (expected * light).sum(axis=0) / np.maximum(weight, MIN_WEIGHT)
+    return angle, variance, brightness, np.where(counts.sum(axis=0) >= MIN_LEDS, weight, 0)
