@@ -1,4 +1,4 @@
-"""How the light of the film at rest would change at the border if the camera had moved."""
+"""How film at rest would change at the border with a motion of the camera, or with added light."""
 
 from typing import Annotated
 
@@ -8,24 +8,27 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, CoarseLight
-from tactograph.nodes.trust.checked_cells import MIN_LIGHT
+from tactograph.nodes.trust.checked_cells import DARK_LIGHT, MIN_LIGHT
 
 RING_CELLS = 4
 """Width of the border at which film should be at rest, and of the window, two standard deviations
 of it, in which the light's fall-off is taken."""
-FallOff = Annotated[F4, Port("4 K h w", "1")]
-"""Change of the logarithm of the light at the border with a shift along x and y, a zoom and a turn;
-0 elsewhere."""
+FallOff = Annotated[F4, Port("5 K h w", "1")]
+"""Change of the logarithm of the light at the border with a shift along x and y, a zoom, a turn and
+added light; 0 elsewhere."""
 
 
 @node
 def fall_off(flat: CoarseLight) -> FallOff:
-    """Return how the light along the border changes with a motion of the camera (T7).
+    """Return how the light along the border changes with a motion of the camera, or with more light
+    (T7).
 
     Where film is seen at r that was at r + v, log I_k(r) = log F_k(r) + v . grad log F_k(r) + g_k,
     g_k being the gain of LED k (optical flow: Horn and Schunck, "Determining optical flow", 1981).
     The motion v is a shift, a zoom and a turn about the middle, the same under all LEDs, each of
-    which falls off in a direction of its own.
+    which falls off in a direction of its own.  Light that is added everywhere changes I_k / F_k by
+    1 / F_k, so that film which is dim changes most; it is 1 where it is as much as the film has in
+    the (harmonic) mean.
 
     Parameters
     ----------
@@ -33,7 +36,7 @@ def fall_off(flat: CoarseLight) -> FallOff:
 
     Returns
     -------
-    4 x K x h x w, of mean 0 along the border of each LED; lengths are shares of the image's width.
+    5 x K x h x w, of mean 0 along the border of each LED; lengths are shares of the image's width.
     """
     count, rows, columns = flat.shape
     ring = border_cells((rows, columns), RING_CELLS)
@@ -46,7 +49,10 @@ def fall_off(flat: CoarseLight) -> FallOff:
         for plane in flat
     ]
     down, along = (columns * slope[:, ring] for slope in np.gradient(np.stack(smooth), axis=(1, 2)))
-    changes = np.stack([along, down, x * along + y * down, x * down - y * along])
+    added = 1 / np.maximum(flat[:, ring], DARK_LIGHT)
+    changes = np.stack(
+        [along, down, x * along + y * down, x * down - y * along, added / added.mean()]
+    )
     out = np.zeros((len(changes), count, rows, columns), np.float32)
     out[:, :, ring] = changes - changes.mean(axis=2, keepdims=True)
     return out
