@@ -22,7 +22,7 @@ from tactograph.graph import Port
 from tactograph.nodes import F4, F8, FALSE_ALARMS
 from tactograph.nodes.stored import Stored
 from tactograph.nodes.trust.checked_cells import MIN_LIGHT
-from tactograph.nodes.trust.film_motion import FilmMotion, motion_size
+from tactograph.nodes.trust.film_motion import FilmMotion, change_of_rest
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
@@ -88,8 +88,7 @@ CHECK_FIGURES = {
     ),
     "moved": Figure(
         "rest",
-        "the film at rest does not lie where the flat frame shows it: {moved} (restore camera, "
-        "lens, zoom and crop of the calibration, or calibrate again){lit}",
+        "{moved}",
     ),
     "brighter": WRONG_BRIGHTNESS,
     "darker": WRONG_BRIGHTNESS,
@@ -168,7 +167,7 @@ def figures_of(
     change = evidence.level.astype(np.float64) - 1
     level = math.sqrt(float(np.square(change).mean()))
     rows = 0.0 if lines is None else _worst_line(lines)
-    moved = 0.0 if motion is None else motion_size(motion)
+    moved = 0.0 if motion is None else change_of_rest(motion)
     sure = found.curl, found.dirty, rows, found.dark, level, moved, found.brighter, -found.brighter
     deep = -found.lowest / max(found.highest, MIN_HEIGHT_MM)
     vague = found.shape, found.at_rest, found.dim, found.of_touch, deep, 1 - found.calm

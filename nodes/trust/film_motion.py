@@ -1,4 +1,7 @@
-"""Find how far the camera has moved since the flat frame, from the film at rest."""
+"""Find how far the camera has moved since the flat frame, from the film at rest.
+
+Added light changes that film in a similar way, so it is found together with the motion.
+"""
 
 import math
 from typing import Annotated
@@ -12,19 +15,25 @@ from tactograph.nodes.trust.explained import explained
 from tactograph.nodes.trust.fall_off import FallOff
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 
-FilmMotion = Annotated[F4, Port("4", "1")]
-"""Shift along x and y as a share of the image's width, zoom, and turn in radians; 0: none."""
+FilmMotion = Annotated[F4, Port("5", "1")]
+"""Shift along x and y as a share of the image's width, zoom, turn in radians, and light that was
+added, over that of the film; 0: none."""
 
 
 def motion_size(motion: FilmMotion) -> float:
     """Return the displacement of film at the middle of a side, as a share of the image's width."""
-    along, down, zoom, turn = motion.tolist()
+    along, down, zoom, turn, _ = motion.tolist()
     return math.hypot(along, down, zoom / 2, turn / 2)
+
+
+def change_of_rest(motion: FilmMotion) -> float:
+    """Return how far film was displaced, or the share of light that was added, if that is more."""
+    return max(motion_size(motion), abs(motion.item(4)))
 
 
 def motion_in_words(motion: FilmMotion) -> str:
     """Return the parts of a motion that are above its error, in words."""
-    along, down, zoom, turn = motion.tolist()
+    along, down, zoom, turn, _ = motion.tolist()
     words = []
     for share, side in (-along, "right"), (along, "left"), (-down, "down"), (down, "up"):
         if share > MIN_ERROR:
@@ -36,19 +45,44 @@ def motion_in_words(motion: FilmMotion) -> str:
     return ", ".join(words)
 
 
+def change_in_words(motion: FilmMotion) -> str:
+    """Return a sentence about the film at rest: how it lies, and what light was added."""
+    moved, added = motion_in_words(motion), motion.item(4)
+    sense, source = (
+        ("brighter", "other light, or a higher black level")
+        if added > 0
+        else ("darker", "a lower black level, or other light that has gone")
+    )
+    lit = f"all LEDs together are {sense} by {abs(added):.1%}, most where film is dim"
+    if not moved:
+        return (
+            f"on the film at rest {lit}: is it {source}, or another zoom or crop? (keep other "
+            "light out, or calibrate under it and with a dark image of it; put black level, zoom "
+            "and crop back as they were)"
+        )
+    cure = "put camera, lens, zoom and crop back as they were for the calibration"
+    return (
+        f"the film at rest does not lie where the flat frame shows it: {moved} ({cure}, or "
+        f"calibrate again)" + (f"; or is it {source}? {lit[0].upper()}{lit[1:]}" if added else "")
+    )
+
+
 @node
 def film_motion(light: CoarseLight, fall_off: FallOff) -> FilmMotion:
-    """Return the shift, zoom and turn that explain the film at rest along the border (T7).
+    """Return the shift, zoom and turn that explain the film at rest along the border, and the light
+    that does so if it was added everywhere (T7).
 
-    They are 0 if they explain too little of its light (`explained`).
+    Each is 0 if it explains too little of the light (`explained`).  Added light flattens the film's
+    fall-off, as a zoom does, so that one may be mistaken for the other.
 
     Parameters
     ----------
     light : K x h x w on cells, relative to the flat frame, before drift is removed
-    fall_off : 4 x K x h x w, from the node `fall_off`
+    fall_off : 5 x K x h x w, from the node `fall_off`
     """
     ring = fall_off.any(axis=(0, 1))
     if not ring.any():
         return np.zeros(len(fall_off), np.float32)
-    change = np.log(np.maximum(light[:, ring], MIN_LIGHT))
-    return explained(change, fall_off[:, :, ring]).astype(np.float32)
+    seen, causes = light[:, ring], fall_off[:, :, ring]
+    moved = explained(np.log(np.maximum(seen, MIN_LIGHT)), causes[:-1])
+    return np.concatenate([moved, explained(seen, causes[-1:])]).astype(np.float32)

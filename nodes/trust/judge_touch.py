@@ -19,9 +19,7 @@ from tactograph.nodes.trust.check_ranks import (
     p_values,
     residual_share,
 )
-from tactograph.nodes.trust.explained import added_share
-from tactograph.nodes.trust.fall_off import RING_CELLS, border_cells
-from tactograph.nodes.trust.film_motion import FilmMotion, motion_in_words
+from tactograph.nodes.trust.film_motion import FilmMotion, change_in_words
 from tactograph.nodes.trust.film_on_rims import RimShare
 from tactograph.nodes.trust.likely_cause import likely_cause
 from tactograph.nodes.trust.line_changes import LineChanges
@@ -120,8 +118,7 @@ def judge_touch(
                 )
             elif light is not None and flat is not None:
                 likely = other_colours(light * flat, flat)
-            lit = "" if light is None or flat is None else _lit(light, flat)
-            doubt = likely or _sentence([*causes.values()], evidence, motion, open_rims, lit)
+            doubt = likely or _sentence([*causes.values()], evidence, motion, open_rims)
             if len(causes) == len(alone) and not force:
                 raise InputError(f"{doubt}: no height follows; `force`=true goes on all the same")
             warn(f"{doubt}; the height may be wrong")
@@ -136,26 +133,8 @@ def judge_touch(
     return figures
 
 
-def _lit(light: CoarseLight, flat: CoarseLight) -> str:
-    """Light that film at rest has more or less of, in words: it changes the fall-off, as a zoom."""
-    ring = border_cells(flat.shape[1:], RING_CELLS)
-    added = added_share(light[:, ring], flat[:, ring])
-    if not added:
-        return ""
-    why, sense = (
-        ("other light, or a higher black level", "brighter")
-        if added > 0
-        else ("a lower black level, or other light that has gone", "darker")
-    )
-    return f"; or is it {why}? All LEDs together are {sense} by {abs(added):.1%}, most where dim"
-
-
 def _sentence(
-    causes: list[str],
-    evidence: TouchEvidence,
-    motion: FilmMotion | None,
-    open_rims: bool,
-    lit: str,
+    causes: list[str], evidence: TouchEvidence, motion: FilmMotion | None, open_rims: bool
 ) -> str:
     """The causes in one sentence, filled in with the facts of this touch."""
     brighter, change = evidence.read().brighter, evidence.level.astype(np.float64) - 1
@@ -169,8 +148,7 @@ def _sentence(
         "excess": abs(brighter),
         "led": "all LEDs are" if together else f"LED {one + 1} is",
         "sense": f"{'brighter' if by > 0 else 'darker'} by {abs(by):.0%}",
-        "lit": lit,
-        "moved": "" if motion is None else motion_in_words(motion),
+        "moved": "" if motion is None else change_in_words(motion),
     }
     first, *others = (cause.format(**facts) for cause in causes)
     return ". ".join([first, *(cause[0].upper() + cause[1:] for cause in others)])

@@ -53,9 +53,20 @@ MOTIONS = {
 def test_a_motion_is_found_and_named(words: str) -> None:
     matrix, true = MOTIONS[words]
     motion = film_motion(seen(matrix), fall_off(rest()))
-    np.testing.assert_allclose(motion, true, atol=0.02)
+    np.testing.assert_allclose(motion[:4], true, atol=0.02)
     assert words in motion_in_words(motion)
     assert motion_size(motion) > 0.02
+
+
+@pytest.mark.parametrize("added", [0.01, 0.05, -0.02])
+@pytest.mark.parametrize("gain", [1.0, 0.8])
+def test_added_light_is_found_whatever_the_exposure(added: float, gain: float) -> None:
+    """Beside a touch that changes the film, and one that leaves the frame."""
+    light = np.float32(gain) * seen([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    motion = film_motion(light + np.float32(gain * added) / rest(), fall_off(rest()))
+    ring = fall_off(rest()).any(axis=(0, 1))
+    share = gain * added * float((1 / rest()[:, ring]).mean())
+    assert motion[4] == pytest.approx(share, rel=0.15)
 
 
 def test_leds_that_drift_are_no_motion() -> None:
@@ -75,3 +86,4 @@ def test_leds_that_drift_are_no_motion() -> None:
 def test_a_film_that_is_lit_evenly_does_not_tell() -> None:
     even = np.full((4, ROWS, COLUMNS), 0.5, np.float32)
     assert not film_motion(seen(about(0.9, 0.0)), fall_off(even)).any()
+    assert not film_motion(np.full_like(even, 1.1), fall_off(even)).any()

@@ -88,18 +88,35 @@ def test_the_worst_cause_is_named_first_and_what_passed_is_not() -> None:
 )
 def test_added_light_is_not_told_as_a_zoom_alone(added: float, shift: int, words: str) -> None:
     """Five counts of 255 were told as a zoom of 4 %."""
+    notes = told_of_rest(near_light(2.0), added, shift)
+    assert "does not lie where the flat frame shows it" in notes[0]
+    assert words in notes[0]
+    assert ("or is it" in notes[0]) == bool(words)
+
+
+def test_added_light_is_told_where_no_zoom_explains_it() -> None:
+    """Two counts of 255 put heights 15 um off, and nothing was said."""
+    (line,) = told_of_rest(near_light(1.5), 0.01, 0)
+    assert line.startswith("on the film at rest all LEDs together are brighter by 1.9%")
+    assert "keep other light out" in line
+
+
+def near_light(away: float) -> F4:
+    """Four LEDs near a square film, each over its own corner."""
     y, x = np.mgrid[-1 : 1 : SHAPE[0] * 1j, -1 : 1 : SHAPE[1] * 1j]
-    places = [(-2, -2), (2, -2), (2, 2), (-2, 2)]
-    rest = np.float32([5 / ((x - u) ** 2 + (y - v) ** 2 + 6) for u, v in places])
+    places = [(-away, -away), (away, -away), (away, away), (-away, away)]
+    light = [1 / ((x - u) ** 2 + (y - v) ** 2 + 4 * away - 2) for u, v in places]
+    return np.asarray(light / np.mean(light) * 0.6, np.float32)
+
+
+def told_of_rest(rest: F4, added: float, shift: int) -> list[str]:
     light = (np.roll(rest, shift, 2) + np.float32(added)) / rest
     light[:, :, :shift] = 1
     motion = film_motion(light, fall_off(rest))
     found = touch_evidence(HEIGHT, light, HEIGHT)
     with collect_warnings([]) as notes:
         judge_touch(found, RANKS, motion=motion, light=light, flat=rest, force=True)
-    assert "does not lie where the flat frame shows it" in notes[0]
-    assert words in notes[0]
-    assert ("or is it" in notes[0]) == bool(words)
+    return notes
 
 
 def test_leds_that_dim_together_are_not_named_apart() -> None:
