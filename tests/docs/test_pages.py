@@ -152,7 +152,7 @@ def marks_of(page: Path) -> list[pytest.MarkDecorator]:
     [pytest.param(page, marks=marks_of(page)) for page in RUNNABLE],
     ids=lambda page: page.name,
 )
-def test_a_page_does_what_it_says(
+def test_the_examples_of_a_page_run(
     page: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

@@ -382,7 +382,7 @@ def test_check_lists_needed_params_written_paths_and_unused_nodes(about: Command
 
 
 def test_check_blames_no_graph_for_inherited_params(tactograph: Command, write: Write) -> None:
-    """Nor for a param that it declares once more."""
+    """A param that a graph declares once more is not reported for it either."""
     spare = "  spare: {kind: text}\n"
     text = SLOPES.replace("params:\n", f"params:\n{spare}")
     base = write(text + "variants:\n  wide:\n    params: {more: {kind: text}}\n")

@@ -1,4 +1,4 @@
-"""Sizes that follow from others, and outputs that nobody reads."""
+"""Sizes that follow from other sizes, and outputs that nobody reads."""
 
 from typing import Any
 

@@ -320,7 +320,7 @@ def scribbling(image: Light) -> Light:
 
 @node
 def scribbled(figures: Metrics) -> Metrics:
-    """Writes into figures that others read, too."""
+    """Writes into figures that other nodes read too."""
     figures["mean"] = 100.0
     return figures
 

@@ -40,7 +40,7 @@ def normals(slope: F4) -> F4:
 def ball_seen(
     radius: float, rim: float, centre: tuple[float, float], camera: float, size: tuple[int, int]
 ) -> tuple[F4, F4, F4]:
-    """What a camera sees of a ball in the film, for an image of 20 mm across.
+    """The view of a ball in the film by a camera, in an image 20 mm across.
 
     Returns the apparent height Z = z / (1 - z / D), the film's slopes, 0 outside the ball,
     and 1 where the ball is.

@@ -64,7 +64,7 @@ class Gel:
         return self.dent if thing is None else np.maximum(press(thing, PIXEL_MM), self.dent)
 
     def seen(self, thing: F4 | None = None) -> F4:
-        """What the camera sees, K x H x W."""
+        """The image of the camera, K x H x W."""
         height = self.height(thing)
         light = diffuse_gel(self._lit(height), self.rest, share=0.2)
         if height.any():

@@ -79,14 +79,14 @@ def test_kernels_have_the_rooms_of_their_nodes() -> None:
     assert {kernel.with_suffix(".py") for kernel in kernels} <= nodes
 
 
-def says_why(file: Path) -> bool:
+def states_reason(file: Path) -> bool:
     return "Long because" in (ast.get_docstring(ast.parse(file.read_text())) or "")
 
 
 @pytest.mark.parametrize("folder", ["graph", "nodes", "rings"])
-def test_a_long_file_says_why(folder: str) -> None:
+def test_a_long_file_states_its_reason(folder: str) -> None:
     for file in product(folder):
-        assert len(file.read_text().splitlines()) <= MAX_FILE_LINES or says_why(file), file
+        assert len(file.read_text().splitlines()) <= MAX_FILE_LINES or states_reason(file), file
 
 
 def code_lines(file: Path) -> int:
@@ -102,7 +102,7 @@ def code_lines(file: Path) -> int:
     return sum(number not in docstrings and line[:1] not in ("", "#") for number, line in lines)
 
 
-def test_a_long_node_says_why() -> None:
+def test_a_long_node_states_its_reason() -> None:
     """With the modules that it alone uses: all chains of imports to them lead through it."""
     files = {module_of(file.relative_to(ROOT)): file for file in (ROOT / "nodes").rglob("*.py")}
     nodes = {module for module, file in files.items() if "\n@node" in file.read_text()}
@@ -117,7 +117,7 @@ def test_a_long_node_says_why() -> None:
         lines[owner] += code_lines(files[module])
     long = {node for node in nodes if lines[node] > MAX_NODE_LINES}
     assert long
-    assert [node for node in long if not says_why(files[node])] == []
+    assert [node for node in long if not states_reason(files[node])] == []
 
 
 def test_a_constant_is_named_by_noun_and_unit() -> None:

@@ -7,7 +7,7 @@ from tactograph.nodes.stream.touch import Touch
 
 
 def touch_of(**parts: Any) -> Touch:
-    """A touch; parts that every touch has by their names, all others as layers."""
+    """A touch of these parts; those that are no field of a touch are layers."""
     known = {field.name for field in fields(Touch)}
     layers = {
         name: value for name, value in parts.items() if name not in known and value is not None

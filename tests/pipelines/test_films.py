@@ -114,7 +114,7 @@ class Sensor(NamedTuple):
     calibration: Path
     centres: F4
     first_centres: F4
-    """Of the scan that calibrates."""
+    """The centres in the scan that calibrates."""
 
 
 @pytest.fixture(scope="module")

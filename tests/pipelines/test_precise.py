@@ -101,7 +101,7 @@ def test_the_band_is_honest_behind_steep_rims(metrics: Figures, rig: str, shape:
 def test_the_worst_pixel_is_no_worse_than_that_of_reconstruct_or_states_its_error(
     raytraced: Raytraced, reconstruct: Reconstruct, metrics: Figures, rig: str
 ) -> None:
-    """Nor is it far off where its height is not marked as unresolved."""
+    """No height that is not marked as unresolved is far off either."""
     result = reconstruct("precise", rig, "cat")
     departure = np.abs(result["height"] - np.load(raytraced / rig / "cat/truth_height_mm.npy"))
     worst = np.unravel_index(departure.argmax(), departure.shape)

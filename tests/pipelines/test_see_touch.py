@@ -104,7 +104,7 @@ def test_a_lens_bends_the_even_grid(truth: F4, altered: Callable[..., Path]) -> 
 def test_the_height_is_restored(
     kind: dict[str, float], truth: F4, altered: Callable[..., Path]
 ) -> None:
-    """By `precise`, as under a distant camera from a matt film that throws no light on itself."""
+    """`precise` finds it as under a distant camera and on a matt film without interreflection."""
     file = altered(**kind)
     images = load("see_touch", calibration=file, seed=None)(height=truth)["image"]
     back = load("precise", calibration=file, outputs=["height"])(frames=images)

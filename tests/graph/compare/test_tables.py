@@ -38,7 +38,7 @@ def test_the_interval_is_students() -> None:
     assert estimate([2.0, 2.0]).half == 0
 
 
-def test_the_interval_holds_the_mean_as_often_as_it_says() -> None:
+def test_the_interval_contains_the_mean_as_often_as_stated() -> None:
     rng = np.random.default_rng(1)
     intervals = [estimate(list(rng.normal(5, 2, 4))) for _ in range(2000)]
     assert np.mean([e.low <= 5 <= e.high for e in intervals]) == pytest.approx(0.95, abs=0.015)

@@ -234,7 +234,7 @@ def test_a_node_is_written_for_the_back_ends_that_it_declares() -> None:
 
 
 @pytest.mark.parametrize(("size", "refused"), [(2, True), (3, False), (8, False), (9, True)])
-def test_a_size_limit_refuses_what_lies_outside(size: int, refused: bool) -> None:
+def test_a_size_limit_refuses_sizes_outside(size: int, refused: bool) -> None:
     assert SizeLimit(3, 8, "why").refuses(size) is refused
 
 

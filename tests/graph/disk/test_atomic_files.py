@@ -79,7 +79,7 @@ def write_anew(folder: Path) -> None:
 
 
 def killed_while_moving(folder: Path, monkeypatch: pytest.MonkeyPatch, moved: int) -> None:
-    """Write a, b and z, of which b is to be last; the process dies after so many moves."""
+    """Write a, b and z, with b as the last; the process dies after ``moved`` moves."""
     replace, remaining = Path.replace, [moved]
 
     def dying(file: Path, target: Path) -> Path:

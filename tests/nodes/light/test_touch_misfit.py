@@ -51,7 +51,7 @@ def test_a_misfit_beyond_the_presses_widens_the_band_with_a_warning() -> None:
 
 
 def test_noise_alone_widens_no_band() -> None:
-    """Of products of noise, half of the medians over blocks lie above zero."""
+    """Half of the medians of products of noise over blocks lie above zero."""
     widened, *_ = touch(0.0, noise=0.02, presses=np.float32([0.004, 1.0, 1e-5, 0.02, 0.001]))
     assert widened[0] == pytest.approx(0.004, rel=0.01)
 

@@ -246,7 +246,7 @@ def test_a_coat_mirrors_most_where_the_normal_is_half_way_to_the_camera() -> Non
     assert tilts[int(np.argmax(relative))] == pytest.approx(np.deg2rad(slant / 2), abs=0.08)
 
 
-def test_a_coat_takes_fresnel_s_share_on_the_way_in_and_out() -> None:
+def test_light_loses_fresnels_share_into_a_coat_and_out_of_it() -> None:
     # Straight down and up through index 1.5: 4 % each; its mirror is far from the camera's way.
     through = 1 - 0.04
     mirror = 0.04 / (4 * 0.7 * 0.2**2)

@@ -22,7 +22,7 @@ def correlated(rng: np.random.Generator, count: int) -> F8:
 
 @pytest.mark.parametrize("share", [0.3, 0.1, 0.01])
 def test_right_touches_are_doubted_as_often_as_stated(share: float) -> None:
-    """However the checks depend on one another."""
+    """This holds for any dependence between the checks."""
     rng = np.random.default_rng(3)
     shares = [
         (trusts(correlated(rng, 128), correlated(rng, 1000)) < share).mean() for _ in range(8)

@@ -73,7 +73,7 @@ def test_a_warning_names_the_cause_and_the_cure() -> None:
     assert "\n" not in line
 
 
-def test_the_worst_cause_is_named_first_and_what_passed_is_not() -> None:
+def test_the_worst_cause_is_named_first_and_a_passed_check_is_not_named() -> None:
     (line,) = warnings_of(9.0, rest=0.8, light=0.1)
     slopes, led = line.index("slopes are those of no surface"), line.index("LED 2 is darker by 20%")
     assert slopes < led

@@ -13,7 +13,7 @@ TOUCHED = np.s_[:, 8:22, 10:30]
 
 
 def pressed(noise: float = 0.003) -> F4:
-    """Four LEDs' light: 1 but for noise, and a touch that changes it by half."""
+    """Four LEDs' light: 1 with noise, and a touch that changes it by half."""
     light = 1 + np.random.default_rng(1).normal(0, noise, (4, *SHAPE))
     light[TOUCHED] *= np.array([1.5, 1.2, 0.6, 0.8])[:, None, None]
     return light.astype(np.float32)

@@ -84,7 +84,7 @@ def test_a_frame_whose_end_is_of_other_images_curls() -> None:
 @pytest.mark.parametrize("noise", [0.003, 0.02])
 @pytest.mark.parametrize(("factor", "cell_px"), [(1, 1), (4, 1), (2, 3)])
 def test_stated_noise_is_not_taken_for_curl(noise: float, factor: int, cell_px: int) -> None:
-    """Of a tilted plane; the noise is that of a pixel of the camera."""
+    """The slopes are of a tilted plane; the noise is that of a pixel of the camera."""
     rng = np.random.default_rng(1)
     slope = 0.3 + rng.normal(0, noise / cell_px, (2, 120, 160)).astype(np.float32)
     variance = np.full(slope.shape, noise * noise, np.float32)

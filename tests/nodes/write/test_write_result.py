@@ -1,4 +1,4 @@
-"""The content of a result besides its heights."""
+"""The content of a result in addition to its heights."""
 
 import json
 import shutil
