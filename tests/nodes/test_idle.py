@@ -12,7 +12,7 @@ IDLE = [name for name in shipped_nodes() if find_node(name).is_idle is not None]
 
 
 IDLE_AT = {"area": 1.0, "film_gain": 1.0, "film_refraction": 1.0}
-"""Values at which a node is idle, if not 0; 0 or 1 less does not leave it idle."""
+"""Values at which a node is idle, if not 0; the other one of 0 and 1 leaves it busy."""
 
 
 def test_these_nodes_and_no_others_can_be_idle() -> None:

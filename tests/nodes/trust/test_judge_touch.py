@@ -148,7 +148,7 @@ def test_film_that_depends_on_rims_is_marked_on_the_pixels() -> None:
 
 @pytest.mark.parametrize(("hanging", "measured", "count"), [(0.5, 0, 1), (0.5, 1, 0), (0.2, 0, 0)])
 def test_rims_give_a_warning_unless_something_else_measures_them(
-    hanging: float, measured: bool, count: bool
+    hanging: float, measured: bool, count: int
 ) -> None:
     notes: list[str] = []
     with collect_warnings(notes):
