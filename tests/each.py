@@ -1,4 +1,4 @@
-"""A statement over all nodes, graphs or files of the house as one test."""
+"""A statement over all shipped nodes, graphs or files as one test."""
 
 import inspect
 from collections.abc import Callable, Iterable
@@ -13,8 +13,8 @@ Test = Callable[..., None]
 def each(names: str, cases: Iterable[Any]) -> Callable[[Test], Test]:
     """Run a test's body for every case, and report all the cases that fail together.
 
-    A case by `pytest.mark.parametrize` costs set-ups, a report and a line of its own, which is more
-    than such a statement takes.  The cases share the test's fixtures.
+    A case of `pytest.mark.parametrize` costs its own set-up, report and line, which is more than
+    such a statement takes.  The cases share the test's fixtures.
 
     Parameters
     ----------
@@ -31,17 +31,17 @@ def each(names: str, cases: Iterable[Any]) -> Callable[[Test], Test]:
         def run_all(**fixtures: Any) -> None:
             failed: list[str] = []
             for case in listed:
-                given = dict(zip(words, case if len(words) > 1 else [case], strict=True))
+                arguments = dict(zip(words, case if len(words) > 1 else [case], strict=True))
                 try:
-                    test(**given, **fixtures)
+                    test(**arguments, **fixtures)
                 except Exception as error:
                     failed.append(f"{case}: {type(error).__name__}: {error}")
             if failed:
                 pytest.fail(f"{len(failed)} of {len(listed)} fail\n" + "\n".join(failed), False)
 
         signature = inspect.signature(test)
-        own = [p for name, p in signature.parameters.items() if name not in words]
-        run_all.__signature__ = signature.replace(parameters=own)  # type: ignore[attr-defined]
+        fixture_parameters = [p for name, p in signature.parameters.items() if name not in words]
+        run_all.__signature__ = signature.replace(parameters=fixture_parameters)  # type: ignore[attr-defined]
         return run_all
 
     return as_one

@@ -23,12 +23,12 @@ SHARED = ROOT.parent / "shared" / "data"
 # The first example on a busy machine imports and compiles.
 hypothesis.settings.register_profile("untimed", deadline=None)
 hypothesis.settings.load_profile("untimed")
-# Tests must neither see nor leave what is kept from start to start; see `once`.
+# Tests must neither read nor fill the user's cache; see `once`.
 os.environ["TACTOGRAPH_CACHE"] = "off"
-# Most programs are built but once or twice; PoCL's own files serve the second time.
+# Most programs are built once or twice; PoCL's own cache serves the second build.
 os.environ["PYOPENCL_NO_CACHE"] = "1"
 needs_rings = pytest.mark.skipif(
-    not any((ROOT / "rings").glob("*/nodes")), reason="says something of the rings"
+    not any((ROOT / "rings").glob("*/nodes")), reason="states something about the rings"
 )
 MadeOnce = Callable[[str, Callable[[Path], object]], Path]
 Calibration = Callable[[str], str]
@@ -37,9 +37,9 @@ RIG_PIXEL_MM = {"far28": 1 / 14, "near33": 1 / 14, "far28_vga16": 1 / 28}
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Further cases of a test are slow; and long tests come first.
+    """Mark further cases of a test as slow, and put long tests first.
 
-    For at the end one worker waits for the last test of the other.
+    Otherwise one worker waits at the end for the last test of the other.
     """
     first: dict[str, pytest.Item] = {}
     for item in items:
@@ -51,26 +51,26 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Have a kernel that ends the process named, except in a test that takes times."""
+    """Name a kernel that kills the process, except in a test that measures times."""
     os.environ[WAIT_VARIABLE] = "0" if item.get_closest_marker("realtime") else "1"
 
 
 def without_pictures(graph: Graph) -> Graph:
     """A calibration without its pictures, which are a quarter of its time."""
-    kept = {name: entry for name, entry in graph.nodes.items() if not entry.op.startswith("plot_")}
-    return replace(graph, nodes=kept)
+    nodes = {name: entry for name, entry in graph.nodes.items() if not entry.op.startswith("plot_")}
+    return replace(graph, nodes=nodes)
 
 
 def without_ranks(graph: Graph) -> Graph:
-    """A calibration that draws no touches, as most of its time; those it sees are not checked."""
-    kept = {name: entry for name, entry in graph.nodes.items() if entry.op != "rank_checks"}
-    return replace(graph, nodes=kept)
+    """A calibration without its simulated touches, which take most of its time."""
+    nodes = {name: entry for name, entry in graph.nodes.items() if entry.op != "rank_checks"}
+    return replace(graph, nodes=nodes)
 
 
 class Raytraced:
     """Captures of known shapes by an independent renderer: ``raytraced / RIG / CAPTURE``.
 
-    Two rigs are the repository's own; tests of the others are skipped where those are absent.
+    Two rigs are the repository's own; tests of other rigs are skipped where those are absent.
     """
 
     def __truediv__(self, rig: str) -> Path:
@@ -83,7 +83,7 @@ class Raytraced:
 def python(
     *words: object, code: int = 0, cwd: Path | None = None, **environment: object
 ) -> subprocess.CompletedProcess[str]:
-    """Run Python in a process of its own, which has to end with that code."""
+    """Run Python in a separate process, which has to end with that code."""
     command = [sys.executable, *map(str, words)]
     env = {**os.environ, **{name: str(value) for name, value in environment.items()}}
     done = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=600)
@@ -92,7 +92,7 @@ def python(
 
 
 def real_data(name: str) -> Path:
-    """A folder of images of a real sensor, which others published; else the test is skipped."""
+    """A folder of published images of a real sensor; the test is skipped without it."""
     folder = SHARED / "real" / name
     if not folder.is_dir():
         pytest.skip(f"the real captures {name} are not in {SHARED / 'real'}")
@@ -107,10 +107,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.fixture(scope="session")
 def device(request: pytest.FixtureRequest) -> OpenCL:
-    """An OpenCL device; its absence fails the tests that need it, it does not skip them."""
-    found, reason = choose_device(request.config.getoption("--device"))
-    assert found is not None, f"{reason}; 'make test' installs one"
-    return OpenCL(found)
+    """An OpenCL device; without one the tests that need it fail, they are not skipped."""
+    chosen, reason = choose_device(request.config.getoption("--device"))
+    assert chosen is not None, f"{reason}; 'make test' installs one"
+    return OpenCL(chosen)
 
 
 @pytest.fixture(scope="session")
@@ -126,13 +126,13 @@ def groove() -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def once(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
-    """A folder for what all tests of all workers share.
+    """A folder that all tests of all workers share.
 
-    What the engine keeps from start to start is kept there for this session: what is slow and the
-    same in several tests.
+    The engine's cache of this session lies there.  It holds results that are slow and the same in
+    several tests.
     """
-    own = tmp_path_factory.getbasetemp()
-    folder = own / "once" if worker_id == "master" else own.parent / "once"
+    base = tmp_path_factory.getbasetemp()
+    folder = base / "once" if worker_id == "master" else base.parent / "once"
     folder.mkdir(exist_ok=True)
     os.environ["TACTOGRAPH_CACHE"] = str(folder / "kept")
     return folder
@@ -154,7 +154,7 @@ def made_once(once: Path) -> MadeOnce:
 
 
 def images_of(rig: Path) -> dict[str, object]:
-    """What calibrates a ray-traced rig: one ball and the flat frame."""
+    """The inputs that calibrate a ray-traced rig: one ball and the flat frame."""
     known = {"ball_radius_mm": 7.0, "pixel_size_mm": RIG_PIXEL_MM[rig.name]}
     return {"capture": str(rig / "calibration"), "flat": str(rig / "flat"), **known}
 
@@ -165,13 +165,13 @@ def simulated_sensor(
     """A folder with a ball's press, the flat frame and the calibration of a simulated sensor."""
     ball, flat = str(folder / "ball"), str(folder / "flat")
     known = {"ball_radius_mm": radius_mm, "pixel_size_mm": rig["pixel_size_mm"]}
-    for graph, given in (
+    for graph, params in (
         ("simulate", {"radius_mm": radius_mm, "seed": 1, "out": ball, **rig}),
         ("simulate_flat", {"seed": 2, "out": flat, **rig}),
         ("calibrate", {"capture": ball, "flat": flat, "out": str(folder / "cal.npz"), **known}),
     ):
         bare = without_pictures(read_graph(graph))
-        list(open_pipeline(bare if ranked else without_ranks(bare), given).items())
+        list(open_pipeline(bare if ranked else without_ranks(bare), params).items())
     return folder
 
 
@@ -183,8 +183,8 @@ def calibration(raytraced: Raytraced, made_once: MadeOnce) -> Calibration:
         rig = raytraced / name
 
         def write(file: Path) -> None:
-            given = images_of(rig) | {"out": str(file)}
-            list(open_pipeline(without_pictures(read_graph("calibrate")), given).items())
+            params = images_of(rig) | {"out": str(file)}
+            list(open_pipeline(without_pictures(read_graph("calibrate")), params).items())
 
         return str(made_once(f"{name}.npz", write))
 

@@ -13,7 +13,9 @@ UNTESTED = {"cpu", "lerobot"}
 """Extras that 'make test-all' does not install."""
 
 
-def test_every_requirement_has_a_version_within_its_bounds_and_nothing_else_stands_there() -> None:
+def test_every_requirement_has_a_version_within_its_bounds_and_the_file_holds_nothing_else() -> (
+    None
+):
     lines = (ROOT / "constraints.txt").read_text().splitlines()
     assert [x for x in lines if not re.fullmatch(r"[A-Za-z0-9._-]+==[A-Za-z0-9.+!]+", x)] == []
     versions = {canonicalize_name(name): v for name, _, v in (x.partition("==") for x in lines)}
@@ -27,14 +29,14 @@ def test_every_requirement_has_a_version_within_its_bounds_and_nothing_else_stan
 
 
 def test_the_oldest_set_holds_the_lower_bounds() -> None:
-    """Of what 'make test-oldest' installs; 'make oldest' writes the file."""
+    """'make test-oldest' installs this set; 'make oldest' writes the file."""
     lines = (ROOT / "tests" / "oldest.txt").read_text().splitlines()
     versions = {canonicalize_name(name): v for name, _, v in (x.partition("==") for x in lines)}
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    own, *tools = extras["test"]
-    named = [*project["dependencies"], *tools]
-    named += [word for extra in Requirement(own).extras for word in extras[extra]]
-    for each in map(Requirement, named):
+    itself, *tools = extras["test"]
+    requirements = [*project["dependencies"], *tools]
+    requirements += [word for extra in Requirement(itself).extras for word in extras[extra]]
+    for each in map(Requirement, requirements):
         low = next(s.version for s in each.specifier if s.operator == ">=")
         assert Version(versions[canonicalize_name(each.name)]) == Version(low), each

@@ -1,4 +1,4 @@
-"""The core names no ring; a ring takes the sdk alone, as a stranger's package would."""
+"""The core names no ring; a ring imports only the sdk, as an outside package would."""
 
 import ast
 import warnings
@@ -29,7 +29,7 @@ BUILDS_ON = {
 }
 """A ring may import another one, as a package imports those on which it depends."""
 MAX_PROMISED = 90
-"""Names that a page can explain, and a version keep."""
+"""Names that one page can explain, and a version can keep stable."""
 CORE = ("graph", "nodes", "kernels", "pipelines", "tactograph")
 
 
@@ -46,32 +46,32 @@ def product(folder: Path) -> Iterator[Path]:
 
 
 def test_no_file_of_the_core_imports_a_ring() -> None:
-    taken = [
+    imports = [
         (file, name)
         for folder in CORE
         for file in product(ROOT / folder)
         for name in imported(file)
         if name.startswith("tactograph.rings")
     ]
-    assert taken == []
+    assert imports == []
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_ring_imports_the_sdk_and_itself(name: str) -> None:
-    own = [f"tactograph.rings.{each}" for each in (name, *BUILDS_ON.get(name, ()))]
-    own.append("tactograph.sdk")
-    taken = [
+    allowed = [f"tactograph.rings.{each}" for each in (name, *BUILDS_ON.get(name, ()))]
+    allowed.append("tactograph.sdk")
+    imports = [
         (file, module)
         for file in product(ROOT / "rings" / name)
         for module in imported(file)
         if module.partition(".")[0] == "tactograph"
         and module != "tactograph"
-        and not any(f"{module}.".startswith(f"{each}.") for each in own)
+        and not any(f"{module}.".startswith(f"{each}.") for each in allowed)
     ]
-    assert taken == []
+    assert imports == []
 
 
-def test_every_name_of_the_sdk_is_there_and_on_its_page() -> None:
+def test_every_name_of_the_sdk_exists_and_is_on_its_page() -> None:
     import tactograph.sdk
 
     page = (ROOT / "docs" / "sdk.md").read_text()
@@ -88,7 +88,7 @@ def test_every_name_of_the_sdk_is_used_by_a_ring_or_a_template() -> None:
 
 
 @needs_rings
-def test_what_no_page_promises_is_used_and_counted() -> None:
+def test_every_unstable_name_is_used_by_a_ring_and_counted_on_the_page() -> None:
     promised, further = sources(), unstable.sources()
     used = {
         name.name
@@ -106,7 +106,7 @@ def test_what_no_page_promises_is_used_and_counted() -> None:
 
 @pytest.fixture
 def register(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[object]:
-    """Register packages in a folder as rings, beside those that are installed."""
+    """Register packages in a folder as rings, in place of the installed ones."""
     monkeypatch.syspath_prepend(str(tmp_path))
 
     def add(*named: str) -> tuple[Ring, ...]:
@@ -119,13 +119,13 @@ def register(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[object
     engine._rings.cache_clear()
 
 
-def test_a_ring_whose_package_is_gone_is_named_and_the_others_work(register: object) -> None:
+def test_a_ring_whose_package_is_missing_is_named_and_the_others_work(register: object) -> None:
     assert callable(register)
     with pytest.warns(UserWarning, match="ring 'baize' of baize: there is no package baize"):
         assert [ring.name for ring in register("baize", "baize")] == ["core"]
 
 
-def test_without_rings_every_graph_of_the_core_is_whole(register: object) -> None:
+def test_without_rings_every_graph_of_the_core_has_all_its_nodes(register: object) -> None:
     assert callable(register)
     assert [ring.name for ring in register()] == ["core"]
     overlays = [read_layer(file).model.patch for file in shipped("overlays").values()]
@@ -146,7 +146,9 @@ def test_a_ring_adds_variants_to_a_graph_of_the_core(register: object, tmp_path:
     assert "paper_tweed" in shipped_names()
 
 
-def test_what_a_ring_brings_is_imported_when_it_is_named(register: object, tmp_path: Path) -> None:
+def test_a_module_of_a_ring_is_imported_only_when_it_is_named(
+    register: object, tmp_path: Path
+) -> None:
     assert callable(register)
     for file, text in (("__init__.py", "raise SystemExit"), ("formats/fuz.py", "LEVEL = 3")):
         (tmp_path / "fuzz" / file).parent.mkdir(exist_ok=True)

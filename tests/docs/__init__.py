@@ -1,1 +1,1 @@
-"""Documentation: what it says can be done is done."""
+"""Documentation: the commands and statements on its pages are tested."""

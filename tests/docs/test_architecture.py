@@ -1,4 +1,4 @@
-"""The page of the architecture names files that are there."""
+"""The page of the architecture names files that exist."""
 
 import re
 from pathlib import Path
@@ -18,7 +18,7 @@ NAMED = re.findall(r"`((?:\w+/)+\w*(?:\.\w+)?|\w+\.(?:py|yaml|clh))`", PAGE)
 
 
 @pytest.mark.parametrize("named", sorted(set(NAMED)))
-def test_what_the_page_names_is_there(named: str) -> None:
+def test_a_file_that_the_page_names_exists(named: str) -> None:
     wanted = re.compile(rf"(^|/){re.escape(named.rstrip('/'))}(\.py|\.cl|\.yaml)?$")
     assert any(wanted.search(file) for file in FILES), f"docs/architecture.md: no {named}"
 

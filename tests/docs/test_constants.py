@@ -1,4 +1,4 @@
-"""The page of the numbers that are set is that of the code, and each has its reason."""
+"""The page of constants agrees with the code, and each constant has a reason."""
 
 import importlib.util
 from pathlib import Path
@@ -16,13 +16,13 @@ SPEC.loader.exec_module(constants)
 
 
 @needs_rings
-def test_the_page_is_that_of_the_code() -> None:
-    """`python benchmarks/constants.py --write` makes it so."""
+def test_the_page_agrees_with_the_code() -> None:
+    """`python benchmarks/constants.py --write` writes the page."""
     assert constants.PAGE.read_text() == constants.page()
 
 
 @pytest.mark.parametrize("room", constants.ROOMS)
-def test_a_number_that_is_set_has_its_reason(room: str) -> None:
+def test_a_constant_has_a_reason(room: str) -> None:
     files = {file for each in constants.ROOMS[room] for file in ROOT.glob(each)}
     bare = [each.names for file in files for each in constants.constants(file) if not each.reason]
     assert bare == []

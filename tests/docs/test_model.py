@@ -1,4 +1,4 @@
-"""The page of equations: code cites what it states, and it states what the code computes."""
+"""The page of equations: code cites its equations, and it states those that code computes."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "model.md").read_text()
 ROW = re.compile(r"^\| ((?:[A-Z]\d(?:, )?)+) \| .+", re.MULTILINE)
 ROWS = [
-    (found[1].split(", "), re.findall(r"`(\S+/\S+)`", found[0])) for found in ROW.finditer(PAGE)
+    (match[1].split(", "), re.findall(r"`(\S+/\S+)`", match[0])) for match in ROW.finditer(PAGE)
 ]
 CITED = re.compile(r"\b[Ee]quations? ([A-Z]\d)\b(?:(?:,| and| to) ([A-Z]\d)\b)*")
 SOURCES = [
@@ -44,9 +44,9 @@ def test_the_table_names_every_equation_of_the_page() -> None:
     assert {label for labels, _ in ROWS for label in labels} == STATED
 
 
-def test_what_code_cites_is_on_the_page() -> None:
+def test_equations_that_code_cites_are_on_the_page() -> None:
     for path in SOURCES:
         if path.suffix in {".py", ".cl", ".clh"}:
-            for found in CITED.finditer(path.read_text()):
-                cited = {label for label in found.groups() if label}
+            for match in CITED.finditer(path.read_text()):
+                cited = {label for label in match.groups() if label}
                 assert cited <= STATED, f"{path} cites equations {cited}"

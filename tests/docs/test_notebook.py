@@ -1,4 +1,4 @@
-"""The notebook of the documentation runs, and says what it says."""
+"""The notebook of the documentation runs, and prints what it shows."""
 
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,8 @@ pytestmark = pytest.mark.slow
 
 
 def printed(notebook: Any) -> list[str]:
-    """By cell.  How it is cut into outputs is only a matter of time: what was printed within a
-    fifth of a second is one."""
+    """The printed text of each cell.  Its split into outputs is only a matter of time: text that is
+    printed within a fifth of a second is one output."""
     return [
         "".join(o["text"] for o in cell.get("outputs", []) if o["output_type"] == "stream")
         for cell in notebook.cells
@@ -32,7 +32,7 @@ def test_the_notebook_runs_and_prints_what_it_shows(tmp_path: Path) -> None:
     assert {"text/html", "image/svg+xml"} <= {*pictures}
 
 
-def test_what_is_printed_does_not_depend_on_how_fast() -> None:
+def test_the_printed_text_does_not_depend_on_its_timing() -> None:
     def notebook(*texts: str) -> Any:
         outputs = [nbformat.v4.new_output("stream", text=text) for text in texts]
         return nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(outputs=outputs)])

@@ -34,17 +34,17 @@ PAGES = sorted([*(ROOT / "docs").glob("*.md"), *ROOT.glob("rings/*/docs/*.md")])
 RUN = ("sh", "python", "yaml")
 TITLE = re.compile(r'title="([^"]+)"')
 SHELL = re.compile(r"[|&;<>$*`~#]")
-"""What a shell does something with; a pattern in quotes goes to it too."""
+"""Characters that a shell interprets; a pattern in quotes goes to it too."""
 SENSOR = """\
 tactograph run simulate_flat out=flat seed=2 --quiet
 tactograph run simulate out=ball radius_mm=7 seed=1 --quiet
 tactograph run calibrate capture=ball flat=flat ball_radius_mm=7 pixel_size_mm=0.0714286 out=cal.npz --quiet
 """  # noqa: E501
-"""What several pages begin with; run once for all of them."""
+"""Commands that several pages begin with; they run once for all of them."""
 
 
 class Block(NamedTuple):
-    """A fenced block: its language, the rest of that line, its text, and where it stands."""
+    """A fenced block: its language, the rest of that line, its text, and its place."""
 
     language: str
     info: str
@@ -98,8 +98,8 @@ def wheel(made_once: MadeOnce) -> Path:
         pip = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
         build = ["wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder / "dist")]
         source = folder / "source"
-        left_out = (".*", "tests", "docs", "build", "demo", "out", "*.egg-info")
-        ignored = shutil.ignore_patterns(*left_out)
+        excluded = (".*", "tests", "docs", "build", "demo", "out", "*.egg-info")
+        ignored = shutil.ignore_patterns(*excluded)
         shutil.copytree(ROOT, source, ignore=ignored, symlinks=True)
         subprocess.run([*pip, *build, str(source)], check=True)
         (built,) = (folder / "dist").glob("tactograph-*.whl")
@@ -152,7 +152,7 @@ def marks_of(page: Path) -> list[pytest.MarkDecorator]:
     [pytest.param(page, marks=marks_of(page)) for page in RUNNABLE],
     ids=lambda page: page.name,
 )
-def test_a_page_does_what_it_says(
+def test_the_examples_of_a_page_run(
     page: Path,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -163,7 +163,7 @@ def test_a_page_does_what_it_says(
     environment = dict(os.environ)
     python, run = Path(sys.executable), _run
     if page.name == "index.md":
-        # The tour is done with what a user installs; of these packages only the dependencies.
+        # The tour uses the wheel that a user installs; only its dependencies come from here.
         run = _run_shell
         python = request.getfixturevalue("wheel")
         environment["PYTHONPATH"] = str(Path(np.__file__).parents[1])
@@ -191,9 +191,9 @@ def test_a_page_does_what_it_says(
 
 
 def _run(text: str, where: str, folder: Path, environment: dict[str, str]) -> None:
-    """Line by line: what is typed as a plain command of ours runs in this process.
+    """Run line by line; a plain command of tactograph runs in this process.
 
-    Starting one takes longer than most of them; that the installed one starts, index.md shows.
+    Starting a process takes longer than most of them.  The page index.md shows that one starts.
     """
     lines = [line for line in text.splitlines() if line]
     plain = [line.startswith("tactograph ") and not SHELL.search(line) for line in lines]
@@ -255,7 +255,7 @@ def test_a_script_that_is_only_shown_exists(where: str, line: str) -> None:
 
 @cache
 def help_of(script: str) -> str:
-    """What a script says of its options."""
+    """The help text of a script."""
     return python(ROOT / script, "--help").stdout
 
 

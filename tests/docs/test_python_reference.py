@@ -1,4 +1,4 @@
-"""The page of the Python interface names all that there is, and nothing else."""
+"""The page of the Python interface names every public name, and nothing else."""
 
 import inspect
 import re
@@ -20,7 +20,7 @@ def public(kind: type) -> set[str]:
     return {name for name in vars(kind) if not name.startswith("_")}
 
 
-def test_everything_of_the_engine_a_pipeline_and_a_result_is_there() -> None:
+def test_every_name_of_the_engine_a_pipeline_and_a_result_is_on_the_page() -> None:
     assert {*tactograph.graph.__all__} <= NAMED
     assert {f"pipeline.{name}" for name in public(Pipeline)} <= NAMED
     assert {f"out.{field.name}" for field in fields(Result)} <= NAMED
@@ -29,14 +29,14 @@ def test_everything_of_the_engine_a_pipeline_and_a_result_is_there() -> None:
 
 
 @pytest.mark.parametrize(
-    ("prefix", "there"),
+    ("prefix", "names"),
     [
         ("pipeline", public(Pipeline) | {"plan"}),
         ("out", {field.name for field in fields(Result)}),
         ("plan", {field.name for field in fields(Plan)} | public(Plan)),
     ],
 )
-def test_nothing_is_named_that_is_not_there(prefix: str, there: set[str]) -> None:
+def test_every_name_on_the_page_exists(prefix: str, names: set[str]) -> None:
     named = {name.split(".")[1] for name in NAMED if name.startswith(f"{prefix}.")}
     assert named
-    assert named <= there
+    assert named <= names

@@ -47,7 +47,7 @@ outputs: {light: light, score: score}
 """
 
 WAITING = STREAM.replace(", default: 3}", "}")
-"""The same, whose images the caller hands in."""
+"""The same graph, whose images the caller supplies."""
 
 Write = Callable[..., str]
 
@@ -73,14 +73,14 @@ def one_line(done: Outcome, code: int = 2) -> str:
 
 
 def added(nodes: str, outputs: str, text: str = STREAM) -> str:
-    """The stream with more nodes, and with outputs of theirs."""
+    """The stream with more nodes and their outputs."""
     return text.replace("  score:", f"{nodes}\n  score:").replace(
         "{light: light,", f"{{light: light, {outputs},"
     )
 
 
 def lit_by(op: str, text: str = STREAM) -> str:
-    """The stream whose light another node makes, of the images alone."""
+    """The stream whose light comes from another node, which takes the images alone."""
     light = "op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}"
     return text.replace(light, f"op: {op}, in: {{image: frames.image}}")
 
@@ -118,7 +118,7 @@ def backend(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def toys(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Make the toy nodes known, as if a package had brought them; return their diary."""
+    """Register the toy nodes, as if a package provided them; return the list of their calls."""
     ring = Ring("toys", "tests.graph", "toys", ())
     places = {name: [find.NodePlace("tests.graph.toys", "", ring)] for name in TOYS}
     known = find._all_places
@@ -152,16 +152,16 @@ def tactograph(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[st
 
 @pytest.fixture
 def about(tactograph: Command, write: Write, toys: list[str]) -> Command:
-    """Give a command the text of a graph, which may have toys, and further words."""
+    """Run a command with the text of a graph, which may have toy nodes, and further words."""
     return lambda name, text, *words: tactograph(name, write(text), *words)
 
 
 @pytest.fixture
 def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder for programs, and no memory of earlier ones."""
-    found, _ = choose_device()
-    if found.handle.platform.name != POCL_PLATFORM:
-        pytest.skip("what this driver builds is not kept here")
+    chosen, _ = choose_device()
+    if chosen.handle.platform.name != POCL_PLATFORM:
+        pytest.skip("programs of this driver are not cached")
     monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.delenv("PYOPENCL_NO_CACHE")
     build.cache_clear()

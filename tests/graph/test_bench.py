@@ -35,7 +35,7 @@ def test_the_first_run_is_not_timed(tactograph: Command, toys: list[str], graph:
     assert toys == ["at_rest", "touch 1", "touch 2"], "each item is read once, nothing is written"
 
 
-def test_the_figures_of_one_back_end_can_be_had_as_a_file(
+def test_the_figures_of_one_back_end_can_be_written_to_a_file(
     tactograph: Command, graph: str, tmp_path: Path
 ) -> None:
     file = tmp_path / "bench.json"
@@ -48,9 +48,9 @@ def test_the_figures_of_one_back_end_can_be_had_as_a_file(
     assert row["ready_s"] > 0
 
 
-def test_a_stream_of_nothing_and_a_wrong_value_are_refused(tactograph: Command, graph: str) -> None:
-    said = one_line(tactograph("bench", graph, "count=0", "--backend", "numpy"))
-    assert "yielded nothing" in said
+def test_an_empty_stream_and_a_wrong_value_are_refused(tactograph: Command, graph: str) -> None:
+    message = one_line(tactograph("bench", graph, "count=0", "--backend", "numpy"))
+    assert "yielded nothing" in message
     assert "count" in one_line(tactograph("bench", graph, "cuont=2"))
 
 

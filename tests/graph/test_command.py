@@ -66,17 +66,17 @@ def captures(tmp_path: Path) -> Path:
 def run_writing(
     tactograph: Command, write: Write, captures: Path, height_file: str, tmp_path: Path
 ) -> Command:
-    """Run the graph that writes; options, and places other than the usual ones, may be said."""
+    """Run the graph that writes, with further options and with other places if they are named."""
 
     def run(*options: str, **places: object) -> Outcome:
-        given = {"capture": captures, "file": height_file, "out": tmp_path / "out"} | places
-        words = [f"{name}={place}" for name, place in given.items()]
+        params = {"capture": captures, "file": height_file, "out": tmp_path / "out"} | places
+        words = [f"{name}={place}" for name, place in params.items()]
         return tactograph("run", write(WRITING), *words, *options)
 
     return run
 
 
-def test_help_lists_every_command_and_version_tells_the_version(tactograph: Command) -> None:
+def test_help_lists_every_command_and_version_prints_the_version(tactograph: Command) -> None:
     done = tactograph("--help")
     assert done.code == 0
     for name in command.COMMANDS:
@@ -93,7 +93,7 @@ def test_every_command_has_help(tactograph: Command, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "advice"),
     [
         (("fly",), "--help')"),
         (("run",), "--help')"),
@@ -105,10 +105,10 @@ def test_every_command_has_help(tactograph: Command, name: str) -> None:
         (("compare",), "'tactograph graphs'"),
     ],
 )
-def test_a_command_that_is_typed_wrong_exits_with_2_and_says_where_to_look(
-    tactograph: Command, words: tuple[str, ...], told: str
+def test_a_mistyped_command_exits_with_2_and_says_where_to_look(
+    tactograph: Command, words: tuple[str, ...], advice: str
 ) -> None:
-    assert told in one_line(tactograph(*words))
+    assert advice in one_line(tactograph(*words))
 
 
 @pytest.mark.parametrize(
@@ -164,13 +164,15 @@ def test_wrong_input_is_one_line_and_exit_code_2(
     message: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    said = one_line(tactograph(*words))
-    assert message in said
-    assert len(said) < 1000
+    error = one_line(tactograph(*words))
+    assert message in error
+    assert len(error) < 1000
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_slip_in_a_graph_is_one_line_with_its_place(tactograph: Command, write: Write) -> None:
+def test_a_mistake_in_a_graph_gives_one_line_with_its_place(
+    tactograph: Command, write: Write
+) -> None:
     file = write(SLOPES.replace("op: height_slopes", "op: heigt_slopes"))
     for name in ("run", "check", "explain", "draw"):
         assert f"{file}:9:12: nodes.slope.op: no node" in one_line(tactograph(name, file))
@@ -184,14 +186,14 @@ def test_a_graph_is_run(about: Command, height_file: str) -> None:
     assert "ms on opencl" in done.out
 
 
-def test_each_item_of_a_stream_is_told_with_its_figures(about: Command) -> None:
+def test_each_item_of_a_stream_is_printed_with_its_figures(about: Command) -> None:
     done = about("run", STREAM, "count=4", "--backend", "numpy")
     heads = [line.partition(":")[0] for line in done.out.splitlines() if line[0] != " "]
     assert heads == ["1 touch1", "2 touch2", "3 touch3", "4 touch4"], "number and name"
     assert re.search(r"^  mean +4$", done.out, re.MULTILINE)
 
 
-def test_figures_are_rows_and_what_is_of_one_led_stands_in_the_row_of_the_figure() -> None:
+def test_figures_are_rows_and_those_of_one_led_are_in_the_row_of_their_figure() -> None:
     figures = {"entries": 28277.0, "iou": 0.97786, "iou/led1": 1.0, "iou/led2": 0.25, "gap": np.nan}
     figures |= {"error/matt": 1.5, "error": 0.25, "cut/c1": True, "cut/c2": False}
     assert _in_rows(figures) == {
@@ -203,8 +205,8 @@ def test_figures_are_rows_and_what_is_of_one_led_stands_in_the_row_of_the_figure
 def test_an_item_that_takes_longer_than_a_frame_names_its_slowest_node(
     write: Write, height_file: str
 ) -> None:
-    given = {"file": height_file}
-    (result,) = open_pipeline(write(SLOPES), given, backend="numpy").items()
+    params = {"file": height_file}
+    (result,) = open_pipeline(write(SLOPES), params, backend="numpy").items()
     for name in result.times:
         result.times[name] = {"slope": 20.0, "again": 15.0}.get(name, 0.0)
     assert _times(result) == "35.0 ms on numpy; slowest: slope (height_slopes) 20.0 ms"
@@ -228,12 +230,12 @@ def test_a_fallback_is_one_line_on_the_terminal(about: Command, no_device: None)
     assert "--backend opencl: no" in one_line(about("run", STREAM, "--backend", "opencl"))
 
 
-def test_strict_runs_what_has_no_kernel(about: Command) -> None:
+def test_strict_runs_a_node_without_a_kernel(about: Command) -> None:
     done = about("run", STREAM, "--strict")
     assert (done.code, done.err) == (0, "")
 
 
-def test_a_result_holds_where_everything_ran_and_every_fallback(
+def test_a_result_records_where_each_node_ran_and_every_fallback(
     run_writing: Command, write: Write, tmp_path: Path, no_device: None
 ) -> None:
     done, out = run_writing(), tmp_path / "out"
@@ -252,7 +254,7 @@ def test_a_result_holds_where_everything_ran_and_every_fallback(
     assert nodes["lit"]["ms"] >= 0
 
 
-def test_what_a_stream_wrote_before_a_damaged_capture_is_whole(
+def test_results_written_before_a_damaged_capture_are_complete(
     run_writing: Command, captures: Path, tmp_path: Path
 ) -> None:
     damaged, out = captures / "b" / "led3.png", tmp_path / "out"
@@ -268,10 +270,10 @@ def test_a_capture_of_another_size_is_refused_before_anything_is_written(
     run_writing: Command, height_file: str, tmp_path: Path
 ) -> None:
     np.save(height_file, np.zeros((24, 31), np.float32))
-    said = one_line(run_writing())
-    assert "columns of pixels in" in said
-    assert "frames.image" in said
-    assert "height.read_height" in said
+    message = one_line(run_writing())
+    assert "columns of pixels in" in message
+    assert "frames.image" in message
+    assert "height.read_height" in message
     assert not (tmp_path / "out").exists()
 
 
@@ -280,12 +282,12 @@ def test_an_unwritable_folder_is_the_users_error(run_writing: Command, height_fi
 
 
 def test_a_node_that_fails_is_exit_code_1_and_one_line(about: Command) -> None:
-    said = one_line(about("run", lit_by("failing")), code=1)
-    assert "node 'light' (failing) failed: RuntimeError: a careless node" in said
+    message = one_line(about("run", lit_by("failing")), code=1)
+    assert "node 'light' (failing) failed: RuntimeError: a careless node" in message
 
 
 class Mute(BaseException):
-    """Says nothing, and is no plain exception."""
+    """A base exception whose message cannot be read."""
 
     def __str__(self) -> str:
         raise ValueError
@@ -301,7 +303,7 @@ def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "said"),
+    ("error", "message"),
     [
         (RuntimeError("two\nlines"), "internal error: RuntimeError: two lines"),
         (Mute(), "internal error: Mute: its message cannot be read (ValueError)"),
@@ -310,28 +312,28 @@ def failing(monkeypatch: pytest.MonkeyPatch, error: BaseException) -> None:
     ],
 )
 def test_an_error_of_the_engine_is_exit_code_1_and_one_line(
-    tactograph: Command, monkeypatch: pytest.MonkeyPatch, error: BaseException, said: str
+    tactograph: Command, monkeypatch: pytest.MonkeyPatch, error: BaseException, message: str
 ) -> None:
     monkeypatch.delenv("TACTOGRAPH_TRACEBACK", raising=False)
     failing(monkeypatch, error)
-    assert said in one_line(tactograph("check", "paper"), code=1)
+    assert message in one_line(tactograph("check", "paper"), code=1)
 
 
-def test_ctrl_c_says_how_to_go_on(tactograph: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_says_how_to_continue(tactograph: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     failing(monkeypatch, KeyboardInterrupt())
     done = tactograph("check", "paper")
     assert done.code == 130
     assert done.err.strip() == command.STOPPED_MESSAGE
 
 
-def test_a_full_disk_is_told_as_such(
+def test_a_full_disk_is_named_in_the_error(
     tactograph: Command, about: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    said = one_line(about("run", lit_by("crowded")))
-    assert "node 'light' (crowded): /tmp/x: No space left on device; make room, or set" in said
+    message = one_line(about("run", lit_by("crowded")))
+    assert "node 'light' (crowded): /tmp/x: No space left on device; make room, or set" in message
     failing(monkeypatch, OSError(errno.ENOSPC, "No space left on device", "/tmp/x"))
-    said = one_line(tactograph("check", "paper"))
-    assert "tactograph: /tmp/x: No space left on device; make room, or set TMPDIR" in said
+    message = one_line(tactograph("check", "paper"))
+    assert "tactograph: /tmp/x: No space left on device; make room, or set TMPDIR" in message
 
 
 @each("name", shipped_names())
@@ -352,9 +354,9 @@ def test_a_resolved_graph_is_plain_yaml_of_the_same_graph(
     done = tactograph("resolve", name)
     assert done.code == 0, done.err
     assert not re.search("^extends:", done.out, re.MULTILINE)
-    graph, again = read_graph(name), read_graph(write(done.out))
-    assert again.hash == graph.hash
-    assert again.as_dict() == graph.as_dict()
+    graph, resolved = read_graph(name), read_graph(write(done.out))
+    assert resolved.hash == graph.hash
+    assert resolved.as_dict() == graph.as_dict()
 
 
 @pytest.mark.parametrize(
@@ -363,12 +365,12 @@ def test_a_resolved_graph_is_plain_yaml_of_the_same_graph(
 )  # fmt: skip
 def test_resolving_keeps_values_as_they_were(tactograph: Command, write: Write, value: str) -> None:
     file = write(SLOPES.replace("mm: 0.1", f"mm: {value}"))
-    again = write(tactograph("resolve", file).out, "again.yaml")
-    assert read_graph(again).nodes == read_graph(file).nodes
-    assert read_graph(again).hash == read_graph(file).hash
+    resolved = write(tactograph("resolve", file).out, "again.yaml")
+    assert read_graph(resolved).nodes == read_graph(file).nodes
+    assert read_graph(resolved).hash == read_graph(file).hash
 
 
-def test_check_lists_what_is_needed_written_and_not_used(about: Command) -> None:
+def test_check_lists_needed_params_written_paths_and_unused_nodes(about: Command) -> None:
     text = SLOPES.replace("params:", "params:\n  spare: {kind: text}\n  more: {kind: text}")
     text = text.replace("{op: height_slopes", "{backend: opencl, op: height_slopes")
     done = about("check", text.replace("height: again", "height: height"))
@@ -380,7 +382,7 @@ def test_check_lists_what_is_needed_written_and_not_used(about: Command) -> None
 
 
 def test_check_blames_no_graph_for_inherited_params(tactograph: Command, write: Write) -> None:
-    """Nor for one that it declares once more, as not used there."""
+    """A param that a graph declares once more is not reported for it either."""
     spare = "  spare: {kind: text}\n"
     text = SLOPES.replace("params:\n", f"params:\n{spare}")
     base = write(text + "variants:\n  wide:\n    params: {more: {kind: text}}\n")
@@ -420,17 +422,17 @@ outputs: {height: two.height}
     ]
 
 
-def test_check_takes_a_value_that_is_not_given_to_be_right(about: Command) -> None:
-    text = SLOPES.replace("params:", "params:\n  way: {kind: text}\n  crop: {kind: numbers}")
+def test_check_accepts_a_param_without_a_value(about: Command) -> None:
+    text = SLOPES.replace("params:", "params:\n  leds: {kind: text}\n  crop: {kind: numbers}")
     text = text.replace("{file: $file}", "{file: $file, crop: $crop}")
-    text = text.replace("outputs:", "  more: {op: read_capture, with: {folder: x, lights: $way}}\n"
+    text = text.replace("outputs:", "  more: {op: read_capture, with: {folder: x, lights: $leds}}\n"
                         "outputs: {more: more.image}\n#")  # fmt: skip
     for name in ("check", "explain", "draw"):
         done = about(name, text)
         assert done.code == 0, done.err
 
 
-def test_explain_speaks_of_boxes_and_with_all_of_nodes(tactograph: Command) -> None:
+def test_explain_lists_boxes_and_with_all_nodes(tactograph: Command) -> None:
     boxes = tactograph("explain", "reconstruct", "--backend", "numpy").out
     nodes = tactograph("explain", "reconstruct", "--backend", "numpy", "--all").out
     assert "4 x rough_pass: 31 nodes" in boxes
@@ -452,7 +454,7 @@ def test_explain_says_why_each_step_runs_where_it_does_and_what_is_left_out(abou
     assert "cal: not run; nothing reads it" in out
 
 
-def test_explain_prints_brackets_as_such(about: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_explain_prints_brackets_unchanged(about: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     why = "no OpenCL device works (pip install 'tactograph[vkfft]')"
     monkeypatch.setattr(
         "tactograph.graph.backends.opencl.choose_device", lambda *_, **__: (None, why)
@@ -480,7 +482,7 @@ def test_nodes_lists_every_node_and_shows_the_page_of_one(tactograph: Command) -
         assert words in page
 
 
-def test_graphs_lists_what_ships_with_its_title_by_folder(tactograph: Command) -> None:
+def test_graphs_lists_shipped_graphs_with_their_titles_by_folder(tactograph: Command) -> None:
     lines = tactograph("graphs").out.splitlines()
     headings = [line.removesuffix(":") for line in lines if not line.startswith(" ")]
     folders = ["calibrate", "reconstruct", "simulate"]
@@ -492,21 +494,23 @@ def test_graphs_lists_what_ships_with_its_title_by_folder(tactograph: Command) -
     assert listed.keys() == {*shipped_names(), *shipped("overlays")}
     assert listed["paper"] == read_graph("paper").title
     assert listed["reconstruct_no_shadow"] == read_graph("reconstruct_no_shadow").title
-    found = [line.split()[0] for line in tactograph("graphs", "BALL").out.splitlines()]
-    assert found[:2] == ["calibrate:", "calibrate"]
-    assert "reconstruct" not in found
+    names = [line.split()[0] for line in tactograph("graphs", "BALL").out.splitlines()]
+    assert names[:2] == ["calibrate:", "calibrate"]
+    assert "reconstruct" not in names
     assert "no graph has 'zebra'" in one_line(tactograph("graphs", "zebra"))
 
 
-def test_a_node_s_parameter_taken_for_a_param_is_named_as_set_takes_it(tactograph: Command) -> None:
+def test_a_node_parameter_written_as_a_param_is_refused_with_the_set_option(
+    tactograph: Command,
+) -> None:
     for words in (("--threshold", "3"), ("threshold=3",)):
         assert "--set shadow.threshold=VALUE" in one_line(tactograph("run", "paper", *words))
 
 
-def test_help_lists_the_parameters_of_nodes_if_all_are_asked_for(tactograph: Command) -> None:
-    brief, whole = (tactograph("run", "paper", *more, "--help").out for more in ((), ("--all",)))
+def test_help_lists_the_parameters_of_nodes_only_with_all(tactograph: Command) -> None:
+    brief, full = (tactograph("run", "paper", *more, "--help").out for more in ((), ("--all",)))
     assert "capture=PATH" in brief
-    assert "shadow.threshold=" in whole
+    assert "shadow.threshold=" in full
     assert "shadow.threshold=" not in brief
 
 
@@ -536,23 +540,23 @@ def test_devices_lists_every_device_with_its_verdict(tactograph: Command) -> Non
 
 
 @pytest.mark.parametrize(
-    ("patched", "value", "told"),
+    ("patched", "value", "reason"),
     [
         ("_handles", lambda: iter(()), f"no OpenCL device works here; {how_to_get_one()}"),
         ("_run_probe", lambda _: "gave wrong numbers", "gave wrong numbers"),
     ],
     ids=["no device", "a device that computes wrongly"],
 )
-def test_without_a_device_that_works_devices_says_so(
-    tactograph: Command, monkeypatch: pytest.MonkeyPatch, patched: str, value: object, told: str
+def test_devices_reports_that_no_device_works(
+    tactograph: Command, monkeypatch: pytest.MonkeyPatch, patched: str, value: object, reason: str
 ) -> None:
     monkeypatch.setattr(f"tactograph.graph.backends.devices.{patched}", value)
     done = tactograph("devices")
     assert done.code == 0
     assert "graphs run on the host: " in done.out
     assert ("bad  " in done.out) == (patched == "_run_probe")
-    assert told in done.out
-    assert told in one_line(tactograph("devices", "--require"))
+    assert reason in done.out
+    assert reason in one_line(tactograph("devices", "--require"))
 
 
 def test_schema_prints_a_schema(tactograph: Command) -> None:
@@ -578,7 +582,7 @@ def printing_to(place: int) -> subprocess.CompletedProcess[str]:
     return subprocess.run(words, stdout=place, stderr=subprocess.PIPE, text=True, check=False)
 
 
-def test_where_nobody_reads_a_command_ends_as_others_do_without_a_word() -> None:
+def test_a_command_whose_output_nobody_reads_ends_silently_with_code_141() -> None:
     read, write = os.pipe()
     os.close(read)
     done = printing_to(write)
@@ -586,19 +590,19 @@ def test_where_nobody_reads_a_command_ends_as_others_do_without_a_word() -> None
     assert (done.returncode, done.stderr) == (141, "")
 
 
-def test_what_cannot_be_printed_is_told_in_one_line() -> None:
+def test_output_that_cannot_be_printed_gives_one_line() -> None:
     with Path("/dev/full").open("w") as full:
         done = printing_to(full.fileno())
     assert done.returncode == 2
     assert done.stderr == ("tactograph: cannot write to standard output: No space left on device\n")
 
 
-def after_help(told: str, **more: str) -> str:
-    """What a process tells once it has shown the help."""
+def after_help(statement: str, **more: str) -> str:
+    """The last line of a process that shows the help and then runs a statement."""
     code = (
         "import sys, tactograph.graph.command as c\n"
         "sys.argv = ['tactograph', '--help']\n"
-        f"try: c.main()\nexcept SystemExit: pass\n{told}"
+        f"try: c.main()\nexcept SystemExit: pass\n{statement}"
     )
     return python("-c", code, **more).stdout.splitlines()[-1]
 
@@ -611,12 +615,12 @@ def test_help_loads_neither_numpy_nor_the_planner() -> None:
 def test_an_escape_in_a_graph_file_or_its_name_does_not_reach_the_terminal(about: Command) -> None:
     text = SLOPES.replace("Height to slopes and back", '"\\e]0;owned\\a"')
     assert "control characters are not allowed" in one_line(about("check", text))
-    said = one_line(about("check", SLOPES, "--with", "\x1b]0;owned\x07.yaml"))
-    assert "\x1b" not in said
-    assert r"\x1b]0;owned\x07.yaml" in said
+    message = one_line(about("check", SLOPES, "--with", "\x1b]0;owned\x07.yaml"))
+    assert "\x1b" not in message
+    assert r"\x1b]0;owned\x07.yaml" in message
 
 
-def test_results_do_not_go_into_what_is_read(run_writing: Command, captures: Path) -> None:
+def test_results_are_not_written_into_the_captures(run_writing: Command, captures: Path) -> None:
     before = sorted(captures.rglob("*"))
     assert "is what capture=" in one_line(run_writing(out=f"{captures}/a/.."))
     assert sorted(captures.rglob("*")) == before
@@ -634,36 +638,36 @@ def test_a_tilde_is_the_user_s_home(
     assert not (tmp_path / "~").exists()
 
 
-def test_what_ends_before_it_writes_is_not_called_written(
+def test_a_run_that_writes_nothing_does_not_report_written_results(
     run_writing: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tactograph.graph.commands.run._run_items", lambda *_: 0)
     assert "written" not in run_writing().out
 
 
-def test_what_matplotlib_is_told_to_draw_with_does_not_matter() -> None:
-    told = "import matplotlib; print(matplotlib.rcParams['backend'])"
-    assert after_help(told, MPLBACKEND="nonsense") == "agg"
+def test_the_backend_set_for_matplotlib_is_ignored() -> None:
+    statement = "import matplotlib; print(matplotlib.rcParams['backend'])"
+    assert after_help(statement, MPLBACKEND="nonsense") == "agg"
 
 
 @pytest.mark.parametrize(
     ("name", "message"),
     [("capture", "no such folder"), ("file", "no such"), ("out", "cannot be written")],
 )
-def test_links_that_run_in_a_circle_are_no_place(
+def test_a_loop_of_links_is_refused_as_a_place(
     run_writing: Command, tmp_path: Path, name: str, message: str
 ) -> None:
-    there, back = tmp_path / "there", tmp_path / "back"
-    there.symlink_to(back)
-    back.symlink_to(there)
-    said = one_line(run_writing("--quiet", **{name: there}))
-    assert str(there) in said
-    assert message in said
+    link, back = tmp_path / "there", tmp_path / "back"
+    link.symlink_to(back)
+    back.symlink_to(link)
+    error = one_line(run_writing("--quiet", **{name: link}))
+    assert str(link) in error
+    assert message in error
 
 
-def test_a_stream_without_an_item_is_no_success(about: Command) -> None:
-    said = one_line(about("run", STREAM, "count=0", "--backend", "numpy"))
-    assert "ended before the first item" in said
+def test_a_stream_without_an_item_fails(about: Command) -> None:
+    message = one_line(about("run", STREAM, "count=0", "--backend", "numpy"))
+    assert "ended before the first item" in message
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
@@ -700,12 +704,12 @@ def test_a_warning_that_comes_and_goes_is_printed_again_only_after_a_while(
     assert done.err.count("parts are dark") == lines
 
 
-def test_of_an_endless_stream_an_item_is_told_whose_sentence_says_more_than_other_numbers(
+def test_an_endless_stream_prints_an_item_only_if_more_than_numbers_of_its_sentence_changed(
     about: Command,
 ) -> None:
     text = STREAM.replace("touches, with: {count: $count}", "endless_touches, with: {stop_at: 5}")
     words = "  words:  {op: pressed_words, in: {image: frames.image}}"
     text = text.replace("  save:   {op: noted, in: {image: light}}", words)
     done = about("run", text.replace("light: light,", "words: words,"), "--backend", "numpy")
-    told = [line.partition(" (")[0] for line in done.out.splitlines() if "touch" in line]
-    assert told == ["1 touch1: nothing of 1.0", "3 touch3: a touch of 3.0"]
+    printed = [line.partition(" (")[0] for line in done.out.splitlines() if "touch" in line]
+    assert printed == ["1 touch1: nothing of 1.0", "3 touch3: a touch of 3.0"]

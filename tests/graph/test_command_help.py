@@ -17,7 +17,7 @@ main()
 
 
 @pytest.mark.parametrize(
-    ("typed", "said"),
+    ("typed", "message"),
     [
         (("grpahs",), "did you mean 'graphs'?"),
         (("comapre",), "did you mean 'compare'?"),
@@ -27,16 +27,16 @@ main()
         (("run", "calibrat", "--help"), "did you mean 'calibrate'"),
     ],
 )
-def test_a_near_miss_is_answered_with_what_was_meant(
-    tactograph: Command, typed: tuple[str, ...], said: str
+def test_a_near_miss_is_answered_with_a_suggestion(
+    tactograph: Command, typed: tuple[str, ...], message: str
 ) -> None:
     done = tactograph(*typed)
     assert done.code == 2
-    assert said in done.err
+    assert message in done.err
 
 
 @pytest.mark.parametrize("command", ["run", "explain", "bench"])
-def test_help_behind_a_graph_lists_what_the_graph_takes(about: Command, command: str) -> None:
+def test_help_after_a_graph_lists_its_params(about: Command, command: str) -> None:
     text = STREAM.replace("default: 3}", "default: 3, help: so many touches}")
     text = text.replace("params:", "params:\n  place: {kind: path, help: a folder}")
     words = " ".join(about(command, text, "--help").out.split())
@@ -51,13 +51,13 @@ def test_help_without_a_graph_lists_options_alone(tactograph: Command) -> None:
 
 def completed(shell: str, words: str, number: int) -> list[str]:
     """The completions for words after the command's name, and the number of the last word."""
-    asked = words if shell != "fish" else words.rpartition(" ")[2]
-    told = {
+    current = words if shell != "fish" else words.rpartition(" ")[2]
+    variables = {
         "COMP_WORDS": f"tactograph {words}",
-        "COMP_CWORD": asked if shell == "fish" else str(number),
+        "COMP_CWORD": current if shell == "fish" else str(number),
         "_TACTOGRAPH_COMPLETE": f"{shell}_complete",
     }
-    return python("-c", COMMAND, **told).stdout.split()
+    return python("-c", COMMAND, **variables).stdout.split()
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_bash_completes_graphs_params_values(words: str, number: int, offered: s
     assert set(completed("bash", words, number)) == offered
 
 
-def test_a_shell_that_keeps_a_word_whole_completes_the_value_in_it(
+def test_a_shell_that_does_not_split_a_word_completes_the_value_in_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "touches").mkdir()
@@ -97,6 +97,6 @@ def test_every_graph_is_offered() -> None:
     assert offered == [f"plain,{name}" for name in shipped_names()]
 
 
-def test_no_blank_follows_a_name_whose_value_is_still_to_come() -> None:
+def test_no_space_follows_a_name_whose_value_is_still_to_come() -> None:
     script = python("-c", COMMAND, _TACTOGRAPH_COMPLETE="bash_source").stdout
     assert "compopt -o nospace" in script

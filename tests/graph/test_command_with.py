@@ -37,14 +37,14 @@ def stream(write: Write, toys: list[str]) -> str:
 
 
 @pytest.mark.parametrize("command", ["check", "explain"])
-def test_what_an_overlay_makes_of_a_graph_is_shown(tactograph: Command, command: str) -> None:
+def test_a_graph_is_shown_with_its_overlays(tactograph: Command, command: str) -> None:
     done = tactograph(command, "reconstruct", "--with", "no_flat", "--with", "follow_drift")
     assert done.code == 0, done.err
     assert "reconstruct_no_flat_follow_drift" in done.out
     assert read_graph("reconstruct_no_flat_follow_drift").hash in done.out
 
 
-def test_an_overlay_is_worked_in_before_what_is_set_and_has_its_params(
+def test_an_overlay_is_applied_before_set_and_adds_its_params(
     tactograph: Command, write: Write
 ) -> None:
     words = ("paper", "--with", write(TOUCHED, "touched.yaml"), "--set", "touched.enter=9")
@@ -55,11 +55,11 @@ def test_an_overlay_is_worked_in_before_what_is_set_and_has_its_params(
 
 
 def test_an_overlay_that_does_not_fit_ends_in_one_line(tactograph: Command) -> None:
-    said = one_line(tactograph("run", "paper", "--with", "follow_drift"))
-    assert said.startswith("tactograph: 'follow_drift' does not fit paper: ")
+    message = one_line(tactograph("run", "paper", "--with", "follow_drift"))
+    assert message.startswith("tactograph: 'follow_drift' does not fit paper: ")
 
 
-def test_a_graph_is_run_with_an_overlay_of_ones_own(
+def test_a_graph_is_run_with_an_overlay_of_the_user(
     tactograph: Command, stream: str, toys: list[str]
 ) -> None:
     assert tactograph("run", stream, "--with", str(Path(stream).with_name("few.yaml"))).code == 0
@@ -84,7 +84,7 @@ def test_a_study_is_compared_variant_by_variant(
         }  # fmt: skip
 
 
-def test_compare_lays_an_overlay_over_every_graph(
+def test_compare_applies_an_overlay_to_every_graph(
     tactograph: Command, stream: str, write: Write, tmp_path: Path
 ) -> None:
     few, out = str(Path(stream).with_name("few.yaml")), tmp_path / "report"
@@ -97,5 +97,5 @@ def test_compare_lays_an_overlay_over_every_graph(
 
 
 def test_a_study_is_not_run(tactograph: Command) -> None:
-    said = one_line(tactograph("run", "reconstruct_ablation"))
-    assert "is a study; 'tactograph compare reconstruct_ablation' runs all its graphs" in said
+    message = one_line(tactograph("run", "reconstruct_ablation"))
+    assert "is a study; 'tactograph compare reconstruct_ablation' runs all its graphs" in message

@@ -42,8 +42,8 @@ def test_a_graph_that_fails_fails_the_demo(
 
 
 @pytest.mark.parametrize("words", [line for line in LINES if line[1] == "run"], ids=shlex.join)
-def test_what_it_gives_is_what_the_graphs_take(words: list[str]) -> None:
+def test_each_command_sets_the_params_that_its_graph_needs_and_no_others(words: list[str]) -> None:
     graph = read_graph(words[2])
-    given = {word.partition("=")[0] for word in words if "=" in word}
+    stated = {word.partition("=")[0] for word in words if "=" in word}
     needed = {name for name, param in graph.params.items() if param.required}
-    assert needed <= given <= set(graph.params)
+    assert needed <= stated <= set(graph.params)

@@ -1,4 +1,4 @@
-"""Sizes that follow from others, and outputs that nobody reads."""
+"""Sizes that follow from other sizes, and outputs that nobody reads."""
 
 from typing import Any
 
@@ -20,18 +20,20 @@ def first(file: str, backend: str) -> Result:
     return next(open_pipeline(file, {}, backend=backend).items())
 
 
-@pytest.mark.parametrize(("rows", "left"), [(1, 4), (2, 2), (3, 2), (5, 1)])
-def test_a_size_is_another_by_a_parameter_rounded_up(backend: str, rows: int, left: int) -> None:
+@pytest.mark.parametrize(("rows", "remaining"), [(1, 4), (2, 2), (3, 2), (5, 1)])
+def test_a_derived_size_is_another_divided_by_a_parameter_and_rounded_up(
+    backend: str, rows: int, remaining: int
+) -> None:
     text = added(f"  thin: {{op: strips, in: {{image: light}}, with: {{rows: {rows}}}}}", "t: thin")
-    assert first(graph_of(text), backend)["t"].shape == (3, left, 5)
+    assert first(graph_of(text), backend)["t"].shape == (3, remaining, 5)
 
 
-def test_what_follows_has_the_derived_size(backend: str) -> None:
+def test_later_nodes_have_the_derived_size(backend: str) -> None:
     nodes = """  thin: {op: strips, in: {image: light}}
   more: {op: summed, in: {image: thin}}
   thinner: {op: strips, in: {image: more}}"""
-    found = first(graph_of(added(nodes, "a: more, b: thinner")), backend)
-    assert (found["a"].shape, found["b"].shape) == ((3, 2, 5), (3, 1, 5))
+    result = first(graph_of(added(nodes, "a: more, b: thinner")), backend)
+    assert (result["a"].shape, result["b"].shape) == ((3, 2, 5), (3, 1, 5))
 
 
 def test_a_derived_size_that_clashes_names_the_rule(backend: str) -> None:
@@ -41,7 +43,7 @@ def test_a_derived_size_that_clashes_names_the_rule(backend: str) -> None:
         first(graph_of(added(nodes, "off: off")), backend)
 
 
-def test_other_settings_between_two_items_count_at_the_next(backend: str) -> None:
+def test_settings_changed_between_two_items_apply_to_the_next(backend: str) -> None:
     text = added(
         """  dim: {op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark},
          with: {floor: $floor}}
@@ -63,7 +65,7 @@ AIMED = (
 )
 
 
-def test_settings_that_were_changed_before_stay() -> None:
+def test_settings_changed_earlier_stay() -> None:
     pipeline = open_pipeline(graph_of(AIMED), {"rows": 4, "level": 1}, backend="numpy")
     pipeline.aim(count=1)
     pipeline.aim(rows=4)
@@ -86,14 +88,14 @@ def test_a_node_whose_settings_stay_is_not_prepared_again(monkeypatch: pytest.Mo
     assert prepared == ["flat_field"]
 
 
-def test_a_change_of_settings_that_is_refused_changes_none() -> None:
+def test_a_refused_change_of_settings_changes_none() -> None:
     pipeline = open_pipeline(graph_of(AIMED), {"rows": 4, "level": 1}, backend="numpy")
     with pytest.raises(InputError, match="'cal' runs once and takes \\$level"):
         pipeline.aim(count=1, level=2)
     assert len(list(pipeline.items())) == 3
 
 
-def test_a_rule_that_names_nothing_is_refused() -> None:
+def test_a_rule_that_names_an_unknown_size_is_refused() -> None:
     def thin(image: Light, *, rows: int = 2) -> Light:
         return image
 
@@ -102,22 +104,24 @@ def test_a_rule_that_names_nothing_is_refused() -> None:
 
 
 @pytest.mark.parametrize("read", ["low", "high"])
-def test_an_output_that_nobody_reads_is_not_made(toys: list[str], backend: str, read: str) -> None:
-    found = first(
+def test_an_output_that_nobody_reads_is_not_computed(
+    toys: list[str], backend: str, read: str
+) -> None:
+    result = first(
         graph_of(added("  half: {op: halves, in: {image: light}}", f"h: half.{read}")), backend
     )
-    assert found["h"].max() == {"low": 0.5, "high": 1.5}[read]
+    assert result["h"].max() == {"low": 0.5, "high": 1.5}[read]
     assert backend == "opencl" or toys.count("low") + toys.count("high") == 1
 
 
-def test_an_output_that_only_the_next_item_reads_is_made(backend: str) -> None:
+def test_an_output_that_only_the_next_item_reads_is_computed(backend: str) -> None:
     nodes = """  half: {op: halves, in: {image: light}}
   sum: {op: summed, in: {image: light, before: previous.half.low}}"""
     results = open_pipeline(graph_of(added(nodes, "sum: sum")), {}, backend=backend).items()
     assert [float(result["sum"].mean()) for result in results] == [1, 2.5, 4]
 
 
-def test_everything_is_wanted_of_a_plain_call() -> None:
+def test_a_plain_call_computes_all_outputs() -> None:
     assert "anything" in EVERYTHING
     image: np.ndarray = np.ones((3, 2, 2), np.float32)
     from tests.graph.toys import halves

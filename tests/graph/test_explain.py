@@ -1,4 +1,4 @@
-"""``explain`` says what may be taken from disk."""
+"""``explain`` marks steps whose results may come from disk."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A feature without its package says in one line which extra brings it."""
+"""A feature without its package says in one line which extra installs it."""
 
 import re
 import sys
@@ -36,8 +36,8 @@ def test_a_command_names_the_extra_and_does_nothing(
     tactograph: Command, hide: Callable[[str], None], package: str, extra: str, words: list[str]
 ) -> None:
     hide(package)
-    said = one_line(tactograph(*words))
-    assert said.endswith(f"needs {package}: pip install 'tactograph[{extra}]'\n")
+    message = one_line(tactograph(*words))
+    assert message.endswith(f"needs {package}: pip install 'tactograph[{extra}]'\n")
     assert not [*Path().iterdir()]
 
 
@@ -47,7 +47,7 @@ def test_writing_a_mesh_needs_no_extra(hide: Callable[[str], None]) -> None:
     assert Path("a.ply").stat().st_size > 100
 
 
-def test_every_extra_that_a_message_names_is_one() -> None:
+def test_every_extra_that_a_message_names_exists() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     code = [
         f.read_text() for room in ("graph", "nodes", "rings") for f in (ROOT / room).rglob("*.py")

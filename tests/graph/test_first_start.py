@@ -29,7 +29,7 @@ outputs: {small: small}
 
 @pytest.fixture
 def run(about: Command, programs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
-    """Run the graph where no kernel is built yet; tests beside this one leave no core idle."""
+    """Run the graph where no kernel is built yet, as if cores were idle."""
     assert not programs.exists()
     monkeypatch.setattr(first_start, "BUILDER_NICENESS", 0)
 
@@ -42,7 +42,7 @@ def run(about: Command, programs: Path, tmp_path: Path, monkeypatch: pytest.Monk
     return run_graph
 
 
-def kept(folder: Path) -> np.ndarray:
+def small_of(folder: Path) -> np.ndarray:
     return np.load(folder / "kept" / "1" / "small.npy")
 
 
@@ -56,20 +56,20 @@ def test_a_first_touch_waits_for_no_compiler_and_a_second_launches_kernels(
     assert height.startswith("1: ")
     assert "later runs; Ctrl-C is safe" in building
     assert "1 programs are built for Portable" in built
-    on_numpy = kept(tmp_path)
+    on_numpy = small_of(tmp_path)
     compiled = Mock(side_effect=AssertionError("compiled"))
     monkeypatch.setattr("tactograph.graph.backends.programs._onto_disk", compiled)
     second = run()
     assert "fallback" not in second.err
     assert "on opencl" in second.out
-    np.testing.assert_allclose(kept(tmp_path), on_numpy, atol=1e-6)
+    np.testing.assert_allclose(small_of(tmp_path), on_numpy, atol=1e-6)
 
 
 MORE = GRAPH.replace("outputs:", "  lit: {op: label_lit, in: {light: taken.image}}\noutputs:")
 MORE = MORE.replace("{small: small}", "{small: small, lit: lit}")
 
 
-def test_a_graph_has_a_first_start_where_kernels_of_its_own_are_not_built(run: Command) -> None:
+def test_a_graph_has_a_first_start_if_some_of_its_kernels_are_not_built(run: Command) -> None:
     run()
     first = run(text=MORE)
     why = "opencl is preferred, but its kernels are not built yet (1 of 2 programs)"
@@ -78,7 +78,7 @@ def test_a_graph_has_a_first_start_where_kernels_of_its_own_are_not_built(run: C
     assert run(text=MORE).err == ""
 
 
-def test_numpy_is_left_the_smaller_images_the_fewer_kernels_are_missing(
+def test_with_fewer_missing_kernels_numpy_computes_only_smaller_images(
     run: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run()
@@ -89,7 +89,7 @@ def test_numpy_is_left_the_smaller_images_the_fewer_kernels_are_missing(
 @pytest.mark.parametrize(
     "words", [("--strict",), ("--backend", "opencl"), ("--device", "Portable")]
 )
-def test_whoever_chooses_a_back_end_gets_it(run: Command, words: tuple[str, ...]) -> None:
+def test_a_back_end_that_the_user_chooses_is_used(run: Command, words: tuple[str, ...]) -> None:
     done = run(*words)
     assert "fallback" not in done.err
     assert "built" not in done.out
@@ -108,7 +108,7 @@ def test_a_node_that_is_bound_to_the_device_runs_there(run: Command) -> None:
     )
 
 
-def test_what_no_folder_can_keep_is_built_for_the_run_alone(
+def test_without_a_cache_folder_programs_are_built_for_the_run_alone(
     run: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path / "graph.yaml" / "cache"))
@@ -129,7 +129,7 @@ def test_a_large_image_is_left_to_the_device(run: Command, monkeypatch: pytest.M
     assert "on opencl" in run().out
 
 
-def test_what_cannot_be_read_begins_no_process(
+def test_a_capture_that_cannot_be_read_starts_no_process(
     about: Command, run: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(first_start.subprocess, "Popen", Mock(side_effect=AssertionError))
@@ -137,7 +137,7 @@ def test_what_cannot_be_read_begins_no_process(
 
 
 @pytest.mark.parametrize("wanted", [True, False])
-def test_what_draws_is_imported_beside_the_first_touch_where_a_node_draws(
+def test_drawing_libraries_are_imported_in_a_thread_only_if_a_node_draws(
     wanted: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(first_start, "Thread", thread := Mock())
@@ -146,7 +146,7 @@ def test_what_draws_is_imported_beside_the_first_touch_where_a_node_draws(
     assert thread.called == wanted
 
 
-def test_nothing_is_built_any_more_once_a_run_has_failed() -> None:
+def test_building_stops_once_a_run_has_failed() -> None:
     options = RunOptions((), (), None, None, strict=False)
     with pytest.raises(KeyError), first_start.KernelBuilder("reconstruct", (), options) as builder:
         raise KeyError
@@ -163,9 +163,9 @@ with KernelBuilder("reconstruct", (), RunOptions((), (), None, None, strict=Fals
 """
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="asks the system in Linux's way")
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads /proc, as on Linux")
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-def test_who_builds_kernels_ends_with_the_command_that_waits_for_it(
+def test_the_builder_of_kernels_ends_with_the_command_that_waits_for_it(
     programs: Path, how: signal.Signals
 ) -> None:
     waiting = [sys.executable, "-c", WAITS]
@@ -173,11 +173,11 @@ def test_who_builds_kernels_ends_with_the_command_that_waits_for_it(
         assert process.stdout is not None
         stat = Path("/proc", process.stdout.readline().strip(), "stat")
         assert is_running(stat)
-        # Only who waits for its builder says that it is stopped.
+        # Only a command that waits for its builder prints that it is stopped.
         assert waited_for(lambda: state_of(Path("/proc", str(process.pid), "stat")) == "S")
         process.send_signal(how)
-        told = process.stdout.read()
-    assert told == ("stopped; the next run builds the rest\n" if how == signal.SIGINT else "")
+        output = process.stdout.read()
+    assert output == ("stopped; the next run builds the rest\n" if how == signal.SIGINT else "")
     assert waited_for(lambda: not is_running(stat))
 
 
@@ -194,7 +194,7 @@ def is_running(stat: Path) -> bool:
 
 
 def waited_for(holds: Callable[[], bool], seconds: float = 60) -> bool:
-    """Wait for something that holds before long."""
+    """Wait until a condition holds, and return whether it does."""
     end = time.monotonic() + seconds
     while not holds() and time.monotonic() < end:
         time.sleep(0.02)

@@ -21,7 +21,7 @@ def modules() -> dict[str, Path]:
 
 
 def room_of(module: str) -> str | None:
-    """The folder of the engine that a module lies in; None for what lies in none."""
+    """The folder of the engine that a module lies in; None for a module in no folder."""
     room = module.removeprefix(f"{PACKAGE}.").partition(".")[0]
     return room if (GRAPH / room).is_dir() else None
 
@@ -46,11 +46,11 @@ def circles(graph: nx.DiGraph[str]) -> list[list[str]]:
     return [sorted(part) for part in parts if len(part) > 1]
 
 
-def test_no_module_imports_itself_by_way_of_others() -> None:
+def test_no_module_imports_itself_through_others() -> None:
     assert circles(nx.subgraph(imports(), modules())) == []
 
 
-def test_no_room_imports_itself_by_way_of_others() -> None:
+def test_no_room_imports_itself_through_others() -> None:
     rooms: nx.DiGraph[str] = nx.DiGraph()
     for module, imported in imports().edges:
         one, other = room_of(module), room_of(imported)

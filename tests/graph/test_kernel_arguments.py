@@ -33,19 +33,21 @@ def fill(device: OpenCL) -> Kernel:
 
 
 def test_signatures_are_read_with_their_macros_and_attributes() -> None:
-    found = kernel_signatures(SOURCE)
-    assert found["fill"] == [
+    signatures = kernel_signatures(SOURCE)
+    assert signatures["fill"] == [
         ("float*", "out"), ("float", "value"), ("int", "index"), ("uint", "key")
     ]  # fmt: skip
-    assert found["shared"] == [
+    assert signatures["shared"] == [
         ("uchar*", "labels"), ("int", "N"), ("float2*", "pairs"), ("float*", "part")
     ]  # fmt: skip
-    assert found["wide"] == [("float16*", "out")]
-    assert found.keys() == {"fill", "shared", "wide"}
+    assert signatures["wide"] == [("float16*", "out")]
+    assert signatures.keys() == {"fill", "shared", "wide"}
 
 
 @pytest.mark.parametrize("value", [2, 2.0, np.float64(2), np.int64(2), np.float32(2)])
-def test_a_number_arrives_as_the_kernel_takes_it(device: OpenCL, fill: Kernel, value: Any) -> None:
+def test_a_number_is_converted_to_the_type_of_the_kernel(
+    device: OpenCL, fill: Kernel, value: Any
+) -> None:
     out = device.upload(np.zeros(2, np.float32))
     arguments = fill.converted([out, value, np.int64(1), 3])
     fill.bind(device.queue, (1,), (1,), arguments)()
@@ -65,7 +67,7 @@ def test_a_number_arrives_as_the_kernel_takes_it(device: OpenCL, fill: Kernel, v
         (3, -1, "argument 4 is 'uint key', not -1"),
     ],
 )
-def test_what_a_kernel_cannot_take_is_refused(
+def test_an_argument_that_a_kernel_cannot_take_is_refused(
     device: OpenCL, fill: Kernel, number: int, value: Any, complaint: str
 ) -> None:
     arguments: list[Any] = [device.upload(np.zeros(2, np.float32)), 1.0, 1, 1]
@@ -75,7 +77,7 @@ def test_what_a_kernel_cannot_take_is_refused(
 
 
 def test_a_copy_keeps_the_arguments_that_it_was_bound_to(device: OpenCL, fill: Kernel) -> None:
-    """However often it is launched, and whatever the kernel itself is launched with meanwhile."""
+    """Its arguments hold for every launch, whatever the kernel itself is launched with."""
     out = device.upload(np.zeros(3, np.float32))
     first, second = (
         fill.numbered_copy(index).bind(
@@ -92,7 +94,7 @@ def test_a_copy_keeps_the_arguments_that_it_was_bound_to(device: OpenCL, fill: K
     assert fill.numbered_copy(0) is not fill.numbered_copy(1)
 
 
-def test_an_argument_too_few_is_told_with_those_there_are(device: OpenCL, fill: Kernel) -> None:
+def test_a_missing_argument_is_reported_with_the_known_ones(device: OpenCL, fill: Kernel) -> None:
     with pytest.raises(TypeError, match=r"takes 4 arguments \(out, value, index, key\), not 1"):
         fill.converted([1])
 

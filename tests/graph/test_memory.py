@@ -1,4 +1,4 @@
-"""Streams have a memory: values of the item before, and what a node keeps open."""
+"""Streams have a memory: values of the previous item, and objects that a node keeps open."""
 
 from typing import Any
 
@@ -25,8 +25,8 @@ patch:
 """
 
 
-def opened(graph: Source, backend: str | None = "numpy", /, **given: Any) -> Pipeline:
-    return open_pipeline(graph, given, backend=backend)
+def opened(graph: Source, backend: str | None = "numpy", /, **params: Any) -> Pipeline:
+    return open_pipeline(graph, params, backend=backend)
 
 
 def test_a_previous_value_is_that_of_the_item_before(backend: str) -> None:
@@ -49,7 +49,7 @@ def test_a_stream_begins_without_memory(backend: str) -> None:
     assert [float(result["sum"].mean()) for result in pipeline.items()] == first
 
 
-def test_arrays_handed_in_follow_one_another_until_the_pipeline_forgets() -> None:
+def test_arrays_passed_in_form_one_stream_until_the_pipeline_forgets() -> None:
     text = SUMMED.replace(", default: 3}", "}")
     stack = np.ones((3, 4, 5), np.float32)
     with load(graph_of(text), backend="numpy") as pipeline:
@@ -59,7 +59,7 @@ def test_arrays_handed_in_follow_one_another_until_the_pipeline_forgets() -> Non
         assert pipeline(frames=stack)["sum"].max() == 1
 
 
-def test_images_of_another_size_start_afresh_and_say_so(backend: str) -> None:
+def test_images_of_another_size_clear_the_memory_with_a_warning(backend: str) -> None:
     text = SUMMED.replace("touches, with: {count: $count}", "shrinking_touches")
     text = lit_by("doubled", text)
     results = list(opened(graph_of(text), backend).items())
@@ -96,17 +96,19 @@ def test_a_memory_is_drawn_as_a_dashed_edge() -> None:
     assert "<title>previous summed</title>" in to_svg(sketch)
 
 
-def test_what_a_node_keeps_is_opened_once_and_closed_with_the_stream(toys: list[str]) -> None:
-    graph = graph_of(STREAM.replace("op: noted", "op: kept"))
+def test_an_object_that_a_node_keeps_is_opened_once_and_closed_with_the_stream(
+    toys: list[str],
+) -> None:
+    graph = graph_of(STREAM.replace("op: noted", "op: holds_open"))
     list(opened(graph).items())
-    diary = [line for line in toys if "diary" in line or "kept" in line]
-    assert diary == ["diary opened", "kept 1", "kept 2", "kept 3", "diary closed"]
+    diary = [line for line in toys if "diary" in line or "holds_open" in line]
+    assert diary == ["diary opened", "holds_open 1", "holds_open 2", "holds_open 3", "diary closed"]
     with opened(graph) as pipeline:
         next(pipeline.items())
-    assert toys[-2:] == ["kept 1", "diary closed"], "also if it is left early"
+    assert toys[-2:] == ["holds_open 1", "diary closed"], "also if the stream is closed early"
 
 
-def test_a_session_keeps_one_thing_until_it_is_closed() -> None:
+def test_a_session_keeps_one_object_until_it_is_closed() -> None:
     session = Session()
     first = session.keep(list)
     assert session.keep(list) is first
@@ -115,20 +117,20 @@ def test_a_session_keeps_one_thing_until_it_is_closed() -> None:
 
 
 def test_a_warning_belongs_to_its_item() -> None:
-    text = added("  told: {op: warns_once, in: {image: light}}", "told: told")
+    text = added("  copy: {op: warns_once, in: {image: light}}", "copy: copy")
     assert [result.warnings for result in opened(graph_of(text)).items()] == [[], ["two"], []]
 
 
-def test_ctrl_c_ends_an_endless_stream_as_it_should_end(
+def test_ctrl_c_ends_an_endless_stream_without_an_error(
     toys: list[str], write: Write, tactograph: Command
 ) -> None:
     text = STREAM.replace("touches, with: {count: $count}", "endless_touches")
-    outcome = tactograph("run", write(text.replace("op: noted", "op: kept")))
+    outcome = tactograph("run", write(text.replace("op: noted", "op: holds_open")))
     assert (outcome.code, outcome.err) == (0, "stopped\n")
     assert toys[-2:] == ["camera closed", "diary closed"]
 
 
-def test_an_inserted_node_is_read_by_those_who_name_the_output_too(write: Write) -> None:
+def test_an_inserted_node_is_read_by_readers_that_name_the_output_too(write: Write) -> None:
     base = STREAM.replace("image: light, truth", "image: light.flat_field, truth")
     write(base, "base.yaml")
     results = opened(write(DOUBLED, "variant.yaml")).items()
@@ -149,7 +151,7 @@ def test_a_sink_may_end_the_stream_and_all_sinks_take_its_last_item(
     assert [len(list(pipeline.items())) for _ in range(2)] == [2, 2], "it can run again"
 
 
-def test_an_inserted_node_is_recalled_by_those_who_recalled_the_one_before_it(write: Write) -> None:
+def test_an_inserted_node_is_recalled_by_readers_that_recalled_its_input(write: Write) -> None:
     write(SUMMED.replace("before: previous.sum", "before: previous.light"), "base.yaml")
     results = opened(write(DOUBLED, "variant.yaml")).items()
     assert [float(result["sum"].mean()) for result in results] == [2, 6, 10]

@@ -1,4 +1,4 @@
-"""The present stage is shown on a terminal, and in a pipe now and then."""
+"""The present stage is shown on a terminal, and in a pipe at intervals."""
 
 import io
 import sys
@@ -13,11 +13,11 @@ from tests.graph.conftest import STREAM, Command
 
 
 class Terminal(io.StringIO):
-    """Remembers what was written, and when a word comes, behind another one if need be."""
+    """Records what is written and signals when a word comes, after another one if one is named."""
 
-    def __init__(self, word: str, behind: str = "") -> None:
+    def __init__(self, word: str, after: str = "") -> None:
         super().__init__()
-        self._word, self._behind = word, behind
+        self._word, self._after = word, after
         self.came = threading.Event()
 
     def isatty(self) -> bool:
@@ -25,7 +25,7 @@ class Terminal(io.StringIO):
 
     def write(self, text: str) -> int:
         written = super().write(text)
-        start = self.getvalue().find(self._behind)
+        start = self.getvalue().find(self._after)
         if start >= 0 and self._word in self.getvalue()[start:]:
             self.came.set()
         return written
@@ -38,7 +38,7 @@ def _at_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_run_shows_its_stage_and_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    terminal = Terminal(" 0 s", behind="model (fit_film)")
+    terminal = Terminal(" 0 s", after="model (fit_film)")
     monkeypatch.setattr(sys, "stderr", terminal)
     with ProgressLine() as line:
         line.stage_of = lambda: "model (fit_film)"
@@ -46,14 +46,14 @@ def test_a_run_shows_its_stage_and_time(monkeypatch: pytest.MonkeyPatch) -> None
     assert "s left" not in terminal.getvalue()
 
 
-def test_of_many_captures_the_time_left_follows_from_the_share_that_is_done() -> None:
+def test_the_remaining_time_follows_from_the_share_of_captures_that_is_done() -> None:
     line = ProgressLine(wanted=False)
     line.at("1 of 4 captures", 1 / 4)
     assert line.remaining_s(5.0) == pytest.approx(15)
 
 
 @pytest.mark.parametrize("quiet", [False, True])
-def test_run_shows_it_on_a_terminal_unless_it_is_to_be_quiet(
+def test_run_shows_its_stage_on_a_terminal_unless_it_is_quiet(
     about: Command, monkeypatch: pytest.MonkeyPatch, quiet: bool
 ) -> None:
     terminal, read = Terminal("reading and compiling"), read_graph.read_graph
@@ -69,19 +69,19 @@ def test_run_shows_it_on_a_terminal_unless_it_is_to_be_quiet(
     assert ("reading and compiling" in terminal.getvalue()) != quiet
 
 
-def test_a_pipe_gets_a_line_now_and_then(
+def test_a_pipe_gets_a_line_at_intervals(
     about: Command, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert about("run", STREAM, "--backend", "numpy").err == ""
     monkeypatch.setattr(progress_line, "PRINT_INTERVAL_S", 0.01)
-    told = ""
+    printed = ""
     with ProgressLine() as line:
         line.stage_of = lambda: "model (fit_film)"
-        while told.count("model (fit_film): 0 s\n") < 2:
-            told += capsys.readouterr().err
+        while printed.count("model (fit_film): 0 s\n") < 2:
+            printed += capsys.readouterr().err
 
 
-def test_quiet_keeps_what_nodes_print_to_themselves(about: Command) -> None:
+def test_quiet_suppresses_what_nodes_print(about: Command) -> None:
     words = ("run", STREAM.replace("op: noted", "op: talking"), "--backend", "numpy")
     assert "a figure" in about(*words).out
     assert about(*words, "--quiet").out == ""

@@ -1,4 +1,4 @@
-"""`run --keep`: values from inside, looked at from outside."""
+"""`run --keep` writes inner values to files."""
 
 import json
 from pathlib import Path
@@ -11,21 +11,21 @@ from tests.graph.conftest import SLOPES, STREAM, Command, one_line
 WITH_OUT = SLOPES.replace("a height map}\n", "a height map}\n  out: {kind: path, default: out}\n")
 
 
-def test_values_from_inside_are_kept_beside_the_result(
+def test_inner_values_are_kept_next_to_the_result(
     about: Command, height_file: str, tmp_path: Path, backend: str
 ) -> None:
-    given = (f"file={height_file}", f"out={tmp_path / 'out'}")
-    done = about("run", WITH_OUT, *given, "--keep", "slope.slope,pixel", "--backend", backend)
+    params = (f"file={height_file}", f"out={tmp_path / 'out'}")
+    done = about("run", WITH_OUT, *params, "--keep", "slope.slope,pixel", "--backend", backend)
     assert done.code == 0, done.err
-    kept = tmp_path / "out" / "kept" / "1"
-    assert np.load(kept / "slope.slope.npy").shape == (2, *np.load(height_file).shape)
-    assert (kept / "slope.slope.png").read_bytes().startswith(b"\x89PNG")
-    assert json.loads((kept / "pixel.json").read_text()) == pytest.approx(0.1)
+    folder = tmp_path / "out" / "kept" / "1"
+    assert np.load(folder / "slope.slope.npy").shape == (2, *np.load(height_file).shape)
+    assert (folder / "slope.slope.png").read_bytes().startswith(b"\x89PNG")
+    assert json.loads((folder / "pixel.json").read_text()) == pytest.approx(0.1)
 
 
 def test_an_output_is_kept_by_its_name(about: Command, height_file: str, tmp_path: Path) -> None:
-    given = (f"file={height_file}", f"out={tmp_path / 'out'}")
-    assert about("run", WITH_OUT, *given, "--keep", "mask", "--backend", "numpy").code == 0
+    params = (f"file={height_file}", f"out={tmp_path / 'out'}")
+    assert about("run", WITH_OUT, *params, "--keep", "mask", "--backend", "numpy").code == 0
     assert np.load(tmp_path / "out" / "kept" / "1" / "mask.npy").all()
 
 
@@ -51,12 +51,14 @@ nodes:
 """
 
 
-def test_the_inside_of_a_group_is_kept_too(toys: list[str], about: Command, tmp_path: Path) -> None:
+def test_values_inside_a_group_are_kept_too(
+    toys: list[str], about: Command, tmp_path: Path
+) -> None:
     words = ("run", GROUPED, f"out={tmp_path}")
     done = about(*words, "--keep", "use.one,use.light,use.two.doubled")
     assert done.code == 0, done.err
-    kept = tmp_path / "kept" / "1"
-    means = {file.stem: np.load(file).mean() for file in kept.glob("*.npy")}
+    folder = tmp_path / "kept" / "1"
+    means = {file.stem: np.load(file).mean() for file in folder.glob("*.npy")}
     assert means == {"use.one": 2, "use.light": 4, "use.two.doubled": 4}
     toys.clear()
     done = about(*words, "--keep", "use.tow")
@@ -71,7 +73,7 @@ def test_the_inside_of_a_group_is_kept_too(toys: list[str], about: Command, tmp_
         (("--keep", ","), "--keep ,: write it as node.port,node"),
     ],
 )
-def test_what_is_not_there_cannot_be_kept(
+def test_an_unknown_value_cannot_be_kept(
     toys: list[str], about: Command, option: tuple[str, str], message: str
 ) -> None:
     assert message in one_line(about("run", STREAM, *option))

@@ -67,7 +67,7 @@ WHOLE = np.arange(60, dtype=np.uint8).reshape(3, 4, 5) * np.uint8(4)
 
 @node
 def whole_touches(*, whole: Whole = False) -> Iterator[Touch]:
-    """A camera's integers where that may be, else fractions."""
+    """A camera's integers where they are allowed, else fractions."""
     image: Any = WHOLE if whole else WHOLE / np.float32(255)
     yield Touch(image, "touch")
 
@@ -87,7 +87,7 @@ def watched(image: Light, truth: Height | None = None) -> Metrics:
 
 @node(endless=True)
 def endless_touches(*, stop_at: int = 3) -> Iterator[Touch]:
-    """A stream that Ctrl-C ends, pressed before an item; it lets go of its camera."""
+    """A stream that Ctrl-C ends, pressed before an item; it closes its camera."""
     number = 0
     try:
         while True:
@@ -101,7 +101,7 @@ def endless_touches(*, stop_at: int = 3) -> Iterator[Touch]:
 
 @node
 def pressed_words(image: Light) -> str:
-    """A sentence: the third image and those behind it show a touch."""
+    """A sentence: the third image and later ones show a touch."""
     level = float(image[0, 0, 0])
     return f"{'a touch' if level > 2 else 'nothing'} of {level:.1f}"
 
@@ -176,7 +176,7 @@ bits.opencl(grid="K H W")
 
 @node(derived={"h": SizeRule("H", by="rows")})
 def strips(image: Light, *, rows: int = 2) -> Annotated[F4, Port("K h W", "1")]:
-    """The brightest pixel of so many rows each; see strips.cl."""
+    """The brightest pixel of each strip of rows; see strips.cl."""
     return np.maximum.reduceat(image, np.arange(0, image.shape[1], rows), axis=1)
 
 
@@ -190,18 +190,18 @@ class Bright(NamedTuple):
 
 @node
 def bright(image: Light, *, above: float = 1.5) -> Bright:
-    """The pixels of the first image that are brighter; how many, only the image tells."""
-    found = np.flatnonzero(image[0] > above).astype(np.int32)
-    return Bright(found, image[0].ravel()[found])
+    """The pixels of the first image that are brighter; their number depends on the image."""
+    pixels = np.flatnonzero(image[0] > above).astype(np.int32)
+    return Bright(pixels, image[0].ravel()[pixels])
 
 
 @bright.opencl()
 def _launch_bright(run: Launch) -> None:
     height, width = run.sizes["H"], run.sizes["W"]
     image = run.inputs["image"]
-    found = np.flatnonzero(run.download(image)[0] > run.settings["above"])
-    run.set_size("C", found.size)
-    if found.size:
+    pixels = np.flatnonzero(run.download(image)[0] > run.settings["above"])
+    run.set_size("C", pixels.size)
+    if pixels.size:
         arguments = image, run.outputs["pixel"], run.outputs["light"], run.settings["above"]
         run.kernel("bright", (1,), *arguments, height * width)
 
@@ -251,10 +251,10 @@ class _Diary:
 
 
 @node
-def kept(image: Light, *, session: Session) -> None:
+def holds_open(image: Light, *, session: Session) -> None:
     """A sink that keeps something open."""
     session.keep(_Diary)
-    CALLS.append(f"kept {image.mean():g}")
+    CALLS.append(f"holds_open {image.mean():g}")
 
 
 @node
@@ -307,7 +307,7 @@ def gated(image: Light) -> Light:
 
 @node
 def passed_on(image: Light) -> Light:
-    """The very image that came in."""
+    """The same array that came in."""
     return image
 
 
@@ -320,7 +320,7 @@ def scribbling(image: Light) -> Light:
 
 @node
 def scribbled(figures: Metrics) -> Metrics:
-    """Writes into figures that others read, too."""
+    """Writes into figures that other nodes read too."""
     figures["mean"] = 100.0
     return figures
 
@@ -333,7 +333,7 @@ def remembered(figures: Metrics, before: Metrics | None = None) -> Metrics:
 
 @node
 def refilled_touches(*, count: int = 3) -> Iterator[Touch]:
-    """A stream out of one buffer, a part of which is each item."""
+    """A stream out of one buffer; each item is a part of it."""
     buffer = np.empty((4, 4, 5), np.float32)
     for number in range(1, count + 1):
         buffer[...] = number
@@ -342,7 +342,7 @@ def refilled_touches(*, count: int = 3) -> Iterator[Touch]:
 
 @node
 def struck(image: Light, *, at: float = 2.0) -> Light:
-    """The image; the device fails at one of them, and tells only when it is waited for."""
+    """The image; the device fails at one of them, and reports it only when it is waited for."""
     return image
 
 
@@ -449,7 +449,7 @@ def listing(image: Light) -> Light:
 
 @node
 def doubtful(image: Light) -> Light:
-    """Returns another element type than it says."""
+    """Returns another element type than it declares."""
     return image.astype(np.float64)
 
 
@@ -484,7 +484,7 @@ def in_metres(height: Annotated[F4, Port("H W", "m")]) -> Annotated[F4, Port("H 
 @node
 def choosy(
     *,
-    way: Literal["left", "right"],
+    side: Literal["left", "right"],
     share: Annotated[float, Interval(ge=0, le=0.5)] | None = None,
     corner: tuple[int, int] = (0, 0),
     level: float = 1.0,

@@ -22,8 +22,8 @@ def pairwise(node: Node, shapes: tuple[tuple[int, int], ...] = CASE_SHAPES) -> l
     """Make few cases of a node in which any two choices meet.
 
     Choices are the shape, the fill, each parameter's values, the inputs that are absent and the
-    outputs that are wanted.  What does not fit, such as a window larger than the image, never
-    meets.
+    outputs that are wanted.  Choices that do not fit, such as a window larger than the image,
+    never meet.
     """
     levels, middle = _levels(node), _middle(shapes)
     axes: list[Sequence[Any]] = [
@@ -50,24 +50,25 @@ def pairwise(node: Node, shapes: tuple[tuple[int, int], ...] = CASE_SHAPES) -> l
 
 
 def _covering(sizes: list[int], chosen: Callable[[Sequence[int]], Case | None]) -> Iterator[Case]:
-    """Choose a case after another until any two numbers of two axes have met.
+    """Choose one case after another until any two numbers of two axes have met.
 
-    Each begins with two that have not; the other axes take what meets most, or else their first.
+    Each begins with a pair that has not met.  The other axes take the number that meets most new
+    pairs, or else their first.
     """
     ends = combinations(range(len(sizes)), 2)
-    left = {((a, i), (b, j)) for a, b in ends for i in range(sizes[a]) for j in range(sizes[b])}
+    unmet = {((a, i), (b, j)) for a, b in ends for i in range(sizes[a]) for j in range(sizes[b])}
 
     def gain(row: list[int]) -> int:
-        return len(left.intersection(combinations(enumerate(row), 2)))
+        return len(unmet.intersection(combinations(enumerate(row), 2)))
 
-    while left:
-        pair = dict(min(left))
+    while unmet:
+        pair = dict(min(unmet))
         row = [pair.get(axis, 0) for axis in range(len(sizes))]
-        left.discard(min(left))
+        unmet.discard(min(unmet))
         for axis in set(range(len(sizes))) - set(pair):
             tries = [[*row[:axis], number, *row[axis + 1 :]] for number in range(sizes[axis])]
             row = max((tried for tried in tries if chosen(tried)), key=gain, default=row)
         case = chosen(row)
         if case is not None:
-            left -= set(combinations(enumerate(row), 2))
+            unmet -= set(combinations(enumerate(row), 2))
             yield case

@@ -1,6 +1,6 @@
-"""The compiler has nothing to say: PoCL prints its warnings on the user's terminal.
+"""The compiler gives no warning, as PoCL prints warnings on the user's terminal.
 
-What it does not say, but gets wrong, the sources keep clear of.
+The sources also avoid code that it compiles wrongly without a warning.
 """
 
 import re
@@ -29,7 +29,7 @@ for source in sources:
 
 @pytest.mark.slow
 def test_no_kernel_compiles_with_a_warning(tmp_path: Path) -> None:
-    """But for one that is written for this test, last, so that a warning is known to be seen."""
+    """Except for the last one, which is written for this test to show that warnings are noticed."""
     afresh = {"POCL_CACHE_DIR": tmp_path, "PYOPENCL_NO_CACHE": "1"}
     done = python("-W", "ignore", "-c", SCRIPT, **afresh)
     assert done.stderr == "1 warning generated.\n"
@@ -39,8 +39,8 @@ NODES = [node for node in map(find_node, shipped_nodes()) if node.has_kernel]
 STANDS_ALONE = re.compile(r"^static ONCE [^{;]*\{.*?^\}", re.MULTILINE | re.DOTALL)
 
 
-def test_functions_that_stand_alone_know_neither_place_nor_local_memory() -> None:
-    found = {text for node in NODES for text in STANDS_ALONE.findall(kernel_source(node))}
-    assert len(found) > 20
-    wrong = [text for text in found if re.search(r"\bget_\w+_(id|size)\b|__local\b", text)]
+def test_functions_that_stand_alone_use_neither_place_nor_local_memory() -> None:
+    functions = {text for node in NODES for text in STANDS_ALONE.findall(kernel_source(node))}
+    assert len(functions) > 20
+    wrong = [text for text in functions if re.search(r"\bget_\w+_(id|size)\b|__local\b", text)]
     assert wrong == []

@@ -17,25 +17,27 @@ KERNEL_NODES = [name for name in shipped_nodes() if find_node(name).has_kernel]
 
 
 def modules_of(node: Node) -> Iterator[ModuleType]:
-    """A node's module, and those of other nodes and functions that it takes names from."""
-    own = sys.modules[node.function.__module__]
-    yield own
-    taken = {getattr(value, "__module__", None) or "" for value in vars(own).values()}
-    yield from (sys.modules[name] for name in sorted(taken) if name.startswith("tactograph.nodes."))
+    """A node's module, and those of other nodes and functions from which it imports names."""
+    module = sys.modules[node.function.__module__]
+    yield module
+    names = {getattr(value, "__module__", None) or "" for value in vars(module).values()}
+    yield from (sys.modules[name] for name in sorted(names) if name.startswith("tactograph.nodes."))
 
 
 def shared_constants(node: Node) -> dict[str, tuple[float, float]]:
-    """What both sides call by one name: the number in Python, and that in the kernel's source.
+    """Constants with one name on both sides: the number in Python, and in the kernel's source.
 
     Two modules may each have a constant of that name; one of them has to agree.
     """
-    found: dict[str, tuple[float, float]] = {}
+    shared: dict[str, tuple[float, float]] = {}
     for name, number in NUMBER.findall(kernel_source(node)):
-        there = float(np.float32(number))
-        here = [float(np.float32(getattr(m, name))) for m in modules_of(node) if hasattr(m, name)]
-        if here:
-            found[name] = (there if there in here else here[0]), there
-    return found
+        in_kernel = float(np.float32(number))
+        in_python = [
+            float(np.float32(getattr(m, name))) for m in modules_of(node) if hasattr(m, name)
+        ]
+        if in_python:
+            shared[name] = (in_kernel if in_kernel in in_python else in_python[0]), in_kernel
+    return shared
 
 
 @each("name", KERNEL_NODES)

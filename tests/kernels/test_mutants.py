@@ -1,6 +1,6 @@
 """The parity suite can fail: it catches every one of these deliberate mistakes.
 
-They stand beside the kernels: ``kernels/light/flat_field.mutants.toml`` holds lines of
+They are next to the kernels: ``kernels/light/flat_field.mutants.toml`` holds lines of
 ``"what is wrong" = ["what flat_field.cl or a header of it says", "what the mutant says"]``.
 """
 
@@ -28,8 +28,8 @@ from tests.kernels.pairwise import pairwise
 SUFFIX = ".mutants.toml"
 FILES = {
     file.name.removesuffix(SUFFIX): file
-    for house in ("kernels", "rings")
-    for file in sorted((ROOT / house).rglob(f"*{SUFFIX}"))
+    for folder in ("kernels", "rings")
+    for file in sorted((ROOT / folder).rglob(f"*{SUFFIX}"))
 }
 MUTANTS: dict[str, dict[str, list[str]]] = {
     name: tomllib.loads(file.read_text(encoding="utf-8")) for name, file in FILES.items()
@@ -41,15 +41,15 @@ KERNEL = re.compile(r"^[^\n]*\b__kernel\b.*?^}", re.MULTILINE | re.DOTALL)
 @each("name", MUTANTS)
 def test_the_mutants_of_a_kernel_fit_it(name: str) -> None:
     file = FILES[name]
-    assert file.with_name(f"{name}.cl").is_file(), f"{file} stands beside no {name}.cl"
+    assert file.with_name(f"{name}.cl").is_file(), f"{file} is next to no {name}.cl"
     source = kernel_source(find_node(name))
     stale = [what for what, (before, _) in MUTANTS[name].items() if before not in source]
-    assert not stale, f"{file.relative_to(ROOT)} names what {name}.cl no longer says: {stale}"
+    assert not stale, f"{file.relative_to(ROOT)} names code that {name}.cl no longer has: {stale}"
 
 
 @pytest.mark.one_case
 @pytest.mark.parametrize(("name", "what"), LISTED, ids=[f"{n}: {w}" for n, w in LISTED])
-def test_parity_catches(name: str, what: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parity_catches_the_mutant(name: str, what: str, monkeypatch: pytest.MonkeyPatch) -> None:
     before, after = MUTANTS[name][what]
     build = Compiled._build
 
@@ -64,13 +64,13 @@ def test_parity_catches(name: str, what: str, monkeypatch: pytest.MonkeyPatch) -
         return {name: (wrong if name in changed else right)[name] for name in right}
 
     monkeypatch.setattr(Compiled, "_build", build_mutant)
-    # Small frames have levels of one work-group alone, but for this.
+    # Without this, small frames have levels of one work-group alone.
     monkeypatch.setattr(height_networks, "ONE_GROUP_PIXELS", 128)
     assert any(differences(find_node(name)))
 
 
 def wrong_kernels(source: str, mutant: str) -> set[str]:
-    """The kernels that a mistake is in: all of them if it is outside of kernels.
+    """The kernels that contain a mistake: all of them if it is outside of kernels.
 
     The others need not be compiled again for each mutant of a node of forty kernels.
     """
@@ -90,13 +90,13 @@ def test_a_kernel_is_no_mutant_of_itself(name: str) -> None:
 
 
 def differences(node: Node) -> Iterator[str | None]:
-    """What parity says of a node, case by case: first what most mutants fail on.
+    """The result of parity for a node, case by case, first the cases that most mutants fail.
 
     Without optimisation, which takes half of the compiler's time and hides no mistake.
     """
-    found, _ = choose_device()
-    assert found is not None
-    device = OpenCL(found)
+    chosen, _ = choose_device()
+    assert chosen is not None
+    device = OpenCL(chosen)
     device.options.append("-cl-opt-disable")
     every = cases(node) + pairwise(node, CASE_SHAPES[:3])
     for case in sorted(every, key=lambda case: abs(case.sizes.get("H", 0) - CASE_SHAPES[2][0])):

@@ -41,10 +41,10 @@ def one_lane(request: pytest.FixtureRequest) -> OpenCL | None:
     None where they do so anyway, and on PoCL 5.0, which aborts on barriers in loops; only a GPU's
     groups have those.
     """
-    found, _ = choose_device(request.config.getoption("--device"))
-    if usual_lanes(found) == 1 or "PoCL 5.0" in found.handle.platform.version:
+    chosen, _ = choose_device(request.config.getoption("--device"))
+    if usual_lanes(chosen) == 1 or "PoCL 5.0" in chosen.handle.platform.version:
         return None
-    return OpenCL(found, lanes=1)
+    return OpenCL(chosen, lanes=1)
 
 
 @pytest.fixture(scope="module")
@@ -79,17 +79,17 @@ def test_any_two_choices_meet(node: Node) -> None:
 
 
 def differences(devices: list[OpenCL], name: str, chosen: list[Case]) -> dict[str, str]:
-    """What differs on any device, by case."""
-    found = {str(case): compare_on(find_node(name), devices, case) for case in chosen}
-    return {case: what for case, what in found.items() if what}
+    """The differences on any device, by case."""
+    results = {str(case): compare_on(find_node(name), devices, case) for case in chosen}
+    return {case: what for case, what in results.items() if what}
 
 
 @pytest.fixture(scope="module")
 def as_written(request: pytest.FixtureRequest) -> OpenCL:
     """The device without its compiler's optimisations, which take half of the time."""
-    found, _ = choose_device(request.config.getoption("--device"))
-    assert found is not None
-    device = OpenCL(found)
+    chosen, _ = choose_device(request.config.getoption("--device"))
+    assert chosen is not None
+    device = OpenCL(chosen)
     device.options.append("-cl-opt-disable")
     return device
 
@@ -104,8 +104,8 @@ def test_both_back_ends_agree(as_written: OpenCL, name: str, only_small: bool) -
 @pytest.mark.slow
 @pytest.mark.parametrize("name", KERNEL_NODES)
 def test_back_ends_agree_in_every_case(device: OpenCL, one_lane: OpenCL | None, name: str) -> None:
-    """Where work-items do one element each, too: there large images hold random values alone, for
-    what else they hold matters on small ones."""
+    """Also where work-items do one element each.  Large images hold random values alone there, as
+    other values matter on small images."""
     node = find_node(name)
     every = cases(node) + ([] if name in COSTLY else pairwise(node))
     lanes = [device, one_lane] if one_lane and name in LANED else [device]
@@ -134,7 +134,9 @@ def test_the_height_is_the_same_if(
 @pytest.mark.one_case
 @pytest.mark.parametrize("lights", [3, 5, 8])
 @pytest.mark.parametrize("name", LANED)
-def test_any_number_of_lights(as_written: OpenCL, name: str, lights: int) -> None:
+def test_both_back_ends_agree_for_any_number_of_lights(
+    as_written: OpenCL, name: str, lights: int
+) -> None:
     node = find_node(name)
     if "K" in node.sizes and node.sizes["K"].refuses(lights):
         pytest.skip(node.sizes["K"].why)
@@ -160,11 +162,13 @@ def test_both_back_ends_agree_on(as_written: OpenCL, name: str, chosen: list[Cas
 @each("name", KERNEL_NODES)
 def test_a_kernels_signature_matches_the_declaration(name: str) -> None:
     node = find_node(name)
-    found = kernel_signatures(kernel_source(node))
+    signatures = kernel_signatures(kernel_source(node))
     if node.kernels.launch is None:
-        assert found[name] == [(kind, word.rstrip("_")) for kind, word in expected_arguments(node)]
+        assert signatures[name] == [
+            (kind, word.rstrip("_")) for kind, word in expected_arguments(node)
+        ]
     else:
-        assert found
+        assert signatures
 
 
 def test_every_pixel_node_of_the_paper_has_a_kernel() -> None:
@@ -174,18 +178,20 @@ def test_every_pixel_node_of_the_paper_has_a_kernel() -> None:
     assert slopes | shadows | heights <= set(KERNEL_NODES)
 
 
-def test_inputs_are_left_out_and_a_part_of_the_outputs_wanted() -> None:
+def test_cases_leave_inputs_out_and_want_a_part_of_the_outputs() -> None:
     assert {case.omitted for case in cases(leaned)} == {(), ("table",)}
     assert {case.wanted for case in cases(halves)} == {None, ("low",), ("high",)}
 
 
 @pytest.mark.parametrize("node", [leaned, halves], ids=lambda node: node.name)
-def test_what_is_absent_is_the_same_on_both_back_ends(device: OpenCL, node: Node) -> None:
+def test_absent_inputs_and_outputs_are_the_same_on_both_back_ends(
+    device: OpenCL, node: Node
+) -> None:
     chosen = [case for case in cases(node) if case.omitted or case.wanted]
     assert [compare(node, device, case) for case in chosen] == [None] * len(chosen)
 
 
-def test_a_kernel_that_needs_what_may_be_left_out_is_found_out(
+def test_a_kernel_that_needs_an_optional_input_is_detected(
     device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def always(image: Light, table: F4 | None = None) -> Light:

@@ -1,4 +1,4 @@
-"""A launch enqueued again, its arguments set long ago, works on what its buffers hold now."""
+"""A launch that is repeated with its arguments set works on the present content of its buffers."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ def first_case(name: str, fill: str) -> Case:
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("name", KERNEL_NODES)
-def test_a_repeated_launch_gives_what_a_first_one_gives(device: OpenCL, name: str) -> None:
+def test_a_repeated_launch_gives_the_result_of_a_first_one(device: OpenCL, name: str) -> None:
     node = find_node(name)
     before, now = (make_inputs(node, first_case(name, fill)) for fill in ("random", "edges"))
     numbers = {n: v for n, v in before.items() if not isinstance(v, np.ndarray)}
@@ -27,13 +27,13 @@ def test_a_repeated_launch_gives_what_a_first_one_gives(device: OpenCL, name: st
     ports = (*node.inputs.values(), *node.outputs.values())
     known = {dim for port in ports for dim in port.dims}
     sizes = {symbol: size for symbol, size in case.sizes.items() if symbol in known}
-    there = {n: device.upload(v) for n, v in before.items() if n not in numbers}
-    inputs: dict[str, Any] = {**there, **numbers}
+    uploaded = {n: device.upload(v) for n, v in before.items() if n not in numbers}
+    inputs: dict[str, Any] = {**uploaded, **numbers}
     prepared = device.prepare(node, case.settings, sizes)
     for _ in range(3):
         prepared.launch(inputs)
     # Two films have different numbers of rises.
-    alike = {n: array for n, array in there.items() if now[n].shape == array.shape}
+    alike = {n: array for n, array in uploaded.items() if now[n].shape == array.shape}
     assert alike
     for n, array in alike.items():
         cl.enqueue_copy(device.queue, array.buffer, np.ascontiguousarray(now[n]))

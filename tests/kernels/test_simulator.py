@@ -69,7 +69,7 @@ for line in sys.stdin:
 AS_WRITTEN = {"PYOPENCL_NO_CACHE": "1", "PYOPENCL_BUILD_OPTIONS": "-cl-opt-disable"}
 NODES = [find_node(name) for name in shipped_nodes() if find_node(name).has_kernel]
 VKFFT = ("integrate_dct", "integrate_frankot_chellappa")
-"""With one lane; its own kernels are not ours to prove, and take minutes in a simulator."""
+"""Nodes that use VkFFT with one lane; its kernels are not tested here, and take minutes."""
 OURS = [node.name for node in NODES if node.name not in VKFFT]
 LANED = [node.name for node in NODES if "LANES" in kernel_source(node)]
 
@@ -90,7 +90,7 @@ def simulator() -> Iterator[subprocess.Popen[str]]:
 
 @pytest.fixture
 def simulate(simulator: subprocess.Popen[str], tmp_path: Path) -> Simulate:
-    """Run a node's small parity cases, or one of `shape`, and return what the simulator says."""
+    """Run a node's small parity cases, or one of `shape`, and return the simulator's log."""
 
     def run(name: str, before: str = "", after: str = "", lanes: int = 1, shape: Any = None) -> str:
         log = tmp_path / "log"

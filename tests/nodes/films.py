@@ -10,10 +10,10 @@ LEDS = np.array([[21, 21, 37], [-21, 22, 36], [-22, -20, 38], [20, -21, 36]], np
 
 def harmonics(strength: float = 0.02, seed: int = 5) -> F4:
     """Coefficients of all harmonics, constant and linear in the place."""
-    made = np.zeros((len(LEDS), 8, 6), np.float32)
+    coefficients = np.zeros((len(LEDS), 8, 6), np.float32)
     rng = np.random.default_rng(seed)
-    made[..., :3] = rng.uniform(-strength, strength, made[..., :3].shape)
-    return made
+    coefficients[..., :3] = rng.uniform(-strength, strength, coefficients[..., :3].shape)
+    return coefficients
 
 
 MATT = Film.matt(LEDS)
@@ -40,9 +40,9 @@ def normals(slope: F4) -> F4:
 def ball_seen(
     radius: float, rim: float, centre: tuple[float, float], camera: float, size: tuple[int, int]
 ) -> tuple[F4, F4, F4]:
-    """What a camera sees of a ball in the film, for an image of 20 mm across.
+    """The view of a ball in the film by a camera, in an image 20 mm across.
 
-    Returns the height that is seen, Z = z / (1 - z / D), the film's slopes, 0 beside the ball,
+    Returns the apparent height Z = z / (1 - z / D), the film's slopes, 0 outside the ball,
     and 1 where the ball is.
     """
     rows, columns = size
@@ -60,5 +60,5 @@ def ball_seen(
     nearer = 1 - camera * z
     up = np.where(on, z - cz, 1)
     slope = np.where(on, -np.stack([x * nearer - centre[0], y * nearer - centre[1]]) / up, 0)
-    seen = z / nearer
-    return seen.astype(np.float32), slope.astype(np.float32), on
+    apparent = z / nearer
+    return apparent.astype(np.float32), slope.astype(np.float32), on

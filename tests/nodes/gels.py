@@ -21,13 +21,13 @@ FLASHED = light_ring(count=4, slant_deg=39.0, distance_mm=47.0)
 
 
 def ball(x: float, y: float, radius: float, depth: float) -> F4:
-    """A ball pressed so deep, at a place in mm from the middle of the film."""
+    """A ball pressed to a depth in mm, at a place in mm from the middle of the film."""
     below = np.sqrt(np.maximum(radius**2 - (X - x) ** 2 - (Y - y) ** 2, 0))
     return np.maximum(below - (radius - depth), 0).astype(np.float32)
 
 
 def bump(x: float, y: float, size: float, height: float = 1.0) -> F4:
-    """A Gaussian of so many mm, its size the standard deviation."""
+    """A Gaussian of a height in mm; its size is the standard deviation."""
     away = (X - x) ** 2 + (Y - y) ** 2
     return (height * np.exp(-away / (2 * size**2))).astype(np.float32)
 
@@ -64,7 +64,7 @@ class Gel:
         return self.dent if thing is None else np.maximum(press(thing, PIXEL_MM), self.dent)
 
     def seen(self, thing: F4 | None = None) -> F4:
-        """What the camera sees, K x H x W."""
+        """The image of the camera, K x H x W."""
         height = self.height(thing)
         light = diffuse_gel(self._lit(height), self.rest, share=0.2)
         if height.any():

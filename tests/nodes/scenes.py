@@ -1,4 +1,4 @@
-"""Small worlds whose truth is known in closed form."""
+"""Small scenes whose truth is known in closed form."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ LIGHTS = np.array(
 
 
 def lambert(slope: F4, lights: F4 = LIGHTS) -> F4:
-    """What a Lambertian film of albedo 1 gives under distant lights; black where they fail."""
+    """The light of a Lambertian film of albedo 1 under distant LEDs; black where none falls."""
     p, q = slope
     normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
     return np.maximum(np.tensordot(lights, normal, axes=1), 0).astype(np.float32)

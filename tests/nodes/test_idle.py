@@ -1,4 +1,4 @@
-"""What a node says of when it is idle holds to the bit."""
+"""A node that declares itself idle returns its neutral value to the bit."""
 
 import inspect
 
@@ -12,17 +12,15 @@ IDLE = [name for name in shipped_nodes() if find_node(name).is_idle is not None]
 
 
 IDLE_AT = {"area": 1.0, "film_gain": 1.0, "film_refraction": 1.0}
-"""What leaves a node idle, where it is not 0; the other of the two does not."""
+"""Values at which a node is idle, if not 0; the other one of 0 and 1 leaves it busy."""
 
 
-def test_no_lens_perspective_or_light_and_film_that_is_matt_and_everywhere_make_nodes_idle() -> (
-    None
-):
-    seen = ["distort_height", "distort_confidence", "distort_error", "distort_labels"]
+def test_these_nodes_and_no_others_can_be_idle() -> None:
+    distorting = ["distort_height", "distort_confidence", "distort_error", "distort_labels"]
     bent = ["matt_light", "undistort", "undo_perspective", "view_slope"]
     shaped = ["add_rest", "light_on_plane", "slope_from_rest"]
-    others = ["edge_variance", "film_bounce", "within_film"]
-    assert sorted([*seen, *bent, *shaped, *others]) == sorted(IDLE)
+    further = ["edge_variance", "film_bounce", "within_film"]
+    assert sorted([*distorting, *bent, *shaped, *further]) == sorted(IDLE)
 
 
 @pytest.mark.parametrize("name", IDLE)
@@ -35,14 +33,14 @@ def test_an_idle_node_returns_its_neutral_input_or_nothing(name: str) -> None:
     busy = {n: np.full_like(inputs[ports[n]], 1 - value) for n, value in idle.items()}
     # An input with a default is what has to be absent.
     assert not busy or not node.is_idle(**busy)
-    asked = {n: np.full_like(inputs[ports[n]], value) for n, value in idle.items()}
-    assert node.is_idle(**asked)
-    inputs |= {ports[n]: asked.get(n) for n in arguments}
-    made = node(*node.in_order(inputs), **case.settings)
+    values = {n: np.full_like(inputs[ports[n]], value) for n, value in idle.items()}
+    assert node.is_idle(**values)
+    inputs |= {ports[n]: values.get(n) for n in arguments}
+    result = node(*node.in_order(inputs), **case.settings)
     if all(port.optional for port in node.outputs.values()):
-        assert made is None
+        assert result is None
         return
     for output, plane in zip(
-        node.outputs, made if isinstance(made, tuple) else [made], strict=True
+        node.outputs, result if isinstance(result, tuple) else [result], strict=True
     ):
         np.testing.assert_array_equal(plane, inputs[node.handed_on(output)])

@@ -15,8 +15,8 @@ from tactograph.graph.errors import MARKED_NAME
 from tactograph.graph.rings import rings
 from tactograph.nodes.capture.read_capture import CaptureFile
 
-GIVEN = re.compile(r"(?<![\w.=$<`-])[a-z]\w*=(?!=)")
-"""A value that is given to a name."""
+ASSIGNMENT = re.compile(r"(?<![\w.=$<`-])[a-z]\w*=(?!=)")
+"""A value that is assigned to a name."""
 NAME = re.compile(r"(?<![\w./'])[a-z]+(?:_[a-z]+)+(?![\w./'(])")
 """A name of several words."""
 COMMAND = re.compile(r"tactograph run [^)';]*")
@@ -25,7 +25,7 @@ ENTRY = re.compile("|".join(CaptureFile.model_fields))
 """A name in a capture's own file, as that spells it."""
 
 
-def test_messages_know_nodes_and_no_graph() -> None:
+def test_messages_name_no_params_of_graphs() -> None:
     assert [*_of_graphs()] == []
 
 
@@ -33,10 +33,10 @@ def test_marks_are_of_the_node_or_of_one_that_imports_the_file() -> None:
     assert [*_foreign_marks()] == []
 
 
-def test_the_test_finds_both() -> None:
+def test_both_checks_find_a_violation() -> None:
     source = 'raise InputError(f"{x}: give `mm`=MM, or lens=FILE and pixel_size_mm")'
     (text,) = _sentences(ast.parse(source))
-    assert GIVEN.findall(_bare(text)) == ["lens="]
+    assert ASSIGNMENT.findall(_bare(text)) == ["lens="]
     assert NAME.findall(_bare(text)) == ["pixel_size_mm"]
     assert MARKED_NAME.findall(text) == [("mm", "=MM")]
 
@@ -49,7 +49,7 @@ def _of_graphs() -> Iterator[str]:
             bare = _bare(text)
             if "capture.yaml" in text:
                 bare = ENTRY.sub("", bare)
-            for name in [*GIVEN.findall(bare), *sorted({*NAME.findall(bare)} & settings)]:
+            for name in [*ASSIGNMENT.findall(bare), *sorted({*NAME.findall(bare)} & settings)]:
                 yield f"{file}: {name}: {text}"
 
 
@@ -112,21 +112,21 @@ def _source(module: str) -> Path | None:
 
 def _imported(node: str) -> set[Path]:
     """The file of a node, those that it imports, and those that they import."""
-    found, waiting = set[Path](), [_file(node)]
+    files, waiting = set[Path](), [_file(node)]
     while waiting:
         file = waiting.pop()
-        if file in found:
+        if file in files:
             continue
-        found.add(file)
+        files.add(file)
         waiting += _imports(file)
-    return found
+    return files
 
 
 @cache
 def _imports(file: Path) -> list[Path]:
     """The files of the package that a file imports."""
-    taken = (each for each in ast.walk(_tree(file)) if isinstance(each, ast.ImportFrom))
-    modules = [(str(each.module), each.names) for each in taken]
+    imports = (each for each in ast.walk(_tree(file)) if isinstance(each, ast.ImportFrom))
+    modules = [(str(each.module), each.names) for each in imports]
     names = [
         name
         for module, parts in modules

@@ -1,4 +1,4 @@
-"""A node takes what a reader can hold in mind; what belongs together is a record."""
+"""A node takes few arguments; values that belong together are a record."""
 
 import inspect
 
@@ -13,8 +13,8 @@ def arguments(name: str) -> tuple[int, int]:
     node = find_node(name)
     engine = {node.provenance, node.session, node.wanted, node.whole, *node.calls}
     signature = inspect.signature(node.function).parameters.values()
-    given = [p.kind is p.KEYWORD_ONLY for p in signature if p.name not in engine]
-    return given.count(False), given.count(True)
+    keyword_only = [p.kind is p.KEYWORD_ONLY for p in signature if p.name not in engine]
+    return keyword_only.count(False), keyword_only.count(True)
 
 
 @each("name", shipped_nodes())

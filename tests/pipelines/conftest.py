@@ -25,34 +25,34 @@ def run(
     backend: str | None = None,
     changes: dict[str, object] | None = None,
     ranked: bool = True,
-    **given: object,
+    **params: object,
 ) -> Result:
-    """What a graph finds; files are written only if `out` says where.
+    """The result of a graph; files are written only if `out` names a folder.
 
     A calibration that is not `ranked` is ten times as fast, and its touches are not checked.
     """
     if out is not None:
-        given["out"] = out
+        params["out"] = out
     bare = without_pictures(read_graph(graph))
     changed = with_changes(bare if ranked else without_ranks(bare), changes or {})
-    (result,) = open_pipeline(changed, given, backend=backend, sinks=out is not None).items()
+    (result,) = open_pipeline(changed, params, backend=backend, sinks=out is not None).items()
     return result
 
 
-def errors(graph: Any, given: dict[str, Any], count: int, *, least_mm: float = 0.0) -> list[float]:
-    """Root mean square errors in mm of so many heights of a live sensor that is simulated.
+def errors(graph: Any, params: dict[str, Any], count: int, *, least_mm: float = 0.0) -> list[float]:
+    """Root mean square errors in mm of `count` heights of a simulated live sensor.
 
-    Those of films that are nowhere as high as `least_mm` do not count.
+    Films that are nowhere as high as `least_mm` do not count.
     """
-    found: list[float] = []
-    with open_pipeline(graph, given) as pipeline:
+    rms_mm: list[float] = []
+    with open_pipeline(graph, params) as pipeline:
         for result in pipeline.items():
-            truth = next(made for value, made in result.item.items() if value.port == "truth")
+            truth = next(array for value, array in result.item.items() if value.port == "truth")
             if truth.max() >= least_mm:
-                found.append(float(np.sqrt(np.mean((result["height"] - truth) ** 2))))
-            if len(found) == count:
+                rms_mm.append(float(np.sqrt(np.mean((result["height"] - truth) ** 2))))
+            if len(rms_mm) == count:
                 break
-    return found
+    return rms_mm
 
 
 Reconstruct = Callable[..., Result]
@@ -82,5 +82,5 @@ def changed_rig(rig: Path, out: Path, shapes: list[str], change: Callable[[Image
     """A rig that another camera sees, and its calibration."""
     for capture in ("flat", "calibration", *shapes):
         changed(rig / capture, out / capture, change)
-    seen = {"capture": out / "calibration", "flat": out / "flat"}
-    run("calibrate", out / "cal.npz", ranked=False, **images_of(rig) | seen)
+    images = {"capture": out / "calibration", "flat": out / "flat"}
+    run("calibrate", out / "cal.npz", ranked=False, **images_of(rig) | images)

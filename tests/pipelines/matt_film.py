@@ -31,7 +31,7 @@ def leds(count: int = 4, distance_mm: float = 40.0) -> F4:
 
 
 def taken(height: F4, seed: int = 0, lights: F4 | None = None) -> Image:
-    """What an 8-bit camera sees under each LED: K x H x W."""
+    """The image of an 8-bit camera under each LED: K x H x W."""
     light = render(height, PIXEL_MM, leds() if lights is None else lights).light
     return np.rint(255 * expose(light, seed=seed).image).clip(0, 255).astype(np.uint8)
 
@@ -53,18 +53,18 @@ def see(folder: Path, camera: Callable[[Image], Image]) -> None:
 def calibrated(
     folder: Path, size_mm: float | tuple[float, float] = PIXEL_MM, out: str = "cal.npz"
 ) -> Any:
-    """What `calibrate` makes of these."""
-    given = {"capture": str(folder / "ball"), "flat": str(folder / "flat")}
+    """The result of `calibrate` for these captures."""
+    images = {"capture": str(folder / "ball"), "flat": str(folder / "flat")}
     known = {"ball_radius_mm": BALL_MM, "pixel_size_mm": size_mm}
-    return run("calibrate", **given, **known, out=str(folder / out), accept_contradictions=True)
+    return run("calibrate", **images, **known, out=str(folder / out), accept_contradictions=True)
 
 
-def run(graph: str, sinks: bool = True, **given: Any) -> Any:
+def run(graph: str, sinks: bool = True, **params: Any) -> Any:
     """The result of a graph's only item."""
-    (result,) = open_pipeline(graph, given, sinks=sinks).items()
+    (result,) = open_pipeline(graph, params, sinks=sinks).items()
     return result
 
 
 def said(result: Any) -> list[str]:
-    """What a result warns of, but for the lack of a device."""
+    """The warnings of a result, except that of a missing device."""
     return [line for line in result.warnings if "OpenCL" not in line]

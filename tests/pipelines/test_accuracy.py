@@ -1,4 +1,4 @@
-"""What the shipped graphs find, against the truth of captures by an independent renderer."""
+"""Results of the shipped graphs against the truth of captures by an independent renderer."""
 
 from pathlib import Path
 
@@ -17,14 +17,16 @@ from tests.pipelines.conftest import Image, Reconstruct, changed_rig, run
 
 @pytest.mark.one_case
 @pytest.mark.parametrize(("rig", "scale"), [("far28", 1), ("far28_vga16", 2)])
-def test_shadows_in_the_papers_hard_case(reconstruct: Reconstruct, rig: str, scale: int) -> None:
-    found = reconstruct("paper", rig, "sphere")["metrics"]
+def test_shadow_handling_reduces_the_error_in_the_papers_hard_case(
+    reconstruct: Reconstruct, rig: str, scale: int
+) -> None:
+    metrics = reconstruct("paper", rig, "sphere")["metrics"]
     without = reconstruct("paper_no_shadow", rig, "sphere")["metrics"]
-    assert found["peak_px"] == pytest.approx(70 * scale, abs=0.1)
-    assert found["max_error_px"] <= 11 * scale
-    assert found["over_10_percent"] <= 3
-    assert found["max_error_px"] < 0.75 * without["max_error_px"]
-    assert found["over_10_percent"] < 0.5 * without["over_10_percent"]
+    assert metrics["peak_px"] == pytest.approx(70 * scale, abs=0.1)
+    assert metrics["max_error_px"] <= 11 * scale
+    assert metrics["over_10_percent"] <= 3
+    assert metrics["max_error_px"] < 0.75 * without["max_error_px"]
+    assert metrics["over_10_percent"] < 0.5 * without["over_10_percent"]
 
 
 FILMS = {
@@ -42,16 +44,16 @@ FILMS = {
 def test_reconstruct_reaches_its_error_on_soft_presses(
     reconstruct: Reconstruct, rig: str, shape: str
 ) -> None:
-    found = reconstruct("reconstruct", rig, shape)["metrics"]
-    assert found["rmse_px"] <= FILMS[rig, shape]
+    metrics = reconstruct("reconstruct", rig, shape)["metrics"]
+    assert metrics["rmse_px"] <= FILMS[rig, shape]
 
 
 def as_a_colour_camera_sees(image: Image) -> Image:
-    """Every second pixel of every second row, and what bilinear interpolation makes between."""
-    seen = np.zeros(image.shape, np.float32)
-    seen[::2, ::2] = image[::2, ::2]
+    """Every second pixel of every second row, interpolated bilinearly between them."""
+    sampled = np.zeros(image.shape, np.float32)
+    sampled[::2, ::2] = image[::2, ::2]
     taps = np.array([0.5, 1, 0.5], np.float32)
-    return cv2.sepFilter2D(seen, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101)
+    return cv2.sepFilter2D(sampled, cv2.CV_32F, taps, taps, borderType=cv2.BORDER_REFLECT_101)
 
 
 @pytest.fixture(scope="session")
@@ -68,10 +70,10 @@ def colour_rig(raytraced: Raytraced, made_once: MadeOnce) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
 def test_the_stated_error_holds_where_neighbours_share_noise(colour_rig: Path, shape: str) -> None:
-    given = {"capture": colour_rig / shape, "calibration": colour_rig / "cal.npz"}
-    found = run("precise", **given)
-    assert 85 <= found["metrics"]["in_90_percent_band"] <= 98
-    assert (np.abs(found["height"]) < 1e-9).mean() > 0.4
+    params = {"capture": colour_rig / shape, "calibration": colour_rig / "cal.npz"}
+    result = run("precise", **params)
+    assert 85 <= result["metrics"]["in_90_percent_band"] <= 98
+    assert (np.abs(result["height"]) < 1e-9).mean() > 0.4
 
 
 @pytest.mark.parametrize(
@@ -85,34 +87,36 @@ def test_near_lights_need(reconstruct: Reconstruct, graph: str, shape: str, time
 
 
 @pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
-def test_where_light_comes_from_needs_few_pixels(reconstruct: Reconstruct, shape: str) -> None:
+def test_the_direction_of_light_needs_few_pixels(reconstruct: Reconstruct, shape: str) -> None:
     coarse, full = (reconstruct(f"reconstruct{end}", "near33", shape) for end in ("", "_full"))
-    apart = np.abs(coarse["height"] - full["height"]) / RIG_PIXEL_MM["near33"]
-    assert np.sqrt(np.mean(apart**2)) < 0.005
-    assert apart.max() < 0.1
+    difference = np.abs(coarse["height"] - full["height"]) / RIG_PIXEL_MM["near33"]
+    assert np.sqrt(np.mean(difference**2)) < 0.005
+    assert difference.max() < 0.1
 
 
 @pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
-def test_larger_cells_do_for_the_rough_height(reconstruct: Reconstruct, shape: str) -> None:
-    found = reconstruct("reconstruct", "near33", shape, cell_px=8)
-    assert found["metrics"]["rmse_px"] <= FILMS["near33", shape]
+def test_larger_cells_suffice_for_the_rough_height(reconstruct: Reconstruct, shape: str) -> None:
+    result = reconstruct("reconstruct", "near33", shape, cell_px=8)
+    assert result["metrics"]["rmse_px"] <= FILMS["near33", shape]
 
 
 @pytest.mark.slow
-def test_three_lights_do(raytraced: Raytraced, reconstruct: Reconstruct, tmp_path: Path) -> None:
-    taken = {"taken.leds": [1, 2, 3], "rest_taken.leds": [1, 2, 3]}
-    run("calibrate", tmp_path / "three.npz", changes=taken, **images_of(raytraced / "near33"))
-    given = {"capture": raytraced / "near33/sphere_film", "calibration": tmp_path / "three.npz"}
-    found = run("reconstruct", changes={"frames.leds": [1, 2, 3]}, **given)
-    assert found["metrics"]["rmse_px"] < 0.3
+def test_three_lights_suffice(
+    raytraced: Raytraced, reconstruct: Reconstruct, tmp_path: Path
+) -> None:
+    leds = {"taken.leds": [1, 2, 3], "rest_taken.leds": [1, 2, 3]}
+    run("calibrate", tmp_path / "three.npz", changes=leds, **images_of(raytraced / "near33"))
+    params = {"capture": raytraced / "near33/sphere_film", "calibration": tmp_path / "three.npz"}
+    result = run("reconstruct", changes={"frames.leds": [1, 2, 3]}, **params)
+    assert result["metrics"]["rmse_px"] < 0.3
 
 
 def test_the_ball_alone_calibrates(raytraced: Raytraced, tmp_path: Path) -> None:
     """Without a flat frame the fall-off is modelled; vignetting and dirt stay."""
     rig, calibrated = raytraced / "near33", tmp_path / "ball.npz"
     run("calibrate", calibrated, ranked=False, **images_of(rig) | {"flat": None})
-    found = run("reconstruct", capture=rig / "sphere_film", calibration=calibrated)
-    assert found["metrics"]["rmse_px"] < 1.0
+    result = run("reconstruct", capture=rig / "sphere_film", calibration=calibrated)
+    assert result["metrics"]["rmse_px"] < 1.0
 
 
 @pytest.mark.one_case
@@ -123,10 +127,10 @@ def test_back_ends_find_the_same_height(reconstruct: Reconstruct, rig: str, grap
         reconstruct(graph, rig, "cat_film", backend=name) for name in ("numpy", "opencl")
     )
     assert not device.plan.fallbacks
-    apart = np.abs(host["height"] - device["height"]) / RIG_PIXEL_MM[rig]
+    difference = np.abs(host["height"] - device["height"]) / RIG_PIXEL_MM[rig]
     flipped = np.abs(host["slope"] - device["slope"]).max(axis=0) > 1e-3
     assert flipped.mean() < 1e-3
-    assert apart[~flipped].max() < 0.01
+    assert difference[~flipped].max() < 0.01
 
 
 def test_a_touch_leaves_all_files_of_the_contract(reconstruct: Reconstruct, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What touches take of a small machine: libraries that are loaded, and buffers of the device."""
+"""The resources that touches need: loaded libraries and buffers of the device."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ SIZE = {"width_px": 96, "height_px": 72, "pixel_size_mm": 0.25}
 
 @pytest.fixture(scope="module")
 def calibration(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of a simulated ball, small and quick; its touches are judged."""
+    """The calibration of a small simulated sensor whose touches are judged."""
     small = simulated_sensor(tmp_path_factory.mktemp("small"), radius_mm=7.0, ranked=False, **SIZE)
     rank_checks(file=small / "cal.npz", count=24)
     return small / "cal.npz"

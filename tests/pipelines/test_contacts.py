@@ -1,4 +1,4 @@
-"""A shipped graph says of a simulated touch where it is and how deep; of none, none."""
+"""A shipped graph measures the place and depth of a simulated touch, and finds none without."""
 
 import json
 from pathlib import Path
@@ -39,7 +39,7 @@ def test_a_touch_is_measured_in_its_result(sensor: Path) -> None:
 @pytest.mark.one_case
 @pytest.mark.parametrize("graph", ["reconstruct", "precise"])
 @pytest.mark.parametrize("offset", [(-11.0, 0.0), (9.6, 7.2)])
-def test_what_is_seen_of_a_ball_that_the_border_cuts_is_as_high_as_it_is(
+def test_the_visible_part_of_a_ball_that_the_border_cuts_has_its_true_height(
     sensor: Path, graph: str, offset: tuple[float, float]
 ) -> None:
     touch, out = sensor / f"at {offset}", sensor / f"cut {offset} {graph}"

@@ -17,20 +17,20 @@ VIEWS = {
 }
 
 
-def housed(film: Image, seen: NDArray[np.bool_]) -> Image:
-    """What the camera sees: film in one part of the frame, and black housing in the other."""
+def housed(film: Image, visible: NDArray[np.bool_]) -> Image:
+    """An image with film in one part of the frame, and black housing in the other."""
     housing = np.random.default_rng(film.sum()).normal(2, 0.6, film.shape).clip(0, 255)
-    return np.where(seen, film, np.rint(housing)).astype(np.uint8)
+    return np.where(visible, film, np.rint(housing)).astype(np.uint8)
 
 
 @pytest.fixture(scope="module", params=VIEWS)
 def view(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with captures and a calibration."""
-    folder, seen = tmp_path_factory.mktemp("view"), VIEWS[request.param]
-    see(folder, lambda film: housed(film, seen))
-    np.save(folder / "seen.npy", seen)
-    told = said(calibrated(folder))
-    assert ["fills" in line for line in told] == ([] if seen.all() else [True])
+    folder, visible = tmp_path_factory.mktemp("view"), VIEWS[request.param]
+    see(folder, lambda film: housed(film, visible))
+    np.save(folder / "visible.npy", visible)
+    warnings = said(calibrated(folder))
+    assert ["fills" in line for line in warnings] == ([] if visible.all() else [True])
     return folder
 
 
@@ -39,16 +39,16 @@ def test_the_edge_of_the_film_is_drawn(view: Path) -> None:
     picture = cv2.imread(str(view / "cal.png"))
     part = picture[: picture.shape[0] // 2, : picture.shape[1] // 2].astype(int)
     blue = (part[..., 0] > 180) & (part[..., 2] < 100)
-    assert bool(blue.sum() > 50) == (not np.load(view / "seen.npy").all())
+    assert bool(blue.sum() > 50) == (not np.load(view / "visible.npy").all())
 
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("graph", ["reconstruct", "precise", "paper"])
-def test_what_is_no_film_changes_no_height(view: Path, graph: str) -> None:
-    given = {"capture": str(view / "touch"), "calibration": str(view / "cal.npz")}
-    result = run(graph, sinks=False, **given)
-    seen = np.load(view / "seen.npy")
-    off = (result["height"] - TOUCH)[seen]
+def test_parts_without_film_change_no_height(view: Path, graph: str) -> None:
+    params = {"capture": str(view / "touch"), "calibration": str(view / "cal.npz")}
+    result = run(graph, sinks=False, **params)
+    visible = np.load(view / "visible.npy")
+    off = (result["height"] - TOUCH)[visible]
     assert np.sqrt(np.mean(off**2)) < (0.03 if graph == "paper" else 0.012)
-    assert np.abs(result["height"][~seen]).max(initial=0) < 0.05
+    assert np.abs(result["height"][~visible]).max(initial=0) < 0.05
     assert not [line for line in result.warnings if "may be wrong" in line]

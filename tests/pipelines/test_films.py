@@ -1,4 +1,4 @@
-"""True on films that are not matt, under cameras that are near: rigs in the hand, a real sensor."""
+"""Right heights on films that are not matt, under near cameras: rigs in the hand, a real sensor."""
 
 import csv
 import json
@@ -36,15 +36,15 @@ def microns(raytraced: Raytraced, made_once: MadeOnce) -> Microns:
     def measure(rig: str, graph: str = "reconstruct", shape: str = SHAPE) -> float:
         file = made_once(f"{rig}.npz", lambda file: calibrate(raytraced / rig, file))
         capture = raytraced / rig / shape
-        found = run(graph, capture=capture, calibration=file)
+        result = run(graph, capture=capture, calibration=file)
         true = np.load(capture / "truth_height_mm.npy")
-        return 1e3 * float(np.sqrt(np.square(found["height"] - true).mean()))
+        return 1e3 * float(np.sqrt(np.square(result["height"] - true).mean()))
 
     return measure
 
 
 def calibrate(rig: Path, file: Path) -> None:
-    """Both presses; the lens from the grid on the film, the pupil's height as it is built."""
+    """Calibrate with both presses, the lens from the grid on the film, and the pupil as built."""
     scene = json.loads((rig / "calibration/scene.json").read_text())
     presses, camera = file.with_suffix(".presses"), file.with_suffix(".camera.npz")
     presses.mkdir()
@@ -53,15 +53,15 @@ def calibrate(rig: Path, file: Path) -> None:
     run("calibrate_camera", camera, image=rig / "grid.png", pitch_mm=1.5)
     more = {"camera_mm": scene["camera_mm"]} if scene["camera_mm"] else {}
     radius = scene["sphere_radius_mm"]
-    given = {"capture": presses, "flat": rig / "flat", "ball_radius_mm": radius, "lens": camera}
-    run("calibrate", file, **given, **more)
+    images = {"capture": presses, "flat": rig / "flat", "ball_radius_mm": radius, "lens": camera}
+    run("calibrate", file, **images, **more)
 
 
 @needs_rings
 @pytest.mark.slow
 @pytest.mark.parametrize("rig", RIGS)
-def test_a_soft_press_on_a_rig_in_the_hand(rig: str, microns: Microns) -> None:
-    """Right, and only with the part of the film or camera that describes the rig."""
+def test_a_soft_press_on_a_rig_in_the_hand_is_right(rig: str, microns: Microns) -> None:
+    """It is right only with the part of film or camera that describes the rig."""
     right = microns(rig)
     assert right <= RIGS[rig]
     if rig in PARTS:
@@ -70,13 +70,15 @@ def test_a_soft_press_on_a_rig_in_the_hand(rig: str, microns: Microns) -> None:
 
 @needs_rings
 @pytest.mark.slow
-def test_the_light_that_a_rim_throws_comes_to_rest(microns: Microns) -> None:
-    """A rigid half ball on a coated film that lights itself: three passes left it too low."""
+def test_the_light_that_a_rim_throws_converges(microns: Microns) -> None:
+    """A rigid half ball on a coated film with interreflection; three passes are too few."""
     assert microns("hand", "precise", "sphere") < 18
 
 
 @pytest.mark.slow
-def test_a_stream_finds_what_single_touches_give(raytraced: Raytraced, made_once: MadeOnce) -> None:
+def test_a_stream_finds_the_heights_of_single_touches(
+    raytraced: Raytraced, made_once: MadeOnce
+) -> None:
     """To the bit wherever the touch has moved, and within 0.2 um while only noise has changed."""
     file = made_once("hand.npz", lambda file: calibrate(raytraced / "hand", file))
     names = sorted((raytraced / "hand" / SHAPE).glob("led*.png"))
@@ -87,17 +89,17 @@ def test_a_stream_finds_what_single_touches_give(raytraced: Raytraced, made_once
         noisy = np.roll(images, right_px, axis=2) + rng.normal(0, 0.5, images.shape)
         return np.rint(noisy.clip(0, 255)).astype(np.uint8)
 
-    touches, kept = [0, 0, 0, 3, 3, 6, 9, 9], []
+    touches, differs = [0, 0, 0, 3, 3, 6, 9, 9], []
     with (
         load("reconstruct", calibration=file) as single,
         load("reconstruct_stream", calibration=file) as stream,
     ):
         for touch in touches:
-            seen = frame(touch)
-            apart = stream(frames=seen)["height"] - single(frames=seen)["height"]
-            kept.append(bool(apart.any()))
-            assert 1e3 * np.sqrt(np.square(apart).mean()) < 0.2
-    assert kept == [False, True, True, False, True, False, False, True]
+            image = frame(touch)
+            difference = stream(frames=image)["height"] - single(frames=image)["height"]
+            differs.append(bool(difference.any()))
+            assert 1e3 * np.sqrt(np.square(difference).mean()) < 0.2
+    assert differs == [False, True, True, False, True, False, False, True]
 
 
 SCALE, PIXEL_MM, RADIUS_MM = 4, 4 * 0.003404, 0.2475
@@ -112,7 +114,7 @@ class Sensor(NamedTuple):
     calibration: Path
     centres: F4
     first_centres: F4
-    """Of the scan that calibrates."""
+    """The centres in the scan that calibrates."""
 
 
 @pytest.fixture(scope="module")
@@ -143,35 +145,35 @@ def marked(file: Path) -> F4:
 
 
 def degrees(height: F4, centres: F4) -> float:
-    """Mean angle between the normals of a height and those of balls, whose places they tell."""
+    """Mean angle between the normals of a height and those of balls, placed by the height."""
     q, p = np.gradient(height.astype(np.float64), PIXEL_MM)
     n = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
     yy, xx = np.mgrid[: height.shape[0], : height.shape[1]]
-    found = []
+    angles = []
     for x, y in centres:
         for _ in range(3):
             inside = np.hypot(xx - x, yy - y) < 0.85 * BALL_PX
             x, y = (np.median(a[inside] - BALL_PX * c[inside]) for a, c in ((xx, n[0]), (yy, n[1])))
         u, v = (xx[inside] - x) / BALL_PX, (yy[inside] - y) / BALL_PX
         truth = np.stack([u, v, np.sqrt(np.maximum(1 - u * u - v * v, 1e-4))])
-        found.append(np.degrees(np.arccos(np.clip((n[:, inside] * truth).sum(0), -1, 1))).mean())
-    return float(np.mean(found))
+        angles.append(np.degrees(np.arccos(np.clip((n[:, inside] * truth).sum(0), -1, 1))).mean())
+    return float(np.mean(angles))
 
 
 @pytest.mark.slow
 def test_one_ball_calibrates_a_real_sensor(sensor: Sensor) -> None:
     """Against all balls of another scan; and no simpler flow is better."""
-    found = {
+    errors = {
         graph: degrees(
             run(graph, capture=sensor.scan, calibration=sensor.calibration)["height"],
             sensor.centres,
         )
         for graph in ("precise", "reconstruct", "reconstruct_no_shadow", "paper")
     }
-    assert found["reconstruct"] < 1.75
-    assert found["reconstruct"] < found["reconstruct_no_shadow"] + 0.005
-    assert found["precise"] < 1.7
-    assert found["paper"] > max(found["reconstruct"], found["precise"])
+    assert errors["reconstruct"] < 1.75
+    assert errors["reconstruct"] < errors["reconstruct_no_shadow"] + 0.005
+    assert errors["precise"] < 1.7
+    assert errors["paper"] > max(errors["reconstruct"], errors["precise"])
 
 
 @pytest.fixture(scope="module")
@@ -188,5 +190,5 @@ def scans(sensor: Sensor) -> list[dict[str, Any]]:
 
 @pytest.mark.slow
 def test_scans_of_the_calibrated_sensor_are_trusted(scans: list[dict[str, Any]]) -> None:
-    """The one that calibrates and another one: its own presses say what a real film leaves open."""
+    """The scan that calibrates and another one; its own presses show what the model leaves open."""
     assert min(scan["metrics"]["trust"] for scan in scans) > 0.02

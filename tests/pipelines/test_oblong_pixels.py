@@ -26,25 +26,27 @@ def squeezed(planes: np.ndarray) -> np.ndarray:
 
 
 def oblong_percent(lines: list[str]) -> float:
-    """How much longer than wide pixels are, by what a calibration says."""
-    (found,) = filter(None, (re.search(r"them ([\d.]+)% longer than wide", line) for line in lines))
-    return float(found[1])
+    """How much longer than wide pixels are, as stated by a calibration."""
+    (match,) = filter(None, (re.search(r"them ([\d.]+)% longer than wide", line) for line in lines))
+    return float(match[1])
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with captures and a calibration."""
-    made = tmp_path_factory.mktemp("oblong")
-    see(made, squeezed)
-    assert not said(calibrated(made, (PIXEL_MM, LENGTH_MM)))
-    return made
+    captures = tmp_path_factory.mktemp("oblong")
+    see(captures, squeezed)
+    assert not said(calibrated(captures, (PIXEL_MM, LENGTH_MM)))
+    return captures
 
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("graph", ["reconstruct", "precise", "paper"])
-def test_heights_are_as_of_square_pixels_but_have_no_pixel_size(folder: Path, graph: str) -> None:
-    given = {"capture": str(folder / "touch"), "calibration": str(folder / "cal.npz")}
-    result = run(graph, **given, out=str(folder / graph))
+def test_heights_equal_those_of_square_pixels_and_state_both_sides_of_a_pixel(
+    folder: Path, graph: str
+) -> None:
+    params = {"capture": str(folder / "touch"), "calibration": str(folder / "cal.npz")}
+    result = run(graph, **params, out=str(folder / graph))
     off = result["height"] - squeezed(TOUCH[None])[0]
     assert np.sqrt(np.mean(off**2)) < (0.03 if graph == "paper" else 0.012)
     if graph != "paper":
@@ -55,6 +57,6 @@ def test_heights_are_as_of_square_pixels_but_have_no_pixel_size(folder: Path, gr
 
 
 @pytest.mark.slow
-def test_a_ball_that_looks_oblong_is_told(folder: Path) -> None:
+def test_an_oblong_ball_gives_a_warning(folder: Path) -> None:
     result = calibrated(folder, out="square.npz")
     assert oblong_percent(said(result)) == pytest.approx(100 * (LENGTH_MM / PIXEL_MM - 1), abs=0.5)

@@ -1,4 +1,4 @@
-"""What `precise` finds, against the truth of captures by an independent renderer."""
+"""Results of `precise` against the truth of captures by an independent renderer."""
 
 import json
 from collections.abc import Callable
@@ -23,8 +23,8 @@ def metrics(reconstruct: Reconstruct, made_once: MadeOnce) -> Figures:
 
     def measure(graph: str, rig: str, shape: str) -> dict[str, float]:
         def write(file: Path) -> None:
-            found = reconstruct(graph, rig, shape)["metrics"]
-            file.write_text(json.dumps({name: float(value) for name, value in found.items()}))
+            figures = reconstruct(graph, rig, shape)["metrics"]
+            file.write_text(json.dumps({name: float(value) for name, value in figures.items()}))
 
         file = made_once(f"{graph}_{rig}_{shape}.json", write)
         return dict(json.loads(file.read_text()))
@@ -50,14 +50,14 @@ REACHED = [
 def test_precise_reaches_its_error_on_every_shape(
     metrics: Figures, rig: str, shape: str, rmse: float, largest: float, over: float
 ) -> None:
-    found = metrics("precise", rig, shape)
-    assert found["rmse_px"] <= rmse
-    assert found["max_error_px"] <= largest
-    assert found["over_10_percent"] <= over
+    figures = metrics("precise", rig, shape)
+    assert figures["rmse_px"] <= rmse
+    assert figures["max_error_px"] <= largest
+    assert figures["over_10_percent"] <= over
 
 
 @pytest.mark.parametrize("rig", ["far28", "near33"])
-def test_shadows_measure_what_no_slope_shows(metrics: Figures, rig: str) -> None:
+def test_shadows_measure_rises_that_no_slope_shows(metrics: Figures, rig: str) -> None:
     with_shadows = metrics("precise", rig, "sphere")["rmse_px"]
     without = metrics("precise_no_constraints", rig, "sphere")["rmse_px"]
     assert with_shadows < 0.2 * without
@@ -75,51 +75,51 @@ def blurred(raytraced: Raytraced, made_once: MadeOnce) -> Path:
 
 
 def test_shadows_measure_rims_that_a_lens_blurs(blurred: Path) -> None:
-    given = {"capture": blurred / "sphere", "calibration": blurred / "cal.npz"}
-    found, without = (run(f"precise{end}", **given)["metrics"] for end in ("", "_no_blur"))
-    assert found["rmse_px"] < min(0.3, 0.6 * without["rmse_px"])
-    assert 80 < found["in_90_percent_band"] < 98
+    params = {"capture": blurred / "sphere", "calibration": blurred / "cal.npz"}
+    figures, without = (run(f"precise{end}", **params)["metrics"] for end in ("", "_no_blur"))
+    assert figures["rmse_px"] < min(0.3, 0.6 * without["rmse_px"])
+    assert 80 < figures["in_90_percent_band"] < 98
 
 
 @pytest.mark.parametrize("shape", ["sphere_film", "cat_film"])
 def test_the_truth_lies_in_the_band(metrics: Figures, shape: str) -> None:
-    # One ball calibrates: what it cannot tell of other touches widens the band.
-    found = metrics("precise", "near33", shape)
-    assert 85 < found["in_90_percent_band"] < 97
+    # One ball calibrates: what it leaves open of other touches widens the band.
+    figures = metrics("precise", "near33", shape)
+    assert 85 < figures["in_90_percent_band"] < 97
 
 
 @pytest.mark.parametrize("shape", ["sphere", "cat"])
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_the_band_is_honest_behind_steep_rims(metrics: Figures, rig: str, shape: str) -> None:
-    found = metrics("precise", rig, shape)
-    assert 85 < found["in_90_percent_band"] < 98
-    assert 0.75 < found["stated_over_actual"] < 2.5
+    figures = metrics("precise", rig, shape)
+    assert 85 < figures["in_90_percent_band"] < 98
+    assert 0.75 < figures["stated_over_actual"] < 2.5
 
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("rig", ["far28", "near33"])
-def test_the_worst_pixel_is_no_worse_than_fast_or_says_so(
+def test_the_worst_pixel_is_no_worse_than_that_of_reconstruct_or_states_its_error(
     raytraced: Raytraced, reconstruct: Reconstruct, metrics: Figures, rig: str
 ) -> None:
-    """Nor is it far off where its height is not marked as unresolved."""
-    found = reconstruct("precise", rig, "cat")
-    departure = np.abs(found["height"] - np.load(raytraced / rig / "cat/truth_height_mm.npy"))
+    """No height that is not marked as unresolved is far off either."""
+    result = reconstruct("precise", rig, "cat")
+    departure = np.abs(result["height"] - np.load(raytraced / rig / "cat/truth_height_mm.npy"))
     worst = np.unravel_index(departure.argmax(), departure.shape)
     fast = metrics("reconstruct", rig, "cat")["max_error_px"]
-    assert departure[worst] <= max(fast * RIG_PIXEL_MM[rig], 3 * found["error"][worst])
-    assert departure[found["unresolved"] == 0].max() < RIG_PIXEL_MM[rig]
+    assert departure[worst] <= max(fast * RIG_PIXEL_MM[rig], 3 * result["error"][worst])
+    assert departure[result["unresolved"] == 0].max() < RIG_PIXEL_MM[rig]
 
 
-def test_the_error_is_written_beside_the_height_and_is_zero_nowhere(
+def test_the_error_is_written_next_to_the_height_and_is_zero_nowhere(
     reconstruct: Reconstruct, tmp_path: Path
 ) -> None:
-    found = reconstruct("precise", "near33", "sphere_film", out=tmp_path)
-    there = {file.name for file in tmp_path.iterdir()}
-    assert {"height.npy", "error.npy", "error.png", "confidence.npy", "confidence.png"} <= there
-    assert found["error"].min() > 1e-4 * RIG_PIXEL_MM["near33"]
+    result = reconstruct("precise", "near33", "sphere_film", out=tmp_path)
+    files = {file.name for file in tmp_path.iterdir()}
+    assert {"height.npy", "error.npy", "error.png", "confidence.npy", "confidence.png"} <= files
+    assert result["error"].min() > 1e-4 * RIG_PIXEL_MM["near33"]
 
 
-def test_labels_are_as_often_right_as_their_confidence_says(
+def test_labels_are_as_often_right_as_their_confidence_states(
     raytraced: Raytraced, reconstruct: Reconstruct
 ) -> None:
     capture, result = raytraced / "near33/cat", reconstruct("precise", "near33", "cat")
@@ -133,18 +133,18 @@ def test_labels_are_as_often_right_as_their_confidence_says(
         assert right[stated].mean() == pytest.approx(result["confidence"][stated].mean(), abs=0.1)
 
 
-def test_a_stream_finds_what_single_captures_give(
+def test_a_stream_finds_the_heights_of_single_captures(
     raytraced: Raytraced, calibration: Calibration, metrics: Figures, tmp_path: Path
 ) -> None:
-    """The same touch twice, then another: from the height before, or not."""
+    """The same touch twice, from the previous height, and then another touch."""
     shapes = ["cat_film", "cat_film", "sphere_film"]
     for number, shape in enumerate(shapes):
         (tmp_path / f"{number}").symlink_to(raytraced / "near33" / shape)
-    given = {"capture": tmp_path, "calibration": calibration("near33")}
-    stream = open_pipeline("precise_stream", given, sinks=False)
-    found = [result["metrics"]["rmse_px"] for result in stream.items()]
+    params = {"capture": tmp_path, "calibration": calibration("near33")}
+    stream = open_pipeline("precise_stream", params, sinks=False)
+    errors = [result["metrics"]["rmse_px"] for result in stream.items()]
     alone = [metrics("precise", "near33", shape)["rmse_px"] for shape in shapes]
-    assert found == pytest.approx(alone, abs=0.002)
+    assert errors == pytest.approx(alone, abs=0.002)
 
 
 @pytest.mark.parametrize(
@@ -154,14 +154,14 @@ def test_passes_end_once_the_height_has_settled(
     raytraced: Raytraced, calibration: Calibration, shape: str, ran: list[int]
 ) -> None:
     """On a plane and a soft film the second pass moves nothing; on a rigid ball each one does."""
-    given = {"capture": raytraced / "near33" / shape, "calibration": calibration("near33")}
-    given["accept_contradictions"] = True
-    found = {}
+    params = {"capture": raytraced / "near33" / shape, "calibration": calibration("near33")}
+    params["accept_contradictions"] = True
+    results = {}
     for graph in ("precise", "precise_settled"):
-        (found[graph],) = open_pipeline(graph, given, sinks=False).items()
-    times = found["precise_settled"].times
+        (results[graph],) = open_pipeline(graph, params, sinks=False).items()
+    times = results["precise_settled"].times
     assert [turn for turn in (1, 2, 3) if times[f"passes.{turn}.label"]] == ran
-    off = found["precise_settled"]["height"] - found["precise"]["height"]
+    off = results["precise_settled"]["height"] - results["precise"]["height"]
     assert np.sqrt(np.mean(off**2)) < (0.5e-3 if len(ran) < 3 else 1e-9)
 
 
@@ -170,18 +170,18 @@ def test_passes_end_once_the_height_has_settled(
 def test_both_back_ends_end_at_the_same_pass(
     raytraced: Raytraced, calibration: Calibration, shape: str
 ) -> None:
-    given = {"capture": raytraced / "near33" / shape, "calibration": calibration("near33")}
-    given["accept_contradictions"] = True
+    params = {"capture": raytraced / "near33" / shape, "calibration": calibration("near33")}
+    params["accept_contradictions"] = True
     ends = {}
     for backend in ("numpy", "opencl"):
-        pipeline = open_pipeline("precise_settled", given, sinks=False, backend=backend)
+        pipeline = open_pipeline("precise_settled", params, sinks=False, backend=backend)
         (result,) = pipeline.items()
         ends[backend] = [bool(result.times[f"passes.{turn}.label"]) for turn in (1, 2, 3)]
     assert ends["numpy"] == ends["opencl"] == [True, shape == "sphere", shape == "sphere"]
 
 
 def under_a_hair(image: Image) -> Image:
-    """What a lens sees that a hair crosses: it dims all LEDs alike."""
+    """An image through a lens that a hair crosses, which dims all LEDs alike."""
     shade = np.zeros(image.shape, np.float32)
     rows, columns = image.shape
     cv2.line(shade, (columns // 3, rows // 3), (columns // 2, 2 * rows // 3), 1.0, 2)
@@ -194,6 +194,6 @@ def test_a_hair_over_the_touch_costs_little_and_is_in_the_band(
 ) -> None:
     clean = metrics("precise", rig, "sphere_film")
     capture = changed(raytraced / rig / "sphere_film", tmp_path / "hair", under_a_hair)
-    found = run("precise", capture=capture, calibration=calibration(rig))["metrics"]
-    assert found["rmse_px"] < 1.5 * clean["rmse_px"]
-    assert found["in_90_percent_band"] > 85
+    figures = run("precise", capture=capture, calibration=calibration(rig))["metrics"]
+    assert figures["rmse_px"] < 1.5 * clean["rmse_px"]
+    assert figures["in_90_percent_band"] > 85

@@ -60,7 +60,7 @@ def truth(raytraced: Raytraced) -> F4:
 
 
 @pytest.mark.parametrize("form", ["dome", "cylinder"])
-def test_heights_above_the_film_come_back(form: str, curved: Curved, truth: F4) -> None:
+def test_heights_above_the_film_are_restored(form: str, curved: Curved, truth: F4) -> None:
     see = load("see_touch", calibration=curved(form))
     touched, untouched = (see(height=height)["image"] for height in (truth, 0 * truth))
     quick = load("reconstruct", calibration=curved(form))
@@ -69,40 +69,40 @@ def test_heights_above_the_film_come_back(form: str, curved: Curved, truth: F4) 
         assert np.sqrt(np.mean(error**2)) < 0.3 * RIG_PIXEL_MM[RIG]
     careful = load("precise", calibration=curved(form))
     assert np.abs(careful(frames=untouched)["height"]).max() < 2e-3
-    found = careful(frames=touched)
-    off = np.abs(found["height"] - truth)
+    result = careful(frames=touched)
+    off = np.abs(result["height"] - truth)
     assert np.sqrt(np.mean(off**2)) < 0.15 * RIG_PIXEL_MM[RIG]
-    assert np.mean((off <= BAND_DEVIATIONS * found["error"])[truth > 0.02]) > 0.8
+    assert np.mean((off <= BAND_DEVIATIONS * result["error"])[truth > 0.02]) > 0.8
 
 
 def test_the_truth_is_compared_above_the_film_at_rest(
     curved: Curved, truth: F4, tmp_path: Path
 ) -> None:
     """A capture's truth is the film's own height, which a dome raises by a millimetre."""
-    seen = tmp_path / "seen"
+    capture = tmp_path / "capture"
     np.save(tmp_path / "height.npy", truth)
-    run("see_touch", seen, height=tmp_path / "height.npy", calibration=curved("dome"))
-    own = np.load(seen / "truth_height_mm.npy")
-    np.testing.assert_allclose(own - truth, shape_of("dome", truth.shape), atol=1e-6)
-    found = run("precise", capture=seen, calibration=curved("dome"))
-    off = np.sqrt(np.mean((found["height"] - truth) ** 2))
-    assert found["metrics"]["rmse_um"] == pytest.approx(1e3 * off, rel=1e-3)
-    assert found["metrics"]["in_90_percent_band"] > 80
+    run("see_touch", capture, height=tmp_path / "height.npy", calibration=curved("dome"))
+    film = np.load(capture / "truth_height_mm.npy")
+    np.testing.assert_allclose(film - truth, shape_of("dome", truth.shape), atol=1e-6)
+    result = run("precise", capture=capture, calibration=curved("dome"))
+    off = np.sqrt(np.mean((result["height"] - truth) ** 2))
+    assert result["metrics"]["rmse_um"] == pytest.approx(1e3 * off, rel=1e-3)
+    assert result["metrics"]["in_90_percent_band"] > 80
 
 
 def test_both_back_ends_find_the_same_height_above_a_dome(curved: Curved, truth: F4) -> None:
     images = load("see_touch", calibration=curved("dome"))(height=truth)["image"]
-    found = [
+    heights = [
         load("reconstruct", calibration=curved("dome"), backend=backend)(frames=images)["height"]
         for backend in ("numpy", "opencl")
     ]
-    np.testing.assert_allclose(*found, atol=2e-4)
+    np.testing.assert_allclose(*heights, atol=2e-4)
 
 
 def test_right_touches_of_a_dome_are_trusted_and_wrong_ones_are_not(
     curved: Curved, truth: F4, tmp_path: Path
 ) -> None:
-    """By right touches that are drawn above the film at rest."""
+    """The ranks are those of right touches that are drawn above the film at rest."""
     file = tmp_path / "cal.npz"
     shutil.copy(curved("dome"), file)
     rank_checks(file=file, count=64)
@@ -113,44 +113,44 @@ def test_right_touches_of_a_dome_are_trusted_and_wrong_ones_are_not(
         assert graph(frames=images[[1, 0, 2, 3]])["metrics"]["trust"] < 0.01
 
 
-def test_a_stream_on_a_dome_finds_what_single_touches_give(curved: Curved, truth: F4) -> None:
+def test_a_stream_on_a_dome_finds_the_heights_of_single_touches(curved: Curved, truth: F4) -> None:
     images = load("see_touch", calibration=curved("dome"))(height=truth)["image"]
     with load("precise_stream", calibration=curved("dome")) as stream:
-        found = [stream(frames=images)["height"] for _ in range(2)]
+        heights = [stream(frames=images)["height"] for _ in range(2)]
     alone = load("precise", calibration=curved("dome"))(frames=images)["height"]
-    np.testing.assert_allclose(found, [alone, alone], atol=1e-4)
+    np.testing.assert_allclose(heights, [alone, alone], atol=1e-4)
 
 
 def test_the_tables_of_the_paper_hold_on_a_dome(curved: Curved, truth: F4) -> None:
-    """As well as on a plane, whose light they were made of."""
+    """As well as on a plane, from whose light they were made."""
     images = load("see_touch", calibration=curved("dome"))(height=truth)["image"]
-    found = load("paper", calibration=curved("dome"))(frames=images)["height"]
-    assert np.sqrt(np.mean((found - truth) ** 2)) < 1.5 * RIG_PIXEL_MM[RIG]
+    height = load("paper", calibration=curved("dome"))(frames=images)["height"]
+    assert np.sqrt(np.mean((height - truth) ** 2)) < 1.5 * RIG_PIXEL_MM[RIG]
 
 
 def test_a_mesh_is_the_films_own_shape(truth: F4, tmp_path: Path) -> None:
-    """From near, points that rise towards the pupil are seen beside where they lie."""
-    view, made = View(camera=1 / 60), Provenance({}, None, [], {}, {}, [], [])
+    """Under a near camera, points that rise towards the pupil appear beside their place."""
+    view, provenance = View(camera=1 / 60), Provenance({}, None, [], {}, {}, [], [])
     touch = Touch(
         truth, truth[None], RIG_PIXEL_MM[RIG], view=view, rest=shape_of("dome", truth.shape)
     )
     with pytest.raises(InputError, match="its places are not those of a plane"):
-        write_result(touch, folder=tmp_path, grid="metric", provenance=made)
+        write_result(touch, folder=tmp_path, grid="metric", provenance=provenance)
     write_ply(tmp_path / "height.ply", touch.film, touch.pixel, touch.view)
-    found = trimesh.load_mesh(tmp_path / "height.ply", process=False).vertices
+    vertices = trimesh.load_mesh(tmp_path / "height.ply", process=False).vertices
     film = shape_of("dome", truth.shape).astype(np.float64) + truth
     y, x = np.mgrid[: truth.shape[0], : truth.shape[1]] * RIG_PIXEL_MM[RIG]
     x, y = (x - x.mean()) * (1 - film / 60), (y.mean() - y) * (1 - film / 60)
     lies = np.stack([x, y, film], axis=-1).reshape(-1, 3)
-    np.testing.assert_allclose(found, lies, atol=1e-5)
+    np.testing.assert_allclose(vertices, lies, atol=1e-5)
     # A stream's points are those of the mesh, from the first pixel.
     right, down = touch.places_mm()
-    seen = np.stack([right, -down, touch.film], axis=-1).reshape(-1, 3)
-    np.testing.assert_allclose(seen - seen.mean(axis=0), lies - lies.mean(axis=0), atol=1e-4)
+    points = np.stack([right, -down, touch.film], axis=-1).reshape(-1, 3)
+    np.testing.assert_allclose(points - points.mean(axis=0), lies - lies.mean(axis=0), atol=1e-4)
 
 
 @pytest.mark.parametrize("graph", ["reconstruct_no_flat", "paper_no_flat"])
-def test_a_graph_that_takes_the_film_for_a_plane_refuses_it(
+def test_a_graph_that_takes_the_film_for_a_plane_refuses_a_dome(
     graph: str, curved: Curved, raytraced: Raytraced
 ) -> None:
     with pytest.raises(InputError, match="no plane at rest"):

@@ -1,4 +1,4 @@
-"""Wrong inputs are told: the benchmark of silent errors at a small size."""
+"""Wrong inputs are reported: the benchmark of silent errors at a small size."""
 
 import csv
 from pathlib import Path
@@ -7,11 +7,11 @@ import pytest
 
 from tests.fixtures import ROOT, python
 
-TOLD = (
+REPORTED = (
     "swapped_neighbours", "order_rotated", "mirrored", "led_twice", "interlaced", "another_sensor",
 )  # fmt: skip
-"""Kinds that every touch under near LEDs tells."""
-UNTOLD = ("wave", "radius")
+"""Kinds of mistakes that every touch under near LEDs reveals."""
+UNREPORTED = ("wave", "radius")
 Row = dict[str, str]
 
 
@@ -19,9 +19,9 @@ Row = dict[str, str]
 def rows(once: Path) -> list[Row]:
     """The rows of some kinds on a sensor with near LEDs."""
     script, table = ROOT / "benchmarks" / "silent.py", once / "silent.csv"
-    kinds = ["--kind", "right", *TOLD, *UNTOLD]
-    kept = ["--csv", str(table), "--cache", str(once / "silent")]
-    python(script, "--small", *kinds, *kept)
+    kinds = ["--kind", "right", *REPORTED, *UNREPORTED]
+    files = ["--csv", str(table), "--cache", str(once / "silent")]
+    python(script, "--small", *kinds, *files)
     with table.open(newline="") as file:
         return list(csv.DictReader(file))
 
@@ -38,20 +38,22 @@ def test_right_touches_are_right(rows: list[Row]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", TOLD)
-def test_a_wrong_input_is_told(rows: list[Row], kind: str) -> None:
+@pytest.mark.parametrize("kind", REPORTED)
+def test_a_wrong_input_is_reported(rows: list[Row], kind: str) -> None:
     wrong = of(rows, kind)
     assert wrong
     assert all(row["harm"] == "True" and row["told"] == "True" for row in wrong)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", UNTOLD)
+@pytest.mark.parametrize("kind", UNREPORTED)
 def test_other_wrong_inputs_do_harm(rows: list[Row], kind: str) -> None:
     assert any(row["harm"] == "True" for row in of(rows, kind))
 
 
 @pytest.mark.slow
-def test_a_wrong_radius_is_told_when_it_calibrates(rows: list[Row]) -> None:
-    told = [row["told_at_calibration"] for row in of(rows, "radius") if float(row["value"]) > 1.05]
-    assert told == ["True", "True"]
+def test_a_wrong_radius_is_reported_at_calibration(rows: list[Row]) -> None:
+    reported = [
+        row["told_at_calibration"] for row in of(rows, "radius") if float(row["value"]) > 1.05
+    ]
+    assert reported == ["True", "True"]

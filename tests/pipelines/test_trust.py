@@ -117,14 +117,14 @@ def refusal(line: str) -> str:
 
 
 def verdict(pipeline: Pipeline, stack: Images) -> str:
-    """What `judge_touch` says of a touch; "" is nothing."""
+    """The verdict of `judge_touch` on a touch; "" if it has no doubts."""
     try:
         result = pipeline(frames=stack)
     except InputError as error:
         return refusal(str(error))
-    told = [line for line in result.warnings if line.endswith(DOUBT)]
-    assert bool(told) == (result["metrics"]["trust"] < FALSE_ALARMS)
-    return "".join(told)
+    doubts = [line for line in result.warnings if line.endswith(DOUBT)]
+    assert bool(doubts) == (result["metrics"]["trust"] < FALSE_ALARMS)
+    return "".join(doubts)
 
 
 @pytest.mark.parametrize("graph", ["reconstruct", "reconstruct_full", "paper", "precise"])
@@ -133,21 +133,23 @@ def verdict(pipeline: Pipeline, stack: Images) -> str:
 def test_right_touches_are_trusted(
     raytraced: Raytraced, opened: Opened, graph: str, rig: str, shape: str
 ) -> None:
-    """`reconstruct` does not find a rigid ball under near LEDs, and says so; `precise` does."""
+    """`reconstruct` does not find a rigid ball under near LEDs, and warns; `precise` does."""
     not_found = (rig, shape) == ("near33", "sphere") and graph.startswith("reconstruct")
     assert bool(verdict(opened(graph, rig), images(raytraced / rig / shape))) == not_found
 
 
-SEEN = [("reconstruct", what) for what in WRONG]
+DETECTED = [("reconstruct", what) for what in WRONG]
 OF_LIGHT = ("other light", "the mean of two touches", "every other line of another touch")
-SEEN += [("paper", what) for what in WRONG if what not in (*OF_LIGHT, "an LED of another touch")]
+DETECTED += [
+    ("paper", what) for what in WRONG if what not in (*OF_LIGHT, "an LED of another touch")
+]
 """The paper's flow does not check the light of the touch, and its slopes curl on steep film."""
 
 
-@pytest.mark.parametrize(("graph", "what"), SEEN)
+@pytest.mark.parametrize(("graph", "what"), DETECTED)
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("rig", ["far28", "near33"])
-def test_wrong_images_are_told(
+def test_wrong_images_are_detected(
     raytraced: Raytraced, opened: Opened, graph: str, rig: str, shape: str, what: str
 ) -> None:
     right, another = (images(raytraced / rig / name) for name in (shape, ANOTHER[shape]))
@@ -157,7 +159,7 @@ def test_wrong_images_are_told(
 @pytest.mark.parametrize("graph", ["reconstruct", "paper"])
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("rig", ["far28", "near33"])
-def test_the_calibration_of_another_sensor_is_told(
+def test_the_calibration_of_another_sensor_is_detected(
     raytraced: Raytraced, opened: Opened, graph: str, rig: str, shape: str
 ) -> None:
     assert verdict(opened(graph, OTHER_RIG[rig]), images(raytraced / rig / shape)) != ""
@@ -165,7 +167,7 @@ def test_the_calibration_of_another_sensor_is_told(
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("what", ["two LEDs swapped", "gamma 2.2", "exposed too short"])
-def test_precise_tells_it_too(raytraced: Raytraced, opened: Opened, what: str) -> None:
+def test_precise_detects_wrong_images_too(raytraced: Raytraced, opened: Opened, what: str) -> None:
     right = images(raytraced / "near33" / "sphere_film")
     assert verdict(opened("precise", "near33"), WRONG[what](right, right)) != ""
 
@@ -198,12 +200,14 @@ def test_rigid_walls_and_no_soft_ones_are_rims(
 ) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        found = opened("reconstruct", rig)(frames=images(raytraced / rig / shape))
-    assert least <= found["metrics"]["rim_share"] <= most
-    assert any("hangs on rims" in line for line in found.warnings) == (least > 0)
+        result = opened("reconstruct", rig)(frames=images(raytraced / rig / shape))
+    assert least <= result["metrics"]["rim_share"] <= most
+    assert any("hangs on rims" in line for line in result.warnings) == (least > 0)
 
 
-def test_labels_that_cost_nothing_are_not_found_twice(raytraced: Raytraced, opened: Opened) -> None:
+def test_labels_that_cost_nothing_are_not_computed_twice(
+    raytraced: Raytraced, opened: Opened
+) -> None:
     """The checks judge the light by all labels: those of the last rough pass, on a matt film."""
     times = opened("reconstruct", "far28")(frames=images(raytraced / "far28/sphere_film")).times
     assert times["judge.judged"] == 0 < times["rough.4.label"]
@@ -222,9 +226,11 @@ def stream(raytraced: Raytraced, tmp_path: Path) -> Path:
     return tmp_path / "touches"
 
 
-def test_a_stream_that_is_forced_warns_and_goes_on(stream: Path, calibration: Calibration) -> None:
-    given = {"capture": stream, "calibration": calibration("far28"), "accept_contradictions": True}
-    results = list(open_pipeline("reconstruct", given, sinks=False).items())
+def test_a_stream_that_is_forced_warns_and_continues(
+    stream: Path, calibration: Calibration
+) -> None:
+    params = {"capture": stream, "calibration": calibration("far28"), "accept_contradictions": True}
+    results = list(open_pipeline("reconstruct", params, sinks=False).items())
     doubted = [any(line.endswith(DOUBT) for line in result.warnings) for result in results]
     assert doubted == [False, True, True, False]
     trusts = [result["metrics"]["trust"] for result in results]
@@ -232,19 +238,19 @@ def test_a_stream_that_is_forced_warns_and_goes_on(stream: Path, calibration: Ca
     assert max(trusts[1:3]) < FALSE_ALARMS
 
 
-def test_what_everything_contradicts_ends_a_run_that_is_not_forced(
+def test_a_touch_that_every_check_contradicts_ends_a_run_that_is_not_forced(
     stream: Path, calibration: Calibration, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    given = [f"capture={stream}", f"calibration={calibration('far28')}", f"out={out}"]
+    params = [f"capture={stream}", f"calibration={calibration('far28')}", f"out={out}"]
     with pytest.raises(InputError, match=f"^1: .*{REFUSAL}.*; 'tactograph batch' goes on"):
-        run_command(["run", "reconstruct", *given])
+        run_command(["run", "reconstruct", *params])
     assert {path.parent.name for path in out.rglob("result.json")} == {"0"}
 
 
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_a_good_calibration_has_no_warning(raytraced: Raytraced, tmp_path: Path, rig: str) -> None:
-    made = run(
+    result = run(
         "calibrate", tmp_path / "cal.npz", ranked=rig == "far28", **images_of(raytraced / rig)
     )
-    assert not made.warnings
+    assert not result.warnings

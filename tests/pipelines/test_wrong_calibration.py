@@ -16,9 +16,9 @@ SEVEN = r"(7|6\.9[5-9]|7\.0[1-5])"
 """The radius of the ball in mm, as the light gives it."""
 
 
-def calibrate(rig: Path, out: Path, **given: object) -> Result:
+def calibrate(rig: Path, out: Path, **params: object) -> Result:
     """Calibrate with the diameter of the ball, 14 mm, for its radius."""
-    return run("calibrate", out, **images_of(rig) | {"ball_radius_mm": 14.0, **given})
+    return run("calibrate", out, **images_of(rig) | {"ball_radius_mm": 14.0, **params})
 
 
 @pytest.mark.slow
@@ -32,35 +32,35 @@ def test_a_diameter_typed_as_radius_writes_no_file(raytraced: Raytraced, tmp_pat
 @pytest.mark.slow
 def test_a_forced_calibration_is_doubtful_also_at_use(raytraced: Raytraced, tmp_path: Path) -> None:
     file = tmp_path / "cal.npz"
-    made = calibrate(raytraced / RIG, file, accept_contradictions=True, led_distance_mm=55.0)
-    assert re.match(f"doubtful: a ball of {SEVEN} mm radius", made.outputs["verdict"])
-    assert made.outputs["advice"].startswith("settle the doubts first")
-    assert any(re.search(f"ball_radius_mm={SEVEN} would agree", each) for each in made.warnings)
+    result = calibrate(raytraced / RIG, file, accept_contradictions=True, led_distance_mm=55.0)
+    assert re.match(f"doubtful: a ball of {SEVEN} mm radius", result.outputs["verdict"])
+    assert result.outputs["advice"].startswith("settle the doubts first")
+    assert any(re.search(f"ball_radius_mm={SEVEN} would agree", each) for each in result.warnings)
     used = run("reconstruct", capture=raytraced / RIG / "sphere_film", calibration=file)
     assert [w for w in used.warnings if w.startswith(f"calibration {file} is doubtful")]
 
 
 @pytest.mark.slow
-def test_a_pixel_that_further_parts_of_the_film_make_up_for_is_told(
+def test_a_wrong_pixel_size_that_other_parts_of_the_film_compensate_is_reported(
     raytraced: Raytraced, tmp_path: Path
 ) -> None:
     wrong = {"ball_radius_mm": 7.0, "pixel_size_mm": 1.03 * RIG_PIXEL_MM["far28"]}
-    made = calibrate(raytraced / "far28", tmp_path / "cal.npz", **wrong)
-    assert re.search(r"gel diffuses \d% of the light", made.outputs["verdict"])
+    result = calibrate(raytraced / "far28", tmp_path / "cal.npz", **wrong)
+    assert re.search(r"gel diffuses \d% of the light", result.outputs["verdict"])
 
 
 @pytest.mark.slow
-def test_a_near_camera_that_was_not_given_makes_no_radius_wrong(tmp_path: Path) -> None:
-    """The fit of what was told ended in a bad minimum: 5.73 mm were said to explain more."""
+def test_an_unstated_near_camera_does_not_make_the_radius_doubtful(tmp_path: Path) -> None:
+    """The fit once ended in a bad minimum, where 5.73 mm seemed to explain more."""
     rig = SHARED / "raytraced" / "hand"
     if not rig.is_dir():
         pytest.skip("needs the ray-traced sensor in the hand")
-    given = {"capture": rig / "calibration", "flat": rig / "flat", "ball_radius_mm": 6.0}
-    made = run("calibrate", tmp_path / "cal.npz", **given, pixel_size_mm=1 / 14)
-    assert not [warning for warning in made.warnings if "explains the light better" in warning]
+    params = {"capture": rig / "calibration", "flat": rig / "flat", "ball_radius_mm": 6.0}
+    result = run("calibrate", tmp_path / "cal.npz", **params, pixel_size_mm=1 / 14)
+    assert not [warning for warning in result.warnings if "explains the light better" in warning]
 
 
-def test_a_right_calibration_is_used_without_a_word(reconstruct: Reconstruct) -> None:
+def test_a_right_calibration_is_used_without_a_warning(reconstruct: Reconstruct) -> None:
     used = reconstruct("reconstruct", RIG, "sphere_film")
     assert not any("doubtful" in warning for warning in used.warnings)
 
@@ -72,7 +72,7 @@ READERS = {
 }
 """Nodes that read a calibration, and their param that names it."""
 REPLAYING = {"stitch", "rank_checks", "certify"}
-"""Graphs that read it by another graph and repeat what that says, or that make no touch of it."""
+"""Graphs that read it through another graph and repeat its doubts, or that make no touch."""
 CALIBRATED = [name for name in shipped_names() if "calibration" in read_graph(name).params]
 
 

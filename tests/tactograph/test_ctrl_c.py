@@ -21,19 +21,19 @@ def listening() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
-def test_it_waits_for_the_end_of_an_import(
+def test_ctrl_c_waits_for_the_end_of_an_import(
     listening: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    text = "import signal\nsignal.raise_signal(signal.SIGINT)\nis_whole = True\n"
+    text = "import signal\nsignal.raise_signal(signal.SIGINT)\nis_complete = True\n"
     (tmp_path / "interrupted.py").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(KeyboardInterrupt):  # noqa: PT012  (it may come in either line)
-        assert importlib.import_module("interrupted").is_whole
+        assert importlib.import_module("interrupted").is_complete
         time.sleep(60)
-    assert sys.modules.pop("interrupted").is_whole
+    assert sys.modules.pop("interrupted").is_complete
 
 
-def test_an_import_that_never_ends_is_interrupted_all_the_same(
+def test_an_import_that_never_ends_is_still_interrupted(
     listening: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     text = "import signal, time\nsignal.raise_signal(signal.SIGINT)\ntime.sleep(60)\n"
@@ -44,12 +44,12 @@ def test_an_import_that_never_ends_is_interrupted_all_the_same(
         importlib.import_module("endless")
 
 
-def test_it_comes_at_once_where_nothing_is_imported(listening: None) -> None:
+def test_ctrl_c_acts_at_once_where_nothing_is_imported(listening: None) -> None:
     with pytest.raises(KeyboardInterrupt):
         signal.raise_signal(signal.SIGINT)
 
 
-def test_while_the_command_line_is_imported_it_ends_in_one_line() -> None:
+def test_ctrl_c_during_the_import_of_the_command_line_ends_in_one_line() -> None:
     code = (
         "import signal, sys\n"
         "class Interrupting:\n"

@@ -1,4 +1,4 @@
-"""Buffers are lent, taken back, and lent in the same order again."""
+"""The pool lends buffers, takes them back, and lends them in the same order."""
 
 import pytest
 from hypothesis import given, strategies as st
@@ -15,7 +15,7 @@ def pool() -> BufferPool:
     return BufferPool(bytearray, ExhaustedError)
 
 
-def test_a_buffer_comes_back_when_nobody_holds_it_and_not_before(pool: BufferPool) -> None:
+def test_a_buffer_is_reused_only_after_its_last_reference_is_gone(pool: BufferPool) -> None:
     first = pool.take(100)
     number = first.number
     assert pool.take(100).number != number
@@ -25,10 +25,10 @@ def test_a_buffer_comes_back_when_nobody_holds_it_and_not_before(pool: BufferPoo
 
 
 @given(st.lists(st.tuples(st.sampled_from([64, 100, 5000]), st.integers(0, 5)), max_size=20))
-def test_same_steps_get_same_buffers_however_these_return(
+def test_the_same_steps_get_the_same_buffers_in_any_order_of_release(
     steps: list[tuple[int, int]],
 ) -> None:
-    """Each step takes a buffer and returns it some steps later; so do all items of a stream."""
+    """Each step takes a buffer and returns it some steps later, the same for all items."""
     pool = BufferPool(bytearray, ExhaustedError)
 
     def item() -> list[int]:
@@ -51,26 +51,26 @@ def test_a_buffer_is_large_enough_and_at_most_a_sixteenth_larger(nbytes: int) ->
     assert nbytes <= asked[0] <= max(nbytes * 17 / 16, nbytes + 1)
 
 
-def test_a_full_device_gets_back_what_is_free() -> None:
-    made: list[int] = []
+def test_a_full_device_releases_free_buffers_before_it_fails() -> None:
+    allocated: list[int] = []
 
     def allocate(nbytes: int) -> bytearray:
         if pool.nbytes + nbytes > 300:
             raise ExhaustedError
-        made.append(nbytes)
+        allocated.append(nbytes)
         return bytearray(nbytes)
 
     pool = BufferPool(allocate, ExhaustedError)
     pool.take(128)
     large = pool.take(256)
-    assert made == [128, 256]
+    assert allocated == [128, 256]
     assert (pool.count, pool.nbytes) == (1, 256)
     with pytest.raises(ExhaustedError):
         pool.take(64)
     assert len(large.buffer) == 256
 
 
-def test_a_buffer_of_ones_own_has_a_number_of_its_own_and_stays_ones_own(pool: BufferPool) -> None:
+def test_an_owned_buffer_has_a_unique_number_and_is_not_lent_by_the_pool(pool: BufferPool) -> None:
     mine = pool.own(bytearray(100))
     numbers = {mine.number, pool.take(100).number}
     del mine

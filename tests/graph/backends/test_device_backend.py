@@ -32,7 +32,7 @@ def test_the_first_preferred_back_end_with_a_device_is_opened(cuda: None) -> Non
     assert open_device(["numpy"], "other") == (None, "no GPU"), "a name asks for any back end"
 
 
-def test_a_node_runs_and_its_arrays_travel_by_the_back_end_that_it_is_written_for(
+def test_a_node_and_its_transfers_use_the_back_end_that_the_node_is_written_for(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     node = find_node("height_slopes")
@@ -50,7 +50,7 @@ def test_a_node_runs_and_its_arrays_travel_by_the_back_end_that_it_is_written_fo
     ("kind", "platform", "lanes"),
     [("CPU", "Portable Computing Language", 16), ("CPU", "rusticl", 1), ("GPU", "NVIDIA CUDA", 1)],
 )
-def test_work_items_do_several_elements_where_the_compiler_does_not_see_to_it(
+def test_work_items_process_several_elements_only_on_a_cpu_with_pocl(
     kind: str, platform: str, lanes: int
 ) -> None:
     handle: Any = SimpleNamespace(platform=SimpleNamespace(name=platform))

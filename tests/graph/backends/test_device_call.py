@@ -42,29 +42,31 @@ TABLE = np.arange(3, dtype=np.float32)
         (bright, (IMAGE,), {}),
         (bright, (IMAGE,), {"above": 2.5}),
     ],
-    ids=lambda given: given.name if isinstance(given, Node) else "",
+    ids=lambda value: value.name if isinstance(value, Node) else "",
 )
-def test_it_gives_what_the_node_gives(
+def test_a_device_call_returns_what_the_node_returns(
     device: OpenCL, node: Node, inputs: tuple[object, ...], settings: dict[str, object]
 ) -> None:
-    made = DeviceCall(node, device)(*inputs, **settings)
+    result = DeviceCall(node, device)(*inputs, **settings)
     expected = node(*inputs, **settings)
-    assert type(made) is type(expected)
-    for one, other in zip(node.results(made), node.results(expected), strict=True):
+    assert type(result) is type(expected)
+    for one, other in zip(node.results(result), node.results(expected), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-6)
 
 
 @pytest.mark.parametrize("albedo", [0.0, 0.6])
-def test_a_record_is_taken_apart_and_an_idle_node_stays_idle(device: OpenCL, albedo: float) -> None:
+def test_a_record_is_split_into_its_fields_and_an_idle_node_stays_idle(
+    device: OpenCL, albedo: float
+) -> None:
     height = np.zeros(IMAGE.shape[1:], np.float32)
     height[2:4, 2:6] = 0.5
-    given = IMAGE, height, MATT._replace(albedo=albedo), 0.2
-    made, expected = DeviceCall(film_bounce, device)(*given), film_bounce(*given)
+    inputs = IMAGE, height, MATT._replace(albedo=albedo), 0.2
+    result, expected = DeviceCall(film_bounce, device)(*inputs), film_bounce(*inputs)
     if albedo == 0:
-        assert made is None
+        assert result is None
         assert expected is None
     else:
-        np.testing.assert_allclose(made, expected, atol=1e-5)
+        np.testing.assert_allclose(result, expected, atol=1e-5)
 
 
 def test_inputs_of_two_sizes_are_refused(device: OpenCL) -> None:
@@ -73,16 +75,20 @@ def test_inputs_of_two_sizes_are_refused(device: OpenCL) -> None:
         bounce(IMAGE, narrow, MATT._replace(albedo=0.6), 0.2)
 
 
-def test_the_graph_says_where(toys: list[str], device: OpenCL) -> None:
+def test_the_graph_chooses_the_back_end_of_a_called_node(toys: list[str], device: OpenCL) -> None:
     bound = GRAPH.replace("op: lower_half,", "op: lower_half, backend: numpy,")
-    for text, backend, here in ((GRAPH, None, False), (GRAPH, "numpy", True), (bound, None, True)):
+    for text, backend, on_host in (
+        (GRAPH, None, False),
+        (GRAPH, "numpy", True),
+        (bound, None, True),
+    ):
         toys.clear()
         (out,) = load(graph_of(text), backend=backend).items()
         np.testing.assert_array_equal(out["half"], np.float32(0.5))
-        assert ("low" in toys) == here
+        assert ("low" in toys) == on_host
 
 
-def test_the_plan_says_where(toys: list[str], device: OpenCL) -> None:
+def test_the_plan_states_the_back_end_of_a_called_node(toys: list[str], device: OpenCL) -> None:
     placement = planned(graph_of(GRAPH), device).placements["half"]
     assert (placement.backend, placement.fallback) == ("numpy", False)
     assert placement.why == "has no opencl kernel; calls halves on opencl"
@@ -90,15 +96,15 @@ def test_the_plan_says_where(toys: list[str], device: OpenCL) -> None:
     assert fallen.fallbacks == [f"half runs on numpy: opencl is preferred, but {ABSENT}"]
 
 
-def test_what_the_device_made_stands_for_nothing_else(
+def test_a_result_of_the_device_is_not_recalled_for_the_host(
     device: OpenCL, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path))
     monkeypatch.setattr(store, "MIN_STORED_MS", -1.0)
-    made: list[str] = []
+    calls: list[str] = []
 
     def make() -> np.ndarray:
-        made.append("made")
+        calls.append("make")
         return IMAGE
 
     for keywords in (
@@ -107,10 +113,12 @@ def test_what_the_device_made_stands_for_nothing_else(
         {},
     ):
         recall_or_make(lower_half, keywords, [IMAGE], make)
-    assert len(made) == 2
+    assert len(calls) == 2
 
 
-def test_the_kernels_of_the_nodes_that_it_calls_count(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_code_of_a_node_includes_the_kernels_of_the_nodes_that_it_calls(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     before = code_of(lower_half)
     monkeypatch.setattr(result_origin, "kernel_source", lambda node: "another")
     assert code_of(lower_half) != before

@@ -1,4 +1,4 @@
-"""The runtime that a Python package brings is found without root and beside the system's own."""
+"""The runtime of a Python package is found without root, in addition to the system's own."""
 
 import os
 import sys
@@ -38,17 +38,19 @@ def devices(**environment: object) -> str:
     return python("-c", PLATFORMS, **environment).stdout
 
 
-def test_it_is_found_where_the_system_lists_no_driver(package: Path, tmp_path: Path) -> None:
+def test_the_runtime_is_found_where_the_system_lists_no_driver(
+    package: Path, tmp_path: Path
+) -> None:
     nothing = tmp_path / "nothing"
     nothing.mkdir()
     assert "Portable" not in devices(OPENCL_VENDOR_PATH=nothing)
-    found = devices(OPENCL_VENDOR_PATH=nothing, PYTHONPATH=package)
-    assert "Portable" in found
-    assert found.endswith("None\n"), "what other processes inherit is as it was"
+    output = devices(OPENCL_VENDOR_PATH=nothing, PYTHONPATH=package)
+    assert "Portable" in output
+    assert output.endswith("None\n"), "the inherited environment is unchanged"
 
 
 def test_the_drivers_that_the_system_lists_are_still_found(package: Path, tmp_path: Path) -> None:
-    """A driver that is no library keeps the loader from nothing else."""
+    """A file that is no library does not keep the loader from other drivers."""
     (package / "libintelocl.so").unlink()
     (package / "libintelocl.so").write_text("no library")
     system = tmp_path / "vendors"
@@ -57,15 +59,15 @@ def test_the_drivers_that_the_system_lists_are_still_found(package: Path, tmp_pa
     assert "Portable" in devices(OPENCL_VENDOR_PATH=system, PYTHONPATH=package)
 
 
-def test_what_the_user_names_is_kept(package: Path, tmp_path: Path) -> None:
-    own = tmp_path / "own"
-    own.mkdir()
-    found = devices(OCL_ICD_VENDORS=own, PYTHONPATH=package)
-    assert "Portable" not in found
-    assert found.endswith(f"{own}\n")
+def test_a_folder_of_drivers_that_the_user_names_is_kept(package: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "drivers"
+    folder.mkdir()
+    output = devices(OCL_ICD_VENDORS=folder, PYTHONPATH=package)
+    assert "Portable" not in output
+    assert output.endswith(f"{folder}\n")
 
 
-def test_where_the_system_lists_a_runtime_of_its_own_the_package_adds_none(
+def test_the_package_adds_no_runtime_where_the_system_lists_one(
     package: Path, tmp_path: Path
 ) -> None:
     """Two runtimes of one maker in a process would share their global state."""
@@ -76,10 +78,10 @@ def test_where_the_system_lists_a_runtime_of_its_own_the_package_adds_none(
     assert "Portable" not in devices(OPENCL_VENDOR_PATH=system, PYTHONPATH=package)
 
 
-def test_on_windows_it_is_found_where_the_package_puts_it(
+def test_on_windows_the_runtime_is_found_where_the_package_puts_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A made-up environment, as its wheel for Windows fills one."""
+    """An artificial environment, filled as by the wheel for Windows."""
     driver, packages = tmp_path / "Library/bin/intelocl64.dll", tmp_path / "Lib/site-packages"
     info = packages / "intel_opencl_rt-2026.2.0.dist-info"
     driver.parent.mkdir(parents=True)
@@ -107,7 +109,7 @@ def test_on_windows_it_is_found_where_the_package_puts_it(
 
 
 @pytest.mark.parametrize(
-    ("system", "processor", "said"),
+    ("system", "processor", "advice"),
     [
         ("linux", "x86_64", 'pip install "tactograph[cpu]"'),
         ("win32", "AMD64", 'pip install "tactograph[cpu]"'),
@@ -115,8 +117,8 @@ def test_on_windows_it_is_found_where_the_package_puts_it(
         ("darwin", "arm64", "macOS has one of its own"),
     ],
 )
-def test_where_no_device_works_the_reason_ends_with_what_to_type(
-    system: str, processor: str, said: str, monkeypatch: pytest.MonkeyPatch
+def test_the_reason_why_no_device_works_says_how_to_install_one(
+    system: str, processor: str, advice: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(opencl_devices, "_handles", lambda: iter(()))
     monkeypatch.setattr(sys, "platform", system)
@@ -124,4 +126,4 @@ def test_where_no_device_works_the_reason_ends_with_what_to_type(
     device, reason = opencl_devices.choose_device()
     assert device is None
     assert reason.startswith("no OpenCL device works here; ")
-    assert said in reason
+    assert advice in reason

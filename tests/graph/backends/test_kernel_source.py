@@ -57,7 +57,7 @@ def test_headers_include_headers_each_once(device: OpenCL, twice: Node) -> None:
 
 
 @pytest.mark.parametrize(
-    ("file", "before", "after", "told"),
+    ("file", "before", "after", "message"),
     [
         ("twice.cl", "TWO * light[i]", "lihgt[i]", "acme_twice/twice.cl:10:"),
         ("inner.clh", "};", "}; int f(void) { return g; }", "acme_twice/inner.clh:1:"),
@@ -70,10 +70,10 @@ def test_headers_include_headers_each_once(device: OpenCL, twice: Node) -> None:
         ),
     ],
 )
-def test_what_is_wrong_in_a_kernel_is_told_with_file_and_line(
-    device: OpenCL, twice: Node, tmp_path: Path, file: str, before: str, after: str, told: str
+def test_an_error_in_a_kernel_is_reported_with_file_and_line(
+    device: OpenCL, twice: Node, tmp_path: Path, file: str, before: str, after: str, message: str
 ) -> None:
     path = tmp_path / "acme_twice" / file
     path.write_text(path.read_text().replace(before, after))
-    with pytest.raises(NodeError, match=told):
+    with pytest.raises(NodeError, match=message):
         device.compiled(twice).kernels_with({})

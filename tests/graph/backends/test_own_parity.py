@@ -1,4 +1,4 @@
-"""A test of one's own node, in a file of its own: what it tells of a kernel that is wrong."""
+"""The parity test of a user's own node, in a file of its own, and its report of a wrong kernel."""
 
 import os
 import subprocess
@@ -48,7 +48,7 @@ def outcome(folder: Path, beyond: str, call: str = PARITY) -> subprocess.Complet
     return subprocess.run(words, cwd=folder, env=env, capture_output=True, text=True, check=False)
 
 
-def test_a_kernel_in_the_test_s_own_file_is_compared(tmp_path: Path) -> None:
+def test_a_kernel_in_the_file_of_the_test_is_compared(tmp_path: Path) -> None:
     done = outcome(tmp_path, "0")
     assert done.returncode == 0, done.stdout
 

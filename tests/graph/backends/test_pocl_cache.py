@@ -1,4 +1,4 @@
-"""A damaged program of PoCL's ends one run, not all that follow."""
+"""A damaged program in PoCL's cache ends one run, not all that follow."""
 
 import signal
 from pathlib import Path
@@ -46,17 +46,17 @@ def runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Runs:
 @pytest.mark.parametrize(
     ("number", "how"), [(signal.SIGABRT, "Aborted"), (signal.SIGBUS, "Bus error")]
 )
-def test_after_a_crash_programs_are_kept_elsewhere_and_the_folder_is_named(
+def test_after_a_crash_programs_go_to_another_folder_and_a_warning_names_the_damaged_one(
     runs: Runs, number: int, how: str
 ) -> None:
     runs.die(number)
-    place, told = runs.begin()
+    place, warnings = runs.begin()
     assert place == str(runs.cache / "pocl")
-    assert f"an earlier run died of '{how}' while it used PoCL: what {runs.usual} holds" in told
-    assert runs.begin() == (place, ""), "told once, and for good"
+    assert f"an earlier run died of '{how}' while it used PoCL: what {runs.usual} holds" in warnings
+    assert runs.begin() == (place, ""), "one warning, and never again"
 
 
-def test_a_folder_of_ours_is_emptied(runs: Runs) -> None:
+def test_a_folder_that_tactograph_chose_is_emptied(runs: Runs) -> None:
     runs.die(signal.SIGABRT)
     place = Path(runs.begin()[0])
     (place / "damaged").touch()
@@ -65,11 +65,11 @@ def test_a_folder_of_ours_is_emptied(runs: Runs) -> None:
     assert list(place.iterdir()) == []
 
 
-def test_a_folder_that_the_user_chose_is_named_and_left(runs: Runs, tmp_path: Path) -> None:
+def test_a_folder_that_the_user_chose_is_named_and_not_emptied(runs: Runs, tmp_path: Path) -> None:
     runs.die(signal.SIGABRT)
-    place, told = runs.begin(POCL_CACHE_DIR=str(tmp_path))
+    place, warnings = runs.begin(POCL_CACHE_DIR=str(tmp_path))
     assert place == str(tmp_path)
-    assert f"{tmp_path} holds may be damaged; empty that folder" in told
+    assert f"{tmp_path} holds may be damaged; empty that folder" in warnings
 
 
 def test_a_process_that_was_killed_is_no_crash(runs: Runs) -> None:

@@ -1,4 +1,4 @@
-"""A launch function is asked anew only where it might do something else."""
+"""A launch function is called anew only where it might enqueue something else."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,7 +19,7 @@ HEIGHT = np.random.default_rng(3).normal(size=(24, 32)).astype(np.float32)
 
 
 class Counted:
-    """A launch function and how often it was asked."""
+    """A launch function and how often it was called."""
 
     def __init__(self, launch: Callable[[Launch], None]) -> None:
         self.launch, self.times = launch, 0
@@ -33,35 +33,37 @@ class Counted:
 def counted(monkeypatch: pytest.MonkeyPatch) -> Counted:
     launch = rest_at_border.kernels.launch
     assert launch is not None
-    found = Counted(launch)
-    kernels = replace(rest_at_border.kernels, launch=found)
+    counter = Counted(launch)
+    kernels = replace(rest_at_border.kernels, launch=counter)
     monkeypatch.setitem(rest_at_border.implementations, "opencl", kernels)
-    return found
+    return counter
 
 
-def test_a_launch_with_the_same_buffers_is_enqueued_again(device: OpenCL, counted: Counted) -> None:
+def test_a_launch_with_the_same_buffers_is_enqueued_from_its_record(
+    device: OpenCL, counted: Counted
+) -> None:
     prepared = device.prepare(rest_at_border, SETTINGS, SIZES)
     height = device.upload(HEIGHT)
-    found = [device.download(prepared.launch({"height": height})[0]["rest_at_border"])]
+    results = [device.download(prepared.launch({"height": height})[0]["rest_at_border"])]
     for _ in range(5):
-        found.append(device.download(prepared.launch({"height": height})[0]["rest_at_border"]))
-    assert counted.times == 2, "the second is taken down"
-    assert all(np.array_equal(each, found[0]) for each in found)
+        results.append(device.download(prepared.launch({"height": height})[0]["rest_at_border"]))
+    assert counted.times == 2, "the second call is recorded"
+    assert all(np.array_equal(each, results[0]) for each in results)
 
 
-def test_other_buffers_are_taken_in_turns(device: OpenCL, counted: Counted) -> None:
-    """Buffers that alternate, as those of recalled values do."""
+def test_buffers_that_alternate_have_a_record_each(device: OpenCL, counted: Counted) -> None:
+    """The buffers of recalled values alternate."""
     prepared = device.prepare(rest_at_border, SETTINGS, SIZES)
     heights = [device.upload(HEIGHT + n) for n in range(2)]
     for _ in range(5):
         for height in heights:
-            made = prepared.launch({"height": height})[0]["rest_at_border"]
-            np.testing.assert_allclose(device.download(made), rest_at_border(HEIGHT), atol=1e-6)
+            result = prepared.launch({"height": height})[0]["rest_at_border"]
+            np.testing.assert_allclose(device.download(result), rest_at_border(HEIGHT), atol=1e-6)
     assert counted.times == 4
 
 
 def test_another_array_in_one_buffer_is_another_launch(device: OpenCL, counted: Counted) -> None:
-    """Buffers are lent to arrays that need a few bytes less, too."""
+    """The pool also lends a buffer to an array that needs a few bytes less."""
     prepared = device.prepare(rest_at_border, SETTINGS, SIZES)
     height = device.upload(HEIGHT)
     for _ in range(3):
@@ -70,7 +72,9 @@ def test_another_array_in_one_buffer_is_another_launch(device: OpenCL, counted: 
     assert counted.times == 4
 
 
-def test_buffers_without_end_are_not_kept(device: OpenCL, counted: Counted) -> None:
+def test_the_number_of_records_of_ever_new_buffers_is_limited(
+    device: OpenCL, counted: Counted
+) -> None:
     prepared = device.prepare(rest_at_border, SETTINGS, SIZES)
     for _ in range(12):
         prepared.launch({"height": device.constant(HEIGHT)})
@@ -96,11 +100,11 @@ def test_buffers_without_end_are_not_kept(device: OpenCL, counted: Counted) -> N
         pytest.param(
             lambda run: run.keep(__name__, lambda: run.put(np.zeros(3, np.float32))),
             2,
-            id="but not what is made once",
+            id="but not a value that is made once",
         ),
     ],
 )
-def test_what_may_do_something_else_is_asked_every_time(
+def test_a_launch_function_is_called_every_time_unless_its_launches_can_be_recorded(
     device: OpenCL, counted: Counted, also: Callable[[Launch], Any], times: int
 ) -> None:
     launch = counted.launch
@@ -112,15 +116,15 @@ def test_what_may_do_something_else_is_asked_every_time(
     assert counted.times == times
 
 
-def test_an_output_is_as_large_as_the_data_tell_of_both_its_sides(device: OpenCL) -> None:
+def test_the_data_may_decide_both_sides_of_an_output(device: OpenCL) -> None:
     case = cases(height_system, shapes=((64, 64),))[0]
     inputs = {**make_inputs(height_system, case), "rest": np.ones((64, 64), np.uint8)}
     inputs["rest"][20:30, 30:35] = 0
-    there = {n: device.upload(v) if hasattr(v, "shape") else v for n, v in inputs.items()}
+    uploaded = {n: device.upload(v) if hasattr(v, "shape") else v for n, v in inputs.items()}
     sizes = {symbol: case.sizes[symbol] for symbol in "HWC"}
-    made, _ = device.prepare(height_system, case.settings, sizes).launch(there)
+    outputs, _ = device.prepare(height_system, case.settings, sizes).launch(uploaded)
     expected = height_system(*height_system.in_order(inputs), **case.settings)
-    assert {name: array.shape for name, array in made.items()} == {
+    assert {name: array.shape for name, array in outputs.items()} == {
         name: array.shape for name, array in expected._asdict().items()
     }
-    assert made["right"].shape == (10 + 16, 5 + 16)
+    assert outputs["right"].shape == (10 + 16, 5 + 16)

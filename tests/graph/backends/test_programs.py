@@ -1,4 +1,4 @@
-"""Programs that one pipeline has built serve the next."""
+"""Programs that one pipeline has built are used by the next."""
 
 import os
 import re
@@ -28,10 +28,10 @@ def test_queues_of_a_device_share_a_program_and_disturb_no_launch(
     low = device.prepare(node, {"black": 0.4, "which": "lit"}, sizes)
     low.launch({"light": device.upload(light)})
     built: list[object] = []
-    monkeypatch.setattr(cl.Program, "build", lambda *given, **more: built.append(given))
-    found, _ = choose_device()
-    assert found is not None
-    another = OpenCL(found)
+    monkeypatch.setattr(cl.Program, "build", lambda *arguments, **more: built.append(arguments))
+    chosen, _ = choose_device()
+    assert chosen is not None
+    another = OpenCL(chosen)
     high = another.prepare(node, {"black": 0.6, "which": "lit"}, sizes)
     assert not built
     for queue, prepared, marked in ((device, low, 3), (another, high, 0), (device, low, 3)):
@@ -54,11 +54,11 @@ for height in (3, 300):
 """
 
 
-def test_a_kernel_is_compiled_once_for_all_sizes_and_its_binary(programs: Path) -> None:
+def test_a_kernel_and_its_binary_are_compiled_once_for_all_sizes(programs: Path) -> None:
     pocl = programs.with_name("pocl")
     pocl.mkdir()
-    told = {k: v for k, v in os.environ.items() if not k.startswith("POCL_")}
-    environment = {**told, "POCL_CACHE_DIR": str(pocl)}
+    variables = {k: v for k, v in os.environ.items() if not k.startswith("POCL_")}
+    environment = {**variables, "POCL_CACHE_DIR": str(pocl)}
     subprocess.run([sys.executable, "-c", LAUNCHES], env=environment, check=True)
     assert len(list(pocl.rglob("label_lit.so"))) == 1
 
@@ -89,14 +89,14 @@ def test_a_program_that_was_built_is_not_compiled_by_the_next_process(
 
 
 def only_binaries(program: type) -> object:
-    def made(*given: object) -> object:
-        assert len(given) == 3, "compiled from its source"
-        return program(*given)
+    def build_checked(*arguments: object) -> object:
+        assert len(arguments) == 3, "compiled from its source"
+        return program(*arguments)
 
-    return made
+    return build_checked
 
 
-def test_programs_are_built_by_another_process_while_this_one_goes_on(
+def test_programs_are_built_by_another_process_while_this_one_continues(
     programs: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(build_ahead, "cores", lambda: 2)
@@ -109,7 +109,7 @@ def test_programs_are_built_by_another_process_while_this_one_goes_on(
     assert [seven(device, number) for number in numbers] == [*numbers]
 
 
-def test_what_was_warmed_is_not_compiled_by_the_first_run(
+def test_the_first_run_does_not_compile_warmed_programs(
     programs: Path,
     tactograph: Command,
     write: Write,
@@ -129,7 +129,7 @@ def test_what_was_warmed_is_not_compiled_by_the_first_run(
     assert "no kernels to build" in one_line(tactograph("warm", graph, "--backend", "numpy"))
 
 
-def test_a_kernel_that_needs_its_launch_is_left_to_it_in_silence(
+def test_a_kernel_that_needs_its_launch_is_not_built_ahead_and_prints_nothing(
     programs: Path, device: OpenCL, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert device.build([find_node("film_bounce")]) == 0
@@ -169,7 +169,7 @@ def test_a_process_builds_something_else_while_another_builds_what_it_needs(
     assert other.returncode == 0
 
 
-def test_a_program_is_built_from_its_source_if_what_is_kept_is_of_no_use(
+def test_a_program_is_built_from_its_source_if_the_cached_one_is_unusable(
     programs: Path, device: OpenCL
 ) -> None:
     assert seven(device) == 7
@@ -184,7 +184,7 @@ def test_a_program_is_built_from_its_source_if_what_is_kept_is_of_no_use(
 @pytest.mark.parametrize(
     ("name", "value"), [(disk_cache.FOLDER_VARIABLE, "off"), ("PYOPENCL_NO_CACHE", "1")]
 )
-def test_nothing_is_kept_where_that_is_not_wanted(
+def test_no_program_is_cached_where_caching_is_off(
     programs: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch, name: str, value: str
 ) -> None:
     monkeypatch.setenv(name, value)
@@ -192,15 +192,19 @@ def test_nothing_is_kept_where_that_is_not_wanted(
     assert not programs.exists()
 
 
-def test_a_program_brings_all_overloads_of_what_it_names_and_nothing_else(device: OpenCL) -> None:
-    made = pocl_source.pocl_source("float root(float x) { return sqrt(x); }")
-    if not made[1]:
+def test_a_program_includes_all_overloads_of_the_functions_it_names_and_no_others(
+    device: OpenCL,
+) -> None:
+    program = pocl_source.pocl_source("float root(float x) { return sqrt(x); }")
+    if not program[1]:
         pytest.skip("PoCL's declarations are not beside its library")
-    assert {"sqrt(float);", "sqrt(float16);", "sqrt(double);"} <= set(re.split(r"[ \n]", made[0]))
-    assert "acosh" not in made[0]
+    assert {"sqrt(float);", "sqrt(float16);", "sqrt(double);"} <= set(
+        re.split(r"[ \n]", program[0])
+    )
+    assert "acosh" not in program[0]
 
 
-def test_a_program_is_built_as_ever_where_what_it_brings_does_not_compile(
+def test_a_program_is_built_as_usual_where_its_declarations_do_not_compile(
     programs: Path, device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pocl_source, "_declarations", lambda: [(None, "#error")])
@@ -209,7 +213,7 @@ def test_a_program_is_built_as_ever_where_what_it_brings_does_not_compile(
     assert seven(device, 8) == 8
 
 
-def test_filled_lanes_of_a_known_place_become_a_function(device: OpenCL) -> None:
+def test_a_kernel_whose_lanes_have_known_places_becomes_a_function(device: OpenCL) -> None:
     head = "LANED __kernel void f(__global float *a, const int N)\n"
     alone, places = (f"{head}{{\n    {grid};\n}}" for grid in ("GRID_LANES(i, n, N)", "GRID_2(y)"))
     assert "code_of_f(a, N, get_global_id(0))" in pocl_source.pocl_source(alone)[0]

@@ -1,4 +1,4 @@
-"""A cache holds so many bytes, and lets go of what was used longest ago."""
+"""A cache holds a limited number of bytes and drops the least recently used value."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ def cache_key(name: str) -> CacheKey:
     return CacheKey(name, "out", "host")
 
 
-def test_what_was_used_longest_ago_goes_first() -> None:
+def test_the_least_recently_used_value_is_dropped_first() -> None:
     cache = Cache(megabytes=3.5)
     for name in "abc":
         cache.put(cache_key(name), np.zeros(10**6, np.uint8))
@@ -19,7 +19,7 @@ def test_what_was_used_longest_ago_goes_first() -> None:
     assert 3 * 10**6 < cache.bytes < 3.5e6
 
 
-def test_what_is_larger_than_the_cache_is_not_kept() -> None:
+def test_a_value_larger_than_the_cache_is_not_cached() -> None:
     cache = Cache(megabytes=1)
     cache.put(cache_key("a"), np.zeros(10, np.uint8))
     cache.put(cache_key("b"), np.zeros(10**7, np.uint8))
@@ -42,7 +42,7 @@ def test_an_object_of_unknown_size_counts_as_a_large_one() -> None:
     assert cache.bytes > 10**6
 
 
-def test_what_is_known_of_runs_is_bounded_too() -> None:
+def test_the_number_of_noted_runs_is_limited() -> None:
     cache = Cache()
     for number in range(MAX_RUNS + 5):
         cache.note(str(number), Run({}, 0.0, ()))

@@ -1,4 +1,4 @@
-"""A stored result stands in for a new one only if everything that made it is the same."""
+"""A stored result replaces a new one only if everything it depends on is the same."""
 
 import importlib
 import sys
@@ -55,7 +55,7 @@ from typing import Any
 
 @pytest.fixture
 def plug_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A package of somebody else's, with one node and all that it is made of."""
+    """An outside package with one node and all files that the node depends on."""
     root = tmp_path / "plug_in"
     for name, text in FILES.items():
         file = root / name
@@ -68,7 +68,7 @@ def plug_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(find, "_all_places", lambda path: {**known(path), **places})
     monkeypatch.chdir(tmp_path)
     Path("made.txt").write_text("made")
-    # What a process has imported does not change; here it is written anew.
+    # A process takes imported files as unchanging; here they are written anew.
     monkeypatch.setattr(result_origin, "_source", result_origin._source.__wrapped__)
     for name in [name for name in sys.modules if name.partition(".")[0].startswith("felt")]:
         del sys.modules[name]
@@ -81,7 +81,9 @@ def origin_of(graph: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_every_file_that_a_node_is_made_of_counts(plug_in: Path, write: Write, name: str) -> None:
+def test_the_origin_changes_with_every_file_of_a_node(
+    plug_in: Path, write: Write, name: str
+) -> None:
     graph = write(GRAPH)
     before = origin_of(graph)
     with (plug_in / name).open("a") as file:
@@ -91,7 +93,9 @@ def test_every_file_that_a_node_is_made_of_counts(plug_in: Path, write: Write, n
 
 
 @pytest.mark.parametrize("folder", ["felt/tests", "felt/recordings"])
-def test_what_makes_no_result_does_not_count(plug_in: Path, write: Write, folder: str) -> None:
+def test_the_origin_does_not_change_with_tests_and_recordings(
+    plug_in: Path, write: Write, folder: str
+) -> None:
     graph = write(GRAPH)
     before = origin_of(graph)
     (plug_in / folder).mkdir()
@@ -99,7 +103,7 @@ def test_what_makes_no_result_does_not_count(plug_in: Path, write: Write, folder
     assert origin_of(graph) == before
 
 
-def test_a_device_counts_where_it_is_used(plug_in: Path, write: Write) -> None:
+def test_the_origin_names_a_device_only_where_one_is_used(plug_in: Path, write: Write) -> None:
     assert origin_of(write(GRAPH))["device"] == ""
     assert "driver" in origin_of(write(GRAPH.replace("[numpy]", "[opencl]")))["device"]
 
@@ -112,7 +116,7 @@ def count_runs(tactograph: Command, *words: object) -> int:
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("what", ["helper", "kernel", "version", "file of the graph", "nothing"])
-def test_a_comparison_runs_again_whatever_changed(
+def test_a_comparison_is_repeated_after_any_change(
     plug_in: Path, write: Write, tactograph: Command, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
     words = write(GRAPH.replace("capture: {kind: path, default: null}, ", "")), "--out", "report"

@@ -1,4 +1,4 @@
-"""Slow results that depend on no stream are kept on disk: whole, checked, bounded, and plain."""
+"""Slow results that depend on no stream are stored on disk: complete, checked, as plain data."""
 
 import os
 import pickle
@@ -48,7 +48,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache"
 
 
-def made(image: F4 = IMAGE, scale: float = 1.0, *, made_now: bool) -> Any:
+def recall(image: F4 = IMAGE, scale: float = 1.0, *, computed: bool) -> Any:
     calls = []
 
     def make() -> Table:
@@ -57,7 +57,7 @@ def made(image: F4 = IMAGE, scale: float = 1.0, *, made_now: bool) -> Any:
         return result
 
     result = recall_or_make(tabled, {"scale": scale}, [image], make)
-    assert bool(calls) == made_now
+    assert bool(calls) == computed
     return result
 
 
@@ -65,51 +65,51 @@ def files(folder: Path) -> list[Path]:
     return sorted(folder.iterdir())
 
 
-def test_what_was_made_is_read_the_next_time(folder: Path) -> None:
-    first, second = made(made_now=True), made(made_now=False)
+def test_a_computed_result_is_read_the_next_time(folder: Path) -> None:
+    first, second = recall(computed=True), recall(computed=False)
     assert isinstance(second, Table)
     np.testing.assert_array_equal(first.light, second.light)
     assert (second.range, second.range.high) == (first.range, 11.0)
     np.testing.assert_array_equal(second.rows, first.rows)
 
 
-def test_other_inputs_or_settings_or_code_are_made_anew(
+def test_a_result_of_other_inputs_settings_or_code_is_computed_anew(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made(made_now=True)
-    made(IMAGE + 1, made_now=True)
-    made(scale=2.0, made_now=True)
-    made(made_now=False)
+    recall(computed=True)
+    recall(IMAGE + 1, computed=True)
+    recall(scale=2.0, computed=True)
+    recall(computed=False)
     monkeypatch.setattr("tactograph.graph.cache.result_origin.code_of", lambda node: "another")
-    made(made_now=True)
+    recall(computed=True)
 
 
-def test_another_version_makes_its_own_and_leaves_the_first_one_s(
+def test_another_version_stores_its_own_result_beside_the_first(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made(made_now=True)
+    recall(computed=True)
     with monkeypatch.context() as other:
         other.setattr(store, "versions", lambda: {"tactograph": "another"})
-        made(made_now=True)
-        made(made_now=False)
-    made(made_now=False)
+        recall(computed=True)
+        recall(computed=False)
+    recall(computed=False)
 
 
 @pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "foreign"])
-def test_a_damaged_file_is_made_again(folder: Path, damage: str) -> None:
-    made(made_now=True)
+def test_the_result_of_a_damaged_file_is_computed_anew(folder: Path, damage: str) -> None:
+    recall(computed=True)
     (file,) = files(folder)
     body = bytearray(file.read_bytes())
     body[-20] ^= 1
     file.write_bytes(
         {"cut": body[:-5], "flipped": body, "empty": b"", "foreign": b"x" * 99}[damage]
     )
-    made(made_now=True)
-    made(made_now=False)
+    recall(computed=True)
+    recall(computed=False)
 
 
-def test_a_file_that_names_code_is_not_obeyed(folder: Path, tmp_path: Path) -> None:
-    made(made_now=True)
+def test_code_named_in_a_file_is_not_run(folder: Path, tmp_path: Path) -> None:
+    recall(computed=True)
     (file,) = files(folder)
 
     class Bad:
@@ -120,56 +120,60 @@ def test_a_file_that_names_code_is_not_obeyed(folder: Path, tmp_path: Path) -> N
 
     body = pickle.dumps(Bad())
     file.write_bytes(disk_cache._FIRST_LINE + f"{zlib.crc32(body):08x}".encode() + b"\n" + body)
-    made(made_now=True)
+    recall(computed=True)
     assert not (tmp_path / "obeyed").exists()
 
 
-def test_what_is_fast_leaves_no_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fast_result_is_not_stored(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(store, "MIN_STORED_MS", 1e6)
-    made(made_now=True)
+    recall(computed=True)
     assert not folder.exists()
 
 
-def test_what_holds_other_objects_leaves_no_file(folder: Path) -> None:
+def test_a_result_with_an_unknown_object_is_not_stored(folder: Path) -> None:
     recall_or_make(tabled, {}, [IMAGE], lambda: (IMAGE, object()))
     assert not folder.exists() or not files(folder)
 
 
-def test_a_folder_that_cannot_be_written_is_no_reason_to_fail(
+def test_a_folder_that_cannot_be_written_does_not_fail_the_run(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder.write_text("a file")
-    made(made_now=True)
+    recall(computed=True)
 
 
-def test_off_keeps_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_stored_when_the_cache_is_off(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, "off")
-    made(made_now=True)
-    made(made_now=True)
+    recall(computed=True)
+    recall(computed=True)
     assert not folder.exists()
 
 
-def test_files_go_that_were_read_longest_ago(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    made(made_now=True)
+def test_the_least_recently_read_file_is_deleted_first(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recall(computed=True)
     (first,) = files(folder)
     most = 4 * first.stat().st_size + 8
     monkeypatch.setattr(store, "write_cached", partial(disk_cache.write_cached, most_bytes=most))
     for number in range(1, 4):
-        made(IMAGE + number, made_now=True)
+        recall(IMAGE + number, computed=True)
     for age, file in enumerate([first, *(f for f in files(folder) if f != first)]):
         os.utime(file, (time.time() - 50 + age,) * 2)
-    made(made_now=False)
-    made(IMAGE + 9, made_now=True)
+    recall(computed=False)
+    recall(IMAGE + 9, computed=True)
     assert len(files(folder)) == 4
     assert first in files(folder)
 
 
-def test_what_a_killed_writer_left_is_swept_up_later(folder: Path) -> None:
-    left = folder / ".writing-old"
-    left.mkdir(parents=True)
-    (left / "a.cached").write_text("half")
-    made(made_now=True)
-    assert not left.exists()
+def test_leftovers_of_a_killed_writer_are_deleted_later(folder: Path) -> None:
+    leftover = folder / ".writing-old"
+    leftover.mkdir(parents=True)
+    (leftover / "a.cached").write_text("half")
+    recall(computed=True)
+    assert not leftover.exists()
 
 
 WRITER = """
@@ -189,7 +193,7 @@ for _ in range(int(sys.argv[1])):
 
 
 @pytest.mark.slow
-def test_two_writers_and_a_kill_leave_whole_files(folder: Path) -> None:
+def test_two_writers_and_a_kill_leave_complete_files(folder: Path) -> None:
     writers = [
         subprocess.Popen([sys.executable, "-c", WRITER, count], stdout=subprocess.PIPE)
         for count in ("10000", "4")
@@ -200,33 +204,33 @@ def test_two_writers_and_a_kill_leave_whole_files(folder: Path) -> None:
     writers[0].kill()
     assert writers[1].wait(timeout=60) == 0
     writers[0].wait()
-    # The one that was killed may have taken the other's file away, and put none in its place.
+    # The killed writer may have deleted the other's file before it wrote its own.
     subprocess.run([sys.executable, "-c", WRITER, "1"], stdout=subprocess.DEVNULL, check=True)
-    # By a process of its own: pytest's bytecode of this module is another.
-    missed = 'lambda: sys.exit("no whole file was left")'
+    # Read by a separate process, as pytest changes the bytecode of this module.
+    missed = 'lambda: sys.exit("no complete file was left")'
     reader = WRITER.partition("for _")[0] + f"store.recall_or_make(tabled, {{}}, [image], {missed})"
     subprocess.run([sys.executable, "-c", reader], stdout=subprocess.DEVNULL, check=True)
     for writer in writers:
         writer.stdout.close()
 
 
-def test_what_came_with_a_warning_is_made_and_told_anew(folder: Path) -> None:
+def test_a_result_with_a_warning_is_computed_and_warned_about_anew(folder: Path) -> None:
     def make() -> Table:
         warn("half of it is dark")
         result: Table = tabled(IMAGE)
         return result
 
     for _ in range(2):
-        with collect_warnings([]) as told:
+        with collect_warnings([]) as messages:
             recall_or_make(tabled, {}, [IMAGE], make)
-        assert told == ["half of it is dark"]
+        assert messages == ["half of it is dark"]
 
 
-def test_what_fails_still_tells_its_warnings(folder: Path) -> None:
+def test_a_node_that_fails_still_gives_its_warnings(folder: Path) -> None:
     def make() -> Table:
         warn("half of it is dark")
         raise InputError("and the rest is too bright")
 
-    with collect_warnings([]) as told, pytest.raises(InputError):
+    with collect_warnings([]) as messages, pytest.raises(InputError):
         recall_or_make(tabled, {}, [IMAGE], make)
-    assert told == ["half of it is dark"]
+    assert messages == ["half of it is dark"]

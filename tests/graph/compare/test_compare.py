@@ -1,4 +1,4 @@
-"""Variants side by side: every cell is run, kept, and told."""
+"""A comparison of variants: every run is made, stored, and reported."""
 
 import csv
 import json
@@ -87,7 +87,7 @@ def test_every_variant_runs_on_every_capture_on_every_back_end(compared: Compare
     assert [float(line["mean"]) for line in lines] == [row["figures"]["mean"] for row in rows]
 
 
-def test_a_folder_of_captures_is_a_line_for_each_and_a_mean_of_so_many(compared: Compared) -> None:
+def test_a_folder_of_captures_gives_a_row_for_each_and_their_mean(compared: Compared) -> None:
     (compared.captures[0].parent / "c").mkdir()
     done = compared(over=[compared.captures[0].parent])
     assert done.code == 0, done.err
@@ -95,7 +95,9 @@ def test_a_folder_of_captures_is_a_line_for_each_and_a_mean_of_so_many(compared:
     assert "mean of 3 captures" in done.out
 
 
-def test_no_escape_codes_come_as_text(compared: Compared, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_escape_codes_are_not_printed_as_text(
+    compared: Compared, monkeypatch: pytest.MonkeyPatch
+) -> None:
     # With this, rich takes any output for a terminal.
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("TERM", "xterm")
@@ -104,7 +106,7 @@ def test_no_escape_codes_come_as_text(compared: Compared, monkeypatch: pytest.Mo
     assert "\\x1b" not in done.out
 
 
-def test_what_was_finished_is_not_run_again(compared: Compared, toys: list[str]) -> None:
+def test_a_finished_run_is_not_repeated(compared: Compared, toys: list[str]) -> None:
     assert compared().code == 0
     first = compared.table()
     toys.clear()
@@ -115,7 +117,7 @@ def test_what_was_finished_is_not_run_again(compared: Compared, toys: list[str])
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("what", ["value", "graph", "back end", "damaged", "device"])
-def test_changes_are_run_again(
+def test_a_run_is_repeated_after_a_change(
     compared: Compared, toys: list[str], write: Write, what: str
 ) -> None:
     words: list[str] = []
@@ -137,7 +139,7 @@ def test_changes_are_run_again(
 
 
 @pytest.mark.parametrize("failure", ["a node", "the input", "the engine"])
-def test_a_run_that_fails_does_not_end_the_rest(
+def test_a_run_that_fails_does_not_stop_the_others(
     compared: Compared, write: Write,
     monkeypatch: pytest.MonkeyPatch, failure: str,
 ) -> None:  # fmt: skip
@@ -168,7 +170,7 @@ def test_if_every_run_fails_the_command_fails(compared: Compared) -> None:
     assert done.err.endswith("tactograph: every run failed; the reasons are above\n")
 
 
-def test_a_fallback_is_told_once(compared: Compared, write: Write, no_device: None) -> None:
+def test_a_fallback_is_reported_once(compared: Compared, write: Write, no_device: None) -> None:
     text = GRAPH.replace("prefer: [numpy]\n", "")
     graphs = [write(text, name) for name in ("first.yaml", "second.yaml")]
     done = compared(graphs=graphs, over=compared.captures)
@@ -187,14 +189,14 @@ def test_warnings_are_counted_and_marked(compared: Compared, tmp_path: Path, wri
     assert done.out.count("warning: ") == 1
     assert "\nwarning: second on a and 1 more: <LEDs> swapped\n" in done.out
     with (compared.out / "table.csv").open() as lines:
-        told = {(row["variant"], row["warnings"]) for row in csv.DictReader(lines)}
-    assert told == {("first", ""), ("second", "<LEDs> swapped")}
+        warnings = {(row["variant"], row["warnings"]) for row in csv.DictReader(lines)}
+    assert warnings == {("first", ""), ("second", "<LEDs> swapped")}
     page = (compared.out / "report.html").read_text()
     assert "second on a and 1 more: &lt;LEDs&gt; swapped" in page
     assert page.count('title="&lt;LEDs&gt; swapped"') == 3, "two captures and their mean"
 
 
-def test_a_warning_of_an_early_item_is_kept(compared: Compared, write: Write) -> None:
+def test_the_table_keeps_a_warning_of_an_early_item(compared: Compared, write: Write) -> None:
     text = GRAPH.replace("count: 1", "count: 3").replace(
         "op: doubled, in: {image: light}", "op: warns_once, in: {image: frames.image}"
     )
@@ -202,7 +204,7 @@ def test_a_warning_of_an_early_item_is_kept(compared: Compared, write: Write) ->
     assert compared.table()[0]["warnings"] == ["two"]
 
 
-def test_a_comparison_names_few_of_many_nodes_that_fell_back(
+def test_many_fallbacks_of_a_graph_are_reported_in_one_line(
     compared: Compared, write: Write, no_device: None
 ) -> None:
     text = GRAPH.replace("prefer: [numpy]\n", "").replace("in: {image: more", "in: {image: l8")
@@ -220,8 +222,8 @@ def test_a_comparison_names_few_of_many_nodes_that_fell_back(
 def test_two_captures_of_one_name_are_refused(compared: Compared, tmp_path: Path) -> None:
     more = tmp_path / "more" / "a"
     more.mkdir(parents=True)
-    said = one_line(compared(over=[compared.captures[0], more]))
-    assert "two runs are called first/preferred/a" in said
+    message = one_line(compared(over=[compared.captures[0], more]))
+    assert "two runs are called first/preferred/a" in message
 
 
 def test_a_capture_is_named_by_its_folder_however_it_is_reached(
@@ -250,7 +252,7 @@ def test_a_name_in_brackets_is_printed_as_it_is(compared: Compared, tmp_path: Pa
         (("--over", ".", "levle=1"), "no parameter 'levle'; did you mean 'level'?"),
     ],
 )
-def test_what_is_wrong_is_said_before_anything_runs(
+def test_a_wrong_argument_is_reported_before_anything_runs(
     compared: Compared, toys: list[str], words: tuple[str, ...], message: str
 ) -> None:
     assert message in one_line(compared(*words, over=[]))
@@ -258,7 +260,9 @@ def test_what_is_wrong_is_said_before_anything_runs(
     assert not compared.out.exists()
 
 
-def test_a_report_that_cannot_be_written_is_one_line(compared: Compared, tmp_path: Path) -> None:
+def test_a_report_that_cannot_be_written_ends_in_one_line(
+    compared: Compared, tmp_path: Path
+) -> None:
     (tmp_path / "file").write_text("a file is in the way")
     done = compared(out=tmp_path / "file" / "report")
     assert done.code == 2

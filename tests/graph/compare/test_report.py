@@ -34,9 +34,9 @@ nodes:
   shadow: {op: label_lit, in: {light: camera.image}}
   slope:  {op: height_slopes, in: {height: shape.height, pixel: shape.pixel_size}}
   height: {op: integrate_dct, in: {slope: slope.slope, pixel: shape.pixel_size}}
-  found:  {op: evaluate_shadow, in: {shadow: shadow, truth: scene.labels}}
+  labels: {op: evaluate_shadow, in: {shadow: shadow, truth: scene.labels}}
   error:  {op: evaluate_height, in: {height: height, pixel: shape.pixel_size, truth: shape.height}}
-  score:  {op: join_metrics, in: {height: error, shadow: found}}
+  score:  {op: join_metrics, in: {height: error, shadow: labels}}
 outputs:
   image: camera.image
   truth: shape.height
@@ -83,16 +83,16 @@ class _References(HTMLParser):
 
     def __init__(self) -> None:
         super().__init__()
-        self.found: list[str] = []
+        self.addresses: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.found += [
+        self.addresses += [
             v or "" for k, v in attrs if k in ("src", "href", "srcset", "data", "action")
         ]
 
 
 def compared(made_once: MadeOnce, name: str, tmp_path: Path, *words: object) -> Path:
-    """A copy of what is compared once for all tests of all workers."""
+    """A copy of a comparison that is run once for all tests of all workers."""
 
     def make(folder: Path) -> None:
         folder.mkdir()
@@ -139,13 +139,13 @@ def change_truth(capture: Path) -> None:
 
 
 def chromium(*words: object) -> subprocess.CompletedProcess[str]:
-    """Run the browser; its absence fails the test, it does not skip it."""
-    found = shutil.which("chromium") or shutil.which("chromium-browser")
-    assert found, "chromium is missing; tests/install_system.sh installs it"
+    """Run the browser; without one the test fails, it is not skipped."""
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    assert browser, "chromium is missing; tests/install_system.sh installs it"
     safe = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage")
     quiet = ("--enable-logging=stderr", "--v=0", "--host-resolver-rules=MAP * ~NOTFOUND")
     return subprocess.run(
-        [found, *safe, *quiet, *map(str, words)], capture_output=True, text=True, timeout=60
+        [browser, *safe, *quiet, *map(str, words)], capture_output=True, text=True, timeout=60
     )
 
 
@@ -154,12 +154,12 @@ def rows_of(folder: Path) -> list[dict[str, object]]:
 
 
 @pytest.mark.slow
-def test_a_browser_shows_the_whole_page(swept: Path, tmp_path: Path) -> None:
+def test_a_browser_shows_the_complete_page(swept: Path, tmp_path: Path) -> None:
     page = (swept / "report.html").read_text(encoding="utf-8")
     references = _References()
     references.feed(page)
-    assert references.found
-    assert all(reference.startswith("data:") for reference in references.found)
+    assert references.addresses
+    assert all(reference.startswith("data:") for reference in references.addresses)
     assert not re.search(r"@import|url\(|<script", page)
 
     examined = tmp_path / "examined.html"
@@ -185,11 +185,17 @@ def test_the_page_is_not_blank(report: Path, tmp_path: Path) -> None:
     assert len(np.unique(pixels @ np.array([1, 256, 65536]))) > 1000
 
 
-def test_the_page_says_what_was_ablated_and_how_it_was_made(report: Path, write: Write) -> None:
+def test_the_page_names_the_ablated_node_and_the_hash_of_each_graph(
+    report: Path, write: Write
+) -> None:
     page = (report / "report.html").read_text(encoding="utf-8")
     graphs = write(ONE, "one.yaml"), write(TWO, "two.yaml")
-    told = ("integrate_frankot_chellappa", "How it was made", "&lt;under&gt; four lights &amp; noi")
-    for text in (*told, *(read_graph(graph).hash for graph in graphs)):
+    texts = (
+        "integrate_frankot_chellappa",
+        "How it was made",
+        "&lt;under&gt; four lights &amp; noi",
+    )
+    for text in (*texts, *(read_graph(graph).hash for graph in graphs)):
         assert text in page
 
 
@@ -202,7 +208,7 @@ def test_repeats_by_seed_give_intervals(swept: Path) -> None:
     assert "±" in (swept / "table.md").read_text()
 
 
-def test_what_was_done_is_not_done_again_until_something_changes(
+def test_a_run_is_not_repeated_until_its_capture_changes(
     about: Command, captures: list[Path], tmp_path: Path
 ) -> None:
     words = ("compare", OVER, "--over", captures[0], captures[1], "--out", tmp_path / "r")
@@ -217,7 +223,7 @@ def test_what_was_done_is_not_done_again_until_something_changes(
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("paper",), "give --over DIR"),
         (("paper", "--over", "nowhere"), "'nowhere' does not exist"),
@@ -229,29 +235,29 @@ def test_what_was_done_is_not_done_again_until_something_changes(
     ],
 )
 def test_a_wrong_comparison_is_refused_in_one_line(
-    tactograph: Command, words: tuple[object, ...], said: str
+    tactograph: Command, words: tuple[object, ...], message: str
 ) -> None:
-    assert said in one_line(tactograph("compare", *words))
+    assert message in one_line(tactograph("compare", *words))
 
 
-def test_differences_are_told_box_by_box() -> None:
+def test_differences_are_listed_by_box() -> None:
     base = read_graph("paper")
     assert differences(base, base) == {}
     assert differences(base, read_graph("paper_no_shadow")) == {
         "shadow": [Difference("shadow", "taken out", "no", "yes, by its neutral value")]
     }
-    found = differences(base, read_graph("reconstruct"))
-    assert len(found) < 30 < 100 < sum(map(len, found.values()))
-    assert {change.change for change in found["rough"]} == {"added"}
-    assert {change.change for change in found["look_up"]} == {"removed"}
-    assert Difference("slope", "op", "refine_taylor", "pixel_mean_slope") in found["slope"]
+    changes = differences(base, read_graph("reconstruct"))
+    assert len(changes) < 30 < 100 < sum(map(len, changes.values()))
+    assert {change.change for change in changes["rough"]} == {"added"}
+    assert {change.change for change in changes["look_up"]} == {"removed"}
+    assert Difference("slope", "op", "refine_taylor", "pixel_mean_slope") in changes["slope"]
     without = differences(base, read_graph("paper_no_flat"))
     raw = Difference("integrate.raw", "op", "integrate_frankot_chellappa", "integrate_dct")
     assert raw in without["integrate"]
     assert Difference("take.film", "input flat", "take.cal.flat", "smooth") in without["take"]
 
 
-def test_a_map_of_which_nothing_is_known_and_labels_that_no_run_gave_are_not_drawn() -> None:
+def test_an_empty_map_and_labels_that_are_empty_in_all_runs_are_not_drawn() -> None:
     unknown = np.full((4, 5), np.nan, np.float32)
     some = np.where(np.arange(20).reshape(4, 5) > 9, np.float32(1), unknown)
     for name, kind, empty, full in (
@@ -266,7 +272,7 @@ def test_a_map_of_which_nothing_is_known_and_labels_that_no_run_gave_are_not_dra
     assert _pictures({"one": height | truth, "two": {"height": View("height", "map", "mm", some)}})
 
 
-def test_runs_of_equal_results_and_truths_are_one_panel() -> None:
+def test_runs_with_equal_results_and_truths_share_one_panel() -> None:
     flat, ball = (np.full((4, 5), level, np.float32) for level in (0, 1))
 
     def run(height: np.ndarray, truth: np.ndarray) -> dict[str, View]:
@@ -282,11 +288,11 @@ def test_runs_of_equal_results_and_truths_are_one_panel() -> None:
     assert [*_Shown("height", runs).errors] == ["x 1; 1 equal", "x 3", "x 4"]
 
 
-def test_cut_off_views_leave_the_report_without_those_pictures(tmp_path: Path) -> None:
+def test_a_truncated_file_of_views_is_left_out_of_the_report(tmp_path: Path) -> None:
     save_views([View("height", "map", "mm", np.ones((40, 50), np.float32))], tmp_path)
     file = tmp_path / "views.npz"
-    for kept in (0, 10, file.stat().st_size // 2, file.stat().st_size - 4):
-        file.write_bytes(file.read_bytes()[:kept])
+    for length in (0, 10, file.stat().st_size // 2, file.stat().st_size - 4):
+        file.write_bytes(file.read_bytes()[:length])
         assert load_views(tmp_path) == {}
         save_views([View("height", "map", "mm", np.ones((40, 50), np.float32))], tmp_path)
 

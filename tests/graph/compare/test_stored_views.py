@@ -1,4 +1,4 @@
-"""Views of a result, and the truth of each."""
+"""The views of a result, and the truth of each."""
 
 import numpy as np
 
@@ -10,23 +10,23 @@ def views(*names: str, kind: Kind = "map", unit: str = "mm") -> dict[str, View]:
     return {name: View(name, kind, unit, np.zeros((3, 4), np.float32)) for name in names}
 
 
-def truths(found: dict[str, View]) -> dict[str, str | None]:
-    there = {name: find_truth(view, found) for name, view in found.items() if not view.is_truth}
-    return {name: view and view.name for name, view in there.items()}
+def truths(maps: dict[str, View]) -> dict[str, str | None]:
+    matches = {name: find_truth(view, maps) for name, view in maps.items() if not view.is_truth}
+    return {name: view and view.name for name, view in matches.items()}
 
 
 def test_a_truth_is_that_of_the_first_view_of_its_kind_and_unit_alone() -> None:
-    found = views("truth", "height", "error") | views("slope", unit="1")
-    assert truths(found) == {"height": "truth", "error": None, "slope": None}
+    maps = views("truth", "height", "error") | views("slope", unit="1")
+    assert truths(maps) == {"height": "truth", "error": None, "slope": None}
 
 
 def test_a_truth_that_names_a_view_is_the_truth_of_that_one() -> None:
-    found = views("truth_error", "truth", "height", "error")
-    assert truths(found) == {"height": "truth", "error": "truth_error"}
+    maps = views("truth_error", "truth", "height", "error")
+    assert truths(maps) == {"height": "truth", "error": "truth_error"}
     labels = views("truth_shadow", "highlight", "shadow", kind="labels", unit="LED bits")
     assert truths(labels) == {"highlight": None, "shadow": "truth_shadow"}
 
 
-def test_a_truth_of_another_size_is_no_truth() -> None:
-    found = views("height") | {"truth": View("truth", "map", "mm", np.zeros((2, 2)))}
-    assert truths(found) == {"height": None}
+def test_a_truth_of_another_size_is_ignored() -> None:
+    maps = views("height") | {"truth": View("truth", "map", "mm", np.zeros((2, 2)))}
+    assert truths(maps) == {"height": None}

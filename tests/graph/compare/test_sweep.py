@@ -1,4 +1,4 @@
-"""Sweeps as users write them, and the runs they make."""
+"""Sweeps as users write them, and the runs that follow from them."""
 
 import pytest
 
@@ -71,9 +71,9 @@ def test_a_parameter_may_be_one_of_a_group() -> None:
     ],
 )
 def test_a_range_or_a_list_gives_the_values_swept(text: str, values: tuple[object, ...]) -> None:
-    found = read_sweep(f"node.param={text}").values
-    assert found == pytest.approx(values) if "text" not in text else found == values
-    assert list(map(type, found)) == list(map(type, values))
+    swept = read_sweep(f"node.param={text}").values
+    assert swept == pytest.approx(values) if "text" not in text else swept == values
+    assert list(map(type, swept)) == list(map(type, values))
 
 
 @pytest.mark.parametrize(
@@ -105,14 +105,14 @@ def test_a_variant_without_the_node_runs_once() -> None:
 
 
 @pytest.mark.parametrize(
-    ("target", "said"),
+    ("target", "message"),
     [
         ("shadow.treshold", "it has: threshold"),
         ("shaddow.threshold", "no graph has a node 'shaddow'"),
     ],
 )
-def test_a_sweep_over_nothing_says_what_there_is(target: str, said: str) -> None:
-    with pytest.raises(InputError, match=said):
+def test_a_sweep_over_an_unknown_target_names_the_mistake(target: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         check_targets([read_graph("paper")], [target], "--sweep")
     with pytest.raises(InputError, match="taken out"):
         check_targets([read_graph("paper_no_shadow")], ["shadow.threshold"], "--sweep")

@@ -31,14 +31,14 @@ def test_the_interval_is_students() -> None:
     from scipy import stats  # seconds, for each worker that collects this file
 
     values = [1.0, 2.0, 4.0, 4.5]
-    found = estimate(values)
+    interval = estimate(values)
     wanted = stats.t.interval(0.95, 3, np.mean(values), stats.sem(values))
-    assert (found.low, found.high) == pytest.approx(wanted)
+    assert (interval.low, interval.high) == pytest.approx(wanted)
     assert estimate([3.0]).half == 0
     assert estimate([2.0, 2.0]).half == 0
 
 
-def test_the_interval_holds_the_mean_as_often_as_it_says() -> None:
+def test_the_interval_contains_the_mean_as_often_as_stated() -> None:
     rng = np.random.default_rng(1)
     intervals = [estimate(list(rng.normal(5, 2, 4))) for _ in range(2000)]
     assert np.mean([e.low <= 5 <= e.high for e in intervals]) == pytest.approx(0.95, abs=0.015)
@@ -52,7 +52,7 @@ def test_repeats_are_one_line() -> None:
 
 
 @pytest.mark.parametrize("name", ["shadow_iou", "recall", "shadow_precision/led1"])
-def test_figures_that_should_be_high(name: str) -> None:
+def test_figures_for_which_higher_is_better(name: str) -> None:
     assert what_is_better(name) == "higher"
     assert what_is_better("rmse_px") == "nearer to zero"
 
@@ -62,7 +62,7 @@ def test_a_verdict_on_the_input_is_no_score() -> None:
     assert not any(is_best(x, name, lines) for x in lines for name in ("trust", "check_rest"))
 
 
-def test_the_best_is_sought_within_a_capture() -> None:
+def test_the_best_value_is_the_best_of_its_capture() -> None:
     figures = (("x", "a", -3.0, 0.5), ("y", "a", 2.0, 0.4), ("x", "b", 0.1, 0.9))
     lines = make_lines([row(v, c, error=e, iou=iou, same=1.0) for v, c, e, iou in figures])
     assert [is_best(line, "error", lines) for line in lines] == [False, True, False]
@@ -78,7 +78,7 @@ def test_the_mean_over_captures_leaves_out_variants_that_failed() -> None:
     assert over_all(make_lines([row("x")])) == []
 
 
-def test_details_are_for_programs(tmp_path: Path) -> None:
+def test_details_are_only_in_the_tables_for_programs(tmp_path: Path) -> None:
     rows = [Row("x_1", "a", "numpy", "h", {"iou": 0.5, "iou/led1": 0.25}, sweep={"n.p": 0.1})]
     assert columns(make_lines(rows)) == ["iou"]
     write_tables(rows, tmp_path)
@@ -141,12 +141,12 @@ def test_the_time_of_a_single_run_is_never_the_best() -> None:
 
 
 def shown_at(width: int, rows: list[Row], wanted: Sequence[str] = ()) -> list[str]:
-    said: list[str] = []
-    print_table(rows, said.append, width, wanted)
-    return "\n".join(said).splitlines()
+    printed: list[str] = []
+    print_table(rows, printed.append, width, wanted)
+    return "\n".join(printed).splitlines()
 
 
-def test_of_the_figures_those_that_are_wanted_are_shown() -> None:
+def test_only_the_requested_figures_are_shown() -> None:
     rows = [row(v, error=1.0, iou=0.5, **{"iou/led1": 0.25}) for v in ("one", "two")]
     lines = shown_at(200, rows, ["iou/led1", "error"])
     assert [line.split()[-2:] for line in lines[-2:]] == [["0.25", "1"]] * 2
@@ -155,7 +155,7 @@ def test_of_the_figures_those_that_are_wanted_are_shown() -> None:
 
 
 @pytest.mark.parametrize("width", [200, 60, 40, 10])
-def test_no_number_is_cut_however_narrow_the_terminal_is(width: int) -> None:
+def test_no_number_is_truncated_in_a_narrow_terminal(width: int) -> None:
     figures = {f"mean_error_{n}_percent": 0.123456 + n for n in range(5)}
     rows = [row(v, **figures) for v in ("first_variant", "second_variant")]
     lines = shown_at(width, rows)
@@ -171,7 +171,7 @@ def test_a_table_too_wide_has_a_column_for_each_run() -> None:
     assert max(map(len, lines)) <= 60
 
 
-def test_a_terminal_is_told_what_the_star_means() -> None:
+def test_the_terminal_table_explains_the_star() -> None:
     rows = [row("x", error=1.0, iou=0.5), row("y", error=2.0, iou=0.4)]
     assert shown_at(80, rows)[-1] == "* best of its capture: highest iou; else nearest to zero"
     assert "*" not in "".join(shown_at(80, rows[:1]))

@@ -22,7 +22,7 @@ def where(name: str) -> str:
 
 
 def check(**settings: Any) -> dict[str, Any]:
-    return check_settings(choosy, {"way": "left", **settings}, where)
+    return check_settings(choosy, {"side": "left", **settings}, where)
 
 
 def refusal(**settings: Any) -> str:
@@ -32,11 +32,11 @@ def refusal(**settings: Any) -> str:
 
 
 def test_defaults_are_filled_in_and_whole_numbers_are_fractions_and_text_is_a_path() -> None:
-    defaults = {"way": "left", "share": None, "corner": (0, 0), "level": 1.0, "bright": False}
+    defaults = {"side": "left", "share": None, "corner": (0, 0), "level": 1.0, "bright": False}
     assert check() == defaults
     assert check(level=2)["level"] == 2.0
-    found = check_settings(find_node("read_height"), {"file": "a/b.npy"}, where)
-    assert found["file"] == Path("a/b.npy")
+    checked = check_settings(find_node("read_height"), {"file": "a/b.npy"}, where)
+    assert checked["file"] == Path("a/b.npy")
 
 
 @pytest.mark.parametrize("corner", [[3, 4], "3,4", (3, 4), "[3, 4]", " [3,4] "])
@@ -47,7 +47,7 @@ def test_a_tuple_may_be_a_list_or_words_with_commas(corner: Any) -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"way": "up"}, "with.way: input should be 'left' or 'right', not 'up'"),
+        ({"side": "up"}, "with.side: input should be 'left' or 'right', not 'up'"),
         ({"share": 0.6}, "with.share: input should be less than or equal to 0.5, not 0.6"),
         ({"share": True}, "with.share: a number is needed, not True"),
         ({"share": float("nan")}, "with.share: input should be a finite number, not nan"),
@@ -72,21 +72,21 @@ def test_a_tuple_may_be_a_list_or_words_with_commas(corner: Any) -> None:
     ],
 )
 def test_a_wrong_value_is_refused_with_its_place(settings: dict[str, Any], message: str) -> None:
-    said = refusal(**settings)
-    assert said.startswith("g.yaml:3:5: nodes.c.with.")
-    assert message in said
-    assert len(said) < 250
+    text = refusal(**settings)
+    assert text.startswith("g.yaml:3:5: nodes.c.with.")
+    assert message in text
+    assert len(text) < 250
 
 
-def test_a_parameter_that_is_needed_is_asked_for() -> None:
-    with pytest.raises(GraphError, match="node 'choosy' needs the parameter 'way'"):
+def test_a_missing_parameter_is_named() -> None:
+    with pytest.raises(GraphError, match="node 'choosy' needs the parameter 'side'"):
         check_settings(choosy, {}, where)
 
 
-def test_a_value_that_is_not_given_yet_is_taken_to_be_right_but_not_the_one_beside_it() -> None:
-    assert check(way=PARAM_PLACEHOLDER)["way"] is PARAM_PLACEHOLDER
-    assert check(way=PARAM_PLACEHOLDER, level=PARAM_PLACEHOLDER)["corner"] == (0, 0)
-    assert "with.share" in refusal(way=PARAM_PLACEHOLDER, share=7)
+def test_a_value_still_to_come_is_accepted_and_the_others_are_checked() -> None:
+    assert check(side=PARAM_PLACEHOLDER)["side"] is PARAM_PLACEHOLDER
+    assert check(side=PARAM_PLACEHOLDER, level=PARAM_PLACEHOLDER)["corner"] == (0, 0)
+    assert "with.share" in refusal(side=PARAM_PLACEHOLDER, share=7)
 
 
 VALUES = st.recursive(
@@ -97,17 +97,19 @@ VALUES = st.recursive(
 
 
 @given(
-    st.sampled_from(["way", "share", "corner", "level", "bright", "x", "model_config", "__init__"]),
+    st.sampled_from(
+        ["side", "share", "corner", "level", "bright", "x", "model_config", "__init__"]
+    ),
     VALUES,
 )
 def test_any_value_is_checked_or_refused(name: str, value: Any) -> None:
     try:
-        found = check(**{name: value})
+        checked = check(**{name: value})
     except GraphError as error:
         assert "\n" not in str(error)  # noqa: PT017
     else:
-        assert isinstance(found["level"], float)
-        assert isinstance(found["bright"], bool)
+        assert isinstance(checked["level"], float)
+        assert isinstance(checked["bright"], bool)
 
 
 @each("name", shipped_nodes())
@@ -129,6 +131,6 @@ def test_a_tilde_is_the_user_s_home(monkeypatch: pytest.MonkeyPatch, tmp_path: P
         check_settings(node, {"folder": "~nobody-of-that-name"}, where)
 
 
-def test_of_one_or_two_values_three_are_told_in_plain_words() -> None:
+def test_three_values_are_refused_in_plain_words_where_one_or_two_are_allowed() -> None:
     with pytest.raises(GraphError, match=r"at most 2 items, not \[0\.1, 0\.2, 0\.3\]$"):
         check_settings(find_node("pixel_size"), {"mm": [0.1, 0.2, 0.3]}, where)

@@ -1,4 +1,4 @@
-"""Nodes are found by name: the built-in ones, and those that other packages bring."""
+"""Nodes are found by name: the built-in ones, and those of other packages."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -64,7 +64,7 @@ Install = Callable[..., Path]
 
 @pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
-    """Lay a package with a node into a folder as pip does, and put the folder on the path."""
+    """Install a package with a node into a folder as pip does, and put the folder on the path."""
     site = tmp_path / "site"
     before = set(sys.modules)
 
@@ -97,7 +97,7 @@ def test_every_node_file_is_a_node_of_that_name() -> None:
 
 
 @pytest.mark.parametrize("name", ["_fourier", "__init__", "os", "os.path", "", "read_capture.x"])
-def test_what_is_no_node_is_not_found(name: str) -> None:
+def test_a_name_of_no_node_is_refused(name: str) -> None:
     with pytest.raises(GraphError, match="no node is called"):
         find_node(name)
 
@@ -116,8 +116,8 @@ def test_a_node_of_another_package_runs_on_both_back_ends(
     install("acme-optics", "acme_scale")
     pipeline = load(write(STREAM.format(name="acme_scale")), backend=backend)
     stack = np.linspace(0, 1, 3 * 7 * 11, dtype=np.float32).reshape(3, 7, 11)
-    found = pipeline(frames=stack)
-    np.testing.assert_array_equal(found["light"], stack * np.float32(4))
+    result = pipeline(frames=stack)
+    np.testing.assert_array_equal(result["light"], stack * np.float32(4))
     assert pipeline.plan.placements["more"].backend == backend
 
 
@@ -162,7 +162,7 @@ def test_a_name_of_two_packages_is_an_error_that_names_both(install: Install, wr
         load(write(STREAM.format(name="acme_scale")))
 
 
-def test_a_shipped_node_goes_before_a_plug_in_of_its_name(install: Install) -> None:
+def test_a_shipped_node_takes_precedence_over_a_plug_in_of_its_name(install: Install) -> None:
     install("acme-optics", "flat_field")
     with pytest.warns(UserWarning, match="'flat_field' of acme-optics is not used"):
         assert find_node("flat_field").package == "tactograph"
@@ -193,7 +193,9 @@ def test_a_kernel_that_does_not_match_or_is_missing_is_refused_before_the_run(
         load(write(STREAM.format(name="acme_scale")), backend="opencl")
 
 
-def test_an_installed_package_is_seen_by_the_command_line(install: Install, tmp_path: Path) -> None:
+def test_the_command_line_finds_the_node_of_an_installed_package(
+    install: Install, tmp_path: Path
+) -> None:
     folder = install("acme-optics", "acme_scale")
     command = ("-m", "tactograph.graph.command", "nodes", "acme_scale")
     done = python(*command, cwd=tmp_path, PYTHONPATH=folder.parent, PATH="")

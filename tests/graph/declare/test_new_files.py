@@ -1,4 +1,4 @@
-"""A new node starts as one that works, in the project or in a package beside it."""
+"""A new node works from the start, in the project or in a separate package."""
 
 from pathlib import Path
 
@@ -34,7 +34,7 @@ def test_in_a_clone_a_node_is_four_files(tactograph: Command, clone: Path) -> No
 
 @pytest.mark.parametrize("check", [["check"], ["format", "--check", "--diff"]])
 @pytest.mark.parametrize("ring", [False, True])
-def test_what_is_written_is_formatted_and_clean(
+def test_the_written_files_are_formatted_and_pass_the_linter(
     tactograph: Command, clone: Path, ring: bool, check: list[str]
 ) -> None:
     assert (
@@ -42,7 +42,7 @@ def test_what_is_written_is_formatted_and_clean(
     )
     config = ["--config", str(ROOT / "pyproject.toml")]
     if ring:
-        # Seen from a package of its own, tactograph is one of the others.
+        # From another package, tactograph is a third-party package.
         config = ["--isolated", "--line-length", "100"]
         config += ["--select", "E,F,I,UP"] if check == ["check"] else []
     python("-m", "ruff", *check, *config, ".", cwd=clone / "my-felt" if ring else clone)
@@ -74,7 +74,7 @@ def test_a_new_ring_passes_its_own_tests_once_installed(
         (["light/a-b"], "lower-case"),
     ],
 )
-def test_a_name_that_cannot_be_is_refused(
+def test_an_invalid_name_of_a_node_is_refused(
     tactograph: Command, clone: Path, words: list[str], message: str
 ) -> None:
     assert message in one_line(tactograph("new-node", *words))
@@ -87,7 +87,7 @@ def test_nothing_is_overwritten(tactograph: Command, clone: Path) -> None:
     assert not (clone / "nodes" / "brighten.py").exists()
 
 
-def test_outside_a_clone_a_ring_is_made_first(
+def test_outside_a_clone_a_new_node_needs_a_ring(
     tactograph: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -98,7 +98,7 @@ def test_outside_a_clone_a_ring_is_made_first(
     ("folder", "message"),
     [("1felt", "cannot be a package"), ("tactograph-core", "a ring 'core' is installed")],
 )
-def test_a_ring_that_cannot_be_is_refused(
+def test_an_invalid_name_of_a_ring_is_refused(
     tactograph: Command, clone: Path, folder: str, message: str
 ) -> None:
     assert message in one_line(tactograph("new-ring", folder))

@@ -78,7 +78,7 @@ def test_a_record_as_an_argument_is_an_input_for_each_of_its_fields() -> None:
     assert each.input_records == {"two": Two}
 
 
-def test_a_record_in_a_record_is_flat_outside_and_whole_inside() -> None:
+def test_a_nested_record_has_flat_ports_and_reaches_the_function_nested() -> None:
     @node
     def each(outer: Outer) -> Outer:
         return outer._replace(gain=outer.inner.high)
@@ -101,7 +101,7 @@ def test_an_unpacked_record_is_an_input_for_each_field_by_its_own_name() -> None
     assert each(*arguments, gain_at_most=4.0) == Outer(Inner(1.0, 2.0), 3.0)
 
 
-def test_a_record_that_may_be_left_out_is_none_then() -> None:
+def test_an_optional_record_that_is_left_out_is_none() -> None:
     @node
     def each(light: Light, named: Named | None = None) -> Height: ...
 
@@ -191,7 +191,7 @@ def test_symbols_stand_in_the_order_in_which_they_first_appear() -> None:
     assert each.symbols == ("H", "W", "K", "N")
 
 
-def test_provenance_is_handed_in_by_the_engine_and_is_no_parameter() -> None:
+def test_provenance_comes_from_the_engine_and_is_no_parameter() -> None:
     @node
     def sink(height: Height, *, folder: str, provenance: Provenance) -> None: ...
 
@@ -234,7 +234,7 @@ def test_a_node_is_written_for_the_back_ends_that_it_declares() -> None:
 
 
 @pytest.mark.parametrize(("size", "refused"), [(2, True), (3, False), (8, False), (9, True)])
-def test_a_size_limit_refuses_what_lies_outside(size: int, refused: bool) -> None:
+def test_a_size_limit_refuses_sizes_outside(size: int, refused: bool) -> None:
     assert SizeLimit(3, 8, "why").refuses(size) is refused
 
 
@@ -263,7 +263,7 @@ def pair(light: Light) -> Two: ...
         (pair, {"neutral": 0}, "only a node with one output"),
     ],
 )
-def test_a_signature_that_is_no_declaration_is_refused(
+def test_a_signature_that_declares_no_node_is_refused(
     function: Callable[..., Any], neutral: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(TypeError, match=message):
@@ -271,7 +271,7 @@ def test_a_signature_that_is_no_declaration_is_refused(
 
 
 @each("name", shipped_nodes())
-def test_every_built_in_node_says_what_it_does(name: str) -> None:
-    found = find_node(name)
-    assert found.name == name
-    assert 10 < len(found.summary) < 200
+def test_every_built_in_node_has_a_summary(name: str) -> None:
+    shipped = find_node(name)
+    assert shipped.name == name
+    assert 10 < len(shipped.summary) < 200

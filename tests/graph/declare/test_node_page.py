@@ -1,4 +1,4 @@
-"""A node says of itself what a user has to know."""
+"""The page of a node holds what a user has to know."""
 
 import inspect
 import re
@@ -18,7 +18,7 @@ def test_every_input_and_parameter_is_described(name: str) -> None:
     about = find_node(name).about
     silent = [argument for argument, words in about.arguments.items() if not words]
     assert about.summary.endswith(".")
-    # A node whose inputs are told in its text need not repeat them.
+    # A node whose text explains its inputs need not repeat them.
     assert not [argument for argument in silent if argument in find_node(name).parameters]
 
 
@@ -49,7 +49,7 @@ def test_a_docstring_that_lists_arguments_lists_every_input(name: str) -> None:
         assert re.search(rf"^([*\w]+, )*\*{{0,2}}{port.name}(,| :|$)", listed, re.MULTILINE)
 
 
-def test_a_page_tells_units_ranges_and_defaults() -> None:
+def test_a_page_states_units_ranges_and_defaults() -> None:
     page = node_page(find_node("flat_field"))
     assert "`flat` (float32 K x H x W [1]): Irradiance per LED" in page
     assert "; K x H x W, the untouched film" in page
@@ -57,20 +57,20 @@ def test_a_page_tells_units_ranges_and_defaults() -> None:
     assert "`floor` (default 0.02, above 0): Smallest value" in page
 
 
-def test_a_page_tells_what_the_values_of_a_record_mean() -> None:
+def test_a_page_explains_the_values_of_a_record() -> None:
     meaning = "- `rim` (number [mm]): mm of film beyond the frame"
     assert meaning in node_page(find_node("read_calibration"))
     assert "- `null` (float32 K [1]): unit vector a" in node_page(find_node("write_calibration"))
 
 
 @each("name", shipped_nodes())
-def test_what_a_node_returns_is_told_to_its_end(name: str) -> None:
+def test_the_returns_section_is_read_to_its_end(name: str) -> None:
     doc = inspect.cleandoc(find_node(name).doc or "")
-    told = find_node(name).about.returns
+    returns = find_node(name).about.returns
     if "\nReturns\n" not in doc:
-        assert not told
+        assert not returns
         return
     section = doc.partition("\nReturns\n")[2].partition("\n\nRaises\n")[0].lstrip("-\n")
     for other in ("Notes", "Examples", "References"):
         section = section.partition(f"\n\n{other}\n")[0]
-    assert told == " ".join(section.split())
+    assert returns == " ".join(section.split())

@@ -15,7 +15,7 @@ from tests.graph.conftest import SLOPES, Write
 
 
 @pytest.mark.parametrize(
-    ("annotation", "kind", "said"),
+    ("annotation", "kind", "text"),
     [
         (
             Annotated[NDArray[np.uint8], Port("K 9 H", "LED bits")],
@@ -26,9 +26,9 @@ from tests.graph.conftest import SLOPES, Write
         (float, "number", "number [1]"),
     ],
 )
-def test_a_port_has_dimensions_type_and_unit(annotation: Any, kind: str, said: str) -> None:
+def test_a_port_has_dimensions_type_and_unit(annotation: Any, kind: str, text: str) -> None:
     port = read_port("light", annotation)
-    assert (port.kind, str(port)) == (kind, said)
+    assert (port.kind, str(port)) == (kind, text)
 
 
 @pytest.mark.parametrize("python", [str, dict[str, float], list[int]])
@@ -66,10 +66,10 @@ class Outer(NamedTuple):
     gain: float
 
 
-@pytest.mark.parametrize("made", [("x",), ("x", 1.0, 2.0, 3.0), {"a": 1, "b": 2}, None, "ab"])
-def test_what_is_no_record_is_told(made: Any) -> None:
-    with pytest.raises(TypeError, match=rf"Outer\(.*\) is declared, but a {type(made).__name__}"):
-        record_values(Outer, made)
+@pytest.mark.parametrize("value", [("x",), ("x", 1.0, 2.0, 3.0), {"a": 1, "b": 2}, None, "ab"])
+def test_a_value_that_is_not_the_declared_record_is_refused(value: Any) -> None:
+    with pytest.raises(TypeError, match=rf"Outer\(.*\) is declared, but a {type(value).__name__}"):
+        record_values(Outer, value)
 
 
 def test_a_record_with_two_ports_of_one_name_is_refused() -> None:
@@ -125,7 +125,7 @@ def test_a_value_that_may_be_absent_or_is_no_array_is_refused(
 
 
 def test_an_array_may_be_written_as_an_alias() -> None:
-    """An alias as NumPy 2.5 makes it from Python 3.12 on."""
+    """NumPy 2.5 makes such an alias from Python 3.12 on."""
     scalar = TypeVar("scalar", bound=np.generic)
     array = np.ndarray[Any, np.dtype[scalar]]  # type: ignore[valid-type]
     alias = TypeAliasType("alias", array, type_params=(scalar,))

@@ -1,4 +1,4 @@
-"""The size in an array's header is believed only if the file is that large."""
+"""The size in an array's header is accepted only if the file is that large."""
 
 import io
 import zipfile
@@ -25,9 +25,9 @@ def test_arrays_are_read_as_they_were_saved(tmp_path: Path) -> None:
     np.save(tmp_path / "one.npy", FOUR)
     np.savez_compressed(tmp_path / "two.npz", a=FOUR, b=FOUR > 1, about=np.array("text"))
     assert np.array_equal(load_array(tmp_path / "one.npy"), FOUR)
-    found = load_arrays(tmp_path / "two.npz")
-    assert np.array_equal(found["b"], FOUR > 1)
-    assert str(found["about"]) == "text"
+    arrays = load_arrays(tmp_path / "two.npz")
+    assert np.array_equal(arrays["b"], FOUR > 1)
+    assert str(arrays["about"]) == "text"
 
 
 def test_an_array_larger_than_its_file_or_archive_is_refused(tmp_path: Path) -> None:
@@ -49,7 +49,7 @@ def test_an_archive_that_unpacks_to_too_much_is_refused(tmp_path: Path, monkeypa
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"PK\x03\x04" + b"\0" * 40])
-def test_what_is_no_array_is_refused(tmp_path: Path, content: bytes) -> None:
+def test_a_file_without_an_array_is_refused(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "x").write_bytes(content)
     for load in (load_array, load_arrays):
         with pytest.raises(ValueError, match=r"array|archive|zip|magic|EOF|holds|empty|file"):

@@ -1,4 +1,4 @@
-"""Files appear whole or not at all."""
+"""Files appear complete or not at all."""
 
 import errno
 import os
@@ -37,7 +37,7 @@ def write_and_fail(folder: Path, error: BaseException) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "told"),
+    ("error", "raised"),
     [
         (RuntimeError("no"), RuntimeError),
         (KeyboardInterrupt(), KeyboardInterrupt),
@@ -45,21 +45,21 @@ def write_and_fail(folder: Path, error: BaseException) -> None:
         (OSError(errno.ENOSPC, "No space left on device"), InputError),
     ],
 )
-def test_nothing_appears_if_the_block_raises_and_what_was_there_stays(
-    tmp_path: Path, error: BaseException, told: type[BaseException]
+def test_if_the_block_raises_nothing_appears_and_existing_files_stay(
+    tmp_path: Path, error: BaseException, raised: type[BaseException]
 ) -> None:
-    with pytest.raises(told, match=r"^no$|^$|cannot be written: No space left"):
+    with pytest.raises(raised, match=r"^no$|^$|cannot be written: No space left"):
         write_and_fail(tmp_path, error)
     assert list(tmp_path.iterdir()) == []
     file = tmp_path / "a.txt"
     file.write_text("old")
-    with pytest.raises(told):
+    with pytest.raises(raised):
         write_and_fail(tmp_path, error)
     assert list(tmp_path.iterdir()) == [file]
     assert file.read_text() == "old"
 
 
-def test_a_file_that_was_there_is_replaced_and_its_neighbours_stay(tmp_path: Path) -> None:
+def test_an_existing_file_is_replaced_and_its_neighbours_stay(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("old")
     (tmp_path / "other.txt").write_text("mine")
     with atomic_file(tmp_path / "a.txt") as target:
@@ -79,12 +79,12 @@ def write_anew(folder: Path) -> None:
 
 
 def killed_while_moving(folder: Path, monkeypatch: pytest.MonkeyPatch, moved: int) -> None:
-    """Write a, b and z, of which b is to be last; the process dies after so many moves."""
-    replace, left = Path.replace, [moved]
+    """Write a, b and z, with b as the last; the process dies after ``moved`` moves."""
+    replace, remaining = Path.replace, [moved]
 
     def dying(file: Path, target: Path) -> Path:
-        left[0] -= 1
-        if left[0] < 0:
+        remaining[0] -= 1
+        if remaining[0] < 0:
             raise Killed
         return replace(file, target)
 
@@ -113,7 +113,7 @@ def test_the_last_file_is_new_only_if_all_others_are(
     }
 
 
-def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path: Path) -> None:
+def test_the_next_write_deletes_the_leftovers_of_a_killed_writer(tmp_path: Path) -> None:
     lines = (
         "import os, sys",
         "from pathlib import Path",
@@ -129,7 +129,7 @@ def test_what_a_killed_writer_left_goes_with_the_next_write(tmp_path: Path) -> N
     assert [file.name for file in tmp_path.iterdir()] == ["a.txt"]
 
 
-def test_what_another_writer_is_at_work_on_stays(tmp_path: Path) -> None:
+def test_the_files_of_another_running_writer_stay(tmp_path: Path) -> None:
     with atomic_files(tmp_path) as one, atomic_files(tmp_path) as other:
         (one / "a.txt").write_text("a")
         (other / "b.txt").write_text("b")
@@ -156,7 +156,7 @@ A_FILE = "a folder is needed, but a file has that name; give another place"
 @pytest.mark.parametrize(
     ("below", "why"), [("file.txt", A_FILE), ("file.txt/deeper", A_FILE), ("n" * 300, "too long")]
 )
-def test_a_folder_that_cannot_be_is_an_input_error(tmp_path: Path, below: str, why: str) -> None:
+def test_an_impossible_folder_is_an_input_error(tmp_path: Path, below: str, why: str) -> None:
     (tmp_path / "file.txt").write_text("a file, not a folder")
     with pytest.raises(InputError, match=f"written: .*{why}"), atomic_files(tmp_path / below):
         pytest.fail("the block must not run")
@@ -168,14 +168,14 @@ def write_two(folder: Path) -> None:
         (stage / "z.txt").write_text("z")
 
 
-def test_if_one_file_cannot_take_its_place_none_does(tmp_path: Path) -> None:
+def test_if_one_file_cannot_be_placed_none_is_placed(tmp_path: Path) -> None:
     (tmp_path / "z.txt").mkdir()
     with pytest.raises(InputError, match=r"z\.txt is a folder"):
         write_two(tmp_path)
     assert [f.name for f in tmp_path.iterdir()] == ["z.txt"]
 
 
-def test_a_file_takes_no_place_of_a_device_or_a_pipe(tmp_path: Path) -> None:
+def test_a_file_does_not_replace_a_device_or_a_pipe(tmp_path: Path) -> None:
     """Root could replace /dev/null."""
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
@@ -191,7 +191,7 @@ def test_a_file_takes_no_place_of_a_device_or_a_pipe(tmp_path: Path) -> None:
 
 
 def test_a_name_that_is_not_text_is_refused(tmp_path: Path) -> None:
-    """OpenCV ends the whole process at one."""
+    """OpenCV ends the process at such a name."""
     name = tmp_path / os.fsdecode(b"bad\xff")
     for writing in (atomic_files(name), atomic_file(name), atomic_file(name / "x")):
         with pytest.raises(InputError, match=r"bad.udcff.*: the name is not UTF-8; rename it"):
@@ -199,7 +199,7 @@ def test_a_name_that_is_not_text_is_refused(tmp_path: Path) -> None:
     assert not [*tmp_path.iterdir()]
 
 
-def test_a_read_error_is_not_told_as_one_of_writing(tmp_path: Path) -> None:
+def test_a_read_error_is_not_reported_as_a_write_error(tmp_path: Path) -> None:
     missing = tmp_path / "elsewhere" / "read.txt"
     with (
         pytest.raises(InputError, match=r"read\.txt: No such file"),
@@ -208,7 +208,7 @@ def test_a_read_error_is_not_told_as_one_of_writing(tmp_path: Path) -> None:
         missing.read_text()
 
 
-def test_an_array_of_which_a_part_is_written_means_a_full_disk(tmp_path: Path) -> None:
+def test_a_partly_written_array_is_reported_as_a_full_disk(tmp_path: Path) -> None:
     """NumPy says so without an errno."""
     with (
         pytest.raises(WriteError, match=r"out: cannot be written: No space .* disk of /.*; make"),

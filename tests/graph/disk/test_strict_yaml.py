@@ -31,9 +31,9 @@ def refusal(text: str) -> str:
     ],
 )  # fmt: skip
 def test_a_scalar_means_what_it_looks_like(text: str, value: object) -> None:
-    found = Document.parse(f"a: {text}", "g.yaml").data["a"]
-    assert found == value
-    assert type(found) is type(value)
+    parsed = Document.parse(f"a: {text}", "g.yaml").data["a"]
+    assert parsed == value
+    assert type(parsed) is type(value)
 
 
 @pytest.mark.parametrize("text", ["1e-3", "no", "0x1F", "2020-01-01", "", "true", "010"])
@@ -42,7 +42,7 @@ def test_a_value_on_the_command_line_means_the_same_as_in_a_file(text: str) -> N
 
 
 @pytest.mark.parametrize("text", ["1__0", "0_", "-_", "._5", "1__0.5", "9" * 5000])
-def test_what_looks_like_a_number_and_is_none_is_refused(text: str) -> None:
+def test_a_malformed_number_is_refused(text: str) -> None:
     message = refusal(f"a: {text}")
     assert message.startswith("g.yaml:1:4: a: '")
     assert message.endswith("is not a number")
@@ -75,7 +75,7 @@ def test_anchors_and_aliases_are_refused(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("%YAML 1.1\n---\na: no", "1:1: directives (%...) are not allowed; write plain YAML"),
         ("# x\n\n%TAG ! tag:x,2000:\n---\na: 1", "3:1: directives (%...) are not allowed"),
@@ -85,8 +85,8 @@ def test_anchors_and_aliases_are_refused(text: str) -> None:
         ("a:\n  b: 1\n  b: 2", "3:3: a.b: duplicate key"),
     ],
 )
-def test_what_is_not_plain_is_refused_at_its_place(text: str, said: str) -> None:
-    assert refusal(text).startswith(f"g.yaml:{said}")
+def test_yaml_beyond_the_plain_subset_is_refused_at_its_place(text: str, message: str) -> None:
+    assert refusal(text).startswith(f"g.yaml:{message}")
 
 
 @pytest.mark.parametrize("text", ["", "# nothing", "\n\n"])
@@ -117,14 +117,14 @@ def test_a_file_that_is_too_large_is_refused_before_it_is_parsed(tmp_path: Path)
     assert time.perf_counter() - started < 0.5
 
 
-def test_a_large_file_that_is_no_text_is_no_large_graph_file(tmp_path: Path) -> None:
+def test_a_large_binary_file_is_reported_as_not_text(tmp_path: Path) -> None:
     file = tmp_path / "cal.npz"
     file.write_bytes(b"PK\x03\x04\x00\xff" * MAX_BYTES)
     with pytest.raises(GraphError, match="not a text file"):
         Document.read(file)
 
 
-def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
+def test_a_binary_file_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "g.yaml"
     file.write_bytes(b"a: \xff")
     with pytest.raises(GraphError, match="byte 3 is not UTF-8"):
@@ -137,7 +137,7 @@ def test_a_folder_is_no_graph_file(tmp_path: Path) -> None:
 
 
 def test_every_value_knows_its_place() -> None:
-    """One that is not there has that of its closest parent, and a path reads like code."""
+    """A missing value has the place of its closest parent, and a path reads like code."""
     document = Document.parse("a:\n  b: [1,\n    {c: 2}]", "g.yaml")
     assert str(document.place(("a", "b", 1, "c"))) == "g.yaml:3:6: a.b[1].c"
     assert str(document.place(("a", "missing", "x"))) == "g.yaml:1:1: a.missing.x"
@@ -147,7 +147,7 @@ def test_every_value_knows_its_place() -> None:
 TEXT = "a: [1, 2.5, .inf, {b: no, c: null}]\nd: {e: '1', f: [[0x10]]}\n"
 
 
-def test_a_file_is_parsed_once_and_then_read_as_it_was(
+def test_a_file_is_parsed_once_and_then_read_from_the_cache(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(disk_cache.FOLDER_VARIABLE, str(tmp_path / "cache"))
@@ -158,9 +158,9 @@ def test_a_file_is_parsed_once_and_then_read_as_it_was(
     monkeypatch.setattr(strict_yaml, "_parsed", parsed)
     strict_yaml._kept.cache_clear()
     assert Document.read(file) == first == Document.parse(TEXT, str(file))
-    assert parsed.call_count == 1, "for the text that is no file's"
-    (kept,) = (tmp_path / "cache").rglob("*.cached")
-    kept.write_bytes(b"damaged")
+    assert parsed.call_count == 1, "for the text that comes from no file"
+    (cached,) = (tmp_path / "cache").rglob("*.cached")
+    cached.write_bytes(b"damaged")
     strict_yaml._kept.cache_clear()
     assert Document.read(file) == first
     assert parsed.call_count == 2

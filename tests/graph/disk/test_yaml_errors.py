@@ -6,12 +6,12 @@ from tests.graph.disk.test_strict_yaml import refusal
 
 
 @pytest.mark.parametrize("text", ["nodes:\n\tx: 1", "nodes:\n  x: 1\n\ty: 1"])
-def test_a_tab_is_told_to_be_spaces(text: str) -> None:
+def test_the_error_of_a_tab_says_to_indent_with_spaces(text: str) -> None:
     assert refusal(text).endswith("a tab; indent with spaces")
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [
         ("a:\n  x: 1\n   y: 2", "3:5: indented further than the line above, which has a value"),
         ("a:\n  x: {}\n   y: {}", "3:4: indented by 3, but the lines above by 0 or 2; indent it"),
@@ -29,8 +29,8 @@ def test_a_tab_is_told_to_be_spaces(text: str) -> None:
         ("a: 1\n---\nb: 2", "2:1: a second document begins here; a file holds one"),
     ],
 )  # fmt: skip
-def test_a_slip_is_told_with_its_place_and_what_to_do(text: str, said: str) -> None:
-    found = refusal(text)
-    assert found.startswith(f"g.yaml:{said}")
-    assert "\n" not in found
-    assert "block" not in found
+def test_a_syntax_error_is_reported_with_its_place_and_remedy(text: str, message: str) -> None:
+    error = refusal(text)
+    assert error.startswith(f"g.yaml:{message}")
+    assert "\n" not in error
+    assert "block" not in error

@@ -23,13 +23,15 @@ def refusal(write: Write, *changes: str) -> str:
     return str(caught.value)
 
 
-def test_all_wrong_changes_are_told_but_not_what_follows_from_one(write: Write) -> None:
+def test_all_wrong_changes_are_reported_but_not_their_consequences(write: Write) -> None:
     inserted = "{insert: rest, op: rest_at_border, after: heigt}"
     follows = "{set: rest, with: {width: 2}}"
     with pytest.raises(GraphError) as caught:
         patched(write, "{remove: slop}", inserted, follows, "{set: slope}", "{remove: again}")
-    said = [re.sub(r".*patch", "patch", each) for each in (str(caught.value), *caught.value.others)]
-    assert said == [
+    messages = [
+        re.sub(r".*patch", "patch", each) for each in (str(caught.value), *caught.value.others)
+    ]
+    assert messages == [
         "patch[0]: remove: there is no node 'slop'; did you mean 'slope'?",
         "patch[1]: insert: after: there is no node 'heigt'; did you mean 'height'?",
         "patch[3]: set needs 'with' or 'in'",
@@ -45,11 +47,11 @@ def test_set_changes_a_parameter_and_keeps_the_others(write: Write) -> None:
     assert graph.nodes["height"].settings == {"file": "$file", "crop": None}
 
 
-def test_set_changes_inputs_and_takes_them_away(write: Write) -> None:
-    again = "{set: slope, in: {height: again}, with: {steepest: 2}}"
-    graph = patched(write, again)
+def test_set_changes_inputs_and_removes_them(write: Write) -> None:
+    change = "{set: slope, in: {height: again}, with: {steepest: 2}}"
+    graph = patched(write, change)
     assert graph.nodes["slope"].inputs == {"height": "again", "pixel": "pixel"}
-    slope = patched(write, again, "{set: slope, in: {pixel: null}}").nodes["slope"]
+    slope = patched(write, change, "{set: slope, in: {pixel: null}}").nodes["slope"]
     assert (slope.inputs, slope.settings) == ({"height": "again"}, {"steepest": 2})
 
 
@@ -61,7 +63,7 @@ def test_replace_keeps_the_inputs_unless_it_states_them(write: Write) -> None:
     assert graph.nodes["again"].inputs == {"height": "height"}
 
 
-def test_insert_after_a_value_redirects_all_its_readers_and_else_only_adds(write: Write) -> None:
+def test_insert_redirects_the_readers_of_a_value_only_with_after(write: Write) -> None:
     insert = "{insert: rest, op: rest_at_border, in: {height: height}"
     graph = patched(write, insert + "}")
     assert [graph.nodes[name].inputs["height"] for name in ("slope", "rest")] == ["height"] * 2
@@ -90,9 +92,9 @@ def test_changes_are_made_in_order(write: Write) -> None:
 @pytest.mark.parametrize("verb", ["set", "replace", "remove", "backend", "neutral"])
 def test_a_verb_whose_target_is_absent_is_an_error(write: Write, verb: str) -> None:
     more = {"set": ", with: {a: 1}", "replace": ", op: pixel_size", "backend": ", to: numpy"}
-    said = refusal(write, f"{{{verb}: slopes{more.get(verb, '')}}}")
-    assert f"patch[0]: {verb}: there is no node 'slopes'; did you mean 'slope'?" in said
-    assert "variant.yaml:4:5:" in said
+    message = refusal(write, f"{{{verb}: slopes{more.get(verb, '')}}}")
+    assert f"patch[0]: {verb}: there is no node 'slopes'; did you mean 'slope'?" in message
+    assert "variant.yaml:4:5:" in message
 
 
 @pytest.mark.parametrize(
@@ -104,7 +106,9 @@ def test_a_verb_whose_target_is_absent_is_an_error(write: Write, verb: str) -> N
         ("hieght.read_height", "there is no node 'hieght'; did you mean 'height'?"),
     ],
 )
-def test_insert_after_says_what_can_be_named(write: Write, after: str, message: str) -> None:
+def test_insert_after_lists_the_values_that_can_be_named(
+    write: Write, after: str, message: str
+) -> None:
     assert message in refusal(write, f"{{insert: rest, op: rest_at_border, after: {after}}}")
 
 
@@ -133,12 +137,12 @@ def test_insert_after_says_what_can_be_named(write: Write, after: str, message: 
         ("remove", "a mapping is needed, not 'remove'"),
     ],
 )
-def test_a_change_that_says_too_little_or_too_much_is_refused(
+def test_a_change_with_too_few_or_too_many_keys_is_refused(
     write: Write, change: str, message: str
 ) -> None:
-    said = refusal(write, change)
-    assert "variant.yaml:4:" in said
-    assert message in said
+    error = refusal(write, change)
+    assert "variant.yaml:4:" in error
+    assert message in error
 
 
 def test_an_error_in_a_set_value_is_placed_in_the_patch(write: Write) -> None:
@@ -151,7 +155,7 @@ def test_an_error_in_a_set_value_is_placed_in_the_patch(write: Write) -> None:
 @pytest.mark.parametrize(
     "change", ["{set: pixel, with: {other: 1}}", "{backend: pixel, to: numpy}", "{neutral: pixel}"]
 )
-def test_an_error_in_what_a_patch_left_is_placed_in_the_base(write: Write, change: str) -> None:
+def test_an_error_in_an_unpatched_value_is_placed_in_the_base(write: Write, change: str) -> None:
     graph = patched(write, change)
     where = graph.nodes["pixel"].where("with.mm")
     assert "base.yaml" in where
@@ -175,17 +179,17 @@ def plan_refusal(write: Write, *changes: str) -> str:
     return str(caught.value)
 
 
-def test_a_node_that_is_still_read_is_told_at_the_change_that_takes_it_out(write: Write) -> None:
-    said = plan_refusal(write, "{backend: slope, to: numpy}", "{remove: height}")
-    assert re.match(r"\S*variant.yaml:5:5: patch\[1\]: takes out 'height', but ", said)
-    assert re.search(r"base.yaml:9:\d+: nodes.slope.in.height reads it; change that too", said)
-    said = plan_refusal(write, "{remove: again}")
+def test_the_removal_of_a_node_that_is_still_read_is_reported_at_the_change(write: Write) -> None:
+    message = plan_refusal(write, "{backend: slope, to: numpy}", "{remove: height}")
+    assert re.match(r"\S*variant.yaml:5:5: patch\[1\]: takes out 'height', but ", message)
+    assert re.search(r"base.yaml:9:\d+: nodes.slope.in.height reads it; change that too", message)
+    message = plan_refusal(write, "{remove: again}")
     assert re.match(
-        r"\S*variant.yaml:4:5: patch\[0\]: takes out 'again', but .*outputs.height", said
+        r"\S*variant.yaml:4:5: patch\[0\]: takes out 'again', but .*outputs.height", message
     )
     insert = "{insert: again, op: rest_at_border, in: {height: height}}"
     graph = patched(write, "{remove: again}", insert)
-    make_plan(graph, graph.placeholders, device=None)  # what is put in again is there
+    make_plan(graph, graph.placeholders, device=None)  # a node that is inserted anew exists
 
 
 @pytest.mark.parametrize(
@@ -195,9 +199,9 @@ def test_a_node_that_is_still_read_is_told_at_the_change_that_takes_it_out(write
         ("{replace: slope, op: rest_at_border, in: {height: height}}", "has no output 'slope'"),
     ],
 )
-def test_a_reader_that_a_replaced_node_does_not_suit_is_told_with_the_change(
+def test_a_reader_that_does_not_fit_a_replaced_node_is_reported_with_the_change(
     write: Write, change: str, wrong: str
 ) -> None:
-    said = plan_refusal(write, change)
-    assert wrong in said
-    assert re.search(r"stands at \S*variant.yaml:4:5: patch\[0\]\)$", said)
+    message = plan_refusal(write, change)
+    assert wrong in message
+    assert re.search(r"stands at \S*variant.yaml:4:5: patch\[0\]\)$", message)

@@ -89,10 +89,10 @@ def test_extends_takes_a_graph_and_overlays_in_order(write: Write) -> None:
     assert not graph.params["side"].required
     write(DOUBLED.replace("0.2", "0.4"), "again.yaml")
     later = read_graph(write("format: 1\nextends: [base.yaml, again.yaml, doubled.yaml]"))
-    assert mm(later) == 0.2, "the later overlay holds"
+    assert mm(later) == 0.2, "the later overlay wins"
 
 
-def test_a_change_speaks_of_one_node_or_of_several(write: Write) -> None:
+def test_a_change_may_name_one_node_or_several(write: Write) -> None:
     def changed(patch: str) -> Graph:
         return read_graph(write(f"format: 1\nextends: reconstruct\npatch: [{patch}]"))
 
@@ -116,7 +116,7 @@ def test_an_overlay_extends_overlays(write: Write) -> None:
     assert set(graph.outputs) == {"height"}
 
 
-def test_overlays_are_laid_over_a_graph_that_is_read(write: Write, tmp_path: Path) -> None:
+def test_overlays_apply_to_a_graph_that_is_already_read(write: Write, tmp_path: Path) -> None:
     base = read_graph(tmp_path / "base.yaml")
     graph = with_overlays(base, [str(tmp_path / "doubled.yaml")])
     same = read_graph(write("format: 1\nextends: [base.yaml, doubled.yaml]"))
@@ -124,7 +124,7 @@ def test_overlays_are_laid_over_a_graph_that_is_read(write: Write, tmp_path: Pat
     assert (graph.name, graph.title) == ("base_doubled", "Height to slopes and back, doubled")
 
 
-def test_an_overlay_that_does_not_fit_is_told_in_one_line(write: Write, tmp_path: Path) -> None:
+def test_an_overlay_that_does_not_fit_is_reported_in_one_line(write: Write, tmp_path: Path) -> None:
     overlay = write("format: 1\npatch:\n  - {set: pixle, with: {mm: 1}}", "wrong.yaml")
     with pytest.raises(InputError) as caught:
         with_overlays(read_graph(tmp_path / "base.yaml"), [overlay])
@@ -137,7 +137,7 @@ def test_an_overlay_that_does_not_fit_is_told_in_one_line(write: Write, tmp_path
     assert refusal(file).startswith(f"{file}:4:5: extends[1]: 'wrong.yaml' does not fit base: ")
 
 
-def test_an_overlay_that_reads_what_is_not_there_does_not_fit(write: Write, tmp_path: Path) -> None:
+def test_an_overlay_that_reads_a_missing_node_does_not_fit(write: Write, tmp_path: Path) -> None:
     node = "{insert: flat, op: rest_at_border, in: {height: raw}}"
     overlay = write(f"format: 1\npatch:\n  - {node}", "wrong.yaml")
     graph = with_overlays(read_graph(tmp_path / "base.yaml"), [overlay])
@@ -163,16 +163,18 @@ def test_an_overlay_that_reads_what_is_not_there_does_not_fit(write: Write, tmp_
         ("[base.yaml, 5]", "extends[1]: text is needed, not 5"),
     ],
 )
-def test_what_cannot_be_extended_is_told_by_place(write: Write, names: str, message: str) -> None:
-    said = refusal(write(f"format: 1\nextends: {names}"))
-    assert re.sub(r":2:2\d: extends", ":4: extends", said).find(message) >= 0, said
+def test_an_unusable_extends_is_reported_with_its_place(
+    write: Write, names: str, message: str
+) -> None:
+    error = refusal(write(f"format: 1\nextends: {names}"))
+    assert re.sub(r":2:2\d: extends", ":4: extends", error).find(message) >= 0, error
 
 
 def test_overlays_and_variants_that_extend_each_other_are_a_loop(write: Write) -> None:
     write("format: 1\nextends: b.yaml", "a.yaml")
     write("format: 1\nextends: a.yaml", "b.yaml")
-    said = refusal(write("format: 1\nextends: [base.yaml, a.yaml]"))
-    assert "loop: graph.yaml -> a.yaml -> b.yaml -> a.yaml" in said
+    message = refusal(write("format: 1\nextends: [base.yaml, a.yaml]"))
+    assert "loop: graph.yaml -> a.yaml -> b.yaml -> a.yaml" in message
     for variants, loop in (
         ("a: {extends: b}, b: {extends: a}", "a -> b -> a"),
         ("a: {base: mine.yaml/a}", "a -> a"),
@@ -181,11 +183,11 @@ def test_overlays_and_variants_that_extend_each_other_are_a_loop(write: Write) -
         assert f"'extends' runs in a loop: {loop}" in refusal(f"{file}/a")
 
 
-def test_a_variant_is_named_behind_its_file(write: Write) -> None:
+def test_a_variant_is_named_after_its_file(write: Write) -> None:
     file = write(SLOPES + VARIANTS, "mine.yaml")
     fine, steep = read_graph(f"{file}/fine"), read_graph(f"{file}/steep")
     assert (fine.name, fine.title, mm(fine)) == ("mine_fine", "At half the size", 0.05)
-    assert (steep.name, mm(steep)) == ("mine_steep", 0.05), "it extends the one beside it"
+    assert (steep.name, mm(steep)) == ("mine_steep", 0.05), "it extends the variant above it"
     assert steep.nodes["slope"].settings == {"steepest": 3}
     assert mm(read_graph(file)) == 0.1
     assert mm(read_graph(f"{file}/other")) == 7
@@ -193,7 +195,7 @@ def test_a_variant_is_named_behind_its_file(write: Write) -> None:
     assert extended.hash == fine.hash == with_overlays(read_graph(file), ["fine"]).hash
 
 
-def test_a_variant_that_is_not_there_is_met_with_those_that_are(write: Write) -> None:
+def test_an_unknown_variant_is_refused_with_the_known_ones(write: Write) -> None:
     file = write(SLOPES + VARIANTS, "mine.yaml")
     with pytest.raises(InputError, match="no variant 'fien'; did you mean 'fine'"):
         read_graph(f"{file}/fien")
@@ -205,19 +207,21 @@ def test_a_graph_has_the_variants_of_what_it_extends(write: Write) -> None:
     write(SLOPES + VARIANTS, "mine.yaml")
     graph = read_graph(write("format: 1\nextends: [mine.yaml, fine]"))
     assert mm(graph) == 0.05
-    assert set(graph.variants) == {"fine", "steep"}, "one with a base is of its own file alone"
+    assert set(graph.variants) == {"fine", "steep"}, (
+        "a variant with a base belongs to its own file alone"
+    )
 
 
-def test_a_variant_of_a_file_lies_over_another_graph(write: Write) -> None:
+def test_a_variant_of_a_file_applies_to_another_graph(write: Write) -> None:
     file, other = write(SLOPES + VARIANTS, "mine.yaml"), write(SLOPES, "other.yaml")
-    laid = with_overlays(read_graph(other), [f"{file}/steep"])
-    assert (laid.name, mm(laid)) == ("other_steep", 0.05)
+    overlaid = with_overlays(read_graph(other), [f"{file}/steep"])
+    assert (overlaid.name, mm(overlaid)) == ("other_steep", 0.05)
     with pytest.raises(InputError, match="no variant 'steeep'; did you mean 'steep'"):
         with_overlays(read_graph(other), [f"{file}/steeep"])
 
 
 @pytest.mark.parametrize(
-    ("slip", "message"),
+    ("mistake", "message"),
     [
         ("  fine: {patch: [{set: pixle, with: {mm: 1}}]}", "variants.fine.patch[0]: set: there is"),
         ("  fine: {titel: x}", "variants.fine.titel: unknown key 'titel'; did you mean 'title'?"),
@@ -227,12 +231,14 @@ def test_a_variant_of_a_file_lies_over_another_graph(write: Write) -> None:
         ("  fine: {base: nothing}", "variants.fine.base: 'nothing' is neither a graph file"),
     ],
 )
-def test_a_slip_in_a_variant_is_told_with_its_place(write: Write, slip: str, message: str) -> None:
-    text = f"{SLOPES}variants:\n{slip}\n"
+def test_a_mistake_in_a_variant_is_reported_with_its_place(
+    write: Write, mistake: str, message: str
+) -> None:
+    text = f"{SLOPES}variants:\n{mistake}\n"
     file = write(text, "mine.yaml")
-    said = refusal(f"{file}/fine")
-    assert said.startswith(f"{file}:{text.count(chr(10))}:")
-    assert message in said
+    error = refusal(f"{file}/fine")
+    assert error.startswith(f"{file}:{text.count(chr(10))}:")
+    assert message in error
 
 
 def test_a_study_is_its_base_and_its_variants(write: Write) -> None:
@@ -255,14 +261,16 @@ def test_a_study_is_its_base_and_its_variants(write: Write) -> None:
         ("patch: [{set: pixel", "patch: [{set: pixle", "9:13: variants.fine.patch[0]: set: "),
     ],
 )
-def test_a_slip_in_a_study_is_told_by_place(write: Write, old: str, new: str, message: str) -> None:
+def test_a_mistake_in_a_study_is_reported_with_its_place(
+    write: Write, old: str, new: str, message: str
+) -> None:
     file = write(STUDY.replace(old, new, 1).replace("format: 1\n", "\nformat: 1\n"), "study.yaml")
     with pytest.raises(GraphError) as caught:
         read_graphs(file)
     assert str(caught.value).startswith(f"{file}:{message}")
 
 
-def test_a_graph_that_is_no_study_stands_for_itself(tmp_path: Path) -> None:
+def test_a_graph_that_is_no_study_is_read_as_one_graph(tmp_path: Path) -> None:
     (graph,) = read_graphs(str(tmp_path / "base.yaml"))
     assert graph.name == "base"
 
@@ -291,7 +299,7 @@ def test_a_group_comes_from_a_file_and_is_changed_where_it_is_used(write: Write)
         ("round.group.yaml}", "round.group.yaml, nodes: {}}", "groups.plain.nodes: unknown key"),
     ],
 )
-def test_a_slip_in_a_shared_group_is_told_where_it_stands(
+def test_a_mistake_in_a_shared_group_is_reported_with_its_place(
     write: Write, old: str, new: str, place: str
 ) -> None:
     write(GROUP.replace(old, new, 1), "round.group.yaml")
@@ -300,8 +308,8 @@ def test_a_slip_in_a_shared_group_is_told_where_it_stands(
 
 def test_a_shipped_name_is_a_graph_with_overlays() -> None:
     name = "reconstruct_no_flat_follow_drift"
-    laid = with_overlays(read_graph("reconstruct"), ["no_flat", "follow_drift"])
-    assert (read_graph(name).name, read_graph(name).hash) == (name, laid.hash)
+    overlaid = with_overlays(read_graph("reconstruct"), ["no_flat", "follow_drift"])
+    assert (read_graph(name).name, read_graph(name).hash) == (name, overlaid.hash)
     assert len({*shipped_names()}) == len(shipped_names())
 
 
@@ -317,8 +325,8 @@ FITS = re.findall(r"^\| (`\w+`(?:, `\w+`)*) \| ([^|]*) \|", PAGE, re.MULTILINE)
 
 
 def test_the_page_names_every_overlay() -> None:
-    told = {name for names, _ in FITS for name in re.findall(r"`(\w+)`", names)}
-    assert told & {*shipped("overlays")} == {*shipped("overlays")}
+    listed = {name for names, _ in FITS for name in re.findall(r"`(\w+)`", names)}
+    assert listed & {*shipped("overlays")} == {*shipped("overlays")}
 
 
 @pytest.mark.parametrize("graph", ["reconstruct", "precise"])

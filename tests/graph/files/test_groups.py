@@ -1,4 +1,4 @@
-"""Groups: what a graph with groups means, said as the graph without them."""
+"""Groups: a graph with groups means the same as the graph written without them."""
 
 from typing import Any
 
@@ -108,10 +108,10 @@ def groups(draw: st.DrawFn) -> tuple[dict[str, Any], dict[str, Any]]:
     before, before_flat = ["source"], {"source": "source"}
     for use in draw(st.lists(st.sampled_from(["u", "v", "w"]), min_size=1, unique=True)):
         bound = draw(st.dictionaries(st.sampled_from(wanted), st.sampled_from(before)))
-        given_n = draw(st.none() | st.integers(0, 9))
+        chosen_n = draw(st.none() | st.integers(0, 9))
         grouped[use] = {"group": "g", "in": bound}
-        if given_n is not None:
-            grouped[use]["with"] = {"n": given_n}
+        if chosen_n is not None:
+            grouped[use]["with"] = {"n": chosen_n}
         for node, ports in reads.items():
             names = {port: bound.get(r, "") if r in wanted else r for port, r in ports.items()}
             flat[f"{use}.{node}"] = {
@@ -121,7 +121,7 @@ def groups(draw: st.DrawFn) -> tuple[dict[str, Any], dict[str, Any]]:
                     for port, name in names.items()
                     if name
                 },
-                "with": {"n": param if given_n is None else given_n},
+                "with": {"n": param if chosen_n is None else chosen_n},
             }
         before += [f"{use}.out", *(f"{use}.{node}" for node in inside)]
         before_flat |= {f"{use}.{node}": f"{use}.{node}" for node in inside}
@@ -169,7 +169,7 @@ def test_a_group_may_use_another() -> None:
     assert graph.outputs == {"light": "pair.three.twice"}
 
 
-def test_what_came_before_goes_through_inputs_and_outputs() -> None:
+def test_values_of_the_previous_item_pass_through_inputs_and_outputs() -> None:
     more = {
         "inputs": {"light": {}, "before": {"default": None}},
         "nodes": {
@@ -193,11 +193,11 @@ def test_groups_run(toys: list[str]) -> None:
     pipeline = load(with_group(nodes=nodes, outputs=outputs, params=count))
     stack = np.ones((3, 4, 5), np.float32)
     pipeline(frames=stack)
-    pipeline.set("use.twice")  # from now on it keeps what its nodes make
-    found = pipeline(frames=stack)
-    np.testing.assert_array_equal(found["once"], 2 * stack)
-    np.testing.assert_array_equal(found["twice"], 4 * stack)
-    assert "again.twice" in found.times
+    pipeline.set("use.twice")  # from now on it caches the results of its nodes
+    result = pipeline(frames=stack)
+    np.testing.assert_array_equal(result["once"], 2 * stack)
+    np.testing.assert_array_equal(result["twice"], 4 * stack)
+    assert "again.twice" in result.times
     for reference in ("again", "again.light", "again.twice", "again.twice.doubled"):
         np.testing.assert_array_equal(pipeline.inspect(reference), 4 * stack)
 
@@ -207,7 +207,7 @@ DEFINED = "groups.more"
 
 
 @pytest.mark.parametrize(
-    ("slip", "message"),
+    ("mistake", "message"),
     [
         (with_group(use={"group": "moor"}),
          f"{USE}.group: there is no group 'moor'; did you mean 'more'?"),
@@ -256,9 +256,9 @@ DEFINED = "groups.more"
          "outputs.light: 'use' uses the group 'more'; say which output: none"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said_with_its_place(slip: dict[str, Any], message: str) -> None:
+def test_a_mistake_is_reported_with_its_place(mistake: dict[str, Any], message: str) -> None:
     with pytest.raises(GraphError) as caught:
-        read_graph(slip)
+        read_graph(mistake)
     assert message in str(caught.value)
 
 
@@ -273,7 +273,7 @@ def test_a_group_cannot_use_itself() -> None:
 
 
 def nested(depth: int, times: int) -> dict[str, Any]:
-    """A graph of groups in one another, each of which uses the one before so many times."""
+    """A graph of nested groups, each of which uses the one before ``times`` times."""
     inputs = {"light": {}}
     twice = {"op": "doubled", "in": {"image": "light"}}
     groups: dict[str, Any] = {"g1": {"inputs": inputs, "nodes": {"twice": twice}}}
@@ -285,13 +285,13 @@ def nested(depth: int, times: int) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("depth", [14, 49])
-def test_a_small_file_does_not_become_a_graph_without_end(depth: int) -> None:
+def test_a_small_file_cannot_expand_to_a_huge_graph(depth: int) -> None:
     message = r"groups.g\d+.nodes.u1.group: with 'g\d+' there are more than 10000 nodes and uses"
     with pytest.raises(GraphError, match=message):
         read_graph(nested(depth, times=2))
 
 
-def test_groups_lie_in_one_another_as_deep_as_anybody_needs_but_not_deeper() -> None:
+def test_groups_nest_at_most_50_deep() -> None:
     assert len(read_graph(nested(50, times=1)).nodes) == 2
     with pytest.raises(
         GraphError, match=r"groups.g151.nodes.u0.group: groups are nested more than 50 deep"
@@ -309,14 +309,14 @@ def test_groups_lie_in_one_another_as_deep_as_anybody_needs_but_not_deeper() -> 
         ("default: size", "default: sise", "16:55", "23:3", "there is no node 'sise'"),
     ],
 )
-def test_a_mistake_in_a_group_has_its_place_there_and_that_of_the_use(
+def test_a_mistake_in_a_group_is_reported_with_its_place_and_that_of_the_use(
     write: Write, old: str, new: str, place: str, used_by: str, message: str
 ) -> None:
     assert TWICE.count(old) == 1
     file = write(TWICE.replace(old, new))
     with pytest.raises(GraphError) as caught:
         load(file, file="height.npy")
-    said = str(caught.value)
-    assert said.startswith(f"{file}:{place}: groups.round.nodes.")
-    assert f"(used by {file}:{used_by}: nodes." in said
-    assert message in said
+    error = str(caught.value)
+    assert error.startswith(f"{file}:{place}: groups.round.nodes.")
+    assert f"(used by {file}:{used_by}: nodes." in error
+    assert message in error

@@ -1,4 +1,4 @@
-"""A `$name` that feeds a node's parameter `name` is a param, with what the node says of it."""
+"""A `$name` that feeds a node's parameter `name` becomes a param, as the node describes it."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ def graph_of(params: dict[str, Any] | None = None, **settings: dict[str, str]) -
     return read_graph({"format": 1, "params": params or {}, "nodes": nodes})
 
 
-def test_it_takes_kind_default_and_help_from_the_node() -> None:
+def test_an_implied_param_takes_kind_default_and_help_from_the_node() -> None:
     graph = graph_of(
         light_ring={"slant_deg": "$slant_deg"},
         read_capture={
@@ -34,17 +34,17 @@ def test_it_takes_kind_default_and_help_from_the_node() -> None:
     assert (kinds["crop"], kinds["single"], kinds["channel"]) == ("numbers", "flag", "text")
 
 
-def test_what_the_graph_says_stands() -> None:
+def test_a_param_that_the_graph_states_takes_precedence() -> None:
     stated = {"slant_deg": {"kind": "number", "default": 3.0, "help": "mine"}}
     graph = graph_of(stated, light_ring={"slant_deg": "$slant_deg"})
     assert graph.params == {"slant_deg": Param("number", "mine", False, 3.0)}
 
 
-def test_another_name_has_to_be_stated() -> None:
+def test_a_param_of_another_name_has_to_be_stated() -> None:
     assert not graph_of(light_ring={"slant_deg": "$slant"}).params
 
 
-def test_nodes_that_differ_are_refused() -> None:
-    said = "with.seed: 'seed' is integer, optional, for expose_film, but integer, default 0"
-    with pytest.raises(GraphError, match=said):
+def test_nodes_that_disagree_on_an_implied_param_are_refused() -> None:
+    message = "with.seed: 'seed' is integer, optional, for expose_film, but integer, default 0"
+    with pytest.raises(GraphError, match=message):
         graph_of(draw_touches={"seed": "$seed"}, expose_film={"seed": "$seed"})

@@ -1,4 +1,4 @@
-"""Iteration: what a repeated group means, said as the graph that uses it once a turn."""
+"""Iteration: a repeated group means the same as one use of the group for each turn."""
 
 from typing import Any
 
@@ -64,7 +64,7 @@ def iterated(**changed: Any) -> dict[str, Any]:
     )
 
 
-def test_a_repeated_group_is_the_one_used_once_a_turn(write: Write) -> None:
+def test_a_repeated_group_equals_one_use_for_each_turn(write: Write) -> None:
     repeated, by_hand = read_graph(write(REPEATED)), read_graph(write(BY_HAND))
 
     def renamed(text: str) -> str:
@@ -78,14 +78,14 @@ def test_a_repeated_group_is_the_one_used_once_a_turn(write: Write) -> None:
     assert repeated.outputs == {name: renamed(r) for name, r in by_hand.outputs.items()}
 
 
-def test_turns_run_and_are_named_one_by_one(toys: list[str]) -> None:
+def test_turns_run_and_each_has_a_name(toys: list[str]) -> None:
     graph = iterated(outputs={"light": "use", "first": "use.1", "second": "use.2.twice"})
     del graph["groups"]["more"]["params"], graph["groups"]["more"]["nodes"]["twice"]["with"]
-    found = next(iter(load(graph).items()))
-    assert [found[name].max() for name in ("first", "second", "light")] == [2, 4, 8]
+    result = next(iter(load(graph).items()))
+    assert [result[name].max() for name in ("first", "second", "light")] == [2, 4, 8]
 
 
-def test_a_change_speaks_of_one_turn_of_all_or_of_the_group() -> None:
+def test_a_change_applies_to_one_turn_to_all_or_to_the_group() -> None:
     graph = read_graph(iterated())
 
     def counts(target: str) -> list[int]:
@@ -98,12 +98,12 @@ def test_a_change_speaks_of_one_turn_of_all_or_of_the_group() -> None:
     assert meant_nodes(graph, "use") == ["use.1.twice", "use.2.twice", "use.3.twice"]
 
 
-def test_a_change_repeats_a_group_and_puts_one_in_the_place_of_another(toys: list[str]) -> None:
+def test_a_change_repeats_a_group_or_replaces_it_by_a_node(toys: list[str]) -> None:
     graph = read_graph(iterated(outputs={"light": "use.light"}))
     places = read_graph(iterated()).uses["use"].places
     carry, reads = {"light": "light"}, {"light": "frames.image"}
-    again = {"group": "more", "inputs": reads, "repeat": [{}, {"n": 2}], "carry": carry}
-    graph = apply_patch(graph, {"replace": "use", **again}, places)
+    repeated_use = {"group": "more", "inputs": reads, "repeat": [{}, {"n": 2}], "carry": carry}
+    graph = apply_patch(graph, {"replace": "use", **repeated_use}, places)
     assert list(graph.nodes) == ["frames", "use.1.twice", "use.2.twice"]
     assert graph.nodes["use.2.twice"].settings == {"n": 2}
     graph = apply_patch(graph, {"replace": "use", "op": "doubled", "inputs": {}}, places)
@@ -129,7 +129,7 @@ def test_a_change_repeats_a_group_and_puts_one_in_the_place_of_another(toys: lis
         ({"group": "moor"}, "nodes.use.group: there is no group 'moor'; did you mean 'more'?"),
     ],
 )
-def test_what_is_wrong_is_said_with_its_place(
+def test_a_mistake_is_reported_with_its_place(
     use: dict[str, Any], message: str, toys: list[str]
 ) -> None:
     with pytest.raises(GraphError) as caught:

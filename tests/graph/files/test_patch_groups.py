@@ -1,4 +1,4 @@
-"""Changes to groups: what a variant can say of one use, of all, and of what they are made of."""
+"""Changes to groups: a variant changes one use, all uses, or the nodes of the group."""
 
 from typing import Any
 
@@ -72,7 +72,7 @@ def steepest(graph: Graph) -> dict[str, float]:
 AS_WRITTEN = {"pass_1": 3.0, "pass_2": 5.0, "both.one": 2.0, "both.two": 3.0}
 
 
-def test_a_change_to_one_use_is_one_to_its_node(write: Write) -> None:
+def test_a_change_to_one_use_changes_its_node_alone(write: Write) -> None:
     graph = patched(write, "{set: pass_2.slope, with: {steepest: 9.0}}")
     assert steepest(graph) == AS_WRITTEN | {"pass_2": 9.0}
     graph = patched(write, "{replace: pass_2.raw, op: sum, in: {slope: pass_1.slope.slope}}")
@@ -81,7 +81,7 @@ def test_a_change_to_one_use_is_one_to_its_node(write: Write) -> None:
     assert graph.nodes["pass_1.raw"].op == "integrate_dct"
 
 
-def test_a_change_to_a_node_of_a_group_is_one_to_every_use(write: Write) -> None:
+def test_a_change_to_a_node_of_a_group_changes_every_use(write: Write) -> None:
     graph = patched(write, "{set: pass.slope, with: {steepest: 9.0}}", "{neutral: pass.raw}")
     assert set(steepest(graph).values()) == {9.0}
     assert [name for name, entry in graph.nodes.items() if entry.neutral] == [
@@ -93,7 +93,7 @@ def test_a_change_to_a_node_of_a_group_is_one_to_every_use(write: Write) -> None
     assert steepest(graph) == {}
 
 
-def test_what_a_change_to_a_group_reads_is_what_the_group_can_read(write: Write) -> None:
+def test_a_change_to_a_group_can_read_only_what_the_group_can_read(write: Write) -> None:
     change = "{replace: pass.raw, op: sum, in: {slope: slope, first: height, last: before}}"
     graph = patched(write, change)
     assert graph.nodes["pass_1.raw"].inputs == {"slope": "pass_1.slope", "first": "start"}
@@ -103,11 +103,11 @@ def test_what_a_change_to_a_group_reads_is_what_the_group_can_read(write: Write)
         "last": "previous.pass_2.raw",
     }
     change = "{replace: pass.raw, op: sum, in: {slope: start}}"
-    assert "(used by" in (said := refusal(write, change))
-    assert "the group 'pass' has no node or input 'start'" in said
+    assert "(used by" in (message := refusal(write, change))
+    assert "the group 'pass' has no node or input 'start'" in message
 
 
-def test_a_node_inserted_into_a_group_is_read_in_its_place(write: Write) -> None:
+def test_a_node_inserted_into_a_group_is_read_in_place_of_its_input(write: Write) -> None:
     change = "{insert: pass.rest, op: rest_at_border, in: {height: raw}, after: raw}"
     graph = patched(write, change)
     assert graph.nodes["pass_2.rest"].inputs == {"height": "pass_2.raw"}
@@ -136,7 +136,7 @@ groups:
 """
 
 
-def test_a_group_that_uses_another_is_put_into_a_group(write: Write) -> None:
+def test_a_group_that_uses_another_can_be_inserted_into_a_group(write: Write) -> None:
     change = "{insert: pass.calm, group: calmer, in: {height: raw}, after: raw}"
     set_, read = "{set: pass_2.calm, with: {margin: 5}}", "{insert: x, op: noted, in: {image: p}}"
     use = "{insert: p, group: pass, in: {height: start}}"
@@ -151,7 +151,7 @@ def test_a_group_that_uses_another_is_put_into_a_group(write: Write) -> None:
     assert graph.nodes["pass_2.calm.first.n"].settings == {"margin": 5}
 
 
-def test_a_group_takes_the_place_of_a_node_of_a_group(write: Write) -> None:
+def test_a_group_can_replace_a_node_of_a_group(write: Write) -> None:
     graph = patched(
         write, "{replace: pass.raw, op: rest_at_border, in: {height: slope}}",
         "{replace: pass.slope, group: calmer, in: {height: height}}", more=CALM,
@@ -160,7 +160,7 @@ def test_a_group_takes_the_place_of_a_node_of_a_group(write: Write) -> None:
     assert graph.nodes["both.two.raw"].inputs == {"height": "both.two.slope.last"}
 
 
-def test_a_group_is_put_into_one_use(write: Write) -> None:
+def test_a_group_can_be_inserted_into_one_use(write: Write) -> None:
     change = "{insert: pass_1.calm, group: calmer, in: {height: pass_1.raw}, after: pass_1.raw}"
     graph = patched(write, change, more=CALM)
     assert graph.nodes["pass_1.calm.first.n"].inputs == {"height": "pass_1.raw"}
@@ -181,7 +181,7 @@ def test_params_of_a_use_reach_the_nodes_that_take_them(write: Write) -> None:
     assert steepest(graph)["p"] == 9.0
 
 
-def test_the_later_of_two_changes_holds(write: Write) -> None:
+def test_the_later_of_two_changes_wins(write: Write) -> None:
     one = "{set: pass_1.slope, with: {steepest: 9.0}}"
     every = "{set: pass.slope, with: {steepest: 8.0}}"
     assert steepest(patched(write, one, every))["pass_1"] == 8.0
@@ -194,7 +194,7 @@ def test_a_back_end_may_be_that_of_all_nodes_of_a_use(write: Write) -> None:
     assert bound == ["pass_1.slope", "pass_1.raw"]
 
 
-def test_a_use_is_removed_and_replaced_as_a_whole(write: Write) -> None:
+def test_a_use_is_removed_and_replaced_with_all_its_nodes(write: Write) -> None:
     graph = patched(write, "{remove: both}", "{remove: save}")
     assert list(graph.nodes) == [
         *("start", "size", "pass_1.slope", "pass_1.raw", "pass_2.slope", "pass_2.raw")
@@ -219,22 +219,22 @@ def test_a_use_is_inserted_after_a_value(write: Write) -> None:
     assert graph.outputs == {"height": "third.raw"}
 
 
-def test_a_variant_may_bring_groups_of_its_own(write: Write) -> None:
+def test_a_variant_may_define_groups(write: Write) -> None:
     more = "groups: {calm: {inputs: {height: {}}, nodes: {n: {op: noted, in: {image: height}}}}}\n"
     graph = patched(write, "{insert: c, group: calm, in: {height: pass_1}}", more=more)
     assert graph.nodes["c.n"].inputs == {"image": "pass_1.raw"}
     change = "{remove: save}"
-    said = refusal(write, change, more=more.replace("calm", "pass"))
-    assert "groups.pass: there is a group 'pass' already; 'patch' changes it" in said
-    said = refusal(write, change, more=more.replace("calm", "pass_1"))
-    assert "groups.pass_1: a node is called 'pass_1' too" in said
+    message = refusal(write, change, more=more.replace("calm", "pass"))
+    assert "groups.pass: there is a group 'pass' already; 'patch' changes it" in message
+    message = refusal(write, change, more=more.replace("calm", "pass_1"))
+    assert "groups.pass_1: a node is called 'pass_1' too" in message
 
 
-def test_a_program_changes_what_a_file_can(write: Write) -> None:
+def test_a_program_can_make_the_same_changes_as_a_file(write: Write) -> None:
     graph = read_graph(write(PASSES))
     changes = {"pass.steepest": 8.0, "pass_1.steepest": 7.0, "both.two.slope.steepest": 6.0}
-    found = steepest(with_changes(graph, changes))
-    assert found == {"pass_1": 7.0, "pass_2": 8.0, "both.one": 8.0, "both.two": 6.0}
+    slopes = steepest(with_changes(graph, changes))
+    assert slopes == {"pass_1": 7.0, "pass_2": 8.0, "both.one": 8.0, "both.two": 6.0}
 
 
 def test_a_param_that_reaches_no_node_any_more_is_refused(write: Write) -> None:
@@ -272,5 +272,5 @@ def test_a_param_that_reaches_no_node_any_more_is_refused(write: Write) -> None:
         ("{insert: p, op: sum, after: pass_2.slop}", "no output or node 'slop'; did you mean"),
     ],
 )
-def test_what_cannot_be_changed_is_refused(write: Write, change: str, message: str) -> None:
+def test_an_impossible_change_is_refused(write: Write, change: str, message: str) -> None:
     assert message in refusal(write, change)

@@ -1,4 +1,4 @@
-"""Graph files: what they may say, and where they are wrong."""
+"""Graph files: what they may hold, and how mistakes in them are reported."""
 
 import json
 from pathlib import Path
@@ -44,7 +44,7 @@ def test_a_shipped_graph_is_found_by_its_file_name_too() -> None:
 @pytest.mark.parametrize(
     "name", ["nowhere.yaml", "no/where", "a" * 300 + ".yaml", "a\0b.yaml", "", ".", "/", "..yaml"]
 )
-def test_a_file_that_is_not_there_is_an_input_error(name: str) -> None:
+def test_a_missing_file_is_an_input_error(name: str) -> None:
     with pytest.raises(InputError):
         read_graph(name)
 
@@ -83,13 +83,15 @@ def test_a_file_that_is_not_there_is_an_input_error(name: str) -> None:
         ("outputs:", "patch: []\noutputs:", "patch: 'patch' needs 'extends'"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_said_with_place(write: Write, old: str, new: str, message: str) -> None:
+def test_a_mistake_is_reported_with_its_place(
+    write: Write, old: str, new: str, message: str
+) -> None:
     assert SLOPES.count(old) >= 1
     file = write(SLOPES.replace(old, new, 1))
-    said = refusal(file)
-    assert said.startswith(f"{file}:")
-    assert message in said
-    line = int(said.removeprefix(f"{file}:").split(":")[0])
+    error = refusal(file)
+    assert error.startswith(f"{file}:")
+    assert message in error
+    line = int(error.removeprefix(f"{file}:").split(":")[0])
     assert line <= SLOPES.count("\n") + 1
 
 
@@ -102,15 +104,15 @@ def test_what_is_wrong_is_said_with_place(write: Write, old: str, new: str, mess
         ("format: 1\nextends: graph.yaml", "loop: graph.yaml -> graph.yaml"),
     ],
 )
-def test_what_is_no_graph_file_is_refused(write: Write, text: str, message: str) -> None:
+def test_a_text_that_is_no_graph_is_refused(write: Write, text: str, message: str) -> None:
     assert message in refusal(write(text))
 
 
-def test_a_long_value_is_cut_short_in_the_message(write: Write) -> None:
+def test_a_long_value_is_shortened_in_the_message(write: Write) -> None:
     assert len(refusal(write(f"format: 1\nprefer: {'x' * 5000}"))) < 300
 
 
-def test_a_param_without_a_default_is_needed(write: Write) -> None:
+def test_a_param_without_a_default_is_required(write: Write) -> None:
     params = read_graph(
         write(SLOPES.replace("params:", "params:\n  a: {kind: text, default: null}"))
     ).params
@@ -118,7 +120,7 @@ def test_a_param_without_a_default_is_needed(write: Write) -> None:
     assert not params["a"].required
 
 
-def test_a_variant_says_only_where_it_differs(write: Write) -> None:
+def test_a_variant_states_only_its_differences(write: Write) -> None:
     base = read_graph(write(SLOPES, "base.yaml"))
     change = "prefer: [numpy]\noutputs: {mask: null}\npatch: [{set: pixel, with: {mm: 0.2}}]"
     variant = read_graph(write(f"format: 1\nextends: base.yaml\n{change}", "variant.yaml"))
@@ -153,7 +155,7 @@ def test_a_loop_of_extends_is_named(write: Write) -> None:
 
 
 @pytest.mark.parametrize("name", ["nowhere.yaml", "nowhere", "a" * 300 + ".yaml"])
-def test_a_missing_base_is_blamed_on_the_line_that_names_it(write: Write, name: str) -> None:
+def test_a_missing_base_is_reported_at_the_line_that_names_it(write: Write, name: str) -> None:
     file = write(f"format: 1\nextends: {name}")
     assert refusal(file).startswith(f"{file}:2:1: extends:")
 
@@ -163,7 +165,7 @@ def test_an_error_in_the_base_is_placed_in_the_base(write: Write) -> None:
     assert refusal(write("format: 1\nextends: base.yaml")).startswith(f"{base}:2:1: nods:")
 
 
-def test_the_hash_is_of_what_is_computed_not_of_words_for_people(write: Write) -> None:
+def test_the_hash_depends_on_the_computation_and_not_on_titles_and_help(write: Write) -> None:
     plain = read_graph(write(SLOPES)).hash
     other_words = SLOPES.replace("Height to", "From height to").replace("a height map", "a map")
     assert read_graph(write(other_words + "# a remark")).hash == plain
@@ -211,11 +213,13 @@ def test_any_text_is_a_graph_or_an_input_error(write: Write, text: str) -> None:
 
 @patient
 @given(st.data())
-def test_a_slip_in_a_file_is_a_graph_or_an_input_error(write: Write, data: st.DataObject) -> None:
+def test_a_random_edit_of_a_file_is_a_graph_or_an_input_error(
+    write: Write, data: st.DataObject
+) -> None:
     start = data.draw(st.integers(0, len(SLOPES)))
     length = data.draw(st.integers(0, 20))
-    slip = data.draw(st.text(alphabet=":{}[],-&*!%#'\" \n\tx1", max_size=3))
-    _graph_or_error(write(SLOPES[:start] + slip + SLOPES[start + length :]))
+    edit = data.draw(st.text(alphabet=":{}[],-&*!%#'\" \n\tx1", max_size=3))
+    _graph_or_error(write(SLOPES[:start] + edit + SLOPES[start + length :]))
 
 
 @patient

@@ -1,4 +1,4 @@
-"""The JSON schema of graph files: right ones pass, a slip does not."""
+"""The JSON schema of graph files: correct files pass, a file with a mistake does not."""
 
 import copy
 from collections.abc import Callable
@@ -42,7 +42,7 @@ SHIPPED = sorted(read_graph("paper").file.parents[1].glob("*/*.yaml"))
 
 
 @each("file", SHIPPED)
-def test_a_shipped_file_tells_editors_where_the_schema_is(file: Path) -> None:
+def test_a_shipped_file_names_its_schema_for_editors(file: Path) -> None:
     first = file.read_text().partition("\n")[0]
     assert first == "# yaml-language-server: $schema=../pipeline.schema.json"
 
@@ -52,11 +52,11 @@ def test_a_shipped_file_passes(file: Path) -> None:
     validator().validate(Document.read(file).data)
 
 
-Slip = Callable[[dict[str, Any]], object]
+Mistake = Callable[[dict[str, Any]], object]
 
 
 @pytest.mark.parametrize(
-    "slip",
+    "mistake",
     [
         pytest.param(lambda g: g.pop("format"), id="no format"),
         pytest.param(lambda g: g.update(format=2), id="another format"),
@@ -86,14 +86,14 @@ Slip = Callable[[dict[str, Any]], object]
         pytest.param(lambda g: g["nodes"]["use"].update(neutral=True), id="a key of a use"),
     ],
 )
-def test_a_slip_does_not_pass(slip: Slip) -> None:
+def test_a_mistake_does_not_pass(mistake: Mistake) -> None:
     graph = slopes()
-    slip(graph)
+    mistake(graph)
     with pytest.raises(jsonschema.ValidationError):
         validator().validate(graph)
 
 
-def test_a_small_graph_passes_with_its_params_groups_and_nodes_of_others() -> None:
+def test_a_small_graph_passes_with_its_params_groups_and_nodes_of_other_packages() -> None:
     graph = slopes()
     validator().validate(graph)
     graph["nodes"]["pixel"]["with"]["mm"] = "$mm"
@@ -126,7 +126,7 @@ SIZE = {"op": "pixel_size", "with": {"mm": 0.1}}
         {"backend": "save", "to": "numpy"},
     ],
 )
-def test_a_right_change_passes(change: dict[str, Any]) -> None:
+def test_a_correct_change_passes(change: dict[str, Any]) -> None:
     validator().validate(changed(**change))
 
 

@@ -1,4 +1,4 @@
-"""Groups from files: how a graph finds them, takes over their params, and names what is in them."""
+"""Groups from files: how a graph finds them, takes over their params, and names their nodes."""
 
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ nodes:
 
 @pytest.fixture
 def graph(tmp_path: Path) -> Path:
-    """A graph of two groups from files beside it."""
+    """A graph of two groups from files in the same folder."""
     (tmp_path / "take.group.yaml").write_text(TAKE)
     (tmp_path / "more.group.yaml").write_text(MORE)
     file = tmp_path / "graph.yaml"
@@ -49,7 +49,7 @@ def patched(graph: Path, *changes: dict[str, Any], **more: Any) -> Any:
     return read_graph({"format": 1, "extends": str(graph), "patch": [*changes], **more})
 
 
-def test_a_group_that_is_not_defined_is_a_file_beside_the_graph(graph: Path) -> None:
+def test_a_group_that_is_not_defined_is_a_file_in_the_folder_of_the_graph(graph: Path) -> None:
     read = read_graph(graph)
     assert list(read.nodes) == [
         *("take.frames", "take.rest", "take.light", "more.twice", "more.again", "last")
@@ -65,16 +65,16 @@ def test_a_graph_takes_over_params_of_groups_as_long_as_a_node_takes_them(graph:
         "count": ("integer", True, None),
         "rows": ("integer", False, 4),
     }
-    given = patched(graph, {"replace": "take", "group": "take", "with": {"rows": 9}})
-    assert list(given.params) == ["count"]
-    assert given.entry("frames").settings == {"count": "$count", "rows": 9}
+    overridden = patched(graph, {"replace": "take", "group": "take", "with": {"rows": 9}})
+    assert list(overridden.params) == ["count"]
+    assert overridden.entry("frames").settings == {"count": "$count", "rows": 9}
     without = patched(graph, {"replace": "frames", "op": "touches", "in": {}})
     assert not without.params
-    own = patched(graph, params={"rows": {"kind": "integer", "default": 7}})
-    assert own.params["rows"].default == 7
+    stated = patched(graph, params={"rows": {"kind": "integer", "default": 7}})
+    assert stated.params["rows"].default == 7
 
 
-def test_two_groups_cannot_mean_two_kinds_of_a_param(graph: Path) -> None:
+def test_two_groups_cannot_declare_a_param_of_two_kinds(graph: Path) -> None:
     other = graph.parent / "more.group.yaml"
     other.write_text(
         "format: 1\ninputs: {}\nparams: {count: {kind: text}}\n"
@@ -84,7 +84,7 @@ def test_two_groups_cannot_mean_two_kinds_of_a_param(graph: Path) -> None:
         read_graph(graph)
 
 
-def test_a_node_in_a_use_is_named_without_it(graph: Path) -> None:
+def test_a_node_in_a_use_can_be_named_without_the_use(graph: Path) -> None:
     read = read_graph(graph)
     assert read.entry("last").inputs == {"image": "take.light"}
     assert read.outputs["twice"] == "more.twice"
@@ -97,7 +97,9 @@ def test_a_node_in_a_use_is_named_without_it(graph: Path) -> None:
     assert noted.entry("note").inputs == {"image": "take.light"}
 
 
-def test_the_nearest_node_of_a_name_is_meant_and_of_several_none(graph: Path) -> None:
+def test_a_name_means_the_nearest_node_and_is_refused_where_several_are_as_near(
+    graph: Path,
+) -> None:
     nodes = {"rest": {"op": "at_rest"}, "use": {"group": "take"}, "far": {"group": "outer"}}
     outer = {"nodes": {"use": {"group": "take"}}}
     file = {"extends": str(graph.parent / "take.group.yaml")}
@@ -111,7 +113,7 @@ def test_the_nearest_node_of_a_name_is_meant_and_of_several_none(graph: Path) ->
         with_changes(read_graph(two), {"light.floor": 0.1})
 
 
-def test_an_input_may_be_a_whole_use(graph: Path) -> None:
+def test_an_input_may_be_a_use(graph: Path) -> None:
     read = read_graph(graph)
     assert read.entry("twice").inputs == {"image": "take.light"}
     assert read.entry("again").inputs == {"image": "take.frames.image"}
@@ -120,6 +122,6 @@ def test_an_input_may_be_a_whole_use(graph: Path) -> None:
         patched(graph, {"insert": "lone", **lone})
 
 
-def test_shipped_overlays_name_what_lies_in_groups() -> None:
+def test_shipped_overlays_reach_nodes_in_groups() -> None:
     graph = with_overlays(read_graph("reconstruct"), ["follow_drift"])
     assert graph.nodes["cells.drift"].inputs["before"] == "previous.relight.drift_2"

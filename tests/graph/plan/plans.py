@@ -1,4 +1,4 @@
-"""Plans of graphs, each made once: shipped ones are looked at by several tests."""
+"""Plans of graphs, each made once, as several tests read those of shipped graphs."""
 
 from functools import cache
 

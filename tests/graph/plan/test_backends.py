@@ -43,7 +43,7 @@ def test_a_node_with_a_kernel_runs_on_the_preferred_device(write: Write, device:
 
 
 @pytest.mark.slow
-def test_what_the_host_does_faster_than_a_cpu_device_stays_there_and_that_is_no_fallback(
+def test_a_node_faster_on_the_host_than_on_a_cpu_device_stays_there_without_a_fallback(
     write: Write, device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Needs VkFFT, which 'make test-all' installs."""
@@ -73,14 +73,14 @@ def test_without_a_device_every_fallback_is_recorded_with_its_reason(write: Writ
 
 
 @pytest.mark.parametrize("graph", ["paper", "reconstruct"])
-def test_where_every_node_falls_back_for_one_reason_a_line_says_just_that(graph: str) -> None:
+def test_if_every_node_falls_back_for_one_reason_one_line_says_so(graph: str) -> None:
     plan = planned(graph, None)
     reason = f"numpy: opencl is preferred, but {ABSENT}"
     assert plan.fallbacks == [f"every node runs on {reason}"]
 
 
-def test_of_many_nodes_that_fall_back_the_first_are_named_and_all_counted() -> None:
-    """Where others run on the device, or fell back for another reason, it is not every node."""
+def test_of_many_fallbacks_the_first_are_named_and_all_are_counted() -> None:
+    """Some nodes run on the device or fall back for another reason, so it is not every node."""
     plan = planned("reconstruct", None)
     fallen = [name for name, placement in plan.placements.items() if placement.fallback]
     many = (
@@ -93,7 +93,7 @@ def test_of_many_nodes_that_fall_back_the_first_are_named_and_all_counted() -> N
     assert plan.fallbacks == [many, f"{fallen[-1]} runs on numpy: a part is missing"]
 
 
-def test_if_nothing_but_opencl_will_do_numpy_is_a_fallback_too(write: Write) -> None:
+def test_if_only_opencl_is_preferred_numpy_is_a_fallback_too(write: Write) -> None:
     plan = planned(write(SLOPES.replace("nodes:", "prefer: [opencl]\nnodes:", 1)), None)
     assert plan.fallbacks[0] == f"every node runs on numpy: opencl was asked for, but {ABSENT}"
 
@@ -118,16 +118,16 @@ def test_a_library_that_is_missing_is_named_with_its_remedy(
     ]
 
 
-def test_a_library_that_would_not_be_used_is_not_asked_for(
+def test_a_library_that_would_not_be_used_is_not_required(
     write: Write, device: OpenCL, without_vkfft: None
 ) -> None:
-    """Neither where the kernels do it in lanes, nor where the host does it all."""
+    """Kernels in lanes do without it, and so does a node on the host."""
     assert device.lanes > 1
     other = write(SLOPES.replace("integrate_dct", "integrate_frankot_chellappa"), "other.yaml")
-    here, there = planned(write(SLOPES), device), planned(other, device)
-    assert here.placements["again"].backend == "opencl"
-    assert there.placements["again"].why.startswith("faster than on the device")
-    assert here.fallbacks == there.fallbacks == []
+    in_lanes, on_host = planned(write(SLOPES), device), planned(other, device)
+    assert in_lanes.placements["again"].backend == "opencl"
+    assert on_host.placements["again"].why.startswith("faster than on the device")
+    assert in_lanes.fallbacks == on_host.fallbacks == []
 
 
 def test_a_bound_node_stays_where_it_is_bound(write: Write, device: OpenCL, backend: str) -> None:
@@ -146,7 +146,9 @@ def test_a_bound_node_stays_where_it_is_bound(write: Write, device: OpenCL, back
         ("pixel_size", "'pixel' is bound to opencl, but node 'pixel_size' has no opencl kernel"),
     ],
 )
-def test_a_node_bound_to_what_cannot_run_it_is_refused(write: Write, op: str, message: str) -> None:
+def test_a_node_bound_to_a_back_end_that_cannot_run_it_is_refused(
+    write: Write, op: str, message: str
+) -> None:
     with pytest.raises(GraphError) as caught:
         planned(write(SLOPES.replace(f"{{op: {op}", f"{{backend: opencl, op: {op}")), None)
     assert message in str(caught.value)
@@ -161,7 +163,7 @@ def test_a_bound_node_whose_library_is_missing_is_refused(
         planned(write(text), device)
 
 
-def test_a_constant_stands_where_its_readers_are(device: OpenCL) -> None:
+def test_a_constant_is_placed_where_its_readers_run(device: OpenCL) -> None:
     for name, placed in (("opencl", device), ("numpy", None)):
         placement = planned("paper_no_shadow", placed).placements["shadow"]
         assert placement.backend == name

@@ -12,15 +12,15 @@ from tests.graph.conftest import SLOPES, STREAM, Write
 
 
 def bound(
-    file: str, *, sinks: bool = True, stand_ins: frozenset[str] = frozenset(), **given: Any
+    file: str, *, sinks: bool = True, stand_ins: frozenset[str] = frozenset(), **values: Any
 ) -> Draft:
     graph = read_graph(file)
-    return bind(graph, {**graph.placeholders, **given}, sinks=sinks, stand_ins=stand_ins)
+    return bind(graph, {**graph.placeholders, **values}, sinks=sinks, stand_ins=stand_ins)
 
 
-def refusal(file: str, **given: Any) -> str:
+def refusal(file: str, **values: Any) -> str:
     with pytest.raises(GraphError) as caught:
-        bound(file, **given)
+        bound(file, **values)
     return str(caught.value)
 
 
@@ -66,14 +66,14 @@ def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
          "outputs.mask: node 'slope' has no output 'flag'; it has slope, mask"),
     ],
 )  # fmt: skip
-def test_a_name_that_means_nothing_is_an_error_with_its_place(
+def test_an_unknown_name_is_an_error_with_its_place(
     write: Write, old: str, new: str, message: str
 ) -> None:
     assert SLOPES.count(old) == 1
     file = write(SLOPES.replace(old, new))
-    said = refusal(file)
-    assert said.startswith(f"{file}:")
-    assert message in said
+    error = refusal(file)
+    assert error.startswith(f"{file}:")
+    assert message in error
 
 
 @pytest.mark.parametrize(
@@ -93,15 +93,15 @@ def test_a_name_that_means_nothing_is_an_error_with_its_place(
          "nothing to do: the graph has neither outputs nor sinks"),
     ],
 )  # fmt: skip
-def test_a_graph_that_means_nothing_is_refused(
+def test_a_graph_that_cannot_run_is_refused(
     toys: list[str], write: Write, nodes: str, read: str, message: str
 ) -> None:
     outputs = f"\noutputs: {{read: {read}}}" if read else ""
     assert message in refusal(write(f"format: 1\nnodes:\n  {nodes}{outputs}"))
 
 
-def test_a_wrong_value_that_the_user_gave_is_told_by_the_param(write: Write) -> None:
-    """Not by the place in a file that the user has never seen."""
+def test_a_wrong_value_of_the_user_is_reported_by_its_param(write: Write) -> None:
+    """Not by its place in a file that the user does not know."""
     text = SLOPES.replace("params:", "params:\n  mm: {kind: number}", 1)
     file = write(text.replace("{mm: 0.1}", "{mm: $mm}"))
     name = read_graph(file).name
@@ -120,14 +120,14 @@ nodes:
   c: {op: integrate_dct, in: {slope: b.slope, pixel: pixel}}
 outputs: {c: c}
 """
-    said = refusal(write(text))
-    assert "the graph has a cycle: " in said
-    walk = said.partition("cycle: ")[2].split(" -> ")
+    message = refusal(write(text))
+    assert "the graph has a cycle: " in message
+    walk = message.partition("cycle: ")[2].split(" -> ")
     assert walk[0] == walk[-1]
     assert sorted(walk[1:]) == ["a", "b", "c"]
 
 
-def test_what_no_output_needs_is_not_run(write: Write) -> None:
+def test_a_node_that_no_output_needs_is_not_run(write: Write) -> None:
     draft = bound(write(SLOPES.replace("height: again", "height: height")))
     assert draft.unused == ["again"]
     assert "again" not in draft.tasks
@@ -139,14 +139,16 @@ def test_sinks_run_unless_they_are_left_out(toys: list[str], write: Write) -> No
     assert "save" not in bound(file, sinks=False).tasks
 
 
-def test_what_reads_the_stream_is_part_of_it_and_no_more_is(toys: list[str], write: Write) -> None:
+def test_only_nodes_that_read_the_stream_are_part_of_it(toys: list[str], write: Write) -> None:
     tasks = bound(write(STREAM)).tasks
     assert {name for name, task in tasks.items() if task.stream} == {
         "frames", "light", "score", "save"
     }  # fmt: skip
 
 
-def test_a_neutral_node_that_passes_on_an_input_vanishes(toys: list[str], write: Write) -> None:
+def test_a_neutral_node_that_passes_on_an_input_is_not_in_the_plan(
+    toys: list[str], write: Write
+) -> None:
     text = STREAM.replace("dark: cal.dark}}", "dark: cal.dark}, neutral: true}")
     draft = bound(write(text))
     assert "light" not in draft.tasks
@@ -187,12 +189,12 @@ nodes:
   a: {node}
 outputs: {{a: a}}
 """
-    said = refusal(write(text))
-    assert "graph.yaml:7:" in said
-    assert message in said
+    error = refusal(write(text))
+    assert "graph.yaml:7:" in error
+    assert message in error
 
 
-def test_a_record_is_read_whole() -> None:
+def test_a_record_is_read_with_all_its_fields() -> None:
     draft = bound("paper", sinks=False)
     reads = draft.tasks["look_up.coarse"].reads
     assert reads["index.axes"] == Value("look_up.index", "axes")
@@ -212,10 +214,10 @@ def test_a_record_is_read_from_a_node_that_gives_one(
     write: Write, base: str, change: str, message: str
 ) -> None:
     file = write(f"format: 1\nextends: {base}\npatch:\n  - {change}")
-    said = refusal(file)
-    assert said.startswith(f"{file}:4:")
-    assert message in said
-    assert "' is not one" in said
+    error = refusal(file)
+    assert error.startswith(f"{file}:4:")
+    assert message in error
+    assert "' is not one" in error
 
 
 def test_a_node_that_gives_more_than_a_record_feeds_it() -> None:
@@ -226,16 +228,16 @@ def test_a_node_that_gives_more_than_a_record_feeds_it() -> None:
     assert not any(name.startswith("film.flat.") or name == "film.lut_light" for name in reads)
 
 
-def test_a_value_for_a_param_that_is_not_there_is_refused(write: Write) -> None:
+def test_a_value_for_an_unknown_param_is_refused(write: Write) -> None:
     with pytest.raises(InputError, match="has no parameter 'fiel'; did you mean 'file'"):
         bound(write(SLOPES), fiel="x")
 
 
-def test_a_value_that_is_needed_is_asked_for_with_its_help(write: Write) -> None:
+def test_a_missing_value_is_named_with_its_help(write: Write) -> None:
     with pytest.raises(InputError, match=r"graph needs file=... \(a height map\)"):
         bind(read_graph(write(SLOPES)), {}, sinks=True, stand_ins=frozenset())
 
 
-def test_only_a_source_can_be_stood_in_for(write: Write) -> None:
+def test_only_a_source_can_be_replaced_by_the_caller(write: Write) -> None:
     with pytest.raises(InputError, match=r"no source node 'slope'; it has: height$"):
         bound(write(SLOPES), stand_ins=frozenset({"slope"}))

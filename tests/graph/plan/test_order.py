@@ -1,4 +1,4 @@
-"""Pass 6: the order of the steps, and when a buffer is free again."""
+"""Pass 6: the order of the steps, and when a buffer is released."""
 
 import pytest
 
@@ -13,14 +13,14 @@ pytestmark = pytest.mark.usefixtures("toys")
 
 
 @each("name", shipped_names())
-def test_every_value_is_made_before_it_is_read(name: str, device: OpenCL) -> None:
-    made: set[Value] = set()
+def test_every_value_is_written_before_it_is_read(name: str, device: OpenCL) -> None:
+    written: set[Value] = set()
     for step in planned(name, device).steps:
-        assert set(step.reads) <= made
-        made |= set(step.writes)
+        assert set(step.reads) <= written
+        written |= set(step.writes)
 
 
-def test_sources_speak_first_so_that_sizes_clash_before_anything_is_computed(
+def test_sources_run_first_so_that_sizes_clash_before_anything_is_computed(
     write: Write, device: OpenCL
 ) -> None:
     source = "  cal:    {op: at_rest}\n"
@@ -32,7 +32,7 @@ def test_sources_speak_first_so_that_sizes_clash_before_anything_is_computed(
 
 
 def test_the_device_gets_work_before_the_host_begins_its_own(write: Write, device: OpenCL) -> None:
-    """And before all what the host waits for."""
+    """The work that the host waits for comes first."""
     text = STREAM.replace(
         "  score:",
         "  own:    {op: doubled, in: {image: frames.image}}\n"
@@ -46,7 +46,7 @@ def test_the_device_gets_work_before_the_host_begins_its_own(write: Write, devic
     assert places == sorted(places)
 
 
-def test_what_runs_once_comes_first_and_what_writes_last(write: Write, device: OpenCL) -> None:
+def test_nodes_outside_the_stream_run_first_and_sinks_last(write: Write, device: OpenCL) -> None:
     """So that nothing is written if a computation fails."""
     steps = planned(write(STREAM), device).steps
     stream = [step.stream for step in steps]
@@ -62,7 +62,7 @@ def test_the_order_is_that_of_the_file_where_the_edges_leave_a_choice(write: Wri
     assert [step.name for step in planned(file, None).steps] == ["frames", "n9", "n3", "n7"]
 
 
-def test_a_device_value_is_let_go_after_its_last_reader(write: Write, device: OpenCL) -> None:
+def test_a_device_value_is_released_after_its_last_reader(write: Write, device: OpenCL) -> None:
     released = {
         value: step.name for step in planned(write(STREAM), device).steps for value in step.release
     }
@@ -73,7 +73,7 @@ def test_a_device_value_is_let_go_after_its_last_reader(write: Write, device: Op
 
 
 @each("name", shipped_names())
-def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
+def test_each_value_of_the_stream_is_released_exactly_once_and_not_read_afterwards(
     name: str, device: OpenCL
 ) -> None:
     plan = planned(name, device)
@@ -98,14 +98,16 @@ def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
 @pytest.mark.parametrize(
     ("graph", "names"),
     [
-        # It would keep the host from it, and the device is idle once the sizes are there.
+        # Waiting earlier would stop the host, and the device is idle once the sizes are known.
         ("precise", ("first.pass.mean", "first.rest", "first.pass.rises", "first.pass.raw")),
         # The device checks the touch while the host looks for contacts.
         ("reconstruct", ("download height.distort_height", "judge.evidence", "measure.contact")),
     ],
-    ids=["sizes are waited for after the host's own work", "the touch is checked meanwhile"],
+    ids=["the host works before it waits for sizes", "the touch is checked meanwhile"],
 )
-def test_host_and_device_are_busy(device: OpenCL, graph: str, names: tuple[str, ...]) -> None:
+def test_host_and_device_work_at_the_same_time(
+    device: OpenCL, graph: str, names: tuple[str, ...]
+) -> None:
     steps = [step.name for step in planned(graph, device).steps]
     places = [steps.index(name) for name in names]
     assert places == sorted(places)

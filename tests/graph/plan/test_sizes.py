@@ -33,9 +33,9 @@ def test_fixed_sizes_that_differ_clash_before_anything_runs(write: Write) -> Non
     )
     with pytest.raises(GraphError) as caught:
         planned(write(text))
-    said = str(caught.value)
-    assert "graph.yaml:11:" in said
-    assert "nodes.more.in.planes: sizes clash: more.planes has 3, slope.slope has 2" in said
+    message = str(caught.value)
+    assert "graph.yaml:11:" in message
+    assert "nodes.more.in.planes: sizes clash: more.planes has 3, slope.slope has 2" in message
 
 
 def test_fixed_sizes_clash_through_nodes_that_take_any_size(write: Write) -> None:
@@ -53,7 +53,7 @@ outputs: {three: three}
         planned(write(text))
 
 
-def test_a_fixed_size_that_a_node_refuses_is_told_before_anything_runs(write: Write) -> None:
+def test_a_fixed_size_that_a_node_refuses_is_reported_before_anything_runs(write: Write) -> None:
     text = SLOPES.replace(
         "outputs: {", "  more: {op: many_planes, in: {planes: slope.slope}}\noutputs: {more: more, "
     )
@@ -62,24 +62,24 @@ def test_a_fixed_size_that_a_node_refuses_is_told_before_anything_runs(write: Wr
 
 
 @pytest.mark.parametrize(
-    ("shape", "words", "asked"),
+    ("shape", "words", "question"),
     [
         ((6, 4, 5), "6 lights", "and is no image missing"),
         ((3, 7, 5), "7 rows", "neither cropped"),
         ((3, 4, 9), "9 columns", "neither cropped"),
     ],
 )
-def test_a_size_of_images_that_clashes_is_told_by_what_it_counts(
-    write: Write, shape: tuple[int, int, int], words: str, asked: str
+def test_clashing_sizes_of_images_are_reported_by_what_they_count(
+    write: Write, shape: tuple[int, int, int], words: str, question: str
 ) -> None:
     plan = planned(write(STREAM))
     known: dict[Symbol, Bound] = {}
     plan.sizes.bind(known, plan.tasks["cal"], "flat", (3, 4, 5))
-    with pytest.raises(InputError, match=rf"^{words}.* from one sensor, {asked}"):
+    with pytest.raises(InputError, match=rf"^{words}.* from one sensor, {question}"):
         plan.sizes.bind(known, plan.tasks["frames"], "image", shape)
 
 
-def test_a_size_that_a_node_does_not_take_is_refused_unless_it_is_taken_out() -> None:
+def test_a_size_that_a_node_does_not_take_is_refused_unless_the_node_is_taken_out() -> None:
     for name, refused in (("paper", True), ("paper_no_shadow", False)):
         plan = planned(name)
         message = r"shadow: K = 3: the shadow test needs 4 to 8 LEDs"
@@ -87,7 +87,7 @@ def test_a_size_that_a_node_does_not_take_is_refused_unless_it_is_taken_out() ->
             plan.sizes.bind({}, plan.tasks["take.frames"], "image", (3, 4, 5))
 
 
-def test_sizes_of_a_node_are_known_as_soon_as_its_sources_have_spoken(write: Write) -> None:
+def test_sizes_of_a_node_are_known_as_soon_as_its_sources_have_run(write: Write) -> None:
     plan = planned(write(SLOPES))
     known: dict[Symbol, Bound] = {}
     assert plan.sizes.sizes_of(plan.tasks["again"], known) == {}

@@ -1,4 +1,4 @@
-"""Warnings at a stream's end reach whoever goes through it."""
+"""Warnings at the end of a stream reach every reader of the stream."""
 
 import json
 from pathlib import Path
@@ -17,7 +17,7 @@ def graph(toys: list[str], write: Write) -> str:
     return write(CUT, "cut.yaml")
 
 
-def test_a_pipeline_keeps_it_until_its_stream_begins_again(graph: str) -> None:
+def test_a_pipeline_keeps_closing_warnings_until_its_stream_begins_anew(graph: str) -> None:
     with open_pipeline(graph, {"count": 2}) as pipeline:
         assert [result.warnings for result in pipeline.items()] == [[], []]
         assert pipeline.closing_warnings == BOTH
@@ -25,10 +25,12 @@ def test_a_pipeline_keeps_it_until_its_stream_begins_again(graph: str) -> None:
         next(stream)
         assert pipeline.closing_warnings == []
         stream.close()
-        assert pipeline.closing_warnings == BOTH[1:], "left before its end"
+        assert pipeline.closing_warnings == BOTH[1:], "closed before its end"
 
 
-def test_run_prints_and_counts_it_also_where_no_item_came(graph: str, tactograph: Command) -> None:
+def test_run_prints_and_counts_closing_warnings_even_without_an_item(
+    graph: str, tactograph: Command
+) -> None:
     done = tactograph("run", graph, "--backend", "numpy")
     assert done.err.splitlines() == [f"warning: {text}" for text in BOTH]
     assert done.out.endswith("2 warnings, see above\n")
@@ -36,7 +38,9 @@ def test_run_prints_and_counts_it_also_where_no_item_came(graph: str, tactograph
     assert (done.code, done.err.splitlines()[0]) == (2, "warning: cut short")
 
 
-def test_a_comparison_has_it(graph: str, tactograph: Command, tmp_path: Path) -> None:
+def test_a_comparison_records_closing_warnings(
+    graph: str, tactograph: Command, tmp_path: Path
+) -> None:
     out = tmp_path / "report"
     assert tactograph("compare", graph, "--out", out).code == 0
     (row,) = json.loads((out / "table.json").read_text())

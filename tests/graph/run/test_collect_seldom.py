@@ -1,4 +1,4 @@
-"""A process of its own looks for garbage seldom, finds it all the same, and ends without."""
+"""A process collects garbage seldom, still finds it, and does not search for it at its end."""
 
 import gc
 import weakref
@@ -28,17 +28,17 @@ def test_garbage_is_still_found(thresholds: None) -> None:
     collect_seldom()
     first = weakref.ref(Knot())
     # Objects that live on are counted, immediate garbage is not.
-    kept = [[] for _ in range(2 * YOUNG_THRESHOLD)]
-    assert first() is None, len(kept)
+    live = [[] for _ in range(2 * YOUNG_THRESHOLD)]
+    assert first() is None, len(live)
 
 
-def test_what_was_used_for_long_is_found_once_it_is_garbage(thresholds: None) -> None:
+def test_an_old_object_is_collected_once_it_is_garbage(thresholds: None) -> None:
     collect_seldom()
     knot = Knot()
-    kept: list[list[int]] = [[] for _ in range(2 * YOUNG_THRESHOLD)]
+    live: list[list[int]] = [[] for _ in range(2 * YOUNG_THRESHOLD)]
     old = weakref.ref(knot)
     del knot
-    kept += [[] for _ in range(YOUNG_THRESHOLD * (MIDDLE_THRESHOLD + 2))]
+    live += [[] for _ in range(YOUNG_THRESHOLD * (MIDDLE_THRESHOLD + 2))]
     assert old() is None
 
 
@@ -50,6 +50,6 @@ collect_seldom()
 """
 
 
-def test_a_process_that_ends_looks_through_nothing() -> None:
-    looked_through, left = map(int, python("-c", ENDS).stdout.split())
-    assert looked_through < 100 < left
+def test_a_process_that_ends_examines_no_objects() -> None:
+    examined, frozen = map(int, python("-c", ENDS).stdout.split())
+    assert examined < 100 < frozen

@@ -1,4 +1,4 @@
-"""Nodes that run only where a condition holds, and what needs them."""
+"""Nodes that run only where a condition holds, and nodes that depend on them."""
 
 from typing import Any
 
@@ -20,15 +20,15 @@ prefer: [opencl, numpy]
 nodes:
   frames: {op: touches, with: {count: $count}}
   cal:    {op: at_rest}
-  found:  {op: bright, in: {image: frames.image}}
+  touch:  {op: bright, in: {image: frames.image}}
   light:
     op: flat_field
-    in: {image: frames.image, flat: cal.flat, dark: cal.dark, when: found.pixel}
+    in: {image: frames.image, flat: cal.flat, dark: cal.dark, when: touch.pixel}
   more:   {op: doubled, in: {image: light}}
   sum:    {op: summed, in: {image: frames.image, before: more}}
   save:   {op: noted, in: {image: more}}
-  always: {op: kept, in: {image: sum}}
-  joined: {op: join_metrics, in: {one: score, when: found.pixel}}
+  always: {op: holds_open, in: {image: sum}}
+  joined: {op: join_metrics, in: {one: score, when: touch.pixel}}
   score:  {op: watched, in: {image: frames.image}}
 outputs: {light: light, more: more, sum: sum, score: joined}
 """
@@ -43,7 +43,7 @@ def means(results: list[Any], name: str) -> list[float | None]:
 
 
 @pytest.mark.parametrize("cached", [False, True])
-def test_a_node_and_what_needs_it_run_only_where_the_condition_holds(
+def test_a_node_and_its_dependents_run_only_where_the_condition_holds(
     toys: list[str], backend: str, cached: bool
 ) -> None:
     pipeline = opened(TOUCHED, backend, Cache() if cached else None)
@@ -52,33 +52,33 @@ def test_a_node_and_what_needs_it_run_only_where_the_condition_holds(
         results = list(pipeline.items())
         assert means(results, "light") == [None, 2, 3]
         assert means(results, "more") == [None, 4, 6]
-        assert means(results, "sum") == [1, 6, 9], "an input that may be left out is absent"
-        assert [call for call in toys if call.startswith(("noted", "kept"))] == [
-            "kept 1", "noted 4", "kept 6", "noted 6", "kept 9",
+        assert means(results, "sum") == [1, 6, 9], "an optional input is absent"
+        assert [call for call in toys if call.startswith(("noted", "holds_open"))] == [
+            "holds_open 1", "noted 4", "holds_open 6", "noted 6", "holds_open 9",
         ]  # fmt: skip
         assert results[0]["score"] is None
-        assert results[1]["score"]["mean"] == 2, "of any number of inputs it is none"
+        assert results[1]["score"]["mean"] == 2, "the condition is not among the metrics"
         assert results[0].times["more"] == 0
         moved = [s.name for s in pipeline.plan.steps if s.is_transfer and "more" in s.name]
         assert len(moved) == (backend == "opencl")
         assert cached or all(results[0].times[name] == 0 for name in moved), "nothing is moved"
 
 
-def test_what_is_kept_follows_the_condition(toys: list[str]) -> None:
+def test_cached_results_follow_the_condition(toys: list[str]) -> None:
     pipeline = opened(TOUCHED.replace("default: 3", "default: 1"), cache=Cache())
     (first,) = pipeline.items()
     assert first["light"] is None
-    pipeline.set("found", above=0.5)
+    pipeline.set("touch", above=0.5)
     assert float(pipeline.again()["more"].mean()) == 2
-    pipeline.set("found", above=1.5)
+    pipeline.set("touch", above=1.5)
     assert pipeline.again()["more"] is None
     assert toys.count("doubled") == 1
 
 
-def test_a_condition_of_a_group_is_one_of_all_its_nodes() -> None:
-    text = TOUCHED.replace(", when: found.pixel", "").replace(
+def test_a_condition_of_a_group_applies_to_all_its_nodes() -> None:
+    text = TOUCHED.replace(", when: touch.pixel", "").replace(
         "  more:   {op: doubled, in: {image: light}}",
-        "  twice:  {group: double, in: {image: light, when: found.pixel}}",
+        "  twice:  {group: double, in: {image: light, when: touch.pixel}}",
     )
     text = text.replace(": more}", ": twice}").replace("more: more", "more: twice.more")
     group = """groups:
@@ -101,18 +101,18 @@ nodes:"""
     ("condition", "message"),
     [
         ("frames.image", "an array of integers; frames.image is float32 K x H x W"),
-        ("previous.found.pixel", "a condition cannot be a previous value"),
+        ("previous.touch.pixel", "a condition cannot be a previous value"),
         ("nothing", "nothing"),
     ],
 )
-def test_what_is_no_condition_is_refused(condition: str, message: str) -> None:
+def test_an_invalid_condition_is_refused(condition: str, message: str) -> None:
     with pytest.raises(GraphError, match=message):
-        opened(TOUCHED.replace("when: found.pixel", f"when: {condition}"))
+        opened(TOUCHED.replace("when: touch.pixel", f"when: {condition}"))
 
 
-def test_explain_and_draw_show_it(about: Command) -> None:
-    told = about("explain", TOUCHED, "--backend", "numpy").out
-    assert told.count("if found.pixel") == 4, "two nodes, one that needs them, and its sink"
+def test_explain_and_draw_show_a_condition(about: Command) -> None:
+    explained = about("explain", TOUCHED, "--backend", "numpy").out
+    assert explained.count("if touch.pixel") == 4, "two nodes, one that needs them, and its sink"
     drawn = about("draw", TOUCHED, "--backend", "numpy").out
     assert "<title>pixel</title>" in drawn
 
@@ -137,7 +137,7 @@ outputs: {light: up.light, twice: up.twice, pixel: up.still.pixel}
 
 
 @pytest.mark.parametrize("cached", [False, True])
-def test_turns_rest_once_their_condition_fails_and_are_as_the_last_that_ran(
+def test_turns_stop_once_their_condition_fails_and_repeat_the_last_result(
     toys: list[str], backend: str, cached: bool
 ) -> None:
     pipeline = opened(TURNS, backend, Cache() if cached else None)
@@ -150,12 +150,12 @@ def test_turns_rest_once_their_condition_fails_and_are_as_the_last_that_ran(
     assert times["up.2.sum"] == times["up.3.sum"] == times["up.3.twice"] == 0
 
 
-def test_turns_are_absent_where_what_they_need_is() -> None:
-    seen = """
-  found: {op: bright, in: {image: frames.image}}
-  seen:  {op: doubled, in: {image: frames.image, when: found.pixel}}
+def test_turns_are_absent_where_their_input_is_absent() -> None:
+    nodes = """
+  touch: {op: bright, in: {image: frames.image}}
+  lit:   {op: doubled, in: {image: frames.image, when: touch.pixel}}
   up:"""
-    text = TURNS.replace("default: frames.image", "default: seen").replace("\n  up:", seen)
+    text = TURNS.replace("default: frames.image", "default: lit").replace("\n  up:", nodes)
     assert means(list(opened(text).items()), "light") == [None, 14, 21]
 
 
@@ -170,6 +170,6 @@ def test_turns_are_absent_where_what_they_need_is() -> None:
          "outputs: {light: up", "'up.3.still' has other outputs than 'last'"),
     ],
 )  # fmt: skip
-def test_a_wrong_end_of_turns_is_refused(old: str, new: str, message: str) -> None:
+def test_a_wrong_while_or_else_is_refused(old: str, new: str, message: str) -> None:
     with pytest.raises(GraphError, match=message):
         opened(TURNS.replace(old, new))

@@ -18,7 +18,7 @@ from tactograph.graph.plan.make_plan import make_plan
 from tactograph.graph.run.open_pipeline import open_pipeline
 
 Row = Annotated[NDArray[np.float32], Port("W")]
-TOLD: list[str] = []
+STORED: list[str] = []
 
 
 @node
@@ -42,17 +42,17 @@ def checked(row: Row, other: Row | None = None, *, limit: float = 9.0, least: fl
 
 @node
 def doubted(row: Row, *, limit: float = 1.0) -> list[str]:
-    """Sentences that go on as a value."""
+    """Return sentences as a value."""
     return [f"give `limit`={limit:g}"]
 
 
 @node
-def kept(row: Row, doubts: list[str], *, told: Provenance) -> None:
-    """Keep what a result file would say."""
-    TOLD[:] = [*told.warnings, *doubts]
+def stored(row: Row, doubts: list[str], *, provenance: Provenance) -> None:
+    """Store the warnings that a result file would hold."""
+    STORED[:] = [*provenance.warnings, *doubts]
 
 
-NODES = rows, checked, doubted, kept
+NODES = rows, checked, doubted, stored
 GRAPH: dict[str, Any] = {
     "format": 1,
     "params": {
@@ -64,7 +64,7 @@ GRAPH: dict[str, Any] = {
         "taken": {"op": "rows", "with": {"count": "$how_many", "file": "$source"}},
         "first": {"op": "checked", "in": {"row": "taken"}, "with": {"limit": "$ceiling"}},
         "why": {"op": "doubted", "in": {"row": "first"}, "with": {"limit": "$ceiling"}},
-        "save": {"op": "kept", "in": {"row": "first", "doubts": "why"}},
+        "save": {"op": "stored", "in": {"row": "first", "doubts": "why"}},
     },
     "outputs": {"row": "first"},
 }
@@ -75,27 +75,27 @@ OF_ROW = (
 )
 
 
-def test_warnings_in_items_and_in_what_is_written(backend: str) -> None:
+def test_warnings_in_items_and_in_written_results_name_params(backend: str) -> None:
     graph = replace(read_graph(GRAPH), own=own_nodes(NODES))
     with open_pipeline(graph, {}, backend=backend) as pipeline:
         warned = [result.warnings for result in pipeline.items()]
     assert warned == [[OF_SOURCE.format(number), OF_ROW] for number in range(2)]
-    assert [OF_SOURCE.format(1), OF_ROW, "give ceiling=9"] == TOLD
+    assert [OF_SOURCE.format(1), OF_ROW, "give ceiling=9"] == STORED
 
 
-def test_errors_of_a_source_and_behind_it() -> None:
+def test_errors_of_a_source_and_of_later_nodes_name_params() -> None:
     assert refused(how_many=4) == "how_many=4: at most 3"
     line = "source: above ceiling=0.5 (give ceiling=NUMBER, or input 'other' of node 'first')"
     assert refused(ceiling=0.5) == line
 
 
-def refused(**given: Any) -> str:
-    with load(GRAPH, nodes=NODES, **given) as pipeline, pytest.raises(InputError) as raised:
+def refused(**params: Any) -> str:
+    with load(GRAPH, nodes=NODES, **params) as pipeline, pytest.raises(InputError) as raised:
         list(pipeline.items())
     return str(raised.value)
 
 
-def test_what_a_cache_keeps_goes_by_the_names_of_each_graph() -> None:
+def test_cached_warnings_use_the_names_of_each_graph() -> None:
     other = {**GRAPH, "params": {**GRAPH["params"], "roof": {"kind": "number", "default": 9.0}}}
     other["nodes"] = {
         **GRAPH["nodes"],
@@ -110,9 +110,12 @@ def test_what_a_cache_keeps_goes_by_the_names_of_each_graph() -> None:
 
 
 def test_a_function_called_by_itself_names_its_own_arguments() -> None:
-    with collect_warnings([]) as told, pytest.raises(InputError, match=r"^`row`: above `limit`=9"):
+    with (
+        collect_warnings([]) as messages,
+        pytest.raises(InputError, match=r"^`row`: above `limit`=9"),
+    ):
         [checked(np.full(2, value, np.float32)) for value in (0, 10)]
-    assert told[0].startswith("a row is below `limit`, ")
+    assert messages[0].startswith("a row is below `limit`, ")
 
 
 @pytest.mark.parametrize(
@@ -130,7 +133,7 @@ def test_a_function_called_by_itself_names_its_own_arguments() -> None:
         ("reconstruct", "take.sigma", "nothing", None),
     ],
 )
-def test_what_feeds_nodes_of_shipped_graphs(
+def test_the_feeds_of_nodes_of_shipped_graphs_are_named(
     graph: str, task: str, name: str, feed: str | None
 ) -> None:
     read = read_graph(graph)

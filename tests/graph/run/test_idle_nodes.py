@@ -1,4 +1,4 @@
-"""A node that returns its input as it is costs a device nothing, and changes nothing."""
+"""A node that returns its input unchanged costs a device nothing, and changes no result."""
 
 from pathlib import Path
 from typing import Any
@@ -57,10 +57,10 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 @pytest.mark.parametrize("graph", [GRAPH, AND_THE_IMAGE, READ_AS_FRACTIONS])
 @pytest.mark.parametrize("bend", [0.0, 0.04])
 def test_light_is_the_same_with_and_without_a_device(graph: str, kind: str, bend: float) -> None:
-    found = [load(graph_of(graph), backend=b, bend=bend)(frames=IMAGES[kind]) for b in BACKENDS]
-    for name in found[0]:
-        np.testing.assert_allclose(found[1][name], found[0][name], atol=1e-4 if bend else 0)
-        assert found[1][name].dtype == np.float32
+    results = [load(graph_of(graph), backend=b, bend=bend)(frames=IMAGES[kind]) for b in BACKENDS]
+    for name in results[0]:
+        np.testing.assert_allclose(results[1][name], results[0][name], atol=1e-4 if bend else 0)
+        assert results[1][name].dtype == np.float32
 
 
 @pytest.mark.parametrize(
@@ -70,14 +70,16 @@ def test_light_is_the_same_with_and_without_a_device(graph: str, kind: str, bend
         (GRAPH, 0.04, ["undistort uint8", "flat_field float32"]),
         (AND_THE_IMAGE, 0, ["undistort uint8", "flat_field float32"]),
     ],
-    ids=["the camera's bytes", "fractions behind a lens", "fractions that another node wants too"],
+    ids=["the camera's bytes", "fractions behind a lens", "fractions that another node needs too"],
 )
-def test_a_device_reads(launched: list[str], graph: str, bend: float, ran: list[str]) -> None:
+def test_a_device_reads_bytes_unless_a_node_needs_fractions(
+    launched: list[str], graph: str, bend: float, ran: list[str]
+) -> None:
     load(graph_of(graph), backend="opencl", bend=bend)(frames=IMAGES["u8"])
     assert launched == ran
 
 
-def test_an_idle_node_takes_no_time_nor_does_one_like_it(toys: list[str]) -> None:
+def test_idle_nodes_take_no_time(toys: list[str]) -> None:
     other = "  other:  {op: undistort, in: {image: frames.image, lens: lens}}\n  flat:"
     twice = GRAPH.replace("  flat:", other).replace(
         "{light: light}", "{light: light, other: other}"
@@ -88,16 +90,15 @@ def test_an_idle_node_takes_no_time_nor_does_one_like_it(toys: list[str]) -> Non
     np.testing.assert_array_equal(result["other"], IMAGES["f4"])
 
 
-def test_a_lens_that_changes_is_noticed() -> None:
-    """A buffer that was handed on is not written to by the next image."""
+def test_a_buffer_that_was_passed_on_is_not_overwritten_by_the_next_image() -> None:
     straight = load(graph_of(GRAPH), backend="opencl")
     first = straight(frames=IMAGES["f4"])["light"].copy()
-    again = straight(frames=IMAGES["f4"][:, ::-1])["light"]
-    np.testing.assert_array_equal(again, first[:, ::-1])
+    flipped = straight(frames=IMAGES["f4"][:, ::-1])["light"]
+    np.testing.assert_array_equal(flipped, first[:, ::-1])
 
 
-def test_what_repeats_a_node_is_not_run_while_it_would_do_the_same() -> None:
-    """The first image has no glare that would be added."""
+def test_a_node_that_would_only_repeat_another_is_not_run() -> None:
+    """The first image has no glare to add."""
     graph = graph_of(
         "format: 1\nprefer: [opencl, numpy]\nnodes:\n"
         "  frames: {op: touches}\n"
@@ -106,8 +107,8 @@ def test_what_repeats_a_node_is_not_run_while_it_would_do_the_same() -> None:
         "  again:  {op: summed, in: {image: glare.image, before: glare.glare}}\n"
         "outputs: {once: once, again: again}\n"
     )
-    found = [list(load(graph, backend=backend).items()) for backend in BACKENDS]
-    for number, (host, device) in enumerate(zip(*found, strict=True), start=1):
+    results = [list(load(graph, backend=backend).items()) for backend in BACKENDS]
+    for number, (host, device) in enumerate(zip(*results, strict=True), start=1):
         np.testing.assert_array_equal(device["once"], host["once"])
         np.testing.assert_array_equal(device["again"], host["again"])
         assert (device.times["again"] == 0) == (number == 1)
@@ -115,8 +116,8 @@ def test_what_repeats_a_node_is_not_run_while_it_would_do_the_same() -> None:
 
 @pytest.mark.parametrize("level", [0.0, 0.25])
 @pytest.mark.parametrize("stray", ["low", "high"])
-def test_a_number_that_is_0_is_as_good_as_none(stray: str, level: float) -> None:
-    """Whichever of the two nodes reads it, and though each makes what the other need not."""
+def test_a_number_that_is_0_is_treated_as_absent(stray: str, level: float) -> None:
+    """The result does not depend on which of the two nodes reads the number."""
     reads = {name: ", stray: stray" if name == stray else "" for name in ("low", "high")}
     graph = graph_of(
         "format: 1\nprefer: [opencl, numpy]\nnodes:\n"
@@ -133,22 +134,22 @@ def test_a_number_that_is_0_is_as_good_as_none(stray: str, level: float) -> None
 
 
 @pytest.mark.slow
-def test_film_that_throws_no_light_on_film_makes_none(
+def test_film_without_interreflection_computes_none(
     raytraced: Raytraced, calibration: Calibration, tmp_path: Path, backend: str
 ) -> None:
-    """And where it throws some, that is read again: on a device too, nothing stays from before."""
+    """Film with interreflection is computed anew: a device keeps nothing from before."""
     matt, bright = calibration("far28"), tmp_path / "bright.npz"
     with np.load(matt, allow_pickle=False) as known:
         np.savez(bright, **{**known, "albedo": np.float32(0.5)})
     graph = graph_of("format: 1\nextends: reconstruct\noutputs: {thrown: bounce, height: height}\n")
-    given: dict[str, Any] = {"capture": raytraced / "far28/sphere_film", "backend": backend}
-    none, some = (next(iter(load(graph, calibration=c, **given).items())) for c in (matt, bright))
+    params: dict[str, Any] = {"capture": raytraced / "far28/sphere_film", "backend": backend}
+    none, some = (next(iter(load(graph, calibration=c, **params).items())) for c in (matt, bright))
     assert none["thrown"] is None
     assert some["thrown"].max() > 0.01
     if backend == "opencl":
         assert none.times["relight.bounce"] == none.times["relight.drift_2"] == 0
         assert some.times["relight.drift_2"] > 0
-    without = next(iter(load("reconstruct_no_bounce", calibration=matt, **given).items()))
+    without = next(iter(load("reconstruct_no_bounce", calibration=matt, **params).items()))
     np.testing.assert_allclose(none["height"], without["height"], atol=1e-6)
 
 

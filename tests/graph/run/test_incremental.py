@@ -1,4 +1,4 @@
-"""Only what changed is computed, and what comes out is what a fresh run gives."""
+"""Only what changed is computed, and the result is that of a fresh run."""
 
 import gc
 
@@ -22,11 +22,11 @@ nodes:
   cal:    {op: at_rest}
   light:  {op: flat_field, in: {image: frames.image, flat: cal.flat, dark: cal.dark}}
   twice:  {op: doubled, in: {image: light}}
-  seen:   {op: noticed, in: {image: twice}}
+  copy:   {op: noticed, in: {image: twice}}
   high:   {op: bright, in: {image: light}}
-  sum:    {op: summed, in: {image: seen, before: previous.sum}}
+  sum:    {op: summed, in: {image: copy, before: previous.sum}}
   save:   {op: noted, in: {image: sum}}
-outputs: {light: light, seen: seen, high: high.light, sum: sum}
+outputs: {light: light, copy: copy, high: high.light, sum: sum}
 """
 STACK = np.full((3, 4, 5), 0.5, np.float32)
 
@@ -38,14 +38,14 @@ def test_a_second_call_with_equal_arrays_computes_nothing(toys: list[str], backe
     first = pipeline(frames=STACK)
     second = pipeline(frames=STACK.copy())
     assert toys == ["at_rest", "doubled"]
-    assert {"light", "twice", "seen"} <= second.reused
-    assert not {"light", "twice", "seen"} & first.reused
+    assert {"light", "twice", "copy"} <= second.reused
+    assert not {"light", "twice", "copy"} & first.reused
     for name in first:
         np.testing.assert_array_equal(first[name], second[name])
     assert second.warnings == first.warnings == ["a warning"]
 
 
-def test_a_change_computes_what_depends_on_it_alone(toys: list[str], backend: str) -> None:
+def test_a_change_recomputes_only_what_depends_on_it(toys: list[str], backend: str) -> None:
     pipeline = load(graph_of(CHAIN), backend=backend, cache=Cache())
     pipeline(frames=STACK)
     pipeline.set("high", above=0.25)
@@ -59,31 +59,31 @@ def test_a_change_computes_what_depends_on_it_alone(toys: list[str], backend: st
         np.testing.assert_array_equal(result[name], fresh[name])
 
 
-def test_arrays_may_be_refilled_without_a_trace_in_what_is_kept(backend: str) -> None:
+def test_refilled_arrays_do_not_change_cached_values(backend: str) -> None:
     text = CHAIN.replace("op: doubled", "op: passed_on")
     pipeline = load(graph_of(text), backend=backend, cache=Cache())
     stack = STACK.copy()
     pipeline(frames=stack)
     stack[:] = 7
-    np.testing.assert_array_equal(pipeline.again()["seen"], STACK)
+    np.testing.assert_array_equal(pipeline.again()["copy"], STACK)
     np.testing.assert_array_equal(pipeline.inspect("frames.image"), STACK)
 
 
-def test_the_item_before_is_that_of_the_stream_however_often_one_is_run_again(backend: str) -> None:
+def test_the_previous_item_is_that_of_the_stream_even_if_an_item_is_repeated(backend: str) -> None:
     def sums(cache: Cache | None) -> list[float]:
         graph = graph_of(CHAIN)
         pipeline = open_pipeline(graph, {"count": 3}, backend=backend, cache=cache)
-        found = []
+        totals = []
         for item in pipeline.items():
             for _ in range(2 if cache else 0):
                 item = pipeline.again()
-            found.append(float(item["sum"][0, 0, 0]))
-        return found
+            totals.append(float(item["sum"][0, 0, 0]))
+        return totals
 
     assert sums(Cache()) == sums(None)
 
 
-def test_a_stream_that_ended_or_was_left_can_be_looked_at_and_begun_anew(backend: str) -> None:
+def test_an_ended_or_closed_stream_can_be_inspected_and_restarted(backend: str) -> None:
     pipeline = load(graph_of(CHAIN), {"count": 3}, backend=backend, cache=Cache())
     results = list(pipeline.items())
     assert pipeline.inspect("sum").max() == pipeline.again()["sum"].max() == 12
@@ -91,13 +91,13 @@ def test_a_stream_that_ended_or_was_left_can_be_looked_at_and_begun_anew(backend
     for one, other in zip(results, pipeline.items(), strict=True):
         np.testing.assert_array_equal(one["sum"], other["sum"])
     stream = pipeline.items()
-    left = [next(stream), next(stream)][1]
+    last = [next(stream), next(stream)][1]
     stream.close()
-    np.testing.assert_array_equal(pipeline.inspect("sum"), left["sum"])
+    np.testing.assert_array_equal(pipeline.inspect("sum"), last["sum"])
 
 
 @pytest.mark.parametrize("how", ["set", "aim"])
-def test_an_item_of_a_source_with_other_settings_is_not_there(how: str) -> None:
+def test_an_item_of_a_source_is_unavailable_after_its_settings_change(how: str) -> None:
     pipeline = load(graph_of(CHAIN), {"count": 3}, backend="numpy", cache=Cache())
     list(pipeline.items())
     if how == "set":
@@ -107,7 +107,7 @@ def test_an_item_of_a_source_with_other_settings_is_not_there(how: str) -> None:
     for look in (pipeline.again, lambda: pipeline.inspect("twice")):
         with pytest.raises(InputError, match=r"settings of 'frames' changed .* items\(\)"):
             look()
-    last = list(pipeline.items())[-1]["seen"]
+    last = list(pipeline.items())[-1]["copy"]
     np.testing.assert_array_equal(pipeline.inspect("twice"), last)
 
 
@@ -116,14 +116,16 @@ def test_a_cache_too_small_for_anything_changes_no_result(backend: str) -> None:
     pipeline = load(graph_of(CHAIN), backend=backend, cache=small)
     fresh = load(graph_of(CHAIN), backend=backend)
     for level in (0.5, 0.25, 0.5):
-        found, expected = pipeline(frames=level * STACK), fresh(frames=level * STACK)
+        result, expected = pipeline(frames=level * STACK), fresh(frames=level * STACK)
         for name in expected:
-            np.testing.assert_array_equal(found[name], expected[name])
+            np.testing.assert_array_equal(result[name], expected[name])
         assert small.bytes <= small.most
-    np.testing.assert_array_equal(pipeline.inspect("twice"), expected["seen"])
+    np.testing.assert_array_equal(pipeline.inspect("twice"), expected["copy"])
 
 
-def test_a_size_that_only_the_data_tell_does_not_run_what_is_made_once_again(backend: str) -> None:
+def test_a_size_that_depends_on_the_data_does_not_rerun_nodes_outside_the_stream(
+    backend: str,
+) -> None:
     text = CHAIN.replace("  high: ", "  rest: {op: bright, in: {image: cal.flat}}\n  high: ")
     text = text.replace("outputs: {", "outputs: {rest: rest.light, ")
     pipeline = load(graph_of(text), backend=backend, cache=Cache())
@@ -133,7 +135,7 @@ def test_a_size_that_only_the_data_tell_does_not_run_what_is_made_once_again(bac
     assert "rest" in pipeline(frames=2 * STACK).reused
 
 
-def test_two_pipelines_share_what_is_the_same_in_both(toys: list[str], write: Write) -> None:
+def test_two_pipelines_share_equal_results(toys: list[str], write: Write) -> None:
     cache = Cache()
     other = CHAIN.replace("{op: bright, in: {image: light}}", "{op: bright, in: {image: twice}}")
     for name, text in (("one.yaml", CHAIN), ("two.yaml", other)):
@@ -141,23 +143,23 @@ def test_two_pipelines_share_what_is_the_same_in_both(toys: list[str], write: Wr
     assert toys.count("doubled") == 1
 
 
-def test_device_and_host_do_not_stand_in_for_each_other() -> None:
+def test_results_of_device_and_host_do_not_replace_each_other() -> None:
     cache = Cache()
     for backend in ("numpy", "opencl"):
         result = load(graph_of(CHAIN), backend=backend, cache=cache)(frames=STACK)
         assert "light" not in result.reused
 
 
-def test_a_run_that_failed_leaves_nothing_behind() -> None:
+def test_a_failed_run_leaves_no_result_behind() -> None:
     text = CHAIN.replace("{op: noticed, in: {image: twice}}", "{op: failing, in: {image: twice}}")
-    pipeline = load(graph_of(text), backend="opencl", cache=Cache(), changes={"seen.at": 1.0})
+    pipeline = load(graph_of(text), backend="opencl", cache=Cache(), changes={"copy.at": 1.0})
     with pytest.raises(NodeError):
         pipeline(frames=STACK)
-    pipeline.set("seen", at=9.0)
+    pipeline.set("copy", at=9.0)
     np.testing.assert_array_equal(pipeline(frames=STACK)["light"], STACK)
 
 
-def test_sinks_write_again_though_nothing_is_computed(toys: list[str], backend: str) -> None:
+def test_sinks_write_again_even_if_nothing_is_computed(toys: list[str], backend: str) -> None:
     graph = graph_of(STREAM)
     pipeline = open_pipeline(graph, {"count": 1}, backend=backend, cache=Cache())
     (item,) = pipeline.items()
@@ -168,7 +170,7 @@ def test_sinks_write_again_though_nothing_is_computed(toys: list[str], backend: 
     assert item["score"] == {"mean": 1.0, "truth": 1.0}
 
 
-def test_repeats_run_what_is_not_kept_so_often(toys: list[str], backend: str) -> None:
+def test_repeats_run_only_what_is_not_cached(toys: list[str], backend: str) -> None:
     graph = graph_of(CHAIN)
     cache = Cache()
     for _ in range(2):
@@ -178,7 +180,7 @@ def test_repeats_run_what_is_not_kept_so_often(toys: list[str], backend: str) ->
     assert all(result.times["twice"] > 0 for result in results)
 
 
-def test_a_value_from_inside_can_be_looked_at(toys: list[str], backend: str) -> None:
+def test_an_inner_value_can_be_inspected(toys: list[str], backend: str) -> None:
     text = CHAIN.replace(
         "outputs: {", "  half: {op: halves, in: {image: light}}\noutputs: {half: half.low, "
     )
@@ -200,7 +202,7 @@ def test_a_value_from_inside_can_be_looked_at(toys: list[str], backend: str) -> 
         ("light.height", r"'light' has light\.flat_field"),
     ],
 )
-def test_a_value_that_is_not_there_is_told(reference: str, message: str) -> None:
+def test_an_unknown_value_is_reported(reference: str, message: str) -> None:
     pipeline = load(graph_of(CHAIN), backend="numpy", cache=Cache())
     pipeline(frames=STACK)
     with pytest.raises(InputError, match=message):
@@ -231,7 +233,9 @@ def test_a_wrong_setting_changes_nothing() -> None:
     assert pipeline.plan.graph.hash != before
 
 
-def test_of_a_change_only_what_is_asked_for_is_made(toys: list[str], backend: str) -> None:
+def test_after_a_change_only_the_requested_outputs_are_computed(
+    toys: list[str], backend: str
+) -> None:
     text = CHAIN.replace("before: previous.sum", "")
     pipeline = load(graph_of(text), backend=backend, cache=Cache())
     pipeline(frames=STACK)
@@ -241,13 +245,13 @@ def test_of_a_change_only_what_is_asked_for_is_made(toys: list[str], backend: st
     assert "doubled" not in toys
     np.testing.assert_array_equal(pipeline.inspect("twice"), 2 * STACK)
     assert toys.count("doubled") == 1
-    found = pipeline.again()
+    result = pipeline.again()
     assert toys.count("doubled") == 1
-    np.testing.assert_array_equal(found["seen"], pipeline.inspect("seen"))
+    np.testing.assert_array_equal(result["copy"], pipeline.inspect("copy"))
     pipeline.set("light", floor=0.4)
     pipeline.again(["high"])
-    found = pipeline(frames=2 * STACK)
-    np.testing.assert_array_equal(found["light"], 2 * STACK)
+    result = pipeline(frames=2 * STACK)
+    np.testing.assert_array_equal(result["light"], 2 * STACK)
 
 
 def test_a_group_is_set_in_one_use_or_in_all() -> None:
@@ -267,8 +271,8 @@ nodes:
     pipeline = load(graph_of(text), backend="numpy", cache=Cache())
 
     def lit() -> tuple[int, int]:
-        found = pipeline.again(["one", "two"])
-        return found["one"].size, found["two"].size
+        result = pipeline.again(["one", "two"])
+        return result["one"].size, result["two"].size
 
     pipeline(frames=STACK)
     assert lit() == (20, 20)
@@ -286,17 +290,17 @@ nodes:
 def test_reconstruct_follows_its_parameters_as_a_fresh_pipeline_does(
     raytraced: Raytraced, calibration: Calibration
 ) -> None:
-    given = {"capture": str(raytraced / "near33" / "cat"), "calibration": calibration("near33")}
+    params = {"capture": str(raytraced / "near33" / "cat"), "calibration": calibration("near33")}
     graph, cache = read_graph("reconstruct"), Cache(megabytes=64)
-    pipeline = open_pipeline(graph, given, sinks=False, cache=cache)
+    pipeline = open_pipeline(graph, params, sinks=False, cache=cache)
     next(pipeline.items())
     for node, settings in (("level", {"degree": 1}), ("rough.2.label", {"steepest": 3.0})):
         pipeline.set(node, **settings)
-        found = pipeline.again()
-    expected = next(open_pipeline(pipeline.plan.graph, given, sinks=False).items())
+        result = pipeline.again()
+    expected = next(open_pipeline(pipeline.plan.graph, params, sinks=False).items())
     for name in ("height", "slope", "shadow"):
-        np.testing.assert_array_equal(found[name], expected[name])
-    assert found["metrics"] == expected["metrics"]
+        np.testing.assert_array_equal(result[name], expected[name])
+    assert result["metrics"] == expected["metrics"]
 
 
 def test_three_hundred_changes_take_no_more_memory_than_ten() -> None:
@@ -325,11 +329,11 @@ def test_a_source_of_files_is_read_for_every_item(toys: list[str]) -> None:
 
 
 @pytest.mark.parametrize("cached", [False, True], ids=["every step", "only what changed"])
-def test_an_item_that_failed_is_not_the_item_before(backend: str, cached: bool) -> None:
+def test_a_failed_item_is_not_the_previous_item(backend: str, cached: bool) -> None:
     text = CHAIN.replace("{op: noticed, in: {image: twice}}", "{op: failing, in: {image: sum}}")
-    text = text.replace("{op: summed, in: {image: seen,", "{op: summed, in: {image: light,")
+    text = text.replace("{op: summed, in: {image: copy,", "{op: summed, in: {image: light,")
     cache = Cache() if cached else None
-    pipeline = load(graph_of(text), backend=backend, cache=cache, changes={"seen.at": 4.0})
+    pipeline = load(graph_of(text), backend=backend, cache=cache, changes={"copy.at": 4.0})
     one, three = np.ones((3, 4, 5), np.float32), np.full((3, 4, 5), 3, np.float32)
     for stack, total in ((one, 1), (three, None), (one, 2)):
         if total is None:

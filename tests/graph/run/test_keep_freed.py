@@ -1,4 +1,4 @@
-"""The system hands out the memory of a node's arrays once, not for every array."""
+"""The system allocates the memory of a node's arrays once, not for every array."""
 
 import platform
 
@@ -23,7 +23,9 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 KEEP = "from tactograph.graph.run.keep_freed import keep_freed; keep_freed()"
 
 
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries take no note")
-def test_what_a_node_frees_serves_the_next() -> None:
-    without, kept = (int(python("-c", CHAIN.format(keep=keep)).stdout) for keep in ("", KEEP))
-    assert kept < 100 < without
+@pytest.mark.skipif(
+    platform.libc_ver()[0] != "glibc", reason="other C libraries ignore the setting"
+)
+def test_memory_that_a_node_frees_is_reused_by_the_next() -> None:
+    without, reused = (int(python("-c", CHAIN.format(keep=keep)).stdout) for keep in ("", KEEP))
+    assert reused < 100 < without

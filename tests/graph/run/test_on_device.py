@@ -1,4 +1,4 @@
-"""Arrays that stay on the device: handed in and out there, and never changed by others."""
+"""Arrays that stay on the device: passed in and out there, and never changed by others."""
 
 from typing import Any
 
@@ -33,17 +33,17 @@ def test_sensor_and_height_are_chained_without_a_transfer(
 ) -> None:
     """The numbers are those of arrays on the host."""
     truth = np.load(raytraced / "near33" / "cat_film" / "truth_height_mm.npy")
-    given: dict[str, Any] = {"calibration": calibration("near33"), "backend": "opencl"}
+    params: dict[str, Any] = {"calibration": calibration("near33"), "backend": "opencl"}
 
     def chain(**options: Any) -> tuple[Pipeline, Pipeline]:
-        see = load("see_touch", outputs=["image"], seed=None, **given, **options)
-        return see, load("reconstruct", outputs=["height"], **given, **options)
+        see = load("see_touch", outputs=["image"], seed=None, **params, **options)
+        return see, load("reconstruct", outputs=["height"], **params, **options)
 
     see, back = chain()
     expected = [back(frames=see(height=z)["image"])["height"] for z in (truth, truth / 2)]
     see, back = chain(to="device")
     z, half = to_device(see.queue, truth), to_device(see.queue, truth / 2)
-    first = back(frames=see(height=z)["image"])["height"]  # what runs once has run
+    first = back(frames=see(height=z)["image"])["height"]  # also runs the nodes outside the stream
 
     def refuse(*_: object) -> None:
         raise AssertionError("a transfer")
@@ -52,15 +52,15 @@ def test_sensor_and_height_are_chained_without_a_transfer(
         monkeypatch.setattr(Queue, transfer, refuse)
     second = back(frames=see(height=half)["image"])["height"]
     moves = [s for p in (see, back) for s in p.plan.steps if s.stream and s.kind == "download"]
-    assert all(step.conditions for step in moves), "a film that lights itself asks the host"
+    assert all(step.conditions for step in moves), "only a film with interreflection asks the host"
     monkeypatch.undo()
     np.testing.assert_array_equal(first.get(), expected[0])
     np.testing.assert_array_equal(second.get(), expected[1])
 
 
-@pytest.mark.parametrize("cache", [None, Cache()], ids=["", "kept"])
-def test_an_array_on_the_device_is_the_callers_alone(cache: Cache | None) -> None:
-    """Whether it was handed in or out: either side may change it, and the other sees nothing."""
+@pytest.mark.parametrize("cache", [None, Cache()], ids=["", "cached"])
+def test_an_array_on_the_device_belongs_to_the_caller_alone(cache: Cache | None) -> None:
+    """Passed in or returned, either side may change it without an effect on the other."""
     pipeline = opened(SUMMED, cache=cache)
     buffer = to_device(pipeline.queue, level(0.25))
     first = pipeline(frames=buffer)
@@ -78,7 +78,7 @@ def test_an_array_on_the_device_is_the_callers_alone(cache: Cache | None) -> Non
     assert third["flat"].get().max() < 9
 
 
-def test_memory_goes_back_to_the_pool_with_its_last_view() -> None:
+def test_memory_returns_to_the_pool_with_its_last_view() -> None:
     pipeline = opened(SUMMED)
     for _ in range(3):
         view = pipeline(frames=level(1))["light"][2]
@@ -94,19 +94,19 @@ def test_a_slice_of_an_array_is_read_where_it_begins(height_file: str) -> None:
     pipeline = opened(SLOPES)
     both = to_device(pipeline.queue, np.stack([0 * height, height]))
     expected = load(graph_of(SLOPES), backend="opencl")(height=height)["height"]
-    for given in (both[1], height.astype(float), to_device(pipeline.queue, height.astype(float))):
-        np.testing.assert_array_equal(pipeline(height=given)["height"].get(), expected)
+    for array in (both[1], height.astype(float), to_device(pipeline.queue, height.astype(float))):
+        np.testing.assert_array_equal(pipeline(height=array)["height"].get(), expected)
 
 
-def test_on_a_cpu_what_the_host_sees_of_it_is_no_copy(height_file: str) -> None:
+def test_on_a_cpu_the_host_maps_a_result_without_a_copy(height_file: str) -> None:
     result = opened(SLOPES)(height=np.load(height_file))
-    seen, again = (np.from_dlpack(result["height"].map_to_host()) for _ in range(2))
-    assert np.shares_memory(seen, again)
+    first, second = (np.from_dlpack(result["height"].map_to_host()) for _ in range(2))
+    assert np.shares_memory(first, second)
     assert repr(result).startswith("Result(height: float32 24 x 32,")
     assert result._repr_html_().count("<img") == 1
 
 
-def test_what_the_device_cannot_read_is_refused(height_file: str) -> None:
+def test_an_array_that_the_device_cannot_read_is_refused(height_file: str) -> None:
     height = np.load(height_file)
     pipeline = opened(SLOPES)
     elsewhere = cl.CommandQueue(cl.Context([pipeline.queue.device]))

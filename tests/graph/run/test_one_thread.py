@@ -1,4 +1,4 @@
-"""A pipeline belongs to one thread, goes through one stream, and ends when it is closed."""
+"""A pipeline belongs to one thread, reads one stream at a time, and ends when it is closed."""
 
 import threading
 
@@ -22,9 +22,9 @@ def opened(text: str) -> Pipeline:
 
 def test_a_second_thread_is_refused_while_the_first_is_at_work() -> None:
     pipeline = load(graph_of(lit_by("gated", WAITING)), backend="numpy")
-    found: list[float] = []
+    results: list[float] = []
     Gate.close()
-    thread = threading.Thread(target=lambda: found.append(pipeline(frames=STACK)["light"].max()))
+    thread = threading.Thread(target=lambda: results.append(pipeline(frames=STACK)["light"].max()))
     thread.start()
     Gate.wait_until_reached()
     try:
@@ -34,12 +34,12 @@ def test_a_second_thread_is_refused_while_the_first_is_at_work() -> None:
     finally:
         Gate.open()
         thread.join()
-    assert found == [1]
+    assert results == [1]
     assert pipeline(frames=STACK)["light"].max() == 1
 
 
 @pytest.mark.parametrize("use", ["call", "items", "aim", "forget"])
-def test_a_pipeline_that_was_closed_is_of_no_more_use(use: str) -> None:
+def test_a_closed_pipeline_cannot_be_used(use: str) -> None:
     pipeline = opened(STREAM) if use == "items" else load(graph_of(WAITING), backend="numpy")
     pipeline.close()
     pipeline.close()
@@ -53,7 +53,7 @@ def test_a_pipeline_that_was_closed_is_of_no_more_use(use: str) -> None:
         uses[use]()
 
 
-def test_a_pipeline_goes_through_one_stream_at_a_time() -> None:
+def test_a_pipeline_reads_one_stream_at_a_time() -> None:
     pipeline = opened(STREAM)
     first = pipeline.items()
     next(first)
@@ -63,14 +63,14 @@ def test_a_pipeline_goes_through_one_stream_at_a_time() -> None:
     assert [result["score"]["mean"] for result in pipeline.items()] == [1, 2, 3]
 
 
-def test_an_item_that_fails_leaves_the_pipeline_free() -> None:
+def test_a_pipeline_can_be_used_after_an_item_that_failed() -> None:
     pipeline = load(graph_of(WAITING), backend="numpy")
     with pytest.raises(InputError):
         pipeline(frames=np.ones((3, 9, 9), np.float32))
     assert pipeline(frames=STACK)["light"].max() == 1
 
 
-def test_what_runs_once_and_keeps_something_opens_it_anew_with_each_stream(toys: list[str]) -> None:
+def test_a_session_outside_the_stream_is_opened_anew_with_each_stream(toys: list[str]) -> None:
     pipeline = opened(added("  once: {op: opens_once}", "once: once"))
     for _ in range(2):
         list(pipeline.items())

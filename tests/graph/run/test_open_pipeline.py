@@ -1,4 +1,4 @@
-"""Opening a graph: what is wanted of it, changed in it, and where it may run."""
+"""Opening a graph: its requested outputs, its changes, and where it may run."""
 
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.usefixtures("toys")
 
 @pytest.fixture
 def unread(tmp_path: Path) -> str:
-    """A calibration that is there; it is read with the first array."""
+    """A calibration file that exists; it is read with the first array."""
     file = tmp_path / "cal.npz"
     file.touch()
     return str(file)
@@ -27,7 +27,7 @@ def test_sinks_are_left_out_of_a_loaded_pipeline(toys: list[str]) -> None:
     assert not [word for word in toys if word.startswith("noted")]
 
 
-def test_what_only_unwanted_outputs_need_is_not_computed(unread: str) -> None:
+def test_nodes_that_only_unrequested_outputs_need_are_not_run(unread: str) -> None:
     pipeline = load("reconstruct", backend="numpy", calibration=unread, outputs=["slope"])
     assert "slope" in pipeline.plan.tasks
     assert not {"raw", "height", "score"} & set(pipeline.plan.tasks)
@@ -48,9 +48,11 @@ def test_a_loaded_pipeline_warns_of_a_fallback_and_does_not_list_many(
 ) -> None:
     with pytest.warns(UserWarning, match="^fallback: light runs on numpy: opencl is preferred"):
         load(graph_of(WAITING))
-    with pytest.warns(UserWarning, match="^fallback: every node runs on numpy: opencl is") as told:
+    with pytest.warns(
+        UserWarning, match="^fallback: every node runs on numpy: opencl is"
+    ) as caught:
         load("reconstruct", calibration=unread)
-    assert len(told) == 1
+    assert len(caught) == 1
 
 
 @pytest.mark.parametrize("outputs", ["height", [], [1]])
@@ -59,7 +61,7 @@ def test_outputs_are_a_list_of_names(outputs: Any, unread: str) -> None:
         load("reconstruct", backend="numpy", calibration=unread, outputs=outputs)
 
 
-def test_strict_is_content_where_nothing_falls_back() -> None:
+def test_strict_accepts_a_graph_without_a_fallback() -> None:
     load(graph_of(WAITING), strict=True)
     load(graph_of(WAITING), strict=True, backend="numpy")
 
@@ -72,7 +74,7 @@ def test_strict_is_content_where_nothing_falls_back() -> None:
         ({"backend": "cuda"}, "no back end is called 'cuda'"),
     ],
 )
-def test_what_cannot_run_as_demanded_is_refused(
+def test_a_demand_that_cannot_be_met_is_refused(
     no_device: None, options: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
@@ -99,7 +101,7 @@ def test_changes_change_parameters_of_nodes() -> None:
         ("cal.level", "x", "--set: cal.level: a number is needed"),
     ],
 )
-def test_a_wrong_change_is_blamed_on_the_change(target: str, value: Any, message: str) -> None:
+def test_a_wrong_change_is_reported_with_the_change(target: str, value: Any, message: str) -> None:
     with pytest.raises(InputError) as caught:
         load(graph_of(WAITING), backend="numpy", changes={target: value})
     assert str(caught.value).startswith(message)
@@ -113,8 +115,8 @@ params:
   outputs: {kind: number, default: 1}
   self: {kind: number, default: 1}
 nodes:
-  one: {op: choosy, with: {way: left, level: $name}}
-  two: {op: choosy, with: {way: left, level: $device}}
+  one: {op: choosy, with: {side: left, level: $name}}
+  two: {op: choosy, with: {side: left, level: $device}}
 outputs: {one: one, two: two}
 """
 
@@ -124,7 +126,7 @@ def test_a_graph_may_be_named_by_a_path(write: Write) -> None:
     assert pipeline(frames=np.ones((3, 4, 5), np.float32))["light"].max() == 1
 
 
-def test_params_of_any_name_can_be_given() -> None:
+def test_params_of_any_name_can_be_set() -> None:
     pipeline = load(graph_of(OWN_NAMES), {"device": 3, "outputs": 1, "self": 1}, name=2)
     with pipeline:
         (result,) = pipeline.items()
@@ -143,7 +145,7 @@ def test_numbers_of_numpy_are_numbers(make: Any) -> None:
     assert pipeline.plan.graph.hash == changed.plan.graph.hash
 
 
-def test_what_only_writes_or_falls_back_is_not_loaded_before_it_computes() -> None:
+def test_libraries_for_writing_and_for_fallbacks_are_not_imported_when_a_graph_opens() -> None:
     """Matplotlib, trimesh, SciPy's transforms and trees take longer to load than a touch to
     compute."""
     script = (

@@ -1,4 +1,4 @@
-"""A pipeline in another process: a fork says that it has no device, a copy is loaded anew."""
+"""A pipeline in another process: a fork reports that it has no device, a copy is loaded anew."""
 
 import copy
 import pickle
@@ -38,8 +38,8 @@ os.wait()
 """
 
 
-def test_a_fork_says_that_it_has_no_device(write: Write) -> None:
-    """Else its first call would wait for threads of the runtime that a fork does not copy."""
+def test_a_fork_reports_that_it_has_no_device(write: Write) -> None:
+    """Otherwise its first call would wait for threads of the runtime that a fork does not copy."""
     opened, loaded, last = python("-c", FORK, write(SLOPES)).stdout.splitlines()
     for line in (opened, loaded):
         assert "OpenCL was used before this process was forked" in line
@@ -47,14 +47,14 @@ def test_a_fork_says_that_it_has_no_device(write: Write) -> None:
     assert last == "numpy works"
 
 
-@pytest.mark.parametrize("again", [copy.deepcopy, lambda p: pickle.loads(pickle.dumps(p))])
-def test_a_copy_is_loaded_anew_with_the_settings_as_they_are(
-    write: Write, again: Callable[[Pipeline], Pipeline], backend: str
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda p: pickle.loads(pickle.dumps(p))])
+def test_a_copy_is_loaded_anew_with_the_current_settings(
+    write: Write, duplicate: Callable[[Pipeline], Pipeline], backend: str
 ) -> None:
     pipeline = load(write(SLOPES), backend=backend)
     before = pipeline(height=HEIGHT)["height"]
     pipeline.set("pixel", mm=0.2)
-    copied = again(pipeline)
+    copied = duplicate(pipeline)
     np.testing.assert_array_equal(
         copied(height=HEIGHT)["height"], pipeline(height=HEIGHT)["height"]
     )

@@ -55,11 +55,11 @@ def test_a_buffer_that_the_caller_refills_changes_neither_memory_nor_result(back
     assert first["same"].max() == 1
     assert not first["same"].flags.writeable
     assert second["sum"].max() == 11
-    buffer[...] = 0  # and it is still the caller's own to write to
+    buffer[...] = 0  # the caller can still write to it
 
 
 @pytest.mark.parametrize("make", [np.asarray, np.ndarray.tolist, memoryview])
-def test_whatever_the_caller_hands_in_is_not_what_comes_out(make: Any) -> None:
+def test_a_result_shares_no_memory_with_the_input_of_the_caller(make: Any) -> None:
     buffer = level(1)
     result = load(graph_of(lit_by("passed_on", WAITING)), backend="numpy")(frames=make(buffer))
     buffer[...] = 2
@@ -78,14 +78,14 @@ def test_a_node_that_writes_into_its_input_is_named() -> None:
     assert stack.max() == 1
 
 
-def test_figures_that_one_reader_changes_are_whole_for_the_others() -> None:
+def test_figures_that_one_reader_changes_stay_unchanged_for_the_others() -> None:
     nodes = """  changed: {op: scribbled, in: {figures: score}}
   last: {op: remembered, in: {figures: score, before: previous.score}}"""
-    found = []
+    figures = []
     for result in opened(added(nodes, "changed: changed, last: last")).items():
-        found.append((result["last"]["before"], result["last"]["now"], result["score"]["mean"]))
+        figures.append((result["last"]["before"], result["last"]["now"], result["score"]["mean"]))
         result["score"]["mean"] = 100.0
-    assert found == [(-1, 1, 1), (1, 2, 2), (2, 3, 3)]
+    assert figures == [(-1, 1, 1), (1, 2, 2), (2, 3, 3)]
 
 
 def test_a_source_may_refill_its_own_buffer() -> None:

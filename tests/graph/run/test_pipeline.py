@@ -1,4 +1,4 @@
-"""Running: streams, stand-ins, buffers, failures, and nothing done behind the user's back."""
+"""Running: streams, arrays in place of sources, buffers, failures, and no hidden work."""
 
 import tracemalloc
 from concurrent.futures import ThreadPoolExecutor
@@ -22,8 +22,8 @@ from tests.graph.conftest import SLOPES, STREAM, WAITING, added, graph_of, lit_b
 pytestmark = pytest.mark.usefixtures("toys")
 
 
-def opened(text: str, backend: str | None = "numpy", /, **given: Any) -> Pipeline:
-    return open_pipeline(graph_of(text), given, backend=backend)
+def opened(text: str, backend: str | None = "numpy", /, **params: Any) -> Pipeline:
+    return open_pipeline(graph_of(text), params, backend=backend)
 
 
 def test_a_source_may_yield_many_touches(backend: str) -> None:
@@ -32,18 +32,18 @@ def test_a_source_may_yield_many_touches(backend: str) -> None:
     assert [float(result["light"].mean()) for result in results] == [1, 2, 3]
 
 
-def test_a_graph_is_rehearsed_before_a_camera_opens_and_nobody_sees_it(
+def test_a_graph_is_rehearsed_before_a_camera_opens_and_leaves_no_trace(
     toys: list[str], backend: str
 ) -> None:
     text = STREAM.replace("op: touches, with: {count: $count}", "op: endless_touches")
     pipeline = opened(text, backend)
     with pytest.raises(KeyboardInterrupt):
         list(pipeline.items())
-    found = [call for call in toys if call != "at_rest"]
-    assert found == ["rehearsal", "noted 1", "noted 2", "noted 3", "camera closed"]
+    calls = [call for call in toys if call != "at_rest"]
+    assert calls == ["rehearsal", "noted 1", "noted 2", "noted 3", "camera closed"]
 
 
-def test_nothing_is_being_done_while_a_source_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_stage_is_empty_while_a_source_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     text = STREAM.replace("op: touches, with: {count: $count}", "op: endless_touches")
     pipeline = opened(text, "opencl")
     stages: list[str] = []
@@ -52,7 +52,9 @@ def test_nothing_is_being_done_while_a_source_waits(monkeypatch: pytest.MonkeyPa
     assert stages == [""]
 
 
-def test_a_step_off_the_stream_counts_where_it_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_stage_of_a_step_outside_the_stream_shows_its_number(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     still = "  still: {op: untouched_film, in: {flat: cal.flat}}"
     pipeline = opened(added(still, "still: still.height"))
     stages: list[str] = []
@@ -66,7 +68,7 @@ def test_a_step_off_the_stream_counts_where_it_is_shown(monkeypatch: pytest.Monk
     ]
 
 
-def test_load_tells_of_a_calibration_that_is_not_there(tmp_path: Path) -> None:
+def test_load_reports_a_missing_calibration(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"calibration=.*none\.npz: there is no such file"):
         load("reconstruct", calibration=tmp_path / "none.npz")
 
@@ -76,7 +78,7 @@ def test_a_value_that_is_absent_from_one_item_is_not_taken_from_another(backend:
     assert [result["score"]["truth"] for result in results] == [1, -1, 3]
 
 
-def test_what_an_item_that_failed_left_on_the_device_is_not_taken_for_the_next() -> None:
+def test_values_of_a_failed_item_on_the_device_are_not_used_by_the_next() -> None:
     nodes = """  glare: {op: glared, in: {image: light}}
   whole: {op: failing, in: {image: light}, with: {at: 3}}
   sum: {op: summed, in: {image: whole, before: glare.glare}}
@@ -89,12 +91,12 @@ def test_what_an_item_that_failed_left_on_the_device_is_not_taken_for_the_next()
     np.testing.assert_array_equal(pipeline(frames=dim)["light"], dim)
 
 
-def test_what_does_not_depend_on_the_stream_runs_once(toys: list[str], backend: str) -> None:
+def test_nodes_outside_the_stream_run_once(toys: list[str], backend: str) -> None:
     list(opened(STREAM, backend).items())
     assert toys == ["at_rest", "touch 1", "noted 1", "touch 2", "noted 2", "touch 3", "noted 3"]
 
 
-def test_an_item_is_read_only_when_the_one_before_is_done(toys: list[str]) -> None:
+def test_an_item_is_read_only_after_the_previous_one_is_done(toys: list[str]) -> None:
     next(opened(STREAM).items())
     assert "touch 2" not in toys
 
@@ -113,8 +115,8 @@ def test_a_graph_without_a_stream_has_one_item(height_file: str, backend: str) -
     results = list(opened(SLOPES, backend, file=height_file).items())
     assert len(results) == 1
     truth = np.load(height_file)
-    found = results[0]["height"]
-    np.testing.assert_allclose(found, truth - truth.mean(), atol=0.02)
+    height = results[0]["height"]
+    np.testing.assert_allclose(height, truth - truth.mean(), atol=0.02)
 
 
 def test_every_step_of_the_plan_has_its_time() -> None:
@@ -133,15 +135,15 @@ def test_a_result_is_a_mapping_of_its_outputs() -> None:
         result["height"]
 
 
-def test_an_array_stands_in_for_a_source(toys: list[str], backend: str) -> None:
-    """A view in any order does; and a result is not overwritten by the next."""
+def test_an_array_replaces_a_source(toys: list[str], backend: str) -> None:
+    """A view in any order is accepted, and a result is not overwritten by the next."""
     pipeline = load(graph_of(WAITING), backend=backend)
     view = np.random.default_rng(1).random((5, 4, 3)).astype(np.float32).T
     stacks = [np.full((3, 4, 5), 0.25, np.float32), view, np.ones((3, 4, 5), np.float32)]
-    found = [pipeline(frames=stack) for stack in stacks]
-    for stack, result in zip(stacks, found, strict=True):
+    results = [pipeline(frames=stack) for stack in stacks]
+    for stack, result in zip(stacks, results, strict=True):
         np.testing.assert_array_equal(result["light"], stack)
-        assert result["score"]["truth"] == -1, "an input that may be left out is absent"
+        assert result["score"]["truth"] == -1, "an optional input is absent"
     assert toys == ["at_rest"]
 
 
@@ -181,7 +183,7 @@ def test_a_stack_that_does_not_fit_is_refused(stack: Any, message: str) -> None:
     assert float(pipeline(frames=good)["light"].max()) == 1, "a refusal leaves no trace"
 
 
-def test_any_source_of_one_array_is_stood_in_for(height_file: str, backend: str) -> None:
+def test_an_array_may_replace_any_source_of_one_array(height_file: str, backend: str) -> None:
     truth = np.load(height_file)
     (from_file,) = load(graph_of(SLOPES), file=height_file, backend=backend).items()
     pipeline = load(graph_of(SLOPES), backend=backend)
@@ -225,18 +227,18 @@ def test_an_array_that_does_not_fit_its_source_is_refused(height: Any, message: 
 
 
 SHAPE = "  shape: {op: read_height, with: {file: $file}}\n  save:"
-BOTH_HANDED_IN = WAITING.replace("nodes:", "  file: {kind: path, help: a height}\nnodes:", 1)
-BOTH_HANDED_IN = BOTH_HANDED_IN.replace("prefer: [opencl, numpy]\n", "").replace("  save:", SHAPE)
-BOTH_HANDED_IN = BOTH_HANDED_IN.replace("truth: frames.truth", "truth: shape")
+BOTH_PASSED_IN = WAITING.replace("nodes:", "  file: {kind: path, help: a height}\nnodes:", 1)
+BOTH_PASSED_IN = BOTH_PASSED_IN.replace("prefer: [opencl, numpy]\n", "").replace("  save:", SHAPE)
+BOTH_PASSED_IN = BOTH_PASSED_IN.replace("truth: frames.truth", "truth: shape")
 
 
-def test_a_graph_whose_stream_is_given_needs_its_other_files_too() -> None:
+def test_a_graph_with_a_supplied_stream_needs_its_other_files_too() -> None:
     with pytest.raises(InputError, match=r"graph needs file=\.\.\. \(a height\)"):
-        load(graph_of(BOTH_HANDED_IN), count=2)
+        load(graph_of(BOTH_PASSED_IN), count=2)
 
 
 @pytest.mark.parametrize("names", [(), ("light",), ("frames", "light")])
-def test_exactly_the_sources_that_wait_are_stood_in_for(names: tuple[str, ...]) -> None:
+def test_arrays_are_needed_for_exactly_the_waiting_sources(names: tuple[str, ...]) -> None:
     pipeline = load(graph_of(WAITING), backend="numpy")
     with pytest.raises(InputError, match=r"needs arrays for \['frames'\]"):
         pipeline(**dict.fromkeys(names, np.ones((3, 4, 5), np.float32)))
@@ -244,20 +246,20 @@ def test_exactly_the_sources_that_wait_are_stood_in_for(names: tuple[str, ...]) 
         next(pipeline.items())
 
 
-def test_a_pipeline_with_a_stream_of_its_own_is_not_called() -> None:
+def test_a_pipeline_with_its_own_stream_cannot_be_called() -> None:
     pipeline = load(graph_of(WAITING), backend="numpy", count=2)
     with pytest.raises(InputError, match=r"'frames' yields the items itself; iterate"):
         pipeline()
     assert len(list(pipeline.items())) == 2
 
 
-def test_a_size_that_only_the_data_tells_may_differ_from_item_to_item(backend: str) -> None:
+def test_a_size_that_depends_on_the_data_may_differ_from_item_to_item(backend: str) -> None:
     text = """
 format: 1
 nodes:
   frames: {op: touches}
-  found:  {op: bright, in: {image: frames.image}}
-outputs: {pixel: found.pixel, light: found.light}
+  lit:    {op: bright, in: {image: frames.image}}
+outputs: {pixel: lit.pixel, light: lit.light}
 """
     results = list(open_pipeline(graph_of(text), {}, backend=backend).items())
     assert [result["pixel"].tolist() for result in results] == [[], [*range(20)], [*range(20)]]
@@ -299,7 +301,7 @@ def test_calls_with_arrays_allocate_nothing_after_the_first() -> None:
     assert len(managed) == 1
 
 
-def test_another_size_of_image_is_taken_from_call_to_call() -> None:
+def test_the_size_of_images_may_change_from_call_to_call() -> None:
     text = """
 format: 1
 params: {folder: {kind: path}}
@@ -313,7 +315,7 @@ outputs: {lit: lit}
         assert pipeline(frames=np.full(shape, 0.5, np.float32))["lit"].shape == shape[1:]
 
 
-def test_a_size_that_clashes_after_good_items_is_told_as_at_the_first(backend: str) -> None:
+def test_a_size_that_clashes_after_good_items_is_reported_as_at_the_first(backend: str) -> None:
     pipeline = load(graph_of(WAITING), backend=backend)
     good = np.ones((3, 4, 5), np.float32)
     for _ in range(2):
@@ -324,7 +326,7 @@ def test_a_size_that_clashes_after_good_items_is_told_as_at_the_first(backend: s
             pipeline(frames=np.ones((3, 4, 6), np.float32))
 
 
-def test_nodes_of_one_kernel_keep_to_their_own_settings(backend: str) -> None:
+def test_nodes_of_one_kernel_keep_their_own_settings(backend: str) -> None:
     more = "\n".join(
         f"  n{floor}: {{op: flat_field, with: {{floor: {floor}}}, "
         "in: {image: frames.image, flat: cal.flat, dark: cal.dark}}"
@@ -333,12 +335,12 @@ def test_nodes_of_one_kernel_keep_to_their_own_settings(backend: str) -> None:
     text = added(more, "half: n2, quarter: n4", WAITING)
     pipeline = load(graph_of(text), backend=backend)
     for level in (1.0, 0.5):
-        found = pipeline(frames=np.full((3, 4, 5), level, np.float32))
-        shares = [float(found[name].max()) / level for name in ("light", "half", "quarter")]
+        result = pipeline(frames=np.full((3, 4, 5), level, np.float32))
+        shares = [float(result[name].max()) / level for name in ("light", "half", "quarter")]
         assert shares == [1, 0.5, 0.25]
 
 
-def test_a_once_only_step_that_failed_is_tried_afresh(height_file: str) -> None:
+def test_a_failed_step_outside_the_stream_is_tried_again(height_file: str) -> None:
     pipeline = opened(SLOPES, file=height_file)
     good = np.load(height_file)
     np.save(height_file, np.full((3, 3), np.nan))
@@ -366,13 +368,13 @@ def test_a_node_that_fails_is_named(
     assert not [word for word in toys if word.startswith("noted")]
 
 
-def test_only_the_caller_may_hand_in_a_cameras_integers(backend: str) -> None:
+def test_only_the_caller_may_pass_in_a_cameras_integers(backend: str) -> None:
     text = STREAM.replace("op: touches, with: {count: $count}", "op: byte_touches")
     with pytest.raises(NodeError, match=r"declares float32 K x H x W .* but returned uint8"):
         list(opened(text, backend).items())
 
 
-def test_a_failure_is_not_tried_again_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_launch_is_not_tried_on_the_host(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*args: object) -> None:
         raise RuntimeError("the device is gone")
 
@@ -388,14 +390,14 @@ def test_pipelines_of_several_threads_do_not_disturb_one_another() -> None:
     def work(level: float) -> bool:
         pipeline = load(file, backend="opencl")
         stack = np.full((3, 4, 5), level, np.float32)
-        found = [pipeline(frames=stack)["light"] for _ in range(20)]
-        return all(np.array_equal(each, stack) for each in found)
+        results = [pipeline(frames=stack)["light"] for _ in range(20)]
+        return all(np.array_equal(each, stack) for each in results)
 
     with ThreadPoolExecutor(3) as threads:
         assert list(threads.map(work, (0.25, 0.5, 0.75))) == [True] * 3
 
 
-def test_what_only_the_device_reads_goes_there_as_the_bytes_it_came_in(
+def test_images_that_only_the_device_reads_are_uploaded_as_bytes(
     device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sent: list[np.dtype[Any]] = []
@@ -418,7 +420,7 @@ def test_integers_are_the_same_fractions_on_device_and_host(dtype: type, op: str
     text = WAITING.replace(
         "  frames:", "  more: {op: doubled, in: {image: frames.image}}\n  frames:"
     )
-    # With a reader on the host the integers cannot go to the device as they came.
+    # With a reader on the host the integers cannot go to the device unchanged.
     graph = graph_of(text if op == "doubled" else WAITING)
     stack = np.arange(60, dtype=dtype).reshape(3, 4, 5) * dtype(4)
     on_host = load(graph, backend="numpy")(frames=stack)["light"]
@@ -427,7 +429,7 @@ def test_integers_are_the_same_fractions_on_device_and_host(dtype: type, op: str
     np.testing.assert_array_equal(on_host, stack / np.float32(np.iinfo(dtype).max))
 
 
-def test_images_of_another_type_are_taken_from_call_to_call(backend: str) -> None:
+def test_the_type_of_images_may_change_from_call_to_call(backend: str) -> None:
     text = WAITING.replace("  score:  {op: watched, in: {image: light, truth: frames.truth}}\n", "")
     pipeline = load(graph_of(text.replace(", score: score", "")), backend=backend)
     expected = np.linspace(0, 1, 60, dtype=np.float32).round().reshape(3, 4, 5)
@@ -437,7 +439,7 @@ def test_images_of_another_type_are_taken_from_call_to_call(backend: str) -> Non
         np.testing.assert_array_equal(pipeline(frames=stack)["light"], expected, str(dtype))
 
 
-def test_labels_of_three_axes_are_no_fractions_of_full_scale(backend: str) -> None:
+def test_labels_of_three_axes_are_not_scaled_to_fractions(backend: str) -> None:
     nodes = """  labels: {op: labelled, in: {image: frames.image}}
   number: {op: bits, in: {labels: labels}}"""
     pipeline = load(graph_of(added(nodes, "number: number", WAITING)), backend=backend)
@@ -445,7 +447,7 @@ def test_labels_of_three_axes_are_no_fractions_of_full_scale(backend: str) -> No
     np.testing.assert_array_equal(pipeline(frames=stack)["number"], stack > 0.5)
 
 
-def test_an_error_that_the_device_tells_late_names_the_node_and_ends_one_item() -> None:
+def test_an_error_that_the_device_reports_late_names_the_node_and_ends_one_item() -> None:
     text = added("  hit: {op: struck, in: {image: light}}", "hit: hit", WAITING)
     pipeline = load(graph_of(text), backend="opencl")
     one, two = (np.full((3, 4, 5), level, np.float32) for level in (1, 2))
@@ -465,20 +467,20 @@ def test_a_device_out_of_memory_is_named_with_the_transfer(monkeypatch: pytest.M
         pipeline(frames=np.ones((3, 4, 5), np.float32))
 
 
-def test_an_absent_input_with_a_size_of_its_own_is_nothing(backend: str) -> None:
+def test_an_absent_input_with_its_own_size_is_ignored(backend: str) -> None:
     text = added("  more: {op: leaned, in: {image: light}}", "more: more", WAITING)
     stack = np.ones((3, 4, 5), np.float32)
-    found = load(graph_of(text), backend=backend)(frames=stack)
-    np.testing.assert_array_equal(found["more"], stack)
+    result = load(graph_of(text), backend=backend)(frames=stack)
+    np.testing.assert_array_equal(result["more"], stack)
 
 
 @pytest.mark.parametrize(("maker", "reader"), [(b, c) for b in "nd" for c in "nd"])
-def test_a_value_whose_size_only_the_data_tell_can_be_recalled(maker: str, reader: str) -> None:
+def test_a_value_whose_size_depends_on_the_data_can_be_recalled(maker: str, reader: str) -> None:
     names = {"n": "numpy", "d": "opencl"}
-    nodes = f"""  found: {{op: bright, in: {{image: light}}, backend: {names[maker]}}}
+    nodes = f"""  lit: {{op: bright, in: {{image: light}}, backend: {names[maker]}}}
   more:
     op: leaned
-    in: {{image: light, table: previous.found.light}}
+    in: {{image: light, table: previous.lit.light}}
     backend: {names[reader]}
   save:"""
     text = STREAM.replace("  save:", nodes).replace("{light: light", "{light: more")
@@ -493,6 +495,6 @@ def test_a_value_whose_size_only_the_data_tell_can_be_recalled(maker: str, reade
 def test_an_error_names_the_item_at_which_it_was_raised(
     node: str, error: type[InputError | NodeError]
 ) -> None:
-    with pytest.raises(error, match=r"^touch\d: ") as told:
+    with pytest.raises(error, match=r"^touch\d: ") as caught:
         list(opened(lit_by(node)).items())
-    assert str(told.value).startswith(f"{told.value.item}: ")
+    assert str(caught.value).startswith(f"{caught.value.item}: ")

@@ -15,7 +15,7 @@ from tactograph.nodes import Light
 IMAGE = np.full((3, 8, 8), 0.5, np.float32)
 
 
-def telling(texts: list[str]) -> Pipeline:
+def warning_pipeline(texts: list[str]) -> Pipeline:
     """A pipeline whose node warns of one text after another; of "refuse", it refuses the next."""
     next_text: Iterator[str] = cycle(texts)
 
@@ -42,23 +42,23 @@ def telling(texts: list[str]) -> Pipeline:
 
 
 def raised(pipeline: Pipeline, calls: int) -> list[str]:
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         for _ in range(calls):
             pipeline(frames=IMAGE)
-    assert all(line.category is UserWarning for line in told)
-    assert {line.filename for line in told} <= {__file__}, "they point at the caller's line"
-    return [str(line.message) for line in told]
+    assert all(line.category is UserWarning for line in caught)
+    assert {line.filename for line in caught} <= {__file__}, "they point at the caller's line"
+    return [str(line.message) for line in caught]
 
 
 def test_a_nodes_warning_is_raised_once_and_stays_in_every_result() -> None:
-    pipeline = telling(["the light fits no surface"])
+    pipeline = warning_pipeline(["the light fits no surface"])
     assert raised(pipeline, 3) == ["the light fits no surface"]
     assert pipeline(frames=IMAGE).warnings == ["the light fits no surface"]
 
 
 @pytest.mark.parametrize(
-    ("texts", "told"),
+    ("texts", "expected"),
     [
         (["", "too dark", "", "too bright"], ["too dark", "too bright"]),
         (
@@ -68,21 +68,21 @@ def test_a_nodes_warning_is_raised_once_and_stays_in_every_result() -> None:
     ],
     ids=["another warning", "another LED, but no changed figure"],
 )
-def test_what_is_new_is_raised_when_it_comes(texts: list[str], told: list[str]) -> None:
+def test_a_new_warning_is_raised_when_it_comes(texts: list[str], expected: list[str]) -> None:
     for _ in range(2):  # every pipeline raises its own
-        assert raised(telling(texts), 2 * len(texts)) == told
+        assert raised(warning_pipeline(texts), 2 * len(texts)) == expected
 
 
-def test_what_was_warned_of_before_a_refusal_is_raised_too() -> None:
+def test_a_warning_before_a_refusal_is_raised_too() -> None:
     with (
         pytest.warns(UserWarning, match="look at this first"),
         pytest.raises(InputError, match="refused"),
     ):
-        telling(["refuse: look at this first"])(frames=IMAGE)
+        warning_pipeline(["refuse: look at this first"])(frames=IMAGE)
 
 
-def test_as_errors_they_stop_the_script() -> None:
+def test_warnings_as_errors_stop_the_script() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with pytest.raises(UserWarning, match="too dark"):
-            telling(["too dark"])(frames=IMAGE)
+            warning_pipeline(["too dark"])(frames=IMAGE)

@@ -1,4 +1,4 @@
-"""The next item is read while the last one is in use, and nobody can tell but by the clock."""
+"""The next item is read while the last one is in use, which changes nothing but the time."""
 
 import threading
 from collections.abc import Iterator
@@ -26,7 +26,7 @@ def refilled(count: int) -> Iterator[NDArray[np.float32]]:
         yield buffer
 
 
-def test_a_stream_gives_what_calls_give(backend: str) -> None:
+def test_a_stream_gives_the_same_results_as_calls(backend: str) -> None:
     with load(graph_of(SUMMED), backend=backend) as pipeline:
         called = [pipeline(frames=stack)["sum"] for stack in refilled(20)]
         pipeline.forget()
@@ -51,7 +51,7 @@ def test_one_item_is_read_while_the_last_is_in_use_and_no_more() -> None:
         assert not any(event.is_set() for event in begun[number + 2 :])
 
 
-def test_what_goes_wrong_is_told_in_its_items_place() -> None:
+def test_an_error_is_raised_at_its_item() -> None:
     pipeline, means = load(graph_of(WAITING), backend="numpy"), []
 
     def items() -> Iterator[NDArray[np.float32]]:
@@ -72,7 +72,7 @@ def test_what_goes_wrong_is_told_in_its_items_place() -> None:
         next(stream)
 
 
-def test_a_stream_that_is_left_waits_for_no_item() -> None:
+def test_a_closed_stream_waits_for_no_item() -> None:
     pipeline, gate = load(graph_of(WAITING), backend="numpy"), threading.Event()
 
     def items() -> Iterator[NDArray[np.float32]]:
@@ -88,25 +88,23 @@ def test_a_stream_that_is_left_waits_for_no_item() -> None:
 
 
 @pytest.mark.parametrize("ahead", [False, True])
-def test_a_source_that_is_read_ahead_differs_by_nothing(
-    monkeypatch: pytest.MonkeyPatch, *, ahead: bool
-) -> None:
+def test_reading_ahead_changes_no_result(monkeypatch: pytest.MonkeyPatch, *, ahead: bool) -> None:
     monkeypatch.setattr(find_node("cut_touches"), "ahead", ahead)
     text = added("  sum: {op: summed, in: {image: light, before: previous.sum}}", "sum: sum")
     text = text.replace("op: touches", "op: cut_touches")
     with open_pipeline(graph_of(text), {"count": 3}, backend="numpy") as pipeline:
         # Another test's thread may not have ended yet.
-        results, others, threads = [], set(threading.enumerate()), set[str]()
+        results, earlier, threads = [], set(threading.enumerate()), set[str]()
         for result in pipeline.items():
             results.append(result)
-            threads |= {thread.name for thread in threading.enumerate() if thread not in others}
+            threads |= {thread.name for thread in threading.enumerate() if thread not in earlier}
         assert pipeline.closing_warnings == ["cut short"]
     assert [float(result["sum"].mean()) for result in results] == [1, 3, 6]
     assert [result.warnings for result in results] == [[], [], []]
     assert ("read" in threads) == ahead
 
 
-def test_a_source_that_is_left_before_its_end_is_closed(
+def test_a_source_is_closed_with_a_stream_that_is_closed_early(
     toys: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(find_node("touches"), "ahead", True)

@@ -1,4 +1,4 @@
-"""Graphs as plain data and nodes of the program itself: the same checks, the same messages."""
+"""Graphs as plain data and nodes of the user's program: the same checks, the same messages."""
 
 import json
 import sys
@@ -62,7 +62,7 @@ def test_a_graph_of_plain_data_runs_a_node_of_the_program(backend: str) -> None:
 
 
 class MuteError(Exception):
-    """Cannot say what it is about."""
+    """An error whose message cannot be read."""
 
     def __str__(self) -> str:
         raise ValueError
@@ -86,21 +86,21 @@ class Named(NamedTuple):
     name: str
 
 
-@pytest.mark.parametrize("made", [(STACK,), (STACK, "a", 1), {"light": STACK, "name": "a"}, None])
-def test_a_node_is_named_whose_record_is_none(made: Any) -> None:
+@pytest.mark.parametrize("value", [(STACK,), (STACK, "a", 1), {"light": STACK, "name": "a"}, None])
+def test_a_node_that_does_not_return_its_record_is_named(value: Any) -> None:
     @node
     def brightened(light: Light, *, gain: float = 2.0) -> Named:
-        found: Named = made
-        return found
+        result: Named = value
+        return result
 
     graph = data(outputs={"light": "more.light", "name": "more.name"})
     message = r"'more' \(brightened\) failed: TypeError: Named\(light, name\) is declared, but a "
-    with pytest.raises(NodeError, match=f"{message}{type(made).__name__}"):
+    with pytest.raises(NodeError, match=f"{message}{type(value).__name__}"):
         load(graph, nodes=[brightened], backend="numpy")(frames=STACK)
 
 
 def brighter(source: object) -> Node:
-    """The node again, with another kernel."""
+    """The same node with another kernel."""
 
     @node
     def brightened(light: Light, *, gain: float = 2.0) -> Light:
@@ -117,7 +117,7 @@ def test_a_kernel_may_be_a_file(tmp_path: Path) -> None:
         parity.check(brighter(str(tmp_path / "none.cl")))
 
 
-def test_parity_tells_what_differs() -> None:
+def test_parity_reports_the_cases_that_differ() -> None:
     with pytest.raises(AssertionError, match=r"'brightened' differs on .* cases:\n  K4xH1xW1"):
         parity.check(brighter(KERNEL.replace("* gain", "+ gain")))
 
@@ -137,7 +137,7 @@ def test_a_graph_that_was_read_can_be_loaded(toys: list[str], write: Write) -> N
     assert len(results) == 2
 
 
-def test_plain_data_may_extend_what_ships() -> None:
+def test_plain_data_may_extend_a_shipped_graph() -> None:
     patch = [{"neutral": "shadow"}]
     graph = read_graph({"format": 1, "extends": "paper", "patch": patch, "title": "No shadows"})
     assert graph.nodes["shadow"].neutral
@@ -155,12 +155,12 @@ def test_plain_data_may_extend_what_ships() -> None:
         ({"format": 2}, "this version reads format 1, not 2"),
     ],
 )
-def test_mistakes_in_plain_data_are_told_by_line(changes: dict[str, Any], message: str) -> None:
+def test_mistakes_in_plain_data_are_reported_by_line(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(GraphError, match=message):
         load(data(**changes), nodes=[brightened])
 
 
-def test_names_of_own_nodes_are_their_own() -> None:
+def test_a_node_of_the_program_needs_a_name_of_its_own() -> None:
     @node
     def flat_field(light: Light) -> Light:
         return light
@@ -185,12 +185,14 @@ def test_names_of_own_nodes_are_their_own() -> None:
         ((48, 64), r"not one image of \(48, 64\): np\.stack"),
     ],
 )
-def test_arrays_of_another_order_are_told_how_to_turn(shape: tuple[int, ...], message: str) -> None:
+def test_arrays_in_another_axis_order_are_refused_with_the_transpose(
+    shape: tuple[int, ...], message: str
+) -> None:
     with pytest.raises(InputError, match=message):
         load(data(), nodes=[brightened], backend="numpy")(frames=np.zeros(shape, np.uint8))
 
 
-def test_a_package_brings_pipelines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_package_provides_pipelines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "felt" / "pipelines" / "felt"
     folder.mkdir(parents=True)
     (folder / "soft.yaml").write_text("format: 1\nextends: paper\npatch: [{neutral: shadow}]\n")
@@ -222,7 +224,7 @@ def test_a_cell_is_named_as_the_notebook_names_it(monkeypatch: pytest.MonkeyPatc
         load(data(format=3))
 
 
-def test_looking_for_a_pipeline_needs_no_notebook() -> None:
+def test_importing_the_engine_loads_no_notebook_library() -> None:
     code = "import json, sys; import tactograph.graph; print(json.dumps(sorted(sys.modules)))"
     loaded = json.loads(python("-c", code).stdout)
     assert not {"IPython", "matplotlib", "pydantic"} & {*loaded}

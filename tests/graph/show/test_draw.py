@@ -19,7 +19,7 @@ from tests.graph.conftest import SLOPES, Write
 from tests.graph.plan.plans import planned
 
 
-def whole(plan: Plan) -> Sketch:
+def unfolded(plan: Plan) -> Sketch:
     return sketch_of(plan)
 
 
@@ -29,12 +29,12 @@ def folded(plan: Plan) -> Sketch:
 
 def test_every_node_and_every_edge_is_drawn_once(write: Write, device: OpenCL) -> None:
     plan = planned(write(SLOPES), device)
-    svg = to_svg(whole(plan))
+    svg = to_svg(unfolded(plan))
     assert sorted(re.findall(r'data-node="(\S+)"', svg)) == sorted(plan.tasks)
-    assert svg.count('marker-end="url(#tip)"') == len({(a, b) for a, b, _ in whole(plan).edges})
+    assert svg.count('marker-end="url(#tip)"') == len({(a, b) for a, b, _ in unfolded(plan).edges})
 
 
-def test_the_back_ends_have_colours_of_their_own(write: Write, device: OpenCL) -> None:
+def test_the_back_ends_have_different_colours(write: Write, device: OpenCL) -> None:
     svg = to_svg(folded(planned(write(SLOPES), device)))
     assert len({*re.findall(r'fill="(#\w+)" stroke="#555"', svg)}) == 2
 
@@ -42,7 +42,7 @@ def test_the_back_ends_have_colours_of_their_own(write: Write, device: OpenCL) -
 @each("name", shipped_names())
 def test_every_edge_joins_two_nodes(name: str, device: OpenCL) -> None:
     plan = planned(name, device)
-    assert all({a, b} <= plan.tasks.keys() for a, b, _ in whole(plan).edges)
+    assert all({a, b} <= plan.tasks.keys() for a, b, _ in unfolded(plan).edges)
 
 
 class Box(NamedTuple):
@@ -67,7 +67,7 @@ class Box(NamedTuple):
 
 
 def test_the_svg_is_well_formed_whatever_the_file_is_called(write: Write) -> None:
-    svg = to_svg(whole(planned(write(SLOPES, "a<b&c.yaml"), None)))
+    svg = to_svg(unfolded(planned(write(SLOPES, "a<b&c.yaml"), None)))
     assert ElementTree.fromstring(svg)[0].text == "a<b&c"
 
 
@@ -80,7 +80,7 @@ def test_a_use_of_a_group_is_one_box(device: OpenCL) -> None:
     assert "4 x rough_pass: 31 nodes" in to_svg(folded(plan))
 
 
-def test_a_use_that_reads_what_was_made_of_its_own_values_stays_open(device: OpenCL) -> None:
+def test_a_use_that_reads_a_value_derived_from_its_own_is_not_folded(device: OpenCL) -> None:
     flat = {"op": "rest_at_border", "in": {"height": "height"}}
     last = {"op": "rest_at_border", "in": {"height": "more"}}
     group = {"inputs": {"height": {}, "more": {}}, "nodes": {"first": flat, "last": last}}
@@ -102,7 +102,7 @@ def test_an_opened_use_shows_the_uses_in_it(device: OpenCL) -> None:
     assert not {"rough", "rough.2", "rough.1.label"} & names
 
 
-@pytest.mark.parametrize(("sketched", "widest"), [(folded, 1500), (whole, 4000)])
+@pytest.mark.parametrize(("sketched", "widest"), [(folded, 1500), (unfolded, 4000)])
 @pytest.mark.parametrize("name", ["paper", "reconstruct", "precise", "calibrate"])
 def test_a_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
     name: str, sketched: Callable[[Plan], Sketch], widest: float, device: OpenCL
@@ -111,27 +111,27 @@ def test_a_picture_fits_a_page_with_boxes_apart_and_edges_downwards(
     svg = to_svg(sketch)
     assert float(re.search(r'width="(\d+)"', svg)[1]) < widest  # type: ignore[index]
     rect = r'<rect x="([\d.]+)" y="([\d.]+)" width="(\d+)" height="(\d+)"'
-    boxes = [Box(*map(float, found)) for found in re.findall(r"<g [^>]*>\n" + rect, svg)]
+    boxes = [Box(*map(float, numbers)) for numbers in re.findall(r"<g [^>]*>\n" + rect, svg)]
     assert len(boxes) == len(sketch.boxes)
     for number, box in enumerate(boxes):
         assert not any(box.meets(other) for other in boxes[number + 1 :])
-    ways = re.findall(r'<path d="M[\d.]+ ([\d.]+)C.*?([\d.]+)" fill="none" stroke="#777"', svg)
-    assert ways
-    assert all(float(start) < float(end) for start, end in ways)
+    edges = re.findall(r'<path d="M[\d.]+ ([\d.]+)C.*?([\d.]+)" fill="none" stroke="#777"', svg)
+    assert edges
+    assert all(float(start) < float(end) for start, end in edges)
     assert not re.search(r" ([\d.]+)V\1\"", svg), "a tip points down, as the last line does"
     for how, words in re.findall(r"<text ([^>]*)>([^<]*)<", svg):
         letter_px = 6.8  # of 11 px type, some of it bold
         assert len(words) * letter_px < boxes[0].width or "textLength" in how, words
 
 
-def test_a_folded_picture_tells_the_time_of_all_nodes_of_a_use(device: OpenCL) -> None:
+def test_a_folded_picture_shows_the_total_time_of_a_use(device: OpenCL) -> None:
     plan = planned("reconstruct", device)
     svg = to_svg(folded(plan), {"rough.1.label": 2.0, "rough.2.matt": 1.0, "label": 8.0})
     assert "4 x rough_pass: 31 nodes, 3 ms" in svg
     assert "label_lights, 8 ms" in svg
 
 
-def test_a_value_of_the_item_before_is_a_dashed_way_back(device: OpenCL) -> None:
+def test_a_value_of_the_previous_item_is_a_dashed_edge(device: OpenCL) -> None:
     plan = planned("reconstruct_follow_drift", device)
     back = folded(plan).recalls
     assert back

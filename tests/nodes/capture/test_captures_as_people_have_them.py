@@ -43,11 +43,13 @@ NAMES = {
 }
 
 
-@pytest.mark.parametrize("said", NAMES)
-def test_images_of_one_name_are_the_leds_in_their_numbers_order(tmp_path: Path, said: str) -> None:
-    capture, notes = read_one(write(tmp_path, NAMES[said]))
+@pytest.mark.parametrize("note", NAMES)
+def test_images_of_one_name_are_the_leds_in_the_order_of_their_numbers(
+    tmp_path: Path, note: str
+) -> None:
+    capture, notes = read_one(write(tmp_path, NAMES[note]))
     assert np.array_equal(capture.image, IMAGES / np.float32(255))
-    assert notes == [said]
+    assert notes == [note]
 
 
 @pytest.mark.parametrize("name", ["LED{}.PNG", "Led{}.png", "led0{}.TIFF"])
@@ -97,7 +99,7 @@ def test_names_that_may_mean_several_things_are_refused(
         read_one(tmp_path)
 
 
-def test_of_more_leds_than_a_label_holds_eight_all_around_are_taken(tmp_path: Path) -> None:
+def test_of_more_leds_than_a_label_holds_eight_around_the_film_are_used(tmp_path: Path) -> None:
     many = RNG.integers(1, 250, (12, 12, 16)).astype(np.uint8)
     write(tmp_path, [f"led{k}.png" for k in range(1, 13)], many)
     capture, notes = read_one(tmp_path)
@@ -142,7 +144,7 @@ def test_a_channel_can_be_chosen(tmp_path: Path, at: int) -> None:
     assert np.array_equal(flat.dark, expected[1])
 
 
-def test_a_channel_of_grey_images_is_told(tmp_path: Path) -> None:
+def test_a_channel_of_grey_images_gives_a_note(tmp_path: Path) -> None:
     _, notes = read_one(write(tmp_path, LEDS, COLOURS[..., 0]), channel="blue")
     assert notes == ["`channel`=blue: grey images have one channel, which is taken"]
 
@@ -163,7 +165,9 @@ def test_a_colour_that_is_saturated_shows_although_its_mean_is_not(tmp_path: Pat
     ],
     ids=["one image alone", "beside grey ones", "one of each LED where one is needed"],
 )
-def test_colour_images_are_told_of(tmp_path: Path, grey, coloured, settings, message) -> None:
+def test_unexpected_colour_images_are_refused(
+    tmp_path: Path, grey, coloured, settings, message
+) -> None:
     write(tmp_path, grey)
     write(tmp_path, coloured, COLOURS)
     with pytest.raises(InputError, match=message):
@@ -171,7 +175,7 @@ def test_colour_images_are_told_of(tmp_path: Path, grey, coloured, settings, mes
 
 
 @pytest.mark.parametrize("bits", [10, 12])
-def test_the_white_of_a_pgm_is_obeyed(tmp_path: Path, bits: int) -> None:
+def test_the_white_of_a_pgm_is_full_scale(tmp_path: Path, bits: int) -> None:
     # No two pixels are alike, so that none looks saturated.
     images = 1 + np.arange(4 * 12 * 16).reshape(4, 12, 16)
     for name, image in zip(LEDS, images, strict=True):
@@ -257,7 +261,7 @@ UNEVEN = {
 
 
 @pytest.mark.parametrize("what", UNEVEN)
-def test_a_raw_mosaic_and_interlaced_lines_are_told(tmp_path: Path, what: str) -> None:
+def test_a_raw_mosaic_and_interlaced_lines_are_reported(tmp_path: Path, what: str) -> None:
     light = RNG.normal(0.6, 0.03, (4, 72, 80)) * (0.6 + 0.4 * PARITY[1] / 80)
     assert read_one(write(tmp_path / "even", LEDS, (255 * light).astype(np.uint8)))[1] == []
     light *= np.where(UNEVEN[what], 0.85, 1)
@@ -296,7 +300,7 @@ LAYOUTS: dict[str, tuple[dict[str, object], list[str], int]] = {
     ),
     "rpl-cmu/gelslam, 6.310mm": ({"lights": "bgr"}, ["0/gelsight.png", "11/gelsight.png"], 3),
 }  # fmt: skip
-"""What lies in folders of public repositories: settings, names, and the lights of a capture."""
+"""Folders of public repositories: settings, names of files, and lights of a capture."""
 
 
 @pytest.mark.parametrize("repository", LAYOUTS)
@@ -314,6 +318,6 @@ def test_folders_of_public_repositories_are_read_as_is(tmp_path: Path, repositor
 
 def test_colour_frames_are_a_stream_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     write(tmp_path, ["sample_10.png", "sample_4.png", "ref.png"], COLOURS)
-    found = list(read_capture(folder=tmp_path, lights="bgr"))
-    assert [capture.name for capture in found] == ["ref", "sample_4", "sample_10"]
-    assert np.array_equal(found[1].image, COLOURS[1].transpose(2, 0, 1) / np.float32(255))
+    captures = list(read_capture(folder=tmp_path, lights="bgr"))
+    assert [capture.name for capture in captures] == ["ref", "sample_4", "sample_10"]
+    assert np.array_equal(captures[1].image, COLOURS[1].transpose(2, 0, 1) / np.float32(255))

@@ -1,4 +1,4 @@
-"""Dividing by the untouched film takes uneven light out; it may be read or estimated."""
+"""Dividing by the untouched film removes uneven light; that film may be read or estimated."""
 
 from pathlib import Path
 
@@ -27,12 +27,12 @@ def write(folder: Path, images: np.ndarray) -> Path:
     return folder
 
 
-def test_the_film_at_rest_is_one_everywhere_and_the_dark_level_is_taken_off() -> None:
+def test_the_film_at_rest_is_one_everywhere_and_the_dark_level_is_subtracted() -> None:
     assert np.allclose(flat_field(UNEVEN, UNEVEN, DARK), 1)
     dark, nothing = DARK + np.float32(0.05), np.zeros_like(UNEVEN)
     assert np.allclose(flat_field(UNEVEN + dark, UNEVEN, dark), 1, atol=1e-6)
     black_corners = flat_field(nothing + np.float32(0.001), nothing, DARK, floor=0.02)
-    assert black_corners.max() < 0.06, "they are not blown up"
+    assert black_corners.max() < 0.06, "they are not amplified"
 
 
 def test_the_untouched_film_is_read_and_its_noise_smoothed(tmp_path: Path) -> None:
@@ -82,15 +82,15 @@ def test_a_dark_image_with_an_led_on_is_refused(tmp_path: Path) -> None:
         read_flat(UNEVEN, folder=folder, dark=folder / "led2.png")
 
 
-def test_uneven_light_is_estimated_beside_a_touch() -> None:
+def test_uneven_light_is_estimated_around_a_touch() -> None:
     slope = np.zeros((2, 60, 80), np.float32)
     slope[0, 20:40, 30:40], slope[0, 20:40, 40:50] = 0.5, -0.5
     touched = UNEVEN * lambert(slope) / lambert(0 * slope)
     assert np.abs(estimate_flat(touched) / UNEVEN - 1).max() < 0.01
 
 
-def test_a_dark_image_has_the_depth_that_its_capture_says(tmp_path: Path) -> None:
+def test_a_dark_image_has_the_depth_that_its_capture_states(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "dark.png"), np.full((4, 5), 409, np.uint16))
     (tmp_path / "capture.yaml").write_text("bits: 12\n")
-    found = read_flat(np.ones((4, 4, 5), np.float32), dark=tmp_path / "dark.png")
-    assert np.allclose(found.dark, 409 / 4095)
+    result = read_flat(np.ones((4, 4, 5), np.float32), dark=tmp_path / "dark.png")
+    assert np.allclose(result.dark, 409 / 4095)

@@ -1,4 +1,4 @@
-"""Captures are read whole and right, or refused with the reason."""
+"""Captures are read completely and correctly, or refused with the reason."""
 
 import os
 from pathlib import Path
@@ -44,7 +44,7 @@ def test_bits_are_fractions_of_full_scale(tmp_path: Path, suffix: str, dtype: ty
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_images_stay_integers_where_they_may(tmp_path: Path, dtype: type) -> None:
+def test_images_stay_integers_where_that_is_allowed(tmp_path: Path, dtype: type) -> None:
     images = IMAGES.astype(dtype) * dtype(1 if dtype is np.uint8 else 257)
     whole = read_one(write(tmp_path, images), whole=True).image
     assert whole.dtype == dtype
@@ -52,7 +52,9 @@ def test_images_stay_integers_where_they_may(tmp_path: Path, dtype: type) -> Non
 
 
 @pytest.mark.parametrize("factor", [16, 1], ids=["bright", "dim"])
-def test_twelve_bits_in_sixteen(tmp_path: Path, factor: int) -> None:
+def test_twelve_bits_in_sixteen_are_fractions_of_their_full_scale(
+    tmp_path: Path, factor: int
+) -> None:
     write(tmp_path, IMAGES.astype(np.uint16) * factor)
     (tmp_path / "capture.yaml").write_text("bits: 12\n")
     image = read_one(tmp_path, whole=True).image
@@ -78,7 +80,7 @@ def test_files_of_another_name_hold_the_same_light(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("lights", "order"), [("bgr", [0, 1, 2]), ("rgb", [2, 1, 0])])
-def test_colour_channels_as_lights(tmp_path: Path, lights: str, order: list[int]) -> None:
+def test_colour_channels_are_read_as_lights(tmp_path: Path, lights: str, order: list[int]) -> None:
     cv2.imwrite(str(tmp_path / "touch.png"), IMAGES[:3].transpose(1, 2, 0))
     assert np.array_equal(read_one(tmp_path, lights=lights).image, IMAGES[order] / np.float32(255))
     (tmp_path / "capture.yaml").write_text(f"lights: {lights}\n")
@@ -88,18 +90,18 @@ def test_colour_channels_as_lights(tmp_path: Path, lights: str, order: list[int]
 def test_sixteen_bit_colour_keeps_its_depth(tmp_path: Path) -> None:
     image = RNG.integers(5000, 65535, (5, 6, 3)).astype(np.uint16)
     cv2.imwrite(str(tmp_path / "touch.png"), image)
-    found = read_one(tmp_path, lights="bgr").image
-    assert np.allclose(found, image.transpose(2, 0, 1) / 65535, atol=1e-6)
+    result = read_one(tmp_path, lights="bgr").image
+    assert np.allclose(result, image.transpose(2, 0, 1) / 65535, atol=1e-6)
 
 
 def test_a_folder_of_captures_is_a_stream_in_order_of_name(tmp_path: Path) -> None:
-    """What a killed writer left is no capture."""
+    """Leftovers of a killed writer are no capture."""
     for name in ("b", "a", "c", ".writing-x"):
         write(tmp_path / name)
     assert [c.name for c in read_capture(folder=tmp_path)] == ["a", "b", "c"]
 
 
-def test_the_truth_beside_the_images_comes_along(tmp_path: Path) -> None:
+def test_the_truth_next_to_the_images_is_read(tmp_path: Path) -> None:
     truth = RNG.random((12, 16)).astype(np.float32)
     np.save(write(tmp_path) / "truth_height_mm.npy", truth)
     assert np.array_equal(read_one(tmp_path).truth, truth)
@@ -116,17 +118,17 @@ def test_saturation_is_a_warning_with_its_share(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("white", [100, 2500, 3000, 40000])
 def test_a_pgms_own_white_is_full_scale(tmp_path: Path, white: int) -> None:
-    """Light that reaches it is cut off, which is told."""
+    """Light that reaches it is saturated, which gives a warning."""
     light = np.linspace(0.2, 1.3, 60 * 80).reshape(60, 80).clip(0, 1)
     for led in range(1, 5):
         counts = np.rint(white * light * (1 if led == 2 else 0.6))
         grey = counts.astype(">u2" if white > 255 else "u1").tobytes()
         (tmp_path / f"led{led}.pgm").write_bytes(b"P5\n80 60\n%d\n" % white + grey)
-    with collect_warnings([]) as told:
+    with collect_warnings([]) as messages:
         image = read_one(tmp_path).image
     assert image.max() == pytest.approx(1, abs=0.005)
     np.testing.assert_allclose(image[1], light, atol=0.6 / white + 0.005)
-    (line,) = [line for line in told if "saturated" in line]
+    (line,) = [line for line in messages if "saturated" in line]
     assert "led2.pgm" in line
 
 
@@ -147,7 +149,7 @@ def test_images_too_small_for_a_height_are_refused(tmp_path: Path, side: int) ->
         read_one(write(tmp_path, images))
 
 
-def test_what_looks_like_twelve_bits_is_a_warning(tmp_path: Path) -> None:
+def test_images_that_look_like_twelve_bits_give_a_warning(tmp_path: Path) -> None:
     with collect_warnings([]) as notes:
         read_one(write(tmp_path, IMAGES.astype(np.uint16) * 16))
     assert "bits: 12" in notes[0]
@@ -264,17 +266,19 @@ def test_a_spoilt_capture_is_refused(tmp_path: Path, message: str) -> None:
         ({"lights": "bgr"}, "one colour image is needed"),
     ],
 )
-def test_settings_that_do_not_fit_the_capture(tmp_path: Path, settings, message: str) -> None:
+def test_settings_that_do_not_fit_the_capture_are_refused(
+    tmp_path: Path, settings, message: str
+) -> None:
     with pytest.raises(InputError, match=message):
         read_one(write(tmp_path), **settings)
 
 
-def test_a_folder_without_images_says_what_it_looked_for(tmp_path: Path) -> None:
+def test_the_error_of_a_folder_without_images_names_the_missing_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no led1.png"):
         list(read_capture(folder=tmp_path))
 
 
-def test_one_capture_is_asked_for_and_several_are_there(tmp_path: Path) -> None:
+def test_several_captures_are_refused_where_one_is_needed(tmp_path: Path) -> None:
     write(tmp_path / "a")
     write(tmp_path / "b")
     with pytest.raises(InputError, match="holds 2 captures, but one is needed"):
@@ -300,7 +304,7 @@ def test_true_slopes_of_another_size_are_refused(tmp_path: Path, shape: tuple[in
 
 
 def dark(counts: int, depth: type = np.uint8):
-    """A lens cap: noise of so many counts."""
+    """Noise below that many counts, as under a lens cap."""
     return RNG.integers(0, counts, (4, 12, 16)).astype(depth)
 
 
@@ -312,7 +316,9 @@ def test_darkness_with_its_noise_is_no_measurement(tmp_path: Path, images, whole
 
 
 @pytest.mark.parametrize(("counts", "bits"), [(250, 8), (320, 12)])
-def test_what_is_dark_for_its_type_is_told_of_bits(tmp_path: Path, counts: int, bits: int) -> None:
+def test_the_error_of_dark_images_suggests_fewer_bits(
+    tmp_path: Path, counts: int, bits: int
+) -> None:
     with pytest.raises(InputError, match=rf"too dark to measure.*say 'bits: {bits}'"):
         read_one(write(tmp_path, dark(counts, np.uint16)))
 
@@ -325,7 +331,7 @@ def test_a_dim_led_among_bright_ones_does_not_look_like_fewer_bits(tmp_path: Pat
     assert notes == []
 
 
-def test_fewer_bits_than_eight_are_told(tmp_path: Path) -> None:
+def test_fewer_bits_than_eight_give_a_warning(tmp_path: Path) -> None:
     with collect_warnings([]) as notes:
         read_one(write(tmp_path, IMAGES // 32 * 17))
     assert len(notes) == 1
@@ -333,8 +339,10 @@ def test_fewer_bits_than_eight_are_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("quality", [8, 50])
-def test_jpeg_is_told_whatever_the_file_is_called(tmp_path: Path, quality: int) -> None:
-    """A touch of such images was doubted as having the slopes of no surface."""
+def test_jpeg_compression_gives_a_warning_whatever_the_file_is_called(
+    tmp_path: Path, quality: int
+) -> None:
+    """Otherwise a touch of such images is doubted as having the slopes of no surface."""
     y, x = np.mgrid[:120, :160]
     ball = 0.6 + 0.4 * np.exp(-((x - 80) ** 2 + (y - 60) ** 2) / 800) + x / 900
     noise = np.random.default_rng(0).normal(0, 1, (4, 120, 160))
@@ -382,7 +390,7 @@ LARGE = Image.new("1", (8192, 8192))
         ("png", LARGE, {}, "too large for a camera image"),
     ],
 )
-def test_an_image_that_means_more_than_its_pixels_or_is_no_camera_s_is_refused(
+def test_an_image_that_is_more_than_its_pixels_or_not_a_cameras_is_refused(
     tmp_path: Path, suffix: str, picture: Image.Image, how: dict[str, object], message: str
 ) -> None:
     (write(tmp_path) / "led2.png").unlink()
@@ -408,13 +416,13 @@ def test_one_led_in_two_files_is_refused(tmp_path: Path) -> None:
         read_one(tmp_path)
 
 
-def test_a_file_in_place_of_a_folder_is_told(tmp_path: Path) -> None:
+def test_a_file_in_place_of_a_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"led1\.png: is a file; give the folder"):
         read_one(write(tmp_path) / "led1.png")
 
 
 @pytest.mark.parametrize("place", ["press.MP4", "."])
-def test_a_video_is_named_with_the_commands_that_take_it(tmp_path: Path, place: str) -> None:
+def test_a_video_is_refused_with_the_command_that_takes_it(tmp_path: Path, place: str) -> None:
     (tmp_path / "press.MP4").write_bytes(b"a film")
     message = r"a video: 'tactograph run live camera=.*press\.MP4 port=none' takes it"
     with pytest.raises(InputError, match=message):
@@ -422,7 +430,7 @@ def test_a_video_is_named_with_the_commands_that_take_it(tmp_path: Path, place: 
 
 
 def test_a_pipe_in_the_place_of_the_capture_file_is_refused(tmp_path: Path) -> None:
-    """It was passed over, and nothing may be read from a pipe that nobody writes to."""
+    """A pipe that nobody writes to would block its reader."""
     os.mkfifo(tmp_path / "capture.yaml")
     with pytest.raises(InputError, match=r"capture\.yaml: is no plain file"):
         CaptureFile.read(tmp_path)

@@ -1,4 +1,4 @@
-"""A capture is written whole, or an error says why it is not."""
+"""A capture is written completely, or an error says why it is not."""
 
 import errno
 import re
@@ -24,7 +24,7 @@ def write(folder: Path) -> None:
     )  # fmt: skip
 
 
-def test_what_is_written_is_read(tmp_path: Path) -> None:
+def test_an_image_is_read_as_it_was_written(tmp_path: Path) -> None:
     image = np.random.default_rng(0).integers(0, 65535, (6, 8, 3)).astype(np.uint16)
     write_image(tmp_path / "a.png", image)
     assert np.array_equal(read_image(tmp_path / "a.png"), image)
@@ -35,15 +35,15 @@ def test_a_full_disk_leaves_no_capture(tmp_path: Path, monkeypatch: pytest.Monke
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(Path, "write_bytes", full)
-    # So does OpenCV: it says False.
+    # OpenCV reports it by returning False.
     monkeypatch.setattr(cv2, "imwrite", lambda *_: False)
     with pytest.raises(WriteError, match="cannot be written: No space left on device"):
         write(tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
-def test_no_node_writes_an_image_unheard() -> None:
-    """`cv2.imwrite` says by what it returns whether it wrote."""
+def test_no_node_ignores_a_failed_write_of_an_image() -> None:
+    """`cv2.imwrite` reports a failure only by its return value."""
     files = Path(nodes.__path__[0]).rglob("*.py")
     assert not [f.name for f in files if re.search(r"cv2\.imwrite\(", f.read_text("utf-8"))]
 

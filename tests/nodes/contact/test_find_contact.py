@@ -17,10 +17,10 @@ SHAPE = (48, 64)
 
 def noise(rng: np.random.Generator, slope: float = 0.01, smooth: float = 0.0) -> Height:
     """The height of the film at rest: the integral of slopes that are noise."""
-    made = rng.normal(0, slope, (2, *SHAPE)).astype(np.float32)
+    slopes = rng.normal(0, slope, (2, *SHAPE)).astype(np.float32)
     if smooth:
-        made = np.stack([cv2.GaussianBlur(plane, (0, 0), smooth) for plane in made])
-    return np.asarray(rest_at_border(integrate_dct(made, PIXEL)))
+        slopes = np.stack([cv2.GaussianBlur(plane, (0, 0), smooth) for plane in slopes])
+    return np.asarray(rest_at_border(integrate_dct(slopes, PIXEL)))
 
 
 def bump(x: float, y: float, radius: float, top: float) -> Height:
@@ -39,39 +39,39 @@ def test_a_thousand_noisy_frames_of_untouched_film_hold_no_contact(smooth: float
 def test_a_touch_is_found_in_that_noise() -> None:
     rng = np.random.default_rng(8)
     for _ in range(20):
-        found = find_contact(noise(rng) + bump(30, 22, 10, 0.06))
-        assert found.max() == 1
-        assert found[22, 30] == 1
-        assert not found[:8].any()
+        contact = find_contact(noise(rng) + bump(30, 22, 10, 0.06))
+        assert contact.max() == 1
+        assert contact[22, 30] == 1
+        assert not contact[:8].any()
 
 
-def test_however_much_is_touched_the_film_at_rest_tells_the_noise() -> None:
+def test_the_noise_is_that_of_the_film_at_rest_however_large_the_touch() -> None:
     grain = noise(np.random.default_rng(9), 0.001)
-    found = find_contact(grain + bump(31.5, 23.5, 30, 0.5))
-    assert found.mean() == pytest.approx(0.82, abs=0.06)
+    contact = find_contact(grain + bump(31.5, 23.5, 30, 0.5))
+    assert contact.mean() == pytest.approx(0.82, abs=0.06)
 
 
 def test_two_touches_are_two_contacts_the_larger_first() -> None:
-    found = find_contact(bump(14, 20, 8, 0.2) + bump(44, 24, 12, 0.2))
-    assert found[20, 14] == 2
-    assert found[24, 44] == 1
-    assert set(np.unique(found)) == {0, 1, 2}
+    contact = find_contact(bump(14, 20, 8, 0.2) + bump(44, 24, 12, 0.2))
+    assert contact[20, 14] == 2
+    assert contact[24, 44] == 1
+    assert set(np.unique(contact)) == {0, 1, 2}
 
 
-def test_the_edge_goes_down_to_leave_but_only_where_enter_is_reached() -> None:
+def test_a_contact_extends_down_to_leave_only_where_it_reaches_enter() -> None:
     error = np.full(SHAPE, 0.01, np.float32)
     low, high = bump(14, 20, 8, 0.09), bump(44, 24, 12, 0.3)
-    found = find_contact(low + high, error)
-    assert np.array_equal(found > 0, high > np.float32(0.04))
+    contact = find_contact(low + high, error)
+    assert np.array_equal(contact > 0, high > np.float32(0.04))
 
 
 def test_film_of_unknown_height_is_no_contact() -> None:
     height = bump(30, 22, 12, 0.2)
     error = np.full(SHAPE, 0.001, np.float32)
     error[:, 30:] = 0.1
-    found = find_contact(height, error)
-    assert found[22, 25] == 1
-    assert not found[:, 30:].any()
+    contact = find_contact(height, error)
+    assert contact[22, 25] == 1
+    assert not contact[:, 30:].any()
 
 
 def test_specks_are_no_contact_nor_is_level_film() -> None:
@@ -84,25 +84,25 @@ def test_specks_are_no_contact_nor_is_level_film() -> None:
     assert find_contact(height, least_px=18).sum() == 18
 
 
-def test_more_contacts_than_may_be_numbered_are_told() -> None:
+def test_more_contacts_than_may_be_numbered_give_a_warning() -> None:
     height = bump(12, 24, 8, 0.2) + bump(31, 24, 9, 0.2) + bump(50, 24, 7, 0.2)
     with collect_warnings([]) as notes:
-        found = find_contact(height, most=2)
-    assert (found[24, 31], found[24, 12], found[24, 50]) == (1, 2, 0)
+        contact = find_contact(height, most=2)
+    assert (contact[24, 31], contact[24, 12], contact[24, 50]) == (1, 2, 0)
     (note,) = notes
     assert note.startswith("3 contacts; the 2 largest are numbered (`most`")
 
 
-def test_a_pin_within_a_ring_is_a_contact_of_its_own() -> None:
+def test_a_pin_within_a_ring_is_a_separate_contact() -> None:
     ring = bump(31, 23, 20, 0.4) - 2 * bump(31, 23, 15, 0.4)
-    found = find_contact(np.maximum(ring, 0) + bump(31, 23, 5, 0.2))
-    assert found.max() == 2
-    assert found[23, 31] == 2
-    assert found[23, 15] == found[23, 47] == 1
+    contact = find_contact(np.maximum(ring, 0) + bump(31, 23, 5, 0.2))
+    assert contact.max() == 2
+    assert contact[23, 31] == 2
+    assert contact[23, 15] == contact[23, 47] == 1
 
 
 def test_cores_that_share_their_skirt_are_one_contact() -> None:
     error = np.full(SHAPE, 0.01, np.float32)
-    found = find_contact(bump(22, 23, 14, 0.2) + bump(42, 23, 14, 0.2), error)
-    assert found.max() == 1
-    assert found[23, 22] == found[23, 42] == 1
+    contact = find_contact(bump(22, 23, 14, 0.2) + bump(42, 23, 14, 0.2), error)
+    assert contact.max() == 1
+    assert contact[23, 22] == contact[23, 42] == 1

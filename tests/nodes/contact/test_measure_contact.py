@@ -14,7 +14,7 @@ ROWS, COLUMNS = 240, 320
 
 
 def places(x: float, y: float) -> tuple[np.ndarray, np.ndarray]:
-    """Of all pixels, in mm, from (x, y), itself from the image's centre."""
+    """Offsets of all pixels in mm from (x, y), which counts from the image's centre."""
     rows, columns = np.indices((ROWS, COLUMNS))
     return (columns - (COLUMNS - 1) / 2) * PIXEL - x, (rows - (ROWS - 1) / 2) * PIXEL - y
 
@@ -38,7 +38,7 @@ def ellipse(x: float, y: float, major: float, minor: float, angle: float) -> Hei
     return np.where(inside, 0.1, 0).astype(np.float32)
 
 
-def test_a_spherical_cap() -> None:
+def test_a_spherical_cap_has_its_known_figures() -> None:
     radius, depth = 4.0, 0.3
     height = cap(0.4, -0.7, radius, depth)
     figures = measure_contact(height, find_contact(height, least_error_mm=1e-5), PIXEL)
@@ -68,7 +68,7 @@ def test_two_balls_are_two_contacts() -> None:
 
 
 @pytest.mark.parametrize("angle", [-60.0, 0.0, 25.0, 90.0])
-def test_the_axes_of_a_tilted_ellipse(angle: float) -> None:
+def test_a_tilted_ellipse_has_its_known_axes(angle: float) -> None:
     height = ellipse(0.3, 0.2, 3.0, 1.2, angle)
     figures = measure_contact(height, find_contact(height), PIXEL)
     assert figures["contact_major_mm/c1"] == pytest.approx(3.0, rel=0.005)
@@ -78,7 +78,7 @@ def test_the_axes_of_a_tilted_ellipse(angle: float) -> None:
     assert -90 < figures["contact_angle_deg/c1"] <= 90
 
 
-def test_a_contact_at_the_corner_is_measured_as_far_as_it_is_seen() -> None:
+def test_a_contact_at_the_corner_is_measured_as_far_as_it_is_visible() -> None:
     height = np.zeros((ROWS, COLUMNS), np.float32)
     height[:10, :30] = 0.1
     figures = measure_contact(height, find_contact(height), PIXEL)
@@ -92,13 +92,13 @@ def test_a_contact_at_the_corner_is_measured_as_far_as_it_is_seen() -> None:
     ("x", "y", "cut"),
     [(0, 0, False), (2.7, 0, True), (-2.7, 0, True), (0, 1.9, True), (0, -1.9, True)],
 )
-def test_a_contact_that_the_border_cuts_says_so(x: float, y: float, cut: bool) -> None:
+def test_a_contact_that_the_border_cuts_is_marked(x: float, y: float, cut: bool) -> None:
     height = cap(x, y, 2.0, 0.2)
     figures = measure_contact(height, find_contact(height), PIXEL)
     assert figures["contact_cut/c1"] is cut
-    whole = measure_contact(cap(0, 0, 2.0, 0.2), find_contact(cap(0, 0, 2.0, 0.2)), PIXEL)
+    full = measure_contact(cap(0, 0, 2.0, 0.2), find_contact(cap(0, 0, 2.0, 0.2)), PIXEL)
     for name in ("area_mm2", "depth_mm", "volume_mm3"):
-        assert figures[f"contact_{name}/c1"] <= whole[f"contact_{name}/c1"] * 1.001
+        assert figures[f"contact_{name}/c1"] <= full[f"contact_{name}/c1"] * 1.001
 
 
 @pytest.mark.parametrize("wide", [1, 2, 3])
@@ -143,17 +143,17 @@ def test_all_contacts_count_and_the_largest_are_measured() -> None:
 @pytest.mark.parametrize("camera", [0.0, 1 / 50])
 def test_places_and_areas_are_those_on_the_film(lens: list[float] | None, camera: float) -> None:
     """A dome far from the middle, as a lens from near shows it, and on an even grid."""
-    seen = cap(1.6, 1.0, 1.0, 0.4)
+    shown = cap(1.6, 1.0, 1.0, 0.4)
     view = View(None if lens is None else np.array(lens, np.float32), camera)
-    even = np.nan_to_num(View(view.lens, camera).on_even_grid(seen, [])[0])
-    found, true = (
+    even = np.nan_to_num(View(view.lens, camera).on_even_grid(shown, [])[0])
+    measured, true = (
         measure_contact(height, (height > 0.005).astype(np.uint8), PIXEL, view)
-        for height, view in ((seen, view), (even, View()))
+        for height, view in ((shown, view), (even, View()))
     )
     for name in "area_mm2", "volume_mm3", "major_mm", "minor_mm", "depth_mm", "mean_depth_mm":
-        assert found[f"contact_{name}/c1"] == pytest.approx(true[f"contact_{name}/c1"], rel=0.01)
+        assert measured[f"contact_{name}/c1"] == pytest.approx(true[f"contact_{name}/c1"], rel=0.01)
     for name in "x_mm", "y_mm":
-        assert found[f"contact_{name}/c1"] == pytest.approx(true[f"contact_{name}/c1"], abs=0.03)
+        assert measured[f"contact_{name}/c1"] == pytest.approx(true[f"contact_{name}/c1"], abs=0.03)
 
 
 def test_a_contact_on_a_film_that_is_no_plane_is_measured_along_it() -> None:
@@ -162,8 +162,10 @@ def test_a_contact_on_a_film_that_is_no_plane_is_measured_along_it() -> None:
     camera, slope = 1 / 50, 0.75
     rest = (slope * right / (1 + camera * slope * right)).astype(np.float32)
     height = ellipse(0, 0, 2.0, 2.0, 0.0)
-    found = measure_contact(height, (height > 0).astype(np.uint8), PIXEL, View(None, camera), rest)
-    assert found["rest_relief_mm"] == pytest.approx(np.ptp(rest), rel=1e-5)
-    assert found["contact_normal_depth_mm/c1"] == pytest.approx(0.1 * 0.8, rel=1e-3)
-    assert found["contact_film_area_mm2/c1"] == pytest.approx(np.pi / 0.8, rel=0.01)
-    assert found["contact_volume_mm3/c1"] == pytest.approx(0.1 * np.pi, rel=0.01)
+    measured = measure_contact(
+        height, (height > 0).astype(np.uint8), PIXEL, View(None, camera), rest
+    )
+    assert measured["rest_relief_mm"] == pytest.approx(np.ptp(rest), rel=1e-5)
+    assert measured["contact_normal_depth_mm/c1"] == pytest.approx(0.1 * 0.8, rel=1e-3)
+    assert measured["contact_film_area_mm2/c1"] == pytest.approx(np.pi / 0.8, rel=0.01)
+    assert measured["contact_volume_mm3/c1"] == pytest.approx(0.1 * np.pi, rel=0.01)

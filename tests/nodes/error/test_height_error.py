@@ -39,9 +39,9 @@ def stated_error(
     system: HeightSystem | None = None,
     refraction: float = 1.0,
     diffuse: float = 0.0,
-    **given: Any,
+    **settings: Any,
 ) -> F4:
-    """The error that is stated of a height whose slopes four LEDs of this noise have told."""
+    """The stated error of a height whose slopes come from four LEDs of this noise."""
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
     film = Film.matt(lights)._replace(
         others=exact(lights) if others is None else others,
@@ -51,8 +51,8 @@ def stated_error(
     )
     system = system or equations(slope, 1e-4, at_rest(z))
     noisy, used = np.full((4, *SHAPE), noise, np.float32), np.full(SHAPE, 15, np.uint8)
-    given = {"misfit": np.zeros(5, np.float32), "apparent": slope} | given
-    return np.asarray(height_error(z, slope, system, noisy, used, film, **given))
+    settings = {"misfit": np.zeros(5, np.float32), "apparent": slope} | settings
+    return np.asarray(height_error(z, slope, system, noisy, used, film, **settings))
 
 
 def error_of(z: F4, slope: F4, brightness: float, correlation: float | None = None) -> F4:
@@ -92,7 +92,7 @@ def test_a_blur_flattens_by_half_its_variance_times_the_laplacian() -> None:
     assert stated[much] == pytest.approx(lost[much], rel=0.1)
 
 
-def test_a_gaussian_takes_half_its_variance_times_the_laplacian_of_a_coats_light() -> None:
+def test_a_blur_changes_a_coats_light_by_half_its_variance_times_the_laplacian() -> None:
     z, slope = (np.float32(0.5) * part for part in dome())
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
     film = Film.matt(lights)._replace(refraction=np.float32(1.5), roughness=np.float32(0.3))
@@ -101,45 +101,47 @@ def test_a_gaussian_takes_half_its_variance_times_the_laplacian_of_a_coats_light
     sigma = none + np.float32(0.01)
     at = Unperturbed(sigma, slope, z, x[None], y[:, None], used, used > 0, none, none, slope, slope)
     light, _ = shown_light(at, film)
-    taken = np.stack([cv2.GaussianBlur(plane, (0, 0), 0.8) for plane in light]) - light
-    told = 0.32 * np.stack([cv2.Laplacian(plane, cv2.CV_32F) for plane in light])
-    smooth = np.abs(taken) < 0.02
+    actual = np.stack([cv2.GaussianBlur(plane, (0, 0), 0.8) for plane in light]) - light
+    expected = 0.32 * np.stack([cv2.Laplacian(plane, cv2.CV_32F) for plane in light])
+    smooth = np.abs(actual) < 0.02
     inside = np.s_[:, 4:-4, 4:-4]
-    assert np.corrcoef(taken[inside][smooth[inside]], told[inside][smooth[inside]])[0, 1] > 0.98
+    assert (
+        np.corrcoef(actual[inside][smooth[inside]], expected[inside][smooth[inside]])[0, 1] > 0.98
+    )
 
 
-def test_leds_that_may_be_elsewhere_are_an_error_where_the_film_is_not_at_rest() -> None:
+def test_uncertain_leds_are_an_error_where_the_film_is_not_at_rest() -> None:
     z, slope = dome()
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
-    found = []
+    errors = []
     for share in (0.0, 0.01, 0.02):
         others = exact(lights)
         others[::2, 0, 0] *= 1 + share
         others[1::2, 0, 0] *= 1 - share
-        found.append(stated_error(z, slope, 1e-6, others))
+        errors.append(stated_error(z, slope, 1e-6, others))
     inside = at_rest(z) == 0
-    assert found[1][inside].min() > 10 * found[0][inside].max()
-    assert np.allclose(found[2][inside], 2 * found[1][inside], rtol=0.05)
-    assert not any(error[~inside].any() for error in found)
+    assert errors[1][inside].min() > 10 * errors[0][inside].max()
+    assert np.allclose(errors[2][inside], 2 * errors[1][inside], rtol=0.05)
+    assert not any(error[~inside].any() for error in errors)
 
 
 @pytest.mark.parametrize("part", [0, 2, 4])
-def test_what_a_film_model_leaves_is_an_error_in_proportion(part: int) -> None:
-    """Of normals that lean by so many radians over some width, light that departs, or all lean."""
+def test_the_misfit_of_a_film_model_is_an_error_in_proportion(part: int) -> None:
+    """The misfit is an angle of normals over a width, a departure of light, or a common tilt."""
     z, slope = dome()
     misfit = np.float32([0, 0.5, 0, 0, 0])
-    found = []
+    errors = []
     for level in (0.0, 0.01, 0.02):
         misfit[part] = level
-        found.append(stated_error(z, slope, 1e-6, misfit=misfit))
-    none, some, more = found
+        errors.append(stated_error(z, slope, 1e-6, misfit=misfit))
+    none, some, more = errors
     inside = at_rest(z) == 0
     assert some[inside].min() > 10 * none[inside].max()
     assert np.allclose(more[inside], 2 * some[inside], rtol=0.05)
 
 
-def bounced_error(**given: Any) -> F4:
-    return stated_error(*dome(), 0.001, **given)
+def bounced_error(**settings: Any) -> F4:
+    return stated_error(*dome(), 0.001, **settings)
 
 
 def thrown(light: float) -> F4:
@@ -149,7 +151,7 @@ def thrown(light: float) -> F4:
     return one
 
 
-def test_bounced_light_is_as_wrong_as_the_presses_disagree() -> None:
+def test_the_error_of_bounced_light_is_the_disagreement_of_the_presses() -> None:
     doubt = np.float32([0, 1, 0, 0.3, 0])
     exact_bounce = bounced_error(bounced=thrown(0.2), misfit=0 * doubt)
     assert np.array_equal(bounced_error(bounced=thrown(0.0), misfit=doubt), bounced_error())
@@ -162,27 +164,27 @@ def test_bounced_light_that_has_not_settled_is_an_error() -> None:
     assert bounced_error(bounced=thrown(0.2), earlier=thrown(0.1)).max() > 1.5 * settled.max()
 
 
-def test_film_held_at_zero_may_be_as_high_as_slopes_alone_say() -> None:
+def test_the_error_of_film_held_at_zero_is_its_height_by_slopes_alone() -> None:
     rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.002))
     flat = np.zeros(SHAPE, np.float32)
-    found = doubt_rest(error, rest, flat + np.float32(0.1), variance_of(1e-4), PIXEL, flat, flat)
-    assert found[rest == 1] == pytest.approx(0.1, rel=0.01)
-    assert (found[rest == 0] == error[rest == 0]).all()
+    stated = doubt_rest(error, rest, flat + np.float32(0.1), variance_of(1e-4), PIXEL, flat, flat)
+    assert stated[rest == 1] == pytest.approx(0.1, rel=0.01)
+    assert (stated[rest == 0] == error[rest == 0]).all()
     hidden = doubt_rest(error, rest, flat, variance_of(1e-4), PIXEL, flat, flat)[rest == 1]
     assert hidden == pytest.approx(4.5 / np.sqrt(3) * 0.01 * PIXEL, rel=1e-4)
 
 
-def test_film_held_at_zero_may_be_as_high_as_pieces_of_it_lie_apart() -> None:
+def test_the_error_of_film_held_at_zero_is_the_distance_of_its_pieces() -> None:
     rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.002))
     flat = np.zeros(SHAPE, np.float32)
-    found = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, flat - np.float32(0.1), flat)
-    assert found == pytest.approx(0.1, rel=1e-3)
+    stated = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, flat - np.float32(0.1), flat)
+    assert stated == pytest.approx(0.1, rel=1e-3)
 
 
-def test_no_slope_is_known_worse_than_its_steepest() -> None:
+def test_the_error_of_a_slope_is_limited_by_the_steepest_slope() -> None:
     flat, rest = np.zeros(SHAPE, np.float32), np.ones(SHAPE, np.uint8)
-    found = doubt_rest(flat, rest, flat, variance_of(1e12), PIXEL, flat, flat, level=1.0)
-    assert found == pytest.approx(PIXEL / np.sqrt(3), rel=1e-4)
+    stated = doubt_rest(flat, rest, flat, variance_of(1e12), PIXEL, flat, flat, level=1.0)
+    assert stated == pytest.approx(PIXEL / np.sqrt(3), rel=1e-4)
 
 
 def table() -> tuple[F4, F4]:
@@ -208,38 +210,40 @@ def test_all_that_a_rim_carries_shares_its_error() -> None:
     assert np.ptp(bent[TOP]) < 0.3 * bent[TOP].mean()
 
 
-def test_what_shadows_say_otherwise_is_an_error_of_all_that_a_rim_carries() -> None:
+def test_shadows_that_disagree_are_an_error_of_all_that_a_rim_carries() -> None:
     z, slope = table()
     pixels = np.arange(z.size, dtype=np.int32).reshape(SHAPE)
     top, foot = (pixels[rows, 20:36].ravel() for rows in ([12, 27], [10, 29]))
     rises = ShadowRises(top, foot, np.ones(32, np.float32), np.ones(32, np.uint8))
     system = equations(slope, 1e-4, at_rest(z), rises)
     longer = system._replace(rise=system.rise + np.float32(0.1))
-    agreed, apart = (stated_error(z, slope, 1e-6, system=each)[TOP] for each in (system, longer))
-    assert apart.min() > 1.5 * agreed.max()
+    agreed, disagreed = (
+        stated_error(z, slope, 1e-6, system=each)[TOP] for each in (system, longer)
+    )
+    assert disagreed.min() > 1.5 * agreed.max()
     diffused = stated_error(z, slope, 1e-6, system=longer, diffuse=0.4)[TOP]
     assert diffused.max() < 1.1 * agreed.max()
 
 
-def test_noise_does_to_the_height_what_the_error_says() -> None:
+def test_noise_changes_the_height_by_the_stated_error() -> None:
     z, slope = dome()
     inside = at_rest(z) == 0
     stated = error_of(z, slope, 1)
     sd = 0.01 / (np.sqrt(2) * np.cos(np.radians(60)) / np.sin(np.radians(60)))
     rng = np.random.default_rng(7)
-    found = [
+    errors = [
         integrate_weighted(equations(slope + noise, 1e-4, at_rest(z), bend=0.0, robust=1e6), z) - z
         for noise in rng.normal(0, sd, (12, *slope.shape)).astype(np.float32)
     ]
-    ratio = np.sqrt(np.mean(np.square(found), axis=0)[inside]).mean() / stated[inside].mean()
+    ratio = np.sqrt(np.mean(np.square(errors), axis=0)[inside]).mean() / stated[inside].mean()
     assert ratio == pytest.approx(1, abs=0.3)
 
 
-def test_a_scale_that_is_open_is_an_error_of_every_height() -> None:
+def test_an_uncertain_scale_is_an_error_of_every_height() -> None:
     z, _ = dome()
     rest, flat, error = at_rest(z), np.zeros(SHAPE, np.float32), np.full(SHAPE, np.float32(0.001))
-    given = error, rest, flat, variance_of(1e-12), PIXEL, flat, z
-    sure, unsure = (doubt_rest(*given, scale_error=share) for share in (0, 0.2))
+    inputs = error, rest, flat, variance_of(1e-12), PIXEL, flat, z
+    sure, unsure = (doubt_rest(*inputs, scale_error=share) for share in (0, 0.2))
     assert np.allclose(unsure[rest == 0], np.hypot(sure, 0.2 * z)[rest == 0], rtol=1e-5)
     assert np.array_equal(unsure[rest == 1], sure[rest == 1])
     assert unsure.max() > 2 * sure.max()
@@ -248,6 +252,6 @@ def test_a_scale_that_is_open_is_an_error_of_every_height() -> None:
 def test_an_unknown_zero_is_an_error_everywhere() -> None:
     rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.03))
     flat = np.zeros(SHAPE, np.float32)
-    found = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, flat, flat, zero=0.04)
-    assert found[rest == 0] == pytest.approx(0.05)
-    assert found[rest == 1] == pytest.approx(0.04, rel=1e-3)
+    stated = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, flat, flat, zero=0.04)
+    assert stated[rest == 0] == pytest.approx(0.05)
+    assert stated[rest == 1] == pytest.approx(0.04, rel=1e-3)

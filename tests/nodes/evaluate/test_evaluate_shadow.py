@@ -10,18 +10,18 @@ TRUTH[:4, :5] |= 1
 TRUTH[:2, :] |= 8
 
 
-def test_the_truth_itself_is_perfect_and_nothing_has_no_figures() -> None:
-    found = evaluate_shadow(TRUTH, TRUTH)
-    assert set(found.values()) == {1.0}
-    assert {"shadow_iou", "shadow_iou/led1", "shadow_iou/led4"} <= set(found)
-    assert "shadow_iou/led2" not in found
+def test_the_truth_itself_is_perfect_and_empty_labels_have_no_figures() -> None:
+    figures = evaluate_shadow(TRUTH, TRUTH)
+    assert set(figures.values()) == {1.0}
+    assert {"shadow_iou", "shadow_iou/led1", "shadow_iou/led4"} <= set(figures)
+    assert "shadow_iou/led2" not in figures
     assert evaluate_shadow(TRUTH) == evaluate_shadow(0 * TRUTH, 0 * TRUTH) == {}
 
 
-def test_counts_by_hand() -> None:
-    found = np.zeros_like(TRUTH)
-    found[:4, :10] |= 1  # 40 labelled, 20 of them and all 20 true ones right
-    metrics = evaluate_shadow(found, TRUTH)
+def test_figures_agree_with_counts_by_hand() -> None:
+    labels = np.zeros_like(TRUTH)
+    labels[:4, :10] |= 1  # 40 labelled, 20 of them and all 20 true ones right
+    metrics = evaluate_shadow(labels, TRUTH)
     assert metrics["shadow_precision/led1"] == pytest.approx(0.5)
     assert metrics["shadow_recall/led1"] == pytest.approx(1.0)
     assert metrics["shadow_iou/led1"] == pytest.approx(0.5)

@@ -1,4 +1,4 @@
-"""A truth is that above the film at rest, whoever knows the film at rest."""
+"""The truth is the height above the film at rest, which capture or calibration may know."""
 
 from pathlib import Path
 
@@ -12,12 +12,12 @@ STRAIGHT = np.zeros(8, np.float32)
 TRUTH = np.full((6, 8), 3.0, np.float32)
 
 
-def test_the_film_at_rest_is_taken_off_the_truth() -> None:
-    rest, own = TRUTH - 1, TRUTH - 2
+def test_the_film_at_rest_is_subtracted_from_the_truth() -> None:
+    rest, of_capture = TRUTH - 1, TRUTH - 2
     assert truth_above_rest(STRAIGHT) is None
     assert truth_above_rest(STRAIGHT, TRUTH) is TRUTH
     np.testing.assert_array_equal(truth_above_rest(STRAIGHT, TRUTH, None, rest), 1)
-    np.testing.assert_array_equal(truth_above_rest(STRAIGHT, TRUTH, own, rest), 2)
+    np.testing.assert_array_equal(truth_above_rest(STRAIGHT, TRUTH, of_capture, rest), 2)
 
 
 def test_a_capture_knows_the_true_film_at_rest_of_its_folder(tmp_path: Path) -> None:
@@ -29,5 +29,5 @@ def test_a_capture_knows_the_true_film_at_rest_of_its_folder(tmp_path: Path) -> 
     (alone,) = read_capture(folder=touch, layout=Layout())
     assert alone.truth_rest is None
     np.save(touch / "truth_height_mm.npy", TRUTH)
-    (found,) = read_capture(folder=touch, layout=Layout())
-    np.testing.assert_array_equal(found.truth_rest, TRUTH - 2)
+    (capture,) = read_capture(folder=touch, layout=Layout())
+    np.testing.assert_array_equal(capture.truth_rest, TRUTH - 2)

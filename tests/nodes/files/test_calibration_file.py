@@ -1,4 +1,4 @@
-"""A calibration is read back as it was written, and refused if it is not whole."""
+"""A calibration is read back as it was written, and refused if it is damaged."""
 
 import json
 import zipfile
@@ -37,8 +37,8 @@ def drawn(value: Value) -> np.ndarray | float:
     """A value that a sensor of four LEDs may have."""
     low, high = value.port.port.low, value.port.port.high
     shape = [4 if dim == "K" else dim for dim in value.port.dims]
-    found = RNG.uniform(low, high, shape).astype(np.float32)
-    return found if shape else float(found)
+    array = RNG.uniform(low, high, shape).astype(np.float32)
+    return array if shape else float(array)
 
 
 FILM = Film(**{name: drawn(value) for name, value in stored_values(Film).items()})
@@ -64,7 +64,7 @@ def write(
     )  # fmt: skip
 
 
-def told_by(file: Path, lights: Literal["leds", "bgr", "rgb"] | None = None) -> list[str]:
+def warnings_of(file: Path, lights: Literal["leds", "bgr", "rgb"] | None = None) -> list[str]:
     """The warnings of a graph that uses a calibration."""
     with collect_warnings([]) as notes:
         read_calibration(file=file, lights=lights)
@@ -73,21 +73,21 @@ def told_by(file: Path, lights: Literal["leds", "bgr", "rgb"] | None = None) -> 
 
 def change(file: Path, **arrays) -> None:
     with np.load(file) as archive:
-        kept = dict(archive)
-    kept.update(arrays)
-    np.savez(file, **{name: array for name, array in kept.items() if array is not None})
+        stored = dict(archive)
+    stored.update(arrays)
+    np.savez(file, **{name: array for name, array in stored.items() if array is not None})
 
 
-def test_what_was_written_is_read(file: Path) -> None:
-    found = read_calibration(file=file)
-    for written, read in zip(ARRAYS, found, strict=False):
+def test_a_calibration_is_read_as_it_was_written(file: Path) -> None:
+    calibration = read_calibration(file=file)
+    for written, read in zip(ARRAYS, calibration, strict=False):
         assert np.allclose(written, read)
     for name, written in FILM._asdict().items():
-        assert np.allclose(written, getattr(found.film, name)), name
-    assert np.allclose(NOISE, found.noise)
-    assert found.correlation == 1.5
-    assert np.allclose(LENS, found.lens)
-    assert np.allclose(MISFIT, found.misfit)
+        assert np.allclose(written, getattr(calibration.film, name)), name
+    assert np.allclose(NOISE, calibration.noise)
+    assert calibration.correlation == 1.5
+    assert np.allclose(LENS, calibration.lens)
+    assert np.allclose(MISFIT, calibration.misfit)
 
 
 ABSURD = {
@@ -102,7 +102,7 @@ ABSURD = {
 
 
 @pytest.mark.parametrize("name", ABSURD)
-def test_what_no_sensor_has_is_refused(file: Path, name: str) -> None:
+def test_a_value_that_no_sensor_has_is_refused(file: Path, name: str) -> None:
     with np.load(file) as archive:
         array = archive[name.strip()]
     change(file, **{name.strip(): (array * ABSURD[name]).astype(np.float32)})
@@ -129,10 +129,10 @@ def test_units_version_date_and_settings_are_inside(tmp_path: Path) -> None:
     assert about["provenance"]["arguments"] == {"lights": "bgr"}
 
 
-def test_a_doubtful_calibration_says_so_in_one_line_wherever_it_is_used(tmp_path: Path) -> None:
+def test_a_doubtful_calibration_gives_one_warning_wherever_it_is_used(tmp_path: Path) -> None:
     file = tmp_path / "cal.npz"
     write(file, doubts=["LED 1 is 1.2 m away", "LEDs 2 and 3 are one"])
-    (note,) = told_by(file)
+    (note,) = warnings_of(file)
     assert note == (
         f"calibration {file} is doubtful: LED 1 is 1.2 m away (and 1 more doubt); see "
         f"'tactograph show {file}'"
@@ -142,43 +142,43 @@ def test_a_doubtful_calibration_says_so_in_one_line_wherever_it_is_used(tmp_path
 def test_doubts_out_of_a_file_are_one_short_line_each(tmp_path: Path) -> None:
     file = tmp_path / "cal.npz"
     write(file, doubts=["\x1b[2Jnothing\nwarning: speaks\ud800 against it", "a" * 10**6])
-    (note,) = told_by(file)
+    (note,) = warnings_of(file)
     assert "\\x1b[2Jnothing warning: speaks\\ud800 against it" in note
     assert note.isprintable()
     assert max(map(len, read_calibration(file=file).doubts)) < 3000
 
 
-def test_nothing_is_said_of_a_right_calibration_or_of_one_without_figures(file: Path) -> None:
-    assert not told_by(file)
+def test_a_right_calibration_and_one_without_figures_give_no_warning(file: Path) -> None:
+    assert not warnings_of(file)
     with np.load(file) as archive:
-        said = json.loads(str(archive["about"]))
-    change(file, about=np.array(json.dumps({n: said[n] for n in ("format", "kind", "units")})))
-    assert not told_by(file, "bgr")
+        stated = json.loads(str(archive["about"]))
+    change(file, about=np.array(json.dumps({n: stated[n] for n in ("format", "kind", "units")})))
+    assert not warnings_of(file, "bgr")
 
 
 def test_lights_of_another_order_are_refused_in_a_line_that_names_both(tmp_path: Path) -> None:
     file = tmp_path / "cal.npz"
     write(file)
-    (note,) = told_by(file, "rgb")
+    (note,) = warnings_of(file, "rgb")
     assert "does not say whether it was made of colours in the order rgb" in note
     write(file, lights="bgr")
     with pytest.raises(
         InputError, match="made of colours in the order bgr, not rgb; give `lights`=bgr"
     ):
         read_calibration(file=file, lights="rgb")
-    assert not told_by(file, "bgr")
+    assert not warnings_of(file, "bgr")
 
 
-def add_again(file: Path, member: str) -> None:
+def add_duplicate(file: Path, member: str) -> None:
     with zipfile.ZipFile(file, "a") as archive, pytest.warns(UserWarning, match="Duplicate"):
         archive.writestr(member, archive.read(member))
 
 
-def say(file: Path, **about) -> None:
-    """Change what the file says of itself."""
+def set_about(file: Path, **about) -> None:
+    """Change the file's description of itself."""
     with np.load(file) as archive:
-        said = json.loads(str(archive["about"]))
-    change(file, about=np.array(json.dumps(said | about)))
+        stated = json.loads(str(archive["about"]))
+    change(file, about=np.array(json.dumps(stated | about)))
 
 
 SPOIL = {
@@ -212,22 +212,22 @@ SPOIL = {
     "'area' shows film at 0 of 48": lambda f: change(f, area=np.zeros((6, 8), np.uint8)),
     "'lut_light' is the same for all": lambda f: change(f, lut_light=np.ones((50, 4), np.float32)),
     "'lut_slope' is the same for all": lambda f: change(f, lut_slope=np.ones((50, 2), np.float32)),
-    "it holds 'flat' twice": lambda f: add_again(f, "flat.npy"),
+    "it holds 'flat' twice": lambda f: add_duplicate(f, "flat.npy"),
     "'flat' is empty": lambda f: change(f, flat=random(4, 0, 8)),
     "'lut_light' is empty": lambda f: change(
         f, lut_light=random(0, 4), lut_slope=random(0, 2), lut_lit=np.zeros(0, np.uint8)
     ),
     "all LEDs in one place": lambda f: change(f, lights=np.float32([[1, 2, 30]] * 4)),
     "or one line": lambda f: change(f, lights=np.float32([[k, 2, 30] for k in range(4)])),
-    "'format' is not a whole number": lambda f: say(f, format="1"),
+    "'format' is not a whole number": lambda f: set_about(f, format="1"),
     "not a calibration;": lambda f: change(f, about=np.array("[" * 100_000)),
-    "not a calibration; ": lambda f: say(f, kind=None),
-    "'quality' is not a list of figures": lambda f: say(f, quality=None),
-    "'quality' is not a list of figures;": lambda f: say(f, quality=[1.0]),
-    "'quality' is not a list of figures; ": lambda f: say(f, quality="good"),
-    "'quality' is not a list of figures; c": lambda f: say(f, quality={"entries": "many"}),
-    "'quality' is not a list of figures; ca": lambda f: say(f, quality={"entries": None}),
-    "'quality' is not a list of figures; cal": lambda f: say(f, quality={"entries": 10**400}),
+    "not a calibration; ": lambda f: set_about(f, kind=None),
+    "'quality' is not a list of figures": lambda f: set_about(f, quality=None),
+    "'quality' is not a list of figures;": lambda f: set_about(f, quality=[1.0]),
+    "'quality' is not a list of figures; ": lambda f: set_about(f, quality="good"),
+    "'quality' is not a list of figures; c": lambda f: set_about(f, quality={"entries": "many"}),
+    "'quality' is not a list of figures; ca": lambda f: set_about(f, quality={"entries": None}),
+    "'quality' is not a list of figures; cal": lambda f: set_about(f, quality={"entries": 10**400}),
 }
 
 
@@ -248,7 +248,9 @@ def test_a_spoilt_file_is_refused_with_the_reason(file: Path, message: str) -> N
         (FILM._replace(gain=30.0), "'gain' holds 30, which no sensor has"),
     ],
 )
-def test_what_would_not_be_read_is_not_written(tmp_path: Path, film: Film, why: str) -> None:
+def test_a_calibration_that_could_not_be_read_is_not_written(
+    tmp_path: Path, film: Film, why: str
+) -> None:
     with pytest.raises(InputError) as caught:
         write(tmp_path / "cal.npz", film)
     assert f"not written: {why}" in str(caught.value)
@@ -260,19 +262,19 @@ BALL = {"ball_radius_mm": 7.0, "pixel_size_mm": 0.07}
 
 
 @pytest.mark.parametrize(
-    ("graph", "given"),
+    ("graph", "params"),
     [
         ("calibrate", {"capture": "missing", **BALL}),
     ],
 )
-def test_another_suffix_is_refused_before_reading(graph: str, given: dict[str, object]) -> None:
+def test_another_suffix_is_refused_before_reading(graph: str, params: dict[str, object]) -> None:
     with pytest.raises(InputError, match=r"something\.npz"):
-        open_pipeline(graph, {**given, "out": "cal.yaml"})
+        open_pipeline(graph, {**params, "out": "cal.yaml"})
 
 
 @pytest.mark.parametrize("cut", range(100, 3000, 290))
 def test_a_file_cut_anywhere_is_refused(file: Path, cut: int) -> None:
-    whole = file.read_bytes()
-    file.write_bytes(whole[: min(cut, len(whole) - 1)])
+    content = file.read_bytes()
+    file.write_bytes(content[: min(cut, len(content) - 1)])
     with pytest.raises(InputError):
         read_calibration(file=file)

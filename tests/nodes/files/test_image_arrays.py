@@ -1,4 +1,4 @@
-"""Images handed in as arrays are held to the rule of image files."""
+"""Images passed in as arrays follow the rules of image files."""
 
 import warnings
 from pathlib import Path
@@ -20,7 +20,7 @@ GRAPH = {
 }
 
 
-def handed_in(stack: Any) -> Any:
+def read_stack(stack: Any) -> Any:
     return load(GRAPH, backend="numpy")(frames=stack)
 
 
@@ -46,15 +46,15 @@ def with_plane(stack: np.ndarray, plane: Any) -> np.ndarray:
 )
 def test_floats_that_are_no_fractions_of_full_scale_are_refused(stack: Any, message: str) -> None:
     with pytest.raises(InputError, match=message) as error:
-        handed_in(stack)
+        read_stack(stack)
     assert "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize("kind", [np.float16, np.float32, np.float64])
-def test_fractions_of_full_scale_are_taken_as_they_are(kind: type) -> None:
-    found = handed_in(LIGHT.astype(kind))
-    np.testing.assert_array_equal(found["light"], LIGHT.astype(kind).astype(np.float32))
-    assert found.warnings == []
+def test_fractions_of_full_scale_are_read_unchanged(kind: type) -> None:
+    result = read_stack(LIGHT.astype(kind))
+    np.testing.assert_array_equal(result["light"], LIGHT.astype(kind).astype(np.float32))
+    assert result.warnings == []
 
 
 @pytest.mark.parametrize(
@@ -68,26 +68,26 @@ def test_fractions_of_full_scale_are_taken_as_they_are(kind: type) -> None:
     ],
     ids=["bytes", "floats", "one LED", "dim LED", "dim floats"],
 )
-def test_darkness_is_refused_as_it_is_of_files(stack: Any, message: str) -> None:
+def test_dark_arrays_are_refused_like_dark_files(stack: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        handed_in(stack)
+        read_stack(stack)
 
 
 @pytest.mark.parametrize("kind", [np.uint16, np.uint32])
-def test_bytes_in_a_wider_array_are_told_apart_from_darkness(kind: type) -> None:
+def test_bytes_in_a_wider_array_are_distinguished_from_darkness(kind: type) -> None:
     with pytest.raises(InputError, match=r"if it is 8 bit, hand in stack / np\.float32\(255\)"):
-        handed_in(BYTES.astype(kind))
+        read_stack(BYTES.astype(kind))
 
 
-def test_twelve_bits_in_sixteen_are_warned_of_once() -> None:
+def test_twelve_bits_in_sixteen_give_one_warning() -> None:
     stack = BYTES.astype(np.uint16) * 16
     with pytest.warns(UserWarning, match="if it is 12 bit, hand in stack / ") as warned:
-        found = handed_in(stack)
-    assert len(warned) == len(found.warnings) == 1
-    np.testing.assert_array_equal(found["light"], stack / np.float32(65535))
+        result = read_stack(stack)
+    assert len(warned) == len(result.warnings) == 1
+    np.testing.assert_array_equal(result["light"], stack / np.float32(65535))
 
 
-def test_a_loop_is_warned_at_its_first_stack_alone() -> None:
+def test_a_loop_gives_a_warning_at_its_first_stack_alone() -> None:
     pipeline = load(GRAPH, backend="numpy")
     with pytest.warns(UserWarning, match="25.0% of the pixels are saturated"):
         pipeline(frames=with_plane(LIGHT, np.repeat([[1.0], [0.5], [0.5], [0.5]] * 3, 16, axis=1)))
@@ -97,7 +97,7 @@ def test_a_loop_is_warned_at_its_first_stack_alone() -> None:
     assert second.warnings == ["frames[1]: 100.0% of the pixels are saturated; expose shorter"]
 
 
-def test_a_warning_of_one_stack_is_not_told_of_the_next() -> None:
+def test_a_warning_of_one_stack_is_not_repeated_for_the_next() -> None:
     pipeline = load(GRAPH, backend="numpy", cache=Cache())
     with pytest.warns(UserWarning, match="12 bit"):
         pipeline(frames=BYTES.astype(np.uint16) * 16)
@@ -108,5 +108,5 @@ def test_arrays_and_files_of_the_same_pixels_are_the_same_light(tmp_path: Path) 
     for number, plane in enumerate(BYTES, start=1):
         cv2.imwrite(str(tmp_path / f"led{number}.png"), plane)
     (from_files,) = load(GRAPH, capture=tmp_path, backend="numpy").items()
-    np.testing.assert_array_equal(handed_in(BYTES)["light"], from_files["light"])
-    np.testing.assert_array_equal(handed_in(LIGHT)["light"], from_files["light"])
+    np.testing.assert_array_equal(read_stack(BYTES)["light"], from_files["light"])
+    np.testing.assert_array_equal(read_stack(LIGHT)["light"], from_files["light"])

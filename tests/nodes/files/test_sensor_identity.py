@@ -1,4 +1,4 @@
-"""What is made with one sensor is not read with another's calibration, unless on purpose."""
+"""A capture of one sensor is not read with another's calibration, unless on purpose."""
 
 import json
 from collections.abc import Callable
@@ -35,26 +35,26 @@ Calibrated = Callable[..., Path]
 def calibrated(tmp_path: Path) -> Calibrated:
     """The calibration of a sensor of that name and serial number, if it has them."""
 
-    def make(name: str | None, serial: str | None = None, **made: object) -> Path:
+    def make(name: str | None, serial: str | None = None, **fields: object) -> Path:
         file = tmp_path / f"{name}.npz"
         film = (random(4, *SIZE), random(*SIZE), *ARRAYS[2:], FILM)
         area = np.ones(SIZE, np.uint8)
         write_calibration(
             *film, NOISE, 1.5, LENS, MISFIT, {}, [], area, serial,
-            file=file, sensor=name, provenance=replace(PROVENANCE, **made),
+            file=file, sensor=name, provenance=replace(PROVENANCE, **fields),
         )  # fmt: skip
         return file
 
     return make
 
 
-@pytest.mark.parametrize("beside", ["touches/1", "touches"])
+@pytest.mark.parametrize("place", ["touches/1", "touches"])
 def test_a_capture_that_names_its_sensor_is_refused_by_another(
-    tmp_path: Path, calibrated: Calibrated, beside: str
+    tmp_path: Path, calibrated: Calibrated, place: str
 ) -> None:
     left, right = calibrated("left"), calibrated("right")
     write_images(tmp_path / "touches" / "1", IMAGES)
-    (tmp_path / beside / "capture.yaml").write_text("sensor: left\n")
+    (tmp_path / place / "capture.yaml").write_text("sensor: left\n")
     for folder in (tmp_path / "touches", tmp_path / "touches" / "1"):
         assert len(list(read_capture(folder=folder, calibration=left))) == 1
         assert len(list(read_capture(folder=folder))) == 1
@@ -63,7 +63,7 @@ def test_a_capture_that_names_its_sensor_is_refused_by_another(
 
 
 def test_a_calibration_keeps_name_and_serial_of_its_sensor(calibrated: Calibrated) -> None:
-    """Also one that was made from another; in a message they are one line."""
+    """So does a calibration made from another; in a message they are one line."""
     inputs = {"calibration": file_identity(calibrated("left"))}
     assert file_identity(calibrated(None, inputs=inputs))["sensor"] == "left"
     assert read_calibration(file=calibrated("mini", "A1")).serial == "A1"

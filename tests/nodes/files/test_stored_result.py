@@ -1,4 +1,4 @@
-"""A height as a camera sees it carries its view: readers apply it, or say no."""
+"""A height as a camera sees it carries its view: readers apply it, or refuse it."""
 
 import json
 from pathlib import Path
@@ -16,8 +16,8 @@ from tests.nodes.touches import touch_of
 
 SHAPE = (24, 32)
 LENS = np.array([-0.03, 0.01, 0.02, -0.01, 0, 0.01, 0.02, 0.01], np.float32)
-MADE = Provenance({}, None, [], {}, {}, [], [])
-SEEN = View(LENS, 1 / 65)
+PROVENANCE = Provenance({}, None, [], {}, {}, [], [])
+VIEW = View(LENS, 1 / 65)
 
 
 def dome() -> F4:
@@ -28,23 +28,23 @@ def dome() -> F4:
 def write(folder: Path, view: View, grid: str = "pixel") -> Path:
     image = np.ones((4, *SHAPE), np.float32)
     touch = touch_of(height=dome(), image=image, pixel=0.07, view=view)
-    made = {"ply": True, "pictures": False, "provenance": MADE}
-    write_result(touch, folder=folder, grid=grid, **made)  # type: ignore[arg-type]
+    options = {"ply": True, "pictures": False, "provenance": PROVENANCE}
+    write_result(touch, folder=folder, grid=grid, **options)  # type: ignore[arg-type]
     return folder / "height.npy"
 
 
-def test_a_height_as_a_camera_sees_it_is_refused_where_places_count(tmp_path: Path) -> None:
-    file = write(tmp_path / "seen", SEEN)
+def test_a_height_as_a_camera_sees_it_is_refused_where_places_matter(tmp_path: Path) -> None:
+    file = write(tmp_path / "seen", VIEW)
     with pytest.raises(InputError, match=r"save\.grid=metric"):
         read_height(file=file, unknown=True)
     assert read_height(file=write(tmp_path / "plain", View())).shape == SHAPE
-    on_grid = write(tmp_path / "grid", SEEN, "metric")
+    on_grid = write(tmp_path / "grid", VIEW, "metric")
     assert read_height(file=on_grid, unknown=True).shape == SHAPE
 
 
 @pytest.mark.parametrize("lens", [[0.0], ["a"] * 8, None])
-def test_a_view_that_is_none_is_refused(tmp_path: Path, lens: object) -> None:
-    file = write(tmp_path, SEEN)
+def test_an_invalid_view_is_refused(tmp_path: Path, lens: object) -> None:
+    file = write(tmp_path, VIEW)
     result = tmp_path / "result.json"
     result.write_text(json.dumps({**json.loads(result.read_text()), "lens": lens}))
     with pytest.raises(InputError, match="view is damaged"):

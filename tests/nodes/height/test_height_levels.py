@@ -12,7 +12,7 @@ ROWS, COLUMNS = 40, 50
 
 
 @given(st.lists(st.integers(0, 5) | st.integers(2**57, 2**62), max_size=40))
-def test_what_is_alike_keeps_its_order(keys: list[int]) -> None:
+def test_equal_keys_keep_their_order(keys: list[int]) -> None:
     numbers = np.array(keys, np.int64)
     assert stable_order(numbers).tolist() == np.argsort(numbers, kind="stable").tolist()
 
@@ -21,22 +21,22 @@ def test_what_is_alike_keeps_its_order(keys: list[int]) -> None:
 def test_coarser_ties_join_those_between_the_same_blocks(
     ends: list[tuple[int, int]],
 ) -> None:
-    """Level after level, as the host joins them; what lies within a block joins none."""
+    """Level after level, as the host joins them; a tie within a block is dropped."""
     top, foot = np.array(ends, np.int64).reshape(-1, 2).T
     levels = levels_of(ROWS, COLUMNS)
-    found = tie_levels(Ties(top, foot, np.ones(top.size, np.float32)), levels)
-    members = [set(part.tolist()) for part in np.split(found.members, found.member_start[1:-1])]
+    tied = tie_levels(Ties(top, foot, np.ones(top.size, np.float32)), levels)
+    members = [set(part.tolist()) for part in np.split(tied.members, tied.member_start[1:-1])]
     tops, feet = {}, {}
-    for own, tie in zip(found.knot_own, found.knot_tie, strict=True):
-        (tops if tie >= 0 else feet)[int(tie if tie >= 0 else ~tie)] = int(own)
+    for knot, tie in zip(tied.knot_own, tied.knot_tie, strict=True):
+        (tops if tie >= 0 else feet)[int(tie if tie >= 0 else ~tie)] = int(knot)
     expected = [({t}, levels[0].at(top[t]), levels[0].at(foot[t])) for t in range(top.size)]
     which = np.arange(top.size)
     for finer, level in pairwise(levels):
         top, foot, joined = join_ends(top, foot, finer.columns, (level.rows, level.columns))
         which = np.where(which >= 0, np.append(joined, -1)[which], -1)
         for tie in range(top.size):
-            own = set(np.flatnonzero(which == tie).tolist())
-            expected.append((own, level.at(top[tie]), level.at(foot[tie])))
+            parts = set(np.flatnonzero(which == tie).tolist())
+            expected.append((parts, level.at(top[tie]), level.at(foot[tie])))
     if expected:
         assert [(members[t], tops[t], feet[t]) for t in range(len(expected))] == expected
-    assert found.knot_own.tolist() == sorted(found.knot_own.tolist())
+    assert tied.knot_own.tolist() == sorted(tied.knot_own.tolist())

@@ -1,4 +1,4 @@
-"""What slopes, shadows and film at rest say about the heights inside a window."""
+"""The equations that slopes, shadows and film at rest give for heights inside a window."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from tests.nodes.error.test_height_error import stated_error
 from tests.nodes.height.test_precise_nodes import PIXEL, SHAPE, at_rest, dome, equations, plateau
 
 
-def test_the_window_has_all_that_is_touched_and_a_margin() -> None:
+def test_the_window_contains_all_that_is_touched_and_a_margin() -> None:
     rest = np.ones(SHAPE, np.uint8)
     rest[20:25, 30:36] = 0
     system = equations(np.zeros((2, *SHAPE), np.float32), 1e-4, rest)
@@ -31,7 +31,7 @@ def test_a_step_is_the_mean_slope_times_a_pixel() -> None:
     assert np.isinf(system.down_variance[-1]).all()
 
 
-def test_no_equation_has_a_pixel_that_does_not_count() -> None:
+def test_no_equation_has_a_masked_pixel() -> None:
     z, slope = dome()
     mask = np.ones(SHAPE, np.uint8)
     mask[18, 30] = 0
@@ -49,7 +49,7 @@ def test_no_equation_has_a_pixel_that_does_not_count() -> None:
     assert system.rise.tolist() == pytest.approx([0.2])
 
 
-def test_a_rise_from_beyond_the_window_says_nothing() -> None:
+def test_a_rise_from_beyond_the_window_is_left_out() -> None:
     rest = at_rest(plateau())
     inside, outside = 20 * SHAPE[1] + 28, 0
     rises = ShadowRises(
@@ -74,15 +74,15 @@ def test_a_mask_alone_leaves_no_film_at_rest() -> None:
     assert not (system.state == STATE_REST).any()
 
 
-def test_what_rejects_outliers_is_set_once_for_height_and_stated_error() -> None:
-    """Slopes of single pixels are wrong; both give them up, or neither does."""
+def test_the_rejection_of_outliers_applies_to_height_and_stated_error() -> None:
+    """Slopes of single pixels are wrong; both reject them, or neither does."""
     z, slope = dome()
     slope[:, np.random.default_rng(3).random(SHAPE) < 0.03] = 3
-    found = []
+    results = []
     for robust in (2.5, 1e6):
         system = equations(slope, 1e-4, at_rest(z), bend=0.0, robust=robust)
         height = integrate_weighted(system, z)
-        found.append((np.abs(height - z).mean(), stated_error(z, slope, 0.01, system=system)))
-    (wrong, stated), (more_wrong, other) = found
+        results.append((np.abs(height - z).mean(), stated_error(z, slope, 0.01, system=system)))
+    (wrong, stated), (more_wrong, other) = results
     assert wrong < 0.2 * more_wrong
     assert np.abs(stated - other).max() > 0.1 * other.max()

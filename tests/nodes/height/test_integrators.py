@@ -11,12 +11,12 @@ from tests.nodes.scenes import ball, waves
 SIZES = [(240, 320), (480, 640), (121, 201), (64, 97), (1, 50), (37, 1)]
 
 
-def rmse(found, truth):
-    return float(np.std(found.astype(np.float64) - truth))
+def rmse(height, truth):
+    return float(np.std(height.astype(np.float64) - truth))
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_a_smooth_surface_that_leaves_the_frame_at_any_height(size) -> None:
+def test_a_smooth_surface_that_leaves_the_frame_at_any_height_is_integrated(size) -> None:
     z, slope = waves(*size)
     assert rmse(integrate_dct(slope, 1.0), z) < 0.002 * np.ptp(z)
 
@@ -24,26 +24,26 @@ def test_a_smooth_surface_that_leaves_the_frame_at_any_height(size) -> None:
 @pytest.mark.parametrize("size", SIZES[:4])
 def test_the_scale_does_not_depend_on_the_image_size(size) -> None:
     z, slope = ball(*size, radius=max(size) * 0.9)
-    found = integrate_dct(slope, 1.0)
-    assert np.ptp(found) == pytest.approx(np.ptp(z), rel=1e-2)
+    height = integrate_dct(slope, 1.0)
+    assert np.ptp(height) == pytest.approx(np.ptp(z), rel=1e-2)
 
 
-def test_a_tilted_plane() -> None:
+def test_a_tilted_plane_is_integrated() -> None:
     slope = np.stack([np.full((90, 70), 0.3), np.full((90, 70), -0.2)]).astype(np.float32)
     y, x = np.mgrid[:90, :70]
     assert rmse(integrate_dct(slope, 1.0), 0.3 * x - 0.2 * y) < 0.02
 
 
 @pytest.mark.parametrize("size", [(240, 320), (121, 201), (64, 97)])
-def test_frankot_and_chellappa_on_a_surface_that_returns_to_its_start(size) -> None:
+def test_frankot_chellappa_integrates_a_surface_that_returns_to_its_start(size) -> None:
     y, x = np.mgrid[: size[0], : size[1]].astype(np.float64)
     u, v = 4 * np.pi / size[1], 2 * np.pi / size[0]
     z = 3 * np.sin(u * x) * np.cos(v * y)
     slope = np.stack(
         [3 * u * np.cos(u * x) * np.cos(v * y), -3 * v * np.sin(u * x) * np.sin(v * y)]
     )
-    found = integrate_frankot_chellappa(slope.astype(np.float32), 1.0)
-    assert rmse(found, z) < 1e-4
+    height = integrate_frankot_chellappa(slope.astype(np.float32), 1.0)
+    assert rmse(height, z) < 1e-4
 
 
 @given(pixel=st.floats(0.001, 1), seed=st.integers(0, 1000))
@@ -51,6 +51,6 @@ def test_height_is_linear_in_slope_and_in_the_pixel_size(pixel, seed) -> None:
     rng = np.random.default_rng(seed)
     a, b = rng.normal(0, 1, (2, 2, 20, 30)).astype(np.float32)
     together = integrate_dct(a + b, pixel)
-    apart = integrate_dct(a, pixel) + integrate_dct(b, pixel)
-    assert np.allclose(together, apart, atol=2e-4 * pixel)
+    separately = integrate_dct(a, pixel) + integrate_dct(b, pixel)
+    assert np.allclose(together, separately, atol=2e-4 * pixel)
     assert np.allclose(integrate_dct(a, pixel), integrate_dct(a, 1.0) * pixel, atol=1e-4 * pixel)

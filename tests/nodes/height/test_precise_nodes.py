@@ -74,11 +74,11 @@ def equations(
     mask: NDArray[np.uint8] | None = None,
     **settings: float,
 ) -> HeightSystem:
-    """What slopes of this variance, film at rest and shadows say about the height."""
+    """The equations of slopes with this variance, film at rest and shadows for the height."""
     if isinstance(variance, float):
         variance = variance_of(variance)
-    made: HeightSystem = height_system(slope, variance, rest, PIXEL, rises, mask, **settings)
-    return made
+    system: HeightSystem = height_system(slope, variance, rest, PIXEL, rises, mask, **settings)
+    return system
 
 
 def test_a_steps_shadow_is_as_long_as_equation_1_says() -> None:
@@ -87,7 +87,7 @@ def test_a_steps_shadow_is_as_long_as_equation_1_says() -> None:
     assert not shadow[20, 20:].any()
 
 
-def test_a_steps_shadow_measures_its_height_and_none_nothing() -> None:
+def test_a_steps_shadow_measures_its_height_and_no_shadow_measures_none() -> None:
     z = plateau(0.5)
     led = distant_led(30, 0)
     shadow = cast_shadows(z, led, PIXEL)
@@ -105,11 +105,11 @@ def test_a_steps_shadow_measures_its_height_and_none_nothing() -> None:
 def test_exact_slopes_give_the_exact_surface_and_the_film_at_rest_stays_at_zero() -> None:
     z, slope = dome()
     rest = at_rest(z)
-    found = integrate_weighted(equations(slope, 1e-6, rest), np.zeros_like(z), steps=30)
-    assert np.abs(found - z).max() < 0.01 * PIXEL
+    height = integrate_weighted(equations(slope, 1e-6, rest), np.zeros_like(z), steps=30)
+    assert np.abs(height - z).max() < 0.01 * PIXEL
     noisy = slope + np.random.default_rng(1).normal(0, 0.02, slope.shape).astype(np.float32)
-    found = integrate_weighted(equations(noisy, 4e-4, rest), z)
-    assert np.abs(found[rest > 0]).max() < 1e-5
+    height = integrate_weighted(equations(noisy, 4e-4, rest), z)
+    assert np.abs(height[rest > 0]).max() < 1e-5
 
 
 def test_a_ring_without_slopes_is_bridged_by_shadows() -> None:
@@ -134,7 +134,7 @@ def test_a_ring_without_slopes_is_bridged_by_shadows() -> None:
     assert np.abs(standing[16:24, 24:32] - 0.5).max() < 0.02
 
 
-def test_a_wall_beside_the_dark_may_end_there() -> None:
+def test_the_rise_of_a_wall_next_to_dark_pixels_is_uncertain() -> None:
     slope, variance = np.zeros((2, *SHAPE), np.float32), variance_of(1e-6)
     slope[0, :, 24] = -30
     variance[:, :, 25:30] = 1e12
@@ -143,7 +143,7 @@ def test_a_wall_beside_the_dark_may_end_there() -> None:
     assert (system.right_variance[:, 24] > (30 * PIXEL) ** 2).all()
 
 
-def test_outliers_are_given_up() -> None:
+def test_outliers_are_rejected() -> None:
     z, slope = dome()
     spoilt = slope.copy()
     rng = np.random.default_rng(3)
@@ -167,35 +167,35 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return counts
 
 
-def test_a_film_that_changes_little_is_found_from_the_height_before(
+def test_a_film_that_changes_little_is_solved_faster_from_the_previous_height(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Twenty touches, each a hundredth higher; cold, and each from the one before."""
+    """Twenty touches, each a hundredth higher, from zero and from the previous height."""
     counts = counted(monkeypatch)
     z, slope = dome()
     noise = np.random.default_rng(5).normal(0, 0.003, slope.shape).astype(np.float32)
     before, cold_cycles, warm_cycles = None, 0, 0
     for size in 1 + 0.01 * np.arange(20, dtype=np.float32):
-        given = equations(size * slope + noise, 1e-5, at_rest(z)), 0.7 * size * z
+        problem = equations(size * slope + noise, 1e-5, at_rest(z)), 0.7 * size * z
         counts.append(0)
-        cold = integrate_weighted(*given, ease=4.0)
+        cold = integrate_weighted(*problem, ease=4.0)
         cold_cycles += counts[-1]
         counts.append(0)
-        warm = integrate_weighted(*given, before, ease=4.0)
+        warm = integrate_weighted(*problem, before, ease=4.0)
         warm_cycles += counts[-1]
         assert np.abs(warm - cold).max() < 0.003 * PIXEL
         before = warm
     assert warm_cycles < 0.7 * cold_cycles
 
 
-def test_the_height_before_does_not_count_when_the_touch_is_another() -> None:
+def test_the_previous_height_is_ignored_for_another_touch() -> None:
     z, slope = dome()
-    given = equations(slope, 1e-5, at_rest(z)), z
-    other = integrate_weighted(*given, np.roll(z, 12, axis=1))
-    assert np.array_equal(other, integrate_weighted(*given))
+    problem = equations(slope, 1e-5, at_rest(z)), z
+    other = integrate_weighted(*problem, np.roll(z, 12, axis=1))
+    assert np.array_equal(other, integrate_weighted(*problem))
 
 
-def test_pixels_that_do_not_count_change_nothing() -> None:
+def test_masked_pixels_change_nothing() -> None:
     z, slope = dome()
     mask = np.ones(SHAPE, np.uint8)
     mask[16:19, 30:36] = 0
@@ -203,27 +203,27 @@ def test_pixels_that_do_not_count_change_nothing() -> None:
     top, foot = np.array([17 * SHAPE[1] + 32], np.int32), np.array([5], np.int32)
     wrong = ShadowRises(top, foot, np.array([2], np.float32), np.array([1], np.uint8))
     system = equations(wild, 1e-6, at_rest(z), wrong, mask)
-    found = integrate_weighted(system, 0 * z, steps=30)
-    assert not found[mask == 0].any()
-    assert np.abs(found - z)[mask == 1].max() < 0.02 * PIXEL
+    height = integrate_weighted(system, 0 * z, steps=30)
+    assert not height[mask == 0].any()
+    assert np.abs(height - z)[mask == 1].max() < 0.02 * PIXEL
 
 
-def test_parts_that_a_mask_parts_are_found_each_for_itself() -> None:
+def test_parts_that_a_mask_separates_are_solved_independently() -> None:
     """The left part is held by the film at rest, the right by nothing; no light moves it."""
     z, slope = dome()
     mask = np.ones(SHAPE, np.uint8)
     mask[:, 40:42] = 0
     rest = at_rest(z)
     rest[:, 40:] = 0
-    found = integrate_weighted(equations(slope, 1e-6, rest, NO_RISES, mask), z, steps=30)
-    assert np.abs(found - z)[mask == 1].max() < 0.02 * PIXEL
+    height = integrate_weighted(equations(slope, 1e-6, rest, NO_RISES, mask), z, steps=30)
+    assert np.abs(height - z)[mask == 1].max() < 0.02 * PIXEL
 
 
 def test_a_touch_without_any_film_at_rest_has_a_border_at_zero() -> None:
     z, slope = dome()
     nowhere = np.zeros(SHAPE, np.uint8)
-    found = integrate_weighted(equations(slope, 1e-6, nowhere), z + 1, steps=30)
-    assert np.abs(found - z).max() < 0.02 * PIXEL
+    height = integrate_weighted(equations(slope, 1e-6, nowhere), z + 1, steps=30)
+    assert np.abs(height - z).max() < 0.02 * PIXEL
 
 
 def test_without_a_touch_everything_is_at_rest() -> None:
@@ -264,7 +264,7 @@ def test_film_at_rest_is_calm_where_neighbours_share_noise() -> None:
     assert calm_film(light, sigma).mean() < 0.97
     assert calm_film(light, sigma, 4.0).all()
     one_pixel = calm_film(np.full_like(light, 1.07), sigma, 4.0, radius_px=0)
-    assert not one_pixel.any(), "it is as calm as its own noise says"
+    assert not one_pixel.any(), "one pixel is as calm as its own noise"
 
 
 def test_one_pixel_is_outvoted() -> None:
@@ -301,9 +301,9 @@ def test_differences_over_two_pixels_become_the_slope_of_the_mean_normal(axis: i
     nx, ny, nz = normal.mean(axis=(2, 4))
     shown = -(nx, ny)[axis] / nz
     known = height_slopes(z, PIXEL).slope
-    found = pixel_mean_slope(known, inverse=True)[axis]
+    corrected = pixel_mean_slope(known, inverse=True)[axis]
     inner = np.s_[4:-4, 4:-4]
-    off, before = (np.abs(each - shown)[inner].max() for each in (found, known[axis]))
+    off, before = (np.abs(each - shown)[inner].max() for each in (corrected, known[axis]))
     assert off < 0.15 * before
 
 

@@ -8,14 +8,14 @@ from tests.nodes.scenes import ball
 
 
 @given(offset=st.floats(-5, 5))
-def test_any_offset_is_taken_off(offset: float) -> None:
+def test_any_offset_is_subtracted(offset: float) -> None:
     height = np.full((30, 40), offset, np.float32)
     height[10:20, 10:20] += 1
-    found = rest_at_border(height)
-    assert (found[0, 0], found[15, 15]) == (0, height[15, 15] - height[0, 0])
+    shifted = rest_at_border(height)
+    assert (shifted[0, 0], shifted[15, 15]) == (0, height[15, 15] - height[0, 0])
 
 
-def test_an_object_across_a_third_of_the_border_does_not_lift_it() -> None:
+def test_an_object_across_a_third_of_the_border_does_not_shift_the_zero() -> None:
     height = np.zeros((60, 60), np.float32)
     height[:, :15] = 2
     assert rest_at_border(height)[30, 50] == 0

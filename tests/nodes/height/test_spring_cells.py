@@ -11,7 +11,7 @@ NO_TIES = Ties(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.floa
 
 
 def network(shape: tuple[int, int], ties: Ties = NO_TIES) -> Springs:
-    """Springs of uneven stiffness between pixels, of which those at the border are held."""
+    """Springs of uneven stiffness between pixels; the pixels at the border are fixed."""
     rng = np.random.default_rng(3)
     rows, columns = shape
     right = rng.uniform(0.5, 2, (rows, columns - 1)).astype(np.float32)
@@ -28,16 +28,16 @@ def solved(springs: Springs, wants: tuple[F4, F4, F4]) -> F4:
 
 @pytest.mark.parametrize("shape", [(64, 80), (61, 83)])
 def test_cells_move_as_their_pixels_do(shape: tuple[int, int]) -> None:
-    """For a smooth load; blocks that are rigid move half as far."""
+    """For a smooth load; rigid blocks would move half as far."""
     y, x = np.mgrid[: shape[0], : shape[1]]
     bump = np.exp(-((x - 40) ** 2 + (y - 30) ** 2) / 200).astype(np.float32)
     springs = network(shape)
     wants = np.diff(bump, axis=1), np.diff(bump, axis=0), np.zeros(0, np.float32)
     fine = solved(springs, wants)
     cells = cells_of(springs)
-    found = cells.on_pixels(solved(cells.springs, cells.wants(*wants)))
+    coarse = cells.on_pixels(solved(cells.springs, cells.wants(*wants)))
     assert fine.max() > 0.9
-    assert np.abs(found - fine).max() < 0.04
+    assert np.abs(coarse - fine).max() < 0.04
 
 
 def test_ties_lift_cells_as_they_lift_pixels() -> None:
@@ -48,9 +48,9 @@ def test_ties_lift_cells_as_they_lift_pixels() -> None:
     wants = *level, np.ones(8, np.float32)
     cells = cells_of(springs)
     assert cells.springs.ties.stiffness == pytest.approx(100)
-    fine, found = (
+    fine, coarse = (
         solved(springs, wants),
         cells.on_pixels(solved(cells.springs, cells.wants(*wants))),
     )
-    rises = [z.ravel()[tops] - z.ravel()[feet] for z in (fine, found)]
+    rises = [z.ravel()[tops] - z.ravel()[feet] for z in (fine, coarse)]
     assert rises[1] == pytest.approx(rises[0], rel=0.2)

@@ -1,4 +1,4 @@
-"""Images looked at in cells of several pixels, and heights brought back from there."""
+"""Images averaged in cells of several pixels, and heights enlarged back to pixels."""
 
 import numpy as np
 import pytest
@@ -20,16 +20,18 @@ def like(rows: int, columns: int) -> F4:
 
 def test_a_cell_is_the_mean_of_its_pixels_or_its_first_one() -> None:
     light = np.random.default_rng(0).random((4, 11, 7), np.float32)
-    found = coarsen(light, factor=4)
-    assert found.shape == (4, 3, 2)
-    assert found[2, 1, 0] == pytest.approx(light[2, 4:8, :4].mean())
+    cells = coarsen(light, factor=4)
+    assert cells.shape == (4, 3, 2)
+    assert cells[2, 1, 0] == pytest.approx(light[2, 4:8, :4].mean())
     assert np.array_equal(coarsen(light, factor=4, take="corner"), light[:, ::4, ::4])
     assert np.array_equal(coarsen_dark(light[0]), coarsen(light[:1])[0])
     row = np.arange(5, dtype=np.float32).reshape(1, 1, 5)
-    assert coarsen(row, factor=4)[0, 0].tolist() == [1.5, 4], "beyond the border it goes on"
+    assert coarsen(row, factor=4)[0, 0].tolist() == [1.5, 4], (
+        "the border continues beyond the frame"
+    )
 
 
-def test_a_cell_is_so_many_pixels_wide() -> None:
+def test_a_cell_is_factor_pixels_wide() -> None:
     assert coarsen_pixel(0.05, factor=4) == pytest.approx(0.2)
     with pytest.raises(InputError, match="give the image as `like`"):
         coarsen_pixel(0.05, factor=0)
@@ -46,22 +48,22 @@ def test_cells_of_one_pixel_change_nothing() -> None:
 )
 def test_cells_are_twice_as_wide_above_two_megapixels(rows: int, columns: int, side: int) -> None:
     light = np.broadcast_to(np.arange(columns, dtype=np.float32), (1, rows, columns))
-    found = coarsen(light, factor=0)
-    assert found.shape == (1, rows // side, columns // side)
-    assert found[0, 0, 1] == 1.5 * side - 0.5
+    cells = coarsen(light, factor=0)
+    assert cells.shape == (1, rows // side, columns // side)
+    assert cells[0, 0, 1] == 1.5 * side - 0.5
     assert coarsen_pixel(0.05, light, factor=0) == pytest.approx(side * 0.05)
-    back = enlarge_height(found[0], light, factor=0)
+    back = enlarge_height(cells[0], light, factor=0)
     assert np.abs(back - light[0])[:, side:-side].max() < 1e-3
 
 
-def test_a_tilted_plane_comes_back_between_the_outermost_centres() -> None:
+def test_a_tilted_plane_is_restored_between_the_outermost_centres() -> None:
     y, x = np.mgrid[:40, :30].astype(np.float32)
     plane = 0.3 * x - 0.1 * y
     back = enlarge_height(coarsen(plane[None], factor=4)[0], like(40, 30), factor=4)
     assert np.abs(back - plane)[2:-2, 2:-4].max() < 1e-5
 
 
-def test_a_ball_comes_back_within_the_sag_of_a_cell() -> None:
+def test_a_ball_is_restored_within_the_sag_of_a_cell() -> None:
     radius, factor = 100.0, 4
     y, x = np.mgrid[-24:24, -32:32] + 0.5
     ball = np.sqrt(radius**2 - x**2 - y**2).astype(np.float32)
@@ -71,7 +73,7 @@ def test_a_ball_comes_back_within_the_sag_of_a_cell() -> None:
 
 
 def test_both_back_ends_agree_on_large_cells(device: OpenCL) -> None:
-    """Eight columns: the kernel takes them four at a time, in two goes."""
+    """Eight columns: the kernel takes them four at a time, in two steps."""
     case = Case(
         {"K": 3, "H": 19, "W": 43, "h": 3, "w": 6},
         "random",

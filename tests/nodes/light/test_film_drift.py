@@ -1,4 +1,4 @@
-"""LEDs fade: what the film at rest tells of it, and that no touch means no height."""
+"""LEDs fade: the film at rest reveals it, and no touch still means no height."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,7 +30,7 @@ def film(gain: F4 | float = 1.0, seed: int = 0) -> F4:
 
 
 def touched(light: F4) -> F4:
-    """The same, with the light of a touch in the middle of the frame."""
+    """The same light with a touch in the middle of the frame."""
     pressed = light.copy()
     rows, columns = pressed[:, 8:40, 16:48].shape[1:]
     y, x = np.mgrid[-1 : 1 : rows * 1j, -1 : 1 : columns * 1j]
@@ -39,8 +39,8 @@ def touched(light: F4) -> F4:
     return pressed
 
 
-def drift(light: F4, **given) -> F4:
-    return film_drift(coarsen(light), coarsen(NOISE), **given)
+def drift(light: F4, **settings) -> F4:
+    return film_drift(coarsen(light), coarsen(NOISE), **settings)
 
 
 def shaped(drift: F4) -> F4:
@@ -48,31 +48,31 @@ def shaped(drift: F4) -> F4:
     return np.tensordot(drift, basis, axes=1)
 
 
-def test_a_fade_is_found_beside_a_touch() -> None:
-    found = drift(touched(film(FADED[:, None, None])))
-    assert found[:, 0] == pytest.approx(FADED, abs=1e-3)
-    assert not found[:, 1:].any()
+def test_a_fade_is_found_around_a_touch() -> None:
+    fitted = drift(touched(film(FADED[:, None, None])))
+    assert fitted[:, 0] == pytest.approx(FADED, abs=1e-3)
+    assert not fitted[:, 1:].any()
 
 
 def test_where_nothing_drifts_nothing_is_changed() -> None:
     light = touched(film())
-    found = drift(light)
-    assert found[:, 0].tolist() == [1, 1, 1, 1]
-    assert np.array_equal(level_light(light, found), light)
+    fitted = drift(light)
+    assert fitted[:, 0].tolist() == [1, 1, 1, 1]
+    assert np.array_equal(level_light(light, fitted), light)
 
 
 @pytest.mark.parametrize("degree", [0, 2])
-def test_a_flat_field_that_has_drifted_is_one_whose_light_is_levelled(degree: int) -> None:
+def test_flat_field_with_a_drift_equals_flat_field_and_then_level_light(degree: int) -> None:
     rng = np.random.default_rng(0)
     image, flat = rng.uniform(0.2, 0.8, (2, 4, *SIZE)).astype(np.float32)
     dark = rng.uniform(0, 0.02, SIZE).astype(np.float32)
-    found = np.zeros((4, 6), np.float32)
-    found[:, 0] = FADED
+    faded = np.zeros((4, 6), np.float32)
+    faded[:, 0] = FADED
     if degree:
-        found[:, 1:] = rng.uniform(-0.02, 0.02, (4, 5))
+        faded[:, 1:] = rng.uniform(-0.02, 0.02, (4, 5))
     np.testing.assert_allclose(
-        flat_field(image, flat, dark, found),
-        level_light(flat_field(image, flat, dark), found),
+        flat_field(image, flat, dark, faded),
+        level_light(flat_field(image, flat, dark), faded),
         rtol=1e-6,
     )
 
@@ -94,18 +94,18 @@ def test_the_skirt_of_a_large_press_is_no_drift_that_varies() -> None:
     light = rng.normal(1, noise).astype(np.float32)
     for k, (p, q) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
         light[k] += steep * (p * x + q * y) / radius + (1 + p) * 0.1 * steep
-    found = film_drift(coarsen(light), coarsen(noise), degree=2)
+    fitted = film_drift(coarsen(light), coarsen(noise), degree=2)
     basis = terms(np.arange(60), np.arange(80), (60, 80))
-    assert np.abs(np.tensordot(found, basis, axes=1) - 1).max() < 2e-4
+    assert np.abs(np.tensordot(fitted, basis, axes=1) - 1).max() < 2e-4
 
 
-def test_a_drift_is_doubted_for_the_flat_frames_noise_too() -> None:
+def test_the_flat_frames_noise_makes_a_drift_doubtful_too() -> None:
     light = np.full((4, *SIZE), 1 - 5.5 * SIGMA / np.sqrt(np.prod(SIZE)), np.float32)
     assert (drift(light, flat_noise=0.0)[:, 0] < 1).all()
     assert drift(light)[:, 0].tolist() == [1, 1, 1, 1]
 
 
-def test_a_film_that_is_all_touch_keeps_the_drift_before() -> None:
+def test_a_film_that_is_touched_everywhere_keeps_the_previous_drift() -> None:
     before = np.zeros((4, 6), np.float32)
     before[:, 0] = FADED
     light = np.random.default_rng(0).uniform(0, 2, (4, *SIZE)).astype(np.float32)
@@ -115,23 +115,23 @@ def test_a_film_that_is_all_touch_keeps_the_drift_before() -> None:
 def test_a_drift_that_varies_over_the_film_is_followed_slowly() -> None:
     true = np.zeros((4, 6), np.float32)
     true[:, 0], true[0, 1], true[1, 4] = FADED, 0.02, -0.02
-    found = None
+    fitted = None
     for item in range(60):
         light = film(shaped(true), seed=item)
-        found = film_drift(coarsen(light), coarsen(NOISE), found, degree=2, rate=0.1)
+        fitted = film_drift(coarsen(light), coarsen(NOISE), fitted, degree=2, rate=0.1)
         if item == 0:
-            assert abs(found[0, 1]) < 0.004
-    assert np.abs(shaped(found) - shaped(true)).max() < 2e-3
+            assert abs(fitted[0, 1]) < 0.004
+    assert np.abs(shaped(fitted) - shaped(true)).max() < 2e-3
 
 
-def test_what_a_touch_hides_is_remembered() -> None:
+def test_a_drift_under_a_touch_is_remembered() -> None:
     true = np.zeros((4, 6), np.float32)
     true[:, 0], true[0, 3] = FADED, 0.02
-    found = true
+    fitted = true
     for item in range(20):
         light = touched(film(shaped(true), seed=item))
-        found = film_drift(coarsen(light), coarsen(NOISE), found, degree=2, rate=0.1)
-    assert np.abs(shaped(found) - shaped(true)).max() < 3e-3
+        fitted = film_drift(coarsen(light), coarsen(NOISE), fitted, degree=2, rate=0.1)
+    assert np.abs(shaped(fitted) - shaped(true)).max() < 3e-3
 
 
 PIXEL, SENSOR, COUNT = 0.1, (60, 80), 100
@@ -186,7 +186,7 @@ def errors(graph: str, scene, calibration: Path) -> tuple[float, float]:
     return worst[False], worst[True]
 
 
-def test_no_touch_no_height_though_leds_fade(scene, calibration: Path) -> None:
+def test_without_a_touch_there_is_no_height_although_leds_fade(scene, calibration: Path) -> None:
     """The film at rest stays at zero, and the touch is right, to a few microns."""
     rest, touch = errors("reconstruct_follow_drift", scene, calibration)
     assert rest < 0.004
@@ -194,7 +194,7 @@ def test_no_touch_no_height_though_leds_fade(scene, calibration: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_polynomial_for_each_led_does_where_film_is_at_rest(scene, calibration: Path) -> None:
+def test_a_polynomial_for_each_led_suffices_where_film_is_at_rest(scene, calibration: Path) -> None:
     rest, touch = errors("reconstruct", scene, calibration)
     assert rest < 0.004
     assert touch < 0.01

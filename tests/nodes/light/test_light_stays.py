@@ -1,4 +1,4 @@
-"""What moves is told from noise, however large that is."""
+"""Motion is distinguished from noise, however large the noise is."""
 
 import cv2
 import numpy as np
@@ -12,7 +12,7 @@ SHAPE = 60, 80
 SIGMA = np.full((3, *SHAPE), 0.01, np.float32)
 
 
-def seen(seed: int, moved_px: float = 0.0, noise: float = 0.002) -> F4:
+def image(seed: int, moved_px: float = 0.0, noise: float = 0.002) -> F4:
     """A ball under three lights, through a lens whose correction mixes the noise of neighbours."""
     _, slope = ball(*SHAPE, 60)
     light = np.stack([1 + 0.4 * slope[0], 1 - 0.4 * slope[0], 1 + 0.4 * slope[1]])
@@ -25,28 +25,28 @@ def seen(seed: int, moved_px: float = 0.0, noise: float = 0.002) -> F4:
 
 @pytest.mark.parametrize("noise", [0.0, 0.0005, 0.02])
 def test_noise_is_no_motion(noise: float) -> None:
-    first = light_stays(seen(0, noise=noise), SIGMA)
+    first = light_stays(image(0, noise=noise), SIGMA)
     assert first.still == 0
-    then = light_stays(seen(1, noise=noise), SIGMA, first.reference)
+    then = light_stays(image(1, noise=noise), SIGMA, first.reference)
     assert then.still == 1
     assert then.reference is first.reference
 
 
 def test_slow_motion_adds_up() -> None:
     """Each step is below the noise; the frame that is remembered is the last that moved."""
-    memory = light_stays(seen(0, noise=0.02), SIGMA).reference
+    memory = light_stays(image(0, noise=0.02), SIGMA).reference
     still = []
     for number in range(1, 21):
-        found = light_stays(seen(number, 0.05 * number, 0.02), SIGMA, memory)
-        memory = found.reference
-        still.append(found.still)
+        result = light_stays(image(number, 0.05 * number, 0.02), SIGMA, memory)
+        memory = result.reference
+        still.append(result.still)
     assert still[0] == 1
     assert 0 in still[:10]
     assert 0 in still[10:]
 
 
 def test_a_jump_is_motion_whose_light_is_remembered() -> None:
-    light = seen(1, moved_px=3.0)
-    found = light_stays(light, SIGMA, seen(0))
-    assert found.still == 0
-    assert np.array_equal(found.reference, light)
+    light = image(1, moved_px=3.0)
+    result = light_stays(light, SIGMA, image(0))
+    assert result.still == 0
+    assert np.array_equal(result.reference, light)

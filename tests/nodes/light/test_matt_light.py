@@ -16,8 +16,8 @@ PIXEL = 20 / SIZE[1]
 REST = np.zeros((2, *SIZE), np.float32)
 
 
-def seen(film: Film) -> tuple[F4, F4, F4, F4]:
-    """A pressed ball under a film: light, seen height, slopes, and where the ball is."""
+def ball_under(film: Film) -> tuple[F4, F4, F4, F4]:
+    """A pressed ball under a film: light, apparent height, slopes, and where the ball is."""
     height, slope, on = ball_seen(6.0, 4.0, (1.0, -0.5), film.camera, SIZE)
     y, x = (np.mgrid[: SIZE[0], : SIZE[1]] - np.array([29.5, 39.5])[:, None, None]) * PIXEL
     z = height / (1 + film.camera * height)
@@ -38,70 +38,70 @@ def wanted(height: F4, slope: F4, film: Film = MATT) -> F4:
 
 @pytest.mark.parametrize("name", FILMS)
 def test_a_known_shape_has_the_light_of_a_matt_film(name: str) -> None:
-    light, height, slope, _ = seen(FILMS[name])
-    found = matt(FILMS[name], light, slope, height).light
-    assert found == pytest.approx(wanted(height, slope, FILMS[name]), abs=2e-4)
+    light, height, slope, _ = ball_under(FILMS[name])
+    result = matt(FILMS[name], light, slope, height).light
+    assert result == pytest.approx(wanted(height, slope, FILMS[name]), abs=2e-4)
 
 
 @pytest.mark.parametrize("name", FILMS)
 def test_a_normal_that_is_ten_degrees_off_does_little_harm(name: str) -> None:
-    light, height, slope, on = seen(FILMS[name])
+    light, height, slope, on = ball_under(FILMS[name])
     off = slope + np.float32(0.17)
     right = wanted(height, slope, FILMS[name])
-    apart = np.abs(matt(FILMS[name], light, off, height).light - right)
+    error = np.abs(matt(FILMS[name], light, off, height).light - right)
     without = np.abs(matt(FILMS[name], light, off, height, steps=0).light - right)
-    assert apart[:, on].max() < 0.01
+    assert error[:, on].max() < 0.01
     if name in {"lobe", "all"}:
-        assert apart[:, on].max() < 0.3 * without[:, on].max()
+        assert error[:, on].max() < 0.3 * without[:, on].max()
 
 
 @pytest.mark.parametrize("name", FILMS)
-def test_no_film_that_departs_from_a_matt_one_is_left_alone(name: str) -> None:
+def test_the_node_is_idle_for_a_matt_film_alone(name: str) -> None:
     assert matt_light.is_idle is not None
-    asked = inspect.signature(matt_light.is_idle).parameters
+    names = inspect.signature(matt_light.is_idle).parameters
 
     def idle(film: Film) -> bool:
         known = {f"film_{part}": value for part, value in film._asdict().items()}
         known |= dict.fromkeys(("bounced", "finer", "finest"))
-        return matt_light.is_idle(**{part: known[part] for part in asked})
+        return matt_light.is_idle(**{part: known[part] for part in names})
 
     assert idle(MATT)
     assert not idle(FILMS[name])
 
 
 def test_a_matt_film_that_is_seen_from_afar_keeps_its_light() -> None:
-    light, height, _, _ = seen(MATT)
-    found = matt(MATT, light, REST, height)
-    assert np.array_equal(found.light, light)
-    assert found.sigma == pytest.approx(0.01)
+    light, height, _, _ = ball_under(MATT)
+    result = matt(MATT, light, REST, height)
+    assert np.array_equal(result.light, light)
+    assert result.sigma == pytest.approx(0.01)
 
 
-def test_diffused_and_bounced_light_is_taken_off() -> None:
+def test_diffused_and_bounced_light_is_subtracted() -> None:
     film = FILMS["diffuse"]
     shadow = np.broadcast_to(film.diffuse[:, None, None], (4, *SIZE)).astype(np.float32)
     assert matt(film, shadow, REST, REST[0]).light == pytest.approx(0, abs=1e-6)
-    light, height, slope, _ = seen(film)
+    light, height, slope, _ = ball_under(film)
     more = np.full_like(light, 0.1)
     wrong = {"bounced": 2 * more}
-    for found in ({"bounced": more}, wrong | {"finer": more}, wrong | {"finest": more}):
-        with_it = matt(film, light + more, slope, height, **found)
+    for bounce in ({"bounced": more}, wrong | {"finer": more}, wrong | {"finest": more}):
+        with_it = matt(film, light + more, slope, height, **bounce)
         assert with_it.light == pytest.approx(wanted(height, slope), abs=1e-5)
 
 
-def test_light_behind_a_soft_terminator_is_known_the_less_the_darker_it_is() -> None:
+def test_darker_light_behind_a_soft_terminator_is_less_certain() -> None:
     film = FILMS["soft"]
     behind = np.array([0.0, -0.05, -0.1, -0.14, -0.17], np.float32)
     light = np.broadcast_to(0.4 + 0.6 * behind, (4, *SIZE[:1], 5)).astype(np.float32)
     level = np.zeros((3, SIZE[0], 5), np.float32)
-    found = matt(film, light, level[:2], level[2])
-    assert wrapped(found.light, film.wrap) == pytest.approx((light - 0.4) / 0.6, abs=1e-5)
-    assert (np.diff(found.sigma, axis=-1) > 0.01).all()
+    result = matt(film, light, level[:2], level[2])
+    assert wrapped(result.light, film.wrap) == pytest.approx((light - 0.4) / 0.6, abs=1e-5)
+    assert (np.diff(result.sigma, axis=-1) > 0.01).all()
 
 
 def test_noise_grows_as_the_direct_share_shrinks_and_with_the_film_s_grain() -> None:
     film = FILMS["diffuse"]._replace(gain=1.0)
-    found = matt(film, np.ones((4, *SIZE), np.float32), REST, REST[0]).sigma
-    assert found[:, 0, 0] == pytest.approx(0.01 / (1 - film.diffuse))
+    result = matt(film, np.ones((4, *SIZE), np.float32), REST, REST[0]).sigma
+    assert result[:, 0, 0] == pytest.approx(0.01 / (1 - film.diffuse))
     light = np.full((4, *SIZE), 0.5, np.float32)
-    found = matt(MATT._replace(grain=0.02), light, REST, REST[0]).sigma
-    assert found == pytest.approx(np.hypot(0.01, 0.02 * 0.5))
+    result = matt(MATT._replace(grain=0.02), light, REST, REST[0]).sigma
+    assert result == pytest.approx(np.hypot(0.01, 0.02 * 0.5))

@@ -10,11 +10,11 @@ from tactograph.nodes.optics.near_light import matt_film_light
 from tests.nodes.scenes import LIGHTS
 
 PIXEL, SHAPE = 0.1, (80, 90)
-LEFT = np.float32([0.004, 1.0, 0.003, 0.02, 0.001])
+PRESSES = np.float32([0.004, 1.0, 0.003, 0.02, 0.001])
 
 
 def touch(
-    departure: float | F4, noise: float = 0.0, uneven: float = 0.0, left: F4 = LEFT
+    departure: float | F4, noise: float = 0.0, uneven: float = 0.0, presses: F4 = PRESSES
 ) -> tuple[F4, F4, list[str]]:
     """The misfit and the warnings of a slope whose first LED, or all, are too bright."""
     rng = np.random.default_rng(1)
@@ -26,47 +26,47 @@ def touch(
     else:
         light *= 1 + departure
     light += rng.normal(0, noise, light.shape).astype(np.float32)
-    with collect_warnings([]) as told:
-        found = touch_misfit(light, slope, height, used, LIGHTS, left, PIXEL, uneven, 0 * used)
-    return found, light, told
+    with collect_warnings([]) as messages:
+        widened = touch_misfit(light, slope, height, used, LIGHTS, presses, PIXEL, uneven, 0 * used)
+    return widened, light, messages
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 def test_a_touch_like_the_presses_keeps_their_misfit(noise: float) -> None:
-    found, _, told = touch(0.004, noise)
-    assert np.array_equal(found, LEFT * np.float32([1, 1, 0, 1, 1]))
-    assert not told
+    widened, _, messages = touch(0.004, noise)
+    assert np.array_equal(widened, PRESSES * np.float32([1, 1, 0, 1, 1]))
+    assert not messages
 
 
-def test_what_a_touch_leaves_beyond_the_presses_widens_the_band_and_is_told() -> None:
-    found, _, told = touch(0.04)
-    left = 0.04 / 2
-    beyond = (LEFT[0] / LEFT[2]) ** 2 * (left**2 - LEFT[2] ** 2)
+def test_a_misfit_beyond_the_presses_widens_the_band_with_a_warning() -> None:
+    widened, _, messages = touch(0.04)
+    rms = 0.04 / 2
+    beyond = (PRESSES[0] / PRESSES[2]) ** 2 * (rms**2 - PRESSES[2] ** 2)
     # Normals have no more of it in common than they had on the presses, at least 0.3.
-    tilt = np.sqrt(LEFT[4] ** 2 + 0.3**2 * beyond)
-    assert found == pytest.approx([np.sqrt(LEFT[0] ** 2 + beyond), 1, 0, 0.02, tilt], rel=1e-3)
-    (line,) = told
+    tilt = np.sqrt(PRESSES[4] ** 2 + 0.3**2 * beyond)
+    assert widened == pytest.approx([np.sqrt(PRESSES[0] ** 2 + beyond), 1, 0, 0.02, tilt], rel=1e-3)
+    (line,) = messages
     assert "departs from the film's model by 2.0 %" in line
     assert "times as large" in line
 
 
 def test_noise_alone_widens_no_band() -> None:
-    """Of products of noise, half of the medians over blocks lie above zero."""
-    found, *_ = touch(0.0, noise=0.02, left=np.float32([0.004, 1.0, 1e-5, 0.02, 0.001]))
-    assert found[0] == pytest.approx(0.004, rel=0.01)
+    """Half of the medians of products of noise over blocks lie above zero."""
+    widened, *_ = touch(0.0, noise=0.02, presses=np.float32([0.004, 1.0, 1e-5, 0.02, 0.001]))
+    assert widened[0] == pytest.approx(0.004, rel=0.01)
 
 
-def test_presses_that_left_no_light_do_not_widen_the_band_without_bound() -> None:
-    # What they left by chance is no measure of how normals err with the light.
-    found, *_ = touch(0.04, left=np.float32([0.004, 1.0, 1e-5, 0.02, 0.001]))
-    assert found[0] == pytest.approx(np.hypot(0.004, 1.5 * 0.04 / 2), rel=1e-3)
+def test_presses_without_a_misfit_do_not_widen_the_band_without_bound() -> None:
+    # Their chance misfit is no measure of how normals err with the light.
+    widened, *_ = touch(0.04, presses=np.float32([0.004, 1.0, 1e-5, 0.02, 0.001]))
+    assert widened[0] == pytest.approx(np.hypot(0.004, 1.5 * 0.04 / 2), rel=1e-3)
 
 
-def test_a_film_that_is_brighter_leaves_little_where_its_brightness_is_unknown() -> None:
+def test_a_brighter_film_has_little_misfit_where_its_brightness_is_unknown() -> None:
     brighter = np.full(SHAPE, 0.05, np.float32)
     known, unknown = (touch(brighter, uneven=u)[0] for u in (0.0, 0.1))
     assert known[0] > 0.03
-    assert unknown[0] == pytest.approx(LEFT[0], rel=0.01)
+    assert unknown[0] == pytest.approx(PRESSES[0], rel=0.01)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
@@ -76,6 +76,6 @@ def test_film_at_rest_shows_how_far_the_leds_light_departs(noise: float) -> None
     light[0] += np.float32(0.01)
     light += np.random.default_rng(2).normal(0, noise, light.shape).astype(np.float32)
     half = np.broadcast_to(np.arange(SHAPE[1]) < 48, SHAPE).astype(np.uint8)
-    touched = (slope, height, 15 + 0 * half, LIGHTS, LEFT, PIXEL, 0.0)
-    found = [touch_misfit(light, *touched, rest)[2] for rest in (half, 0 * half)]
-    assert found == pytest.approx([0.01 / 2, 0], rel=0.1)
+    touched = (slope, height, 15 + 0 * half, LIGHTS, PRESSES, PIXEL, 0.0)
+    departures = [touch_misfit(light, *touched, rest)[2] for rest in (half, 0 * half)]
+    assert departures == pytest.approx([0.01 / 2, 0], rel=0.1)

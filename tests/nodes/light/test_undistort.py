@@ -1,4 +1,4 @@
-"""Images on an even grid, and results brought back to the pixels of the camera."""
+"""Images on an even grid, and results mapped back to the pixels of the camera."""
 
 import numpy as np
 import pytest
@@ -40,7 +40,7 @@ def inner(plane: F4, margin: int = 12) -> F4:
 
 
 @pytest.mark.parametrize("values", [np.random.default_rng(0).random((4, 9, 21), np.float32)])
-def test_no_lens_returns_everything_to_the_bit(values: F4, device: OpenCL) -> None:
+def test_without_lens_everything_is_returned_to_the_bit(values: F4, device: OpenCL) -> None:
     labels = np.uint8(255 * values[0])
     assert np.array_equal(undistort(values, NONE), values)
     assert np.array_equal(undistort_dark(values[0], NONE), values[0])
@@ -49,47 +49,47 @@ def test_no_lens_returns_everything_to_the_bit(values: F4, device: OpenCL) -> No
     assert np.array_equal(distort_confidence(values[2], NONE), values[2])
     assert np.array_equal(distort_error(values[3], NONE), values[3])
     on_device = device.prepare(undistort, {}, {"K": 4, "H": 9, "W": 21})
-    given = {"image": device.upload(values), "lens": device.upload(NONE)}
-    found, _ = on_device.launch(given)
-    assert np.array_equal(device.download(found["undistort"]), values)
+    inputs = {"image": device.upload(values), "lens": device.upload(NONE)}
+    outputs, _ = on_device.launch(inputs)
+    assert np.array_equal(device.download(outputs["undistort"]), values)
 
 
 @LENSES
-def test_an_image_is_as_a_camera_without_lens_saw_it(lens: F4) -> None:
+def test_an_undistorted_image_is_that_of_a_camera_without_lens(lens: F4) -> None:
     x, y = places()
     u, v = ideal_places(lens, (ROWS, COLUMNS))
-    seen = surface(u - (COLUMNS - 1) / 2, v - (ROWS - 1) / 2)
-    error = undistort(seen[None], lens)[0] - surface(x, y)
+    distorted = surface(u - (COLUMNS - 1) / 2, v - (ROWS - 1) / 2)
+    error = undistort(distorted[None], lens)[0] - surface(x, y)
     assert np.abs(inner(error)).max() < 1e-4
 
 
 @LENSES
-def test_a_height_is_what_each_pixel_sees(lens: F4) -> None:
+def test_a_distorted_height_is_the_height_at_each_pixel_of_the_camera(lens: F4) -> None:
     u, v = ideal_places(lens, (ROWS, COLUMNS))
     want = surface(u - (COLUMNS - 1) / 2, v - (ROWS - 1) / 2)
     assert np.abs(inner(distort_height(surface(*places()), lens) - want)).max() < 1e-4
 
 
 @LENSES
-def test_there_and_back_is_where_it_began(lens: F4) -> None:
+def test_undistorting_and_distorting_restores_a_height(lens: F4) -> None:
     height = surface(*places())
     back = distort_height(undistort(height[None], lens)[0], lens)
     assert np.abs(inner(back - height)).max() < 2e-4
 
 
-def test_a_quadratic_surface_comes_back_as_it_is() -> None:
+def test_a_quadratic_surface_is_interpolated_exactly() -> None:
     """Cubic convolution is exact there; linear interpolation would err by an eighth of a px^2."""
     x, _ = places()
     shift = np.float32([0, 0, 0, 0, 0.02, 0, 0, 0])
-    found = undistort((x * x / 100)[None], shift)[0]
-    assert np.abs(inner(found - (1.02 * x) ** 2 / 100)).max() < 1e-3
+    result = undistort((x * x / 100)[None], shift)[0]
+    assert np.abs(inner(result - (1.02 * x) ** 2 / 100)).max() < 1e-3
 
 
-def test_beyond_the_frame_its_border_goes_on() -> None:
+def test_the_border_of_the_frame_is_repeated_beyond_it() -> None:
     x, _ = places()
-    found = undistort(x[None], PINCUSHION)[0]
-    assert found[0, 0] == x[0, 0]
-    assert found[-1, -1] == x[-1, -1]
+    result = undistort(x[None], PINCUSHION)[0]
+    assert result[0, 0] == x[0, 0]
+    assert result[-1, -1] == x[-1, -1]
 
 
 @LENSES
@@ -102,21 +102,21 @@ def test_labels_come_from_the_nearest_pixel(lens: F4) -> None:
 
 
 @LENSES
-def test_a_standard_deviation_comes_back_from_a_plane_as_it_is(lens: F4) -> None:
+def test_a_standard_deviation_that_is_a_plane_is_interpolated_exactly(lens: F4) -> None:
     x, y = places()
     u, v = ideal_places(lens, (ROWS, COLUMNS))
     want = 3 + 0.01 * (u - (COLUMNS - 1) / 2) + 0.02 * (v - (ROWS - 1) / 2)
-    found = distort_error(np.float32(3 + 0.01 * x + 0.02 * y), lens)
-    assert np.abs(inner(found - want)).max() < 1e-5
+    result = distort_error(np.float32(3 + 0.01 * x + 0.02 * y), lens)
+    assert np.abs(inner(result - want)).max() < 1e-5
 
 
 @LENSES
 def test_no_standard_deviation_is_negative_and_no_confidence_leaves_0_to_1(lens: F4) -> None:
-    """Beside a step cubic convolution overshoots, on both sides."""
+    """Next to a step cubic convolution overshoots, on both sides."""
     x, y = places()
     step = np.float32((x > 7) & (y < 11))
-    for found in (distort_error(step, lens), distort_confidence(step, lens)):
-        assert (found.min(), found.max()) == (0, 1)
+    for result in (distort_error(step, lens), distort_confidence(step, lens)):
+        assert (result.min(), result.max()) == (0, 1)
     assert distort_height(step, lens).min() < 0
 
 
@@ -127,8 +127,8 @@ def test_no_graph_interpolates_an_error_or_a_confidence_as_a_height(name: str) -
     for entry in nodes.values():
         if entry.op == "distort_height":
             maker, port = split_reference(entry.inputs["height"], nodes)
-            made = find_node(nodes[maker].op)
-            assert made.outputs[port or made.name].port.low < 0, entry.inputs
+            node = find_node(nodes[maker].op)
+            assert node.outputs[port or node.name].port.low < 0, entry.inputs
 
 
 @settings(max_examples=50)
@@ -137,7 +137,7 @@ def test_no_graph_interpolates_an_error_or_a_confidence_as_a_height(name: str) -
     centre=st.tuples(*[st.floats(-0.1, 0.1)] * 2),
     tilt=st.tuples(*[st.floats(-0.05, 0.05)] * 4),
 )
-def test_the_two_ways_of_a_lens_undo_each_other(bend, centre, tilt) -> None:
+def test_the_two_directions_of_a_lens_are_inverse(bend, centre, tilt) -> None:
     """Where it bends by at most 12 % at a corner; at 20 % a lens is about to fold the image."""
     lens = (*bend, *centre, *tilt)
     v, u = np.mgrid[-0.6:0.6:7j, -0.8:0.8:9j]

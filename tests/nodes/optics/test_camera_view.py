@@ -19,7 +19,7 @@ SHAPE = (120, 160)
 PIXEL = 0.1
 CAMERA = 1 / 65
 BENT = np.float32([0.03, 0, 0, 0, 0, 0, 0, 0])
-MADE = Provenance({}, None, [], {}, {}, [], [])
+PROVENANCE = Provenance({}, None, [], {}, {}, [], [])
 
 
 def hill(x: F4, y: F4) -> F4:
@@ -31,8 +31,8 @@ def middle() -> tuple[float, float]:
     return (SHAPE[1] - 1) / 2, (SHAPE[0] - 1) / 2
 
 
-def seen(lens: F4) -> F4:
-    """What a pinhole camera sees of the hill: z = hill(x), x = u (1 - z / D)."""
+def apparent(lens: F4) -> F4:
+    """The apparent height of the hill for a pinhole camera: z = hill(x), x = u (1 - z / D)."""
     column, row = ideal_places(lens, SHAPE)
     u, v = PIXEL * (column - middle()[0]), PIXEL * (row - middle()[1])
     z = np.zeros(SHAPE)
@@ -42,8 +42,8 @@ def seen(lens: F4) -> F4:
 
 
 @pytest.mark.parametrize("lens", [None, BENT], ids=["no lens", "bent"])
-def test_points_lie_on_the_surface_that_was_seen(lens: F4 | None) -> None:
-    height = seen(np.zeros(8, np.float32) if lens is None else lens)
+def test_points_lie_on_the_true_surface(lens: F4 | None) -> None:
+    height = apparent(np.zeros(8, np.float32) if lens is None else lens)
     x, y = View(lens, CAMERA).places(height)
     surface = hill(PIXEL * x, PIXEL * y)
     assert np.abs(surface - height).max() < 1e-4
@@ -54,29 +54,29 @@ def test_points_lie_on_the_surface_that_was_seen(lens: F4 | None) -> None:
 
 @pytest.mark.parametrize("lens", [None, BENT], ids=["no lens", "bent"])
 def test_an_even_grid_holds_the_surface_itself(lens: F4 | None) -> None:
-    height = seen(np.zeros(8, np.float32) if lens is None else lens)
-    found, (error,) = View(lens, CAMERA).on_even_grid(height, [height])
+    height = apparent(np.zeros(8, np.float32) if lens is None else lens)
+    on_grid, (error,) = View(lens, CAMERA).on_even_grid(height, [height])
     row, column = np.mgrid[: SHAPE[0], : SHAPE[1]]
     truth = hill(PIXEL * (column - middle()[0]), PIXEL * (row - middle()[1]))
-    known = np.isfinite(found)
+    known = np.isfinite(on_grid)
     assert known.mean() > 0.9
-    assert np.abs(found - truth)[known].max() < 1e-3
+    assert np.abs(on_grid - truth)[known].max() < 1e-3
     assert np.abs(error - truth)[known].max() < 5e-3
     assert np.isnan(error[~known]).all()
 
 
-def test_what_no_pixel_sees_is_not_known() -> None:
+def test_a_height_that_no_pixel_sees_is_unknown() -> None:
     """A film 6.5 mm up fills nine tenths of the frame in each direction."""
-    found, _ = View(None, CAMERA).on_even_grid(np.full(SHAPE, 6.5, np.float32), [])
-    assert np.isnan(found[0]).all()
-    assert np.abs(found[8:-8, 10:-10] - 6.5).max() < 1e-5
+    on_grid, _ = View(None, CAMERA).on_even_grid(np.full(SHAPE, 6.5, np.float32), [])
+    assert np.isnan(on_grid[0]).all()
+    assert np.abs(on_grid[8:-8, 10:-10] - 6.5).max() < 1e-5
 
 
 def test_an_orthographic_camera_without_lens_changes_nothing() -> None:
-    height = seen(np.zeros(8, np.float32))
-    found, others = View(np.zeros(8, np.float32), 0.0).on_even_grid(height, [])
-    assert np.array_equal(found, height)
-    assert others == []
+    height = apparent(np.zeros(8, np.float32))
+    on_grid, layers = View(np.zeros(8, np.float32), 0.0).on_even_grid(height, [])
+    assert np.array_equal(on_grid, height)
+    assert layers == []
     x, y = View(None, 0.0).places(height)
     assert np.array_equal(y + middle()[1], np.mgrid[: SHAPE[0], : SHAPE[1]][0])
     assert np.array_equal(x + middle()[0], np.mgrid[: SHAPE[0], : SHAPE[1]][1])
@@ -92,8 +92,8 @@ def test_a_film_that_reaches_the_camera_is_refused() -> None:
             call()
 
 
-def test_a_mesh_has_its_points_where_they_lie(tmp_path: Path) -> None:
-    height = seen(BENT)
+def test_the_points_of_a_mesh_lie_on_the_surface(tmp_path: Path) -> None:
+    height = apparent(BENT)
     write_ply(tmp_path / "height.ply", height, PIXEL, View(BENT, CAMERA))
     vertices = trimesh.load(tmp_path / "height.ply", process=False).vertices
     x, y = vertices[:, 0], -vertices[:, 1]
@@ -101,18 +101,20 @@ def test_a_mesh_has_its_points_where_they_lie(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("grid", ["pixel", "metric"])
-def test_a_result_is_what_pixels_see_or_even_on_the_film(tmp_path: Path, grid: str) -> None:
-    height = seen(BENT)
+def test_a_result_is_on_the_pixels_or_on_an_even_grid_of_the_film(
+    tmp_path: Path, grid: str
+) -> None:
+    height = apparent(BENT)
     image = np.ones((4, *SHAPE), np.float32)
     touch = Touch(height, image, PIXEL, view=View(BENT, CAMERA), layers={"error": 0.01 * height})
-    write_result(touch, folder=tmp_path, grid=grid, ply=True, provenance=MADE)
-    found = np.load(tmp_path / "height.npy")
+    write_result(touch, folder=tmp_path, grid=grid, ply=True, provenance=PROVENANCE)
+    stored = np.load(tmp_path / "height.npy")
     even, (error,) = View(BENT, CAMERA).on_even_grid(height, [0.01 * height])
     expected = (height, 0.01 * height) if grid == "pixel" else (even, error)
-    assert np.array_equal(found, expected[0], equal_nan=True)
+    assert np.array_equal(stored, expected[0], equal_nan=True)
     assert np.array_equal(np.load(tmp_path / "error.npy"), expected[1], equal_nan=True)
     assert json.loads((tmp_path / "result.json").read_text())["grid"] == grid
     vertices = trimesh.load(tmp_path / "height.ply", process=False).vertices
-    assert len(vertices) == np.isfinite(found).sum()
+    assert len(vertices) == np.isfinite(stored).sum()
     x, y = vertices[:, 0], -vertices[:, 1]
     assert np.abs(hill(x, y) - vertices[:, 2]).max() < 1e-3

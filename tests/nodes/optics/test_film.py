@@ -1,4 +1,4 @@
-"""Equation F1 holds what is known of a film without any fit."""
+"""Equation F1 has the properties of a film that are known without any fit."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,7 @@ def test_only_a_matt_film_is_a_linear_function_of_the_normal(name: str) -> None:
     assert is_affine(FILMS[name]) == (name in {"diffuse", "soft", "disks"})
 
 
-def test_a_coat_that_does_not_refract_is_none() -> None:
+def test_a_coat_that_does_not_refract_has_no_effect() -> None:
     nearly = MATT._replace(base=0.6, roughness=0.3, refraction=1 + 1e-4)
     assert predict(nearly, N, X, Y, Z) == pytest.approx(predict(MATT, N, X, Y, Z), abs=1e-5)
 
@@ -65,12 +65,12 @@ def test_a_coat_reflects_no_more_than_it_receives(slant: float) -> None:
     assert 0.5 < total < 1
 
 
-def test_what_the_gel_diffuses_is_left_in_a_shadow() -> None:
+def test_diffused_light_remains_in_a_shadow() -> None:
     away = normals(-4 * LEDS[:1, :2].T / np.linalg.norm(LEDS[0, :2]) * -1)
     film = FILMS["diffuse"]
-    made = predict(film, away, *np.zeros((3, 1)))
+    light = predict(film, away, *np.zeros((3, 1)))
     assert (LEDS[0] @ away) < 0
-    assert made[0] == pytest.approx(film.diffuse[0], abs=1e-6)
+    assert light[0] == pytest.approx(film.diffuse[0], abs=1e-6)
 
 
 def test_film_is_brighter_where_it_is_touched() -> None:
@@ -102,29 +102,29 @@ def test_harmonics_end_at_the_slopes_that_were_pressed() -> None:
     for nz, bent in ((pressed, True), (beyond, False)):
         n = np.array([[np.sqrt(1 - nz * nz)], [0.0], [nz]])
         at = n, *np.zeros((3, 1))
-        apart = predict(film, *at) - predict(film._replace(harmonics=MATT.harmonics), *at)
-        assert (np.abs(apart) > 1e-4).any() == bent
+        difference = predict(film, *at) - predict(film._replace(harmonics=MATT.harmonics), *at)
+        assert (np.abs(difference) > 1e-4).any() == bent
 
 
 def test_a_pupil_near_the_film_sees_the_film_at_rest_elsewhere() -> None:
     film, z = FILMS["camera"], np.array([2.0])
     x = np.array([8.0])
-    seen = x / (1 - film.camera * z)
+    apparent = x / (1 - film.camera * z)
     n = np.array([[0.0], [0.0], [1.0]])
-    away = [np.linalg.norm(LEDS - [p[0], 0, h], axis=1) for p, h in ((x, 2.0), (seen, 0.0))]
+    away = [np.linalg.norm(LEDS - [p[0], 0, h], axis=1) for p, h in ((x, 2.0), (apparent, 0.0))]
     expected = (LEDS[:, 2] - 2) / LEDS[:, 2] * (away[1] / away[0]) ** 3
     assert predict(film, n, x, np.zeros(1), z)[:, 0] == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize("name", FILMS)
-def test_light_changes_with_the_normal_as_its_derivatives_say(name: str) -> None:
+def test_light_changes_with_the_normal_as_its_derivatives_state(name: str) -> None:
     film, (nx, ny, nz), step = FILMS[name], N, 1e-4
     none = np.zeros_like(nx)
     tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
     place = X, Y, Z
     lit = predict(film, N, *place) > film.diffuse[:, None] + 0.05
-    found = _changes(film, N, tangents, place, rest_below(film, *place), Z)
-    for along, change in zip(tangents, found, strict=True):
+    changes = _changes(film, N, tangents, place, rest_below(film, *place), Z)
+    for along, change in zip(tangents, changes, strict=True):
         before, after = (
             predict(film, n / np.linalg.norm(n, axis=0), *place)
             for n in (N - step * along, N + step * along)

@@ -1,4 +1,4 @@
-"""What the light of near LEDs tells of a normal."""
+"""The evidence of near LEDs' light about a normal."""
 
 import numpy as np
 import pytest
@@ -29,5 +29,5 @@ def test_weights_are_the_inverse_of_the_lights_covariance(uneven: float) -> None
     expected = columns @ np.linalg.inv(covariance) @ columns.T
     scale = 1e-3 * np.abs(expected).max()
     for products, rows in ((tangent_products, expected[:2]), (light_products, expected[2:, 2:])):
-        found = products(V, light[:, None], SIGMA**-2, N, uneven)[..., 0]
-        assert found == pytest.approx(rows, rel=1e-3, abs=scale), products
+        product = products(V, light[:, None], SIGMA**-2, N, uneven)[..., 0]
+        assert product == pytest.approx(rows, rel=1e-3, abs=scale), products

@@ -21,7 +21,7 @@ def table(spread: float, lost: float) -> tuple[np.ndarray, np.ndarray]:
     return light.astype(np.float32), slope.astype(np.float32)
 
 
-def test_between_noise_and_shadow() -> None:
+def test_the_best_threshold_lies_between_noise_and_shadow() -> None:
     light, slope = table(0.01, 0.8)
     best = best_threshold(light, ALL, slope, LIGHTS, NULL)
     assert 0.04 < best < 0.2
@@ -29,14 +29,14 @@ def test_between_noise_and_shadow() -> None:
     assert best_threshold(light, black, slope / 3, LIGHTS, NULL) == best
 
 
-def test_noise_that_hides_shadows_makes_it_a_compromise() -> None:
+def test_noise_that_hides_shadows_makes_the_threshold_a_compromise() -> None:
     light, slope = table(0.1, 0.5)
     best, departure = best_threshold(light, ALL, slope, LIGHTS, NULL), np.abs(light @ NULL)
     shadowed = slope[:, 1] > 2
 
     def above_chance(threshold: float) -> float:
-        found = departure > threshold
-        return float(found[shadowed].mean() - found[~shadowed].mean())
+        above = departure > threshold
+        return float(above[shadowed].mean() - above[~shadowed].mean())
 
     assert above_chance(best) >= max(map(above_chance, np.linspace(0, 0.5, 500)))
 

@@ -1,4 +1,4 @@
-"""The shadow of a ball is the one that the ray from every place to the LED tells."""
+"""The shadow of a ball is that of the rays from every place to the LED."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,9 @@ PIXEL, RADIUS, SHAPE = 0.05, 1.5, (161, 201)
     [(30, 2, 20), (-3, -40, 15), (-4, -4, 5), (3, 0, 4), (-1e5, 1e5, 1e5), (0, 0, 30)],
     ids=["far", "across", "corner", "within", "parallel", "above"],
 )
-def test_half_a_ball_on_the_film(led: tuple[float, float, float], attached: bool) -> None:
+def test_half_a_ball_on_the_film_casts_its_exact_shadow(
+    led: tuple[float, float, float], attached: bool
+) -> None:
     """The terminator is found to a tenth of a pixel where the pixel's own slope counts."""
     y, x = ((np.arange(n) - (n - 1) / 2) * PIXEL for n in SHAPE)
     place = np.stack(np.broadcast_arrays(x, y[:, None], 0.0))
@@ -26,9 +28,11 @@ def test_half_a_ball_on_the_film(led: tuple[float, float, float], attached: bool
     ray /= np.linalg.norm(ray, axis=0)
     along = (place * ray).sum(0)
     passes = np.sqrt((place**2).sum(0) - along**2)
-    beside = plan > RADIUS + 2 * PIXEL
-    expected = np.where(beside, (along < 0) & (passes < RADIUS), along < 0)
-    clear = np.where(beside, abs(passes - RADIUS), abs(along) * (10 if attached else 1 / 3)) > PIXEL
-    clear &= beside | (plan < 0.9 * RADIUS)
+    outside = plan > RADIUS + 2 * PIXEL
+    expected = np.where(outside, (along < 0) & (passes < RADIUS), along < 0)
+    clear = (
+        np.where(outside, abs(passes - RADIUS), abs(along) * (10 if attached else 1 / 3)) > PIXEL
+    )
+    clear &= outside | (plan < 0.9 * RADIUS)
     assert clear.mean() > 0.7
     np.testing.assert_array_equal(dark[clear], expected[clear])

@@ -27,7 +27,7 @@ def glossy(gloss: float, lights: F4 = LIGHTS) -> tuple[F4, F4, F4]:
     return np.asarray(light + noise, np.float32), np.asarray(mirrored, np.float32), slope
 
 
-def found(light: F4, lights: F4 = FAR) -> tuple[F4, F4]:
+def highlights(light: F4, lights: F4 = FAR) -> tuple[F4, F4]:
     sigma = np.full_like(light, SIGMA)
     level = np.zeros(SHAPE, np.float32)
     highlight, raised = label_highlights(light, sigma, lights, level, PIXEL)
@@ -36,7 +36,7 @@ def found(light: F4, lights: F4 = FAR) -> tuple[F4, F4]:
 
 def test_each_led_is_mirrored_where_the_cap_faces_half_way_to_it() -> None:
     light, mirrored, _ = glossy(0.5)
-    highlight, sigma = found(light)
+    highlight, sigma = highlights(light)
     for k in range(4):
         bit = (highlight >> k & 1).astype(bool)
         assert bit[mirrored[k] > 20 * SIGMA].mean() > 0.95
@@ -46,26 +46,26 @@ def test_each_led_is_mirrored_where_the_cap_faces_half_way_to_it() -> None:
 
 
 def test_a_matt_film_has_no_highlight() -> None:
-    assert (found(glossy(0.0)[0])[0] > 0).mean() < 1e-3
+    assert (highlights(glossy(0.0)[0])[0] > 0).mean() < 1e-3
 
 
 def test_a_shadow_is_no_highlight() -> None:
     light, _, _ = glossy(0.0)
     light[1, 20:40, 20:40] = 0
-    assert (found(light)[0] > 0).mean() < 1e-3
+    assert (highlights(light)[0] > 0).mean() < 1e-3
 
 
 def test_the_slope_is_right_under_the_highlight() -> None:
     light, mirrored, slope = glossy(0.5)
     flat, level = np.zeros((2, *SHAPE), np.float32), np.zeros(SHAPE, np.float32)
-    seen = (mirrored > 20 * SIGMA).any(axis=0)
-    labelled = label_lights(light, found(light)[1], FAR, level, flat, PIXEL, 0.03, 0.0)
-    assert not labelled.shadow[seen].any()
-    assert np.abs(labelled.slope - slope)[:, seen].mean() < 0.008
+    highlit = (mirrored > 20 * SIGMA).any(axis=0)
+    labelled = label_lights(light, highlights(light)[1], FAR, level, flat, PIXEL, 0.03, 0.0)
+    assert not labelled.shadow[highlit].any()
+    assert np.abs(labelled.slope - slope)[:, highlit].mean() < 0.008
 
 
-def test_three_leds_leave_none_to_compare_with() -> None:
+def test_three_leds_give_no_highlight() -> None:
     light, _, _ = glossy(0.5, LIGHTS[:3])
-    highlight, sigma = found(light, FAR[:3])
+    highlight, sigma = highlights(light, FAR[:3])
     assert not highlight.any()
     assert sigma == pytest.approx(SIGMA)

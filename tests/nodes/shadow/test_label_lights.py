@@ -1,4 +1,4 @@
-"""Lights that a normal explains give that normal, and say which LEDs are in shadow."""
+"""Light that a normal explains gives that normal and the LEDs that are in shadow."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ LEVEL = np.zeros((2, 6, 8), np.float32)
 
 
 def light_of(slope: F4, lights: F4 = LIGHTS, height: F4 = FILM) -> F4:
-    """What a film of these slopes gives, relative to the film at rest."""
+    """The light of a film with these slopes, relative to the film at rest."""
     p, q = slope
     normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
     vectors = light_vectors(lights, height, PIXEL)
@@ -57,11 +57,11 @@ slopes = st.integers(-80, 80).map(lambda hundredths: hundredths / 100)
 @given(p=slopes, q=slopes, height=st.integers(-1, 6))
 def test_a_lit_film_gives_its_slope(p: float, q: float, height: int) -> None:
     slope, raised = level(p, q), FILM + np.float32(height)
-    found = label(light_of(slope, height=raised), height=raised)
+    result = label(light_of(slope, height=raised), height=raised)
     lit = light_of(slope, height=raised).min(axis=0) > 3 * NOISE
-    assert (found.used[lit] == 0b1111).all()
-    assert np.abs(found.slope - slope)[:, lit].max(initial=0) < 2e-3
-    assert found.misfit[lit].max(initial=0) < 0.1
+    assert (result.used[lit] == 0b1111).all()
+    assert np.abs(result.slope - slope)[:, lit].max(initial=0) < 2e-3
+    assert result.misfit[lit].max(initial=0) < 0.1
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.5])
@@ -72,24 +72,24 @@ def test_noise_makes_no_bowl_of_the_film_and_no_tilt_steeper(tilt: float) -> Non
     light = light_of(level, height=film)
     light += np.random.default_rng(0).normal(0, noise, light.shape).astype(np.float32)
     sigma = np.full_like(light, noise)
-    found = label_lights(light, sigma, LIGHTS, film, level, PIXEL, UNEVEN, 0.0, dark=0).slope
-    right, down = found[0, :, 160:], found[1, 120:]
-    assert abs(right.mean() - found[0, :, :160].mean()) < 1e-3
-    assert abs(down.mean() - found[1, :120].mean()) < 1e-3
-    assert found[0].mean() == pytest.approx(tilt, abs=5e-4)
+    slope = label_lights(light, sigma, LIGHTS, film, level, PIXEL, UNEVEN, 0.0, dark=0).slope
+    right, down = slope[0, :, 160:], slope[1, 120:]
+    assert abs(right.mean() - slope[0, :, :160].mean()) < 1e-3
+    assert abs(down.mean() - slope[1, :120].mean()) < 1e-3
+    assert slope[0].mean() == pytest.approx(tilt, abs=5e-4)
 
 
 @settings(max_examples=40)
 @given(p=slopes, q=slopes, brighter=st.integers(-6, 6))
 def test_film_of_another_brightness_has_the_same_slope(p: float, q: float, brighter: int) -> None:
     light = light_of(level(p, q)) * np.float32(1 + brighter / 100)
-    found = label(light)
+    result = label(light)
     lit = light.min(axis=0) > 3 * NOISE
-    assert (found.used[lit] == 0b1111).all()
-    assert np.abs(found.slope - level(p, q))[:, lit].max(initial=0) < 2e-3 * (1 + abs(brighter))
+    assert (result.used[lit] == 0b1111).all()
+    assert np.abs(result.slope - level(p, q))[:, lit].max(initial=0) < 2e-3 * (1 + abs(brighter))
 
 
-def test_film_known_to_be_even_tells_slopes_by_its_brightness_too() -> None:
+def test_the_brightness_of_even_film_determines_its_slope_too() -> None:
     tilted = level(0.6, 0.2)
     bright = light_of(tilted) * np.float32(1.05)
     assert np.abs(label(bright, uneven=0.0).slope - tilted).max() > 0.02
@@ -99,43 +99,43 @@ def test_film_known_to_be_even_tells_slopes_by_its_brightness_too() -> None:
 
 @settings(max_examples=40)
 @given(p=slopes, q=slopes, led=st.integers(0, 3))
-def test_a_cast_shadow_is_told_and_left_out(p: float, q: float, led: int) -> None:
+def test_a_cast_shadow_is_labelled_and_left_out(p: float, q: float, led: int) -> None:
     slope = level(p, q)
     light = light_of(slope)
     certain = light.min() > 0.1
     light[led] = 0
-    found = label(light)
+    result = label(light)
     if certain:
-        assert (found.shadow == 1 << led).all()
-        assert (found.used == 0b1111 & ~(1 << led)).all()
-        assert np.abs(found.slope - slope).max() < 2e-3
+        assert (result.shadow == 1 << led).all()
+        assert (result.used == 0b1111 & ~(1 << led)).all()
+        assert np.abs(result.slope - slope).max() < 2e-3
 
 
-def test_a_shadow_well_above_the_noise_is_told_by_its_misfit() -> None:
+def test_a_shadow_well_above_the_noise_is_labelled_by_its_misfit() -> None:
     light = light_of(level(0.3, -0.2))
     light[2] *= 0.3
     assert (label(light).shadow == 0b0100).all()
 
 
-def test_shadows_are_told_though_none_is_quite_black() -> None:
+def test_shadows_are_labelled_although_none_is_quite_black() -> None:
     ball = shape_ball(radius_mm=2.0, width_px=80, height_px=80, pixel_size_mm=PIXEL).height
-    made = render(ball, PIXEL, LIGHTS)
+    rendered = render(ball, PIXEL, LIGHTS)
     rest = render(np.zeros_like(ball), PIXEL, LIGHTS).light
-    light = 0.985 * made.light / rest + np.float32(0.015)
+    light = 0.985 * rendered.light / rest + np.float32(0.015)
     slope = height_slopes(ball, PIXEL).slope
-    found = label(light, height=ball, prior=slope, pair="prior").shadow
-    assert evaluate_shadow(found, made.labels)["shadow_iou"] > 0.89
+    result = label(light, height=ball, prior=slope, pair="prior").shadow
+    assert evaluate_shadow(result, rendered.labels)["shadow_iou"] > 0.89
 
 
 def test_two_shadows_leave_the_exact_slope_as_one_of_two() -> None:
     slope = level(0.5, 0.4)
     light = light_of(slope)
     light[[0, 1]] = 0
-    found = label(light, prior=level(0.45, 0.45), pair="prior")
-    assert (found.used == 0b1100).all()
-    assert np.abs(found.slope - slope).max() < 2e-3
-    other = label(light, prior=found.twin, pair="prior")
-    assert np.allclose(other.slope, found.twin, atol=1e-4)
+    result = label(light, prior=level(0.45, 0.45), pair="prior")
+    assert (result.used == 0b1100).all()
+    assert np.abs(result.slope - slope).max() < 2e-3
+    other = label(light, prior=result.twin, pair="prior")
+    assert np.allclose(other.slope, result.twin, atol=1e-4)
     assert np.allclose(light_of(other.slope)[2:], light[2:], atol=1e-4)
 
 
@@ -144,9 +144,9 @@ def test_an_attached_shadow_decides_between_the_two_normals() -> None:
     light = light_of(steep)
     dark = (light == 0).all(axis=(1, 2))
     assert dark.sum() == 1, "the scene is meant to have one LED behind the surface"
-    found = label(light)
-    assert (found.shadow == 1 << int(np.argmax(dark))).all()
-    assert np.abs(found.slope - steep).max() < 5e-3
+    result = label(light)
+    assert (result.shadow == 1 << int(np.argmax(dark))).all()
+    assert np.abs(result.slope - steep).max() < 5e-3
 
 
 def test_film_in_two_shadows_lies_level() -> None:
@@ -159,49 +159,49 @@ def test_film_in_two_shadows_lies_level() -> None:
 def test_with_one_led_nothing_is_known() -> None:
     light = light_of(level(0.3, 0.1))
     light[:3] = 0
-    found = label(light)
-    assert not found.slope.any()
-    assert not found.used.any()
-    assert (found.shadow == 0b0111).all()
-    assert (found.variance == 1e12).all()
+    result = label(light)
+    assert not result.slope.any()
+    assert not result.used.any()
+    assert (result.shadow == 0b0111).all()
+    assert (result.variance == 1e12).all()
 
 
 def test_a_highlight_is_left_out_but_is_no_shadow() -> None:
     slope = level(0.2, 0.3)
     light = light_of(slope)
     light[3] += 0.5
-    found = label(light, one_sided=-1000.0)
-    assert (found.used == 0b0111).all()
-    assert not found.shadow.any()
-    assert np.abs(found.slope - slope).max() < 2e-3
+    result = label(light, one_sided=-1000.0)
+    assert (result.used == 0b0111).all()
+    assert not result.shadow.any()
+    assert np.abs(result.slope - slope).max() < 2e-3
 
 
-def test_three_leds_tell_a_shadow_by_the_length_of_the_normal() -> None:
+def test_three_leds_reveal_a_shadow_by_the_length_of_the_normal() -> None:
     slope = level(0.3, 0.2)
     light = light_of(slope, LIGHTS[:3])
     light[1] = 0
-    found = label(light, LIGHTS[:3], prior=slope, pair="prior")
-    assert (found.shadow == 0b010).all()
-    assert np.abs(found.slope - slope).max() < 2e-3
+    result = label(light, LIGHTS[:3], prior=slope, pair="prior")
+    assert (result.shadow == 0b010).all()
+    assert np.abs(result.slope - slope).max() < 2e-3
 
 
 @pytest.mark.parametrize(("leds", "dimmed"), [(4, 0.3), (4, 0.6), (3, 0.6)])
-def test_dirt_dims_all_leds_and_turns_no_slope(leds: int, dimmed: float) -> None:
+def test_dirt_dims_all_leds_and_changes_no_slope(leds: int, dimmed: float) -> None:
     slope = level(0.3, -0.2)
     light = np.float32(dimmed) * light_of(slope, LIGHTS[:leds])
-    found = label(light, LIGHTS[:leds])
-    assert (found.used == (1 << leds) - 1).all()
-    assert not found.shadow.any()
-    assert np.abs(found.slope - slope).max() < 5e-3
+    result = label(light, LIGHTS[:leds])
+    assert (result.used == (1 << leds) - 1).all()
+    assert not result.shadow.any()
+    assert np.abs(result.slope - slope).max() < 5e-3
 
 
-def test_dirt_is_told_by_its_misfit() -> None:
+def test_dirt_has_a_large_misfit() -> None:
     light = light_of(level(0.3, -0.2))
     assert label(light).misfit.max() < 0.1
     assert label(np.float32(0.6) * light).misfit.min() > 100
 
 
-def test_film_brighter_than_a_normal_explains_is_no_dirt() -> None:
+def test_film_brighter_than_a_normal_explains_is_not_taken_for_dirt() -> None:
     light = np.float32(1.6) * light_of(level(0.3, -0.2))
     alike = label(light, dimmed=1e9)
     assert (label(light).used == alike.used).all()
@@ -211,53 +211,53 @@ def in_gel(slope: F4) -> tuple[F4, F4]:
     """Matt light, and its standard deviation, of film that light reaches from around the LEDs."""
     p, q = slope
     normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
-    seen = wrapped((light_vectors(LIGHTS, FILM, PIXEL) * normal).sum(axis=1), WRAP)
-    return unwrapped(seen, np.full_like(seen, NOISE), WRAP)
+    light = wrapped((light_vectors(LIGHTS, FILM, PIXEL) * normal).sum(axis=1), WRAP)
+    return unwrapped(light, np.full_like(light, NOISE), WRAP)
 
 
 @pytest.mark.parametrize("slope", [level(1.3, 1.3), level(-1.4, 0.9), level(1.2, -1.5)])
-def test_leds_behind_a_soft_terminator_tell_the_slope(slope: F4) -> None:
+def test_leds_behind_a_soft_terminator_determine_the_slope(slope: F4) -> None:
     light, sigma = in_gel(slope)
     behind = (light < 0).any(axis=(1, 2))
     assert behind.any()
-    found = label_lights(light, sigma, LIGHTS, FILM, LEVEL, PIXEL, UNEVEN, WRAP)
-    assert np.abs(found.slope - slope).max() < 0.02
-    assert not (found.shadow & ~np.uint8(behind @ (1 << np.arange(4)))).any()
+    result = label_lights(light, sigma, LIGHTS, FILM, LEVEL, PIXEL, UNEVEN, WRAP)
+    assert np.abs(result.slope - slope).max() < 0.02
+    assert not (result.shadow & ~np.uint8(behind @ (1 << np.arange(4)))).any()
 
 
 @pytest.mark.parametrize("led", range(4))
-def test_a_cast_shadow_under_a_soft_terminator_is_told(led: int) -> None:
+def test_a_cast_shadow_under_a_soft_terminator_is_labelled(led: int) -> None:
     light, sigma = in_gel(level(0.2, -0.1))
     dark = np.full_like(light[0], -WRAP)
     light[led], sigma[led] = unwrapped(dark, np.full_like(dark, NOISE), WRAP)
-    found = label_lights(light, sigma, LIGHTS, FILM, LEVEL, PIXEL, UNEVEN, WRAP)
-    assert (found.shadow == 1 << led).all()
-    assert (found.used == 0b1111 & ~(1 << led)).all()
-    assert np.abs(found.slope - level(0.2, -0.1)).max() < 5e-3
+    result = label_lights(light, sigma, LIGHTS, FILM, LEVEL, PIXEL, UNEVEN, WRAP)
+    assert (result.shadow == 1 << led).all()
+    assert (result.used == 0b1111 & ~(1 << led)).all()
+    assert np.abs(result.slope - level(0.2, -0.1)).max() < 5e-3
 
 
 def test_without_labels_every_led_is_used() -> None:
     light = light_of(level(0.3, 0.2))
     light[1] = 0
-    found = label(light, dark=0)
-    assert (found.used == 0b1111).all()
-    assert not found.shadow.any()
+    result = label(light, dark=0)
+    assert (result.used == 0b1111).all()
+    assert not result.shadow.any()
 
 
-def test_where_labels_cost_those_that_turn_a_normal_little_are_not_given() -> None:
+def test_with_a_cost_labels_that_turn_a_normal_little_are_not_set() -> None:
     light = light_of(level(0.3, 0.2))
     light[1] *= 0.7
     assert (label(light).used == 0b1101).all()
-    found = label(light, turn=0.8)
-    assert (found.used == 0b1111).all()
-    assert np.array_equal(found.slope, label(light, dark=0).slope)
+    result = label(light, turn=0.8)
+    assert (result.used == 0b1111).all()
+    assert np.array_equal(result.slope, label(light, dark=0).slope)
 
 
-def test_an_absurd_light_is_labelled_though_labels_cost() -> None:
+def test_an_absurd_light_is_labelled_despite_the_cost() -> None:
     cracked = light_of(LEVEL) * np.float32([0.02, 0.02, 0.3, 0.3])[:, None, None]
-    found, by_all = label(cracked, turn=0.8), label(cracked, dark=0)
-    assert (found.used == 0b1100).all()
-    assert (angle_between(found.slope, by_all.slope) > 0.8).all()
+    result, by_all = label(cracked, turn=0.8), label(cracked, dark=0)
+    assert (result.used == 0b1100).all()
+    assert (angle_between(result.slope, by_all.slope) > 0.8).all()
 
 
 def test_the_variance_is_that_of_the_slope() -> None:
@@ -266,10 +266,10 @@ def test_the_variance_is_that_of_the_slope() -> None:
     slope = np.stack([film + np.float32(0.6), film - np.float32(0.3)])
     light = light_of(slope, height=film)
     noisy = light + rng.normal(0, NOISE, light.shape).astype(np.float32)
-    found = label(noisy, height=film, prior=np.zeros_like(slope))
-    lit = found.used == 0b1111
-    expected = found.variance[:, lit].mean(axis=1)
-    assert (found.slope - slope)[:, lit].var(axis=1) == pytest.approx(expected, rel=0.1)
+    result = label(noisy, height=film, prior=np.zeros_like(slope))
+    lit = result.used == 0b1111
+    expected = result.variance[:, lit].mean(axis=1)
+    assert (result.slope - slope)[:, lit].var(axis=1) == pytest.approx(expected, rel=0.1)
 
 
 @pytest.mark.parametrize("count", [3, 5, 8])
@@ -283,7 +283,7 @@ def test_both_back_ends_agree_for_any_number_of_leds(device: OpenCL, count: int)
 
 def test_the_size_of_a_block_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     light = np.random.default_rng(4).uniform(0, 1.5, (4, 6, 8)).astype(np.float32)
-    whole = label(light)
+    at_once = label(light)
     monkeypatch.setattr(cache_blocks, "BLOCK_PIXELS", 7)
-    for expected, found in zip(whole, label(light), strict=True):
-        assert np.array_equal(expected, found)
+    for expected, result in zip(at_once, label(light), strict=True):
+        assert np.array_equal(expected, result)

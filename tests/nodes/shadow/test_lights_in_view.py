@@ -1,4 +1,4 @@
-"""Shadows of what a camera near the film sees end where the film's shadows are seen to end."""
+"""Shadows in the view of a near camera end where the film's shadows appear to end."""
 
 import numpy as np
 import pytest
@@ -10,23 +10,25 @@ from tests.nodes.films import LEDS
 CAMERA = 1 / 65
 
 
-def test_the_end_of_a_shadow_is_seen_on_the_line_from_the_led_in_view() -> None:
+def test_the_end_of_a_shadow_lies_on_the_line_from_the_led_in_view() -> None:
     edge, foot = np.array([3.0, -2.0, 1.5]), 0.4
-    for led, seen_led in zip(LEDS, lights_in_view(LEDS, CAMERA), strict=True):
+    for led, apparent_led in zip(LEDS, lights_in_view(LEDS, CAMERA), strict=True):
         end = edge + (edge - led) * (edge[2] - foot) / (led[2] - edge[2])
         assert end[2] == pytest.approx(foot)
-        seen_edge, seen_end = (p / (1 - CAMERA * p[2]) for p in (edge, end))
-        share = (seen_led[2] - seen_end[2]) / (seen_led[2] - seen_edge[2])
-        assert seen_led + share * (seen_edge - seen_led) == pytest.approx(seen_end, abs=1e-3)
+        apparent_edge, apparent_end = (p / (1 - CAMERA * p[2]) for p in (edge, end))
+        share = (apparent_led[2] - apparent_end[2]) / (apparent_led[2] - apparent_edge[2])
+        assert apparent_led + share * (apparent_edge - apparent_led) == pytest.approx(
+            apparent_end, abs=1e-3
+        )
 
 
-def test_the_shadow_of_a_wall_has_the_length_that_is_seen() -> None:
+def test_the_shadow_of_a_wall_has_its_apparent_length() -> None:
     """A wall 1.5 mm high across the view; its shadow ends on the film at rest, straight ahead."""
     pixel, z, led = 0.05, 1.5, np.float32([[-20.0, 0.0, 30.0]])
     x = (np.arange(400) - 199.5) * pixel
-    seen = z / (1 - CAMERA * z)
+    apparent = z / (1 - CAMERA * z)
     wall = (x > 6.8) & (x < 7)
-    height = np.repeat(np.where(wall, seen, 0).astype(np.float32)[None], 9, axis=0)
+    height = np.repeat(np.where(wall, apparent, 0).astype(np.float32)[None], 9, axis=0)
     edge_x = x[wall].max() * (1 - CAMERA * z)
     end = edge_x + (edge_x + 20) * z / (30 - z)
     for lights, right in ((lights_in_view(led, CAMERA), True), (led, False)):
@@ -35,10 +37,10 @@ def test_the_shadow_of_a_wall_has_the_length_that_is_seen() -> None:
         assert (abs(last - end) < 1.5 * pixel) == right
 
 
-def test_an_led_beside_the_pupil_is_far_away() -> None:
+def test_an_led_as_high_as_the_pupil_or_higher_is_far_away() -> None:
     level = np.float32([[30.0, 0.0, 65.0], [30.0, 0.0, 80.0]])
-    found = lights_in_view(level, CAMERA)
-    assert (found[:, 2] > 1000).all()
+    lights = lights_in_view(level, CAMERA)
+    assert (lights[:, 2] > 1000).all()
 
 
 def test_a_camera_far_away_changes_nothing() -> None:

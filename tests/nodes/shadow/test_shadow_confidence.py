@@ -1,4 +1,4 @@
-"""How sure the labels of shadows are: of the middle of a shadow, less of its edge."""
+"""The confidence in labels is high in the middle of a shadow, and lower at its edge."""
 
 import numpy as np
 
@@ -19,21 +19,21 @@ def cast() -> tuple[U1, F4]:
     return shadow, light
 
 
-def confidence(shadow: U1, light: F4, seen: U1 | None = None, noise: float = 0.01) -> F4:
+def confidence(shadow: U1, light: F4, observed: U1 | None = None, noise: float = 0.01) -> F4:
     sigma = np.full_like(light, noise)
-    said = shadow if seen is None else seen
-    return shadow_confidence(shadow, said, light, sigma, LEVEL, FILM, LIGHTS, 0.1)
+    labels = shadow if observed is None else observed
+    return shadow_confidence(shadow, labels, light, sigma, LEVEL, FILM, LIGHTS, 0.1)
 
 
 def test_labels_far_from_edges_are_certain_and_edges_are_not() -> None:
-    found = confidence(*cast())
-    assert found[:, :13].min() > 0.99
-    assert found[:, 19:].min() > 0.99
-    assert found[:, 15:17].max() < found[:, 14].max() < found[:, 12].max()
-    assert ((found > 0) & (found <= 1)).all()
+    result = confidence(*cast())
+    assert result[:, :13].min() > 0.99
+    assert result[:, 19:].min() > 0.99
+    assert result[:, 15:17].max() < result[:, 14].max() < result[:, 12].max()
+    assert ((result > 0) & (result <= 1)).all()
 
 
-def test_light_in_a_shadow_is_doubt() -> None:
+def test_light_in_a_shadow_lowers_the_confidence() -> None:
     shadow, light = cast()
     clear = confidence(shadow, light)
     light[0, :, 24] = 1
@@ -43,21 +43,21 @@ def test_light_in_a_shadow_is_doubt() -> None:
     assert np.array_equal(np.delete(doubted, 24, axis=1), np.delete(clear, 24, axis=1))
 
 
-def test_light_tells_little_where_it_is_noise() -> None:
+def test_light_within_the_noise_lowers_the_confidence_less() -> None:
     shadow, light = cast()
     light[0, :, 24] = 1
     assert (confidence(shadow, light, noise=1.0) > confidence(shadow, light))[:, 24].all()
 
 
-def test_an_image_that_says_otherwise_is_doubt() -> None:
+def test_an_image_that_disagrees_lowers_the_confidence() -> None:
     shadow, light = cast()
-    seen = shadow.copy()
-    seen[:, 20] = 0
-    contradicted = confidence(shadow, light, seen)
+    observed = shadow.copy()
+    observed[:, 20] = 0
+    contradicted = confidence(shadow, light, observed)
     assert (contradicted[:, 20] < confidence(shadow, light)[:, 20]).all()
 
 
-def test_labels_of_all_leds_have_to_be_right() -> None:
+def test_the_confidence_is_that_in_the_labels_of_all_leds() -> None:
     shadow, light = cast()
     one = confidence(shadow, light)[:, 16]
     shadow[:, 16:] |= 0b10

@@ -1,4 +1,4 @@
-"""What a camera does to light."""
+"""The effect of a camera on light."""
 
 import numpy as np
 import pytest
@@ -43,14 +43,14 @@ def test_read_noise_does_not_depend_on_the_light(level):
 
 
 def test_dark_image_holds_the_ambient_light_alone_and_too_much_light_is_clipped():
-    found = expose(flat(0.5), ambient=0.1, bits=16, **SILENT)
-    np.testing.assert_allclose(found.dark, 0.1, atol=1e-4)
-    np.testing.assert_allclose(found.image, 0.6, atol=1e-4)
+    exposed = expose(flat(0.5), ambient=0.1, bits=16, **SILENT)
+    np.testing.assert_allclose(exposed.dark, 0.1, atol=1e-4)
+    np.testing.assert_allclose(exposed.image, 0.6, atol=1e-4)
     assert expose(flat(0.5), **SILENT).dark.max() == 0
     assert (expose(flat(3.0)).image == 1).all()
 
 
-def test_lens_loses_the_share_asked_for_in_the_corners_and_nothing_in_the_middle():
+def test_lens_loses_the_stated_share_in_the_corners_and_nothing_in_the_middle():
     image = expose(flat(0.8, (3, 41, 61)), vignetting=0.25, bits=16, **SILENT).image
     assert image[0, 20, 30] == pytest.approx(0.8, abs=1e-4)
     np.testing.assert_allclose(image[:, [0, 0, -1, -1], [0, -1, 0, -1]], 0.6, atol=1e-4)

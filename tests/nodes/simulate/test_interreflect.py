@@ -1,4 +1,4 @@
-"""A film that lights itself, bounce after bounce."""
+"""Interreflection of a film, bounce by bounce."""
 
 import numpy as np
 import pytest
@@ -27,9 +27,9 @@ def test_bounces_inside_a_sphere_add_up_to_a_geometric_series() -> None:
     pixel, albedo = 1.5 * PIXEL, 0.8
     height = imprint(side=61, pixel=pixel)
     light = even(height)
-    found = interreflect(light, light, height, FAR, pixel, albedo=albedo, cells=61 * 61)
+    result = interreflect(light, light, height, FAR, pixel, albedo=albedo, cells=61 * 61)
     share = albedo * 1.2 / (2 * 4.0)
-    assert found[0, 30, 30] / 0.6 == pytest.approx(1 / (1 - share), rel=0.01)
+    assert result[0, 30, 30] / 0.6 == pytest.approx(1 / (1 - share), rel=0.01)
 
 
 FILM = Film.matt(FAR)._replace(albedo=0.7, base=0.7)
@@ -38,21 +38,21 @@ FILM = Film.matt(FAR)._replace(albedo=0.7, base=0.7)
 def test_a_film_that_is_flat_or_reflects_nothing_keeps_its_light() -> None:
     light = np.random.default_rng(0).random((len(FAR), 91, 91), np.float32)
     for height, albedo in ((np.zeros((91, 91), np.float32), 0.9), (imprint(), 0.0)):
-        found = interreflect(light, even(height), height, FAR, PIXEL, albedo=albedo)
-        np.testing.assert_array_equal(found, light)
+        result = interreflect(light, even(height), height, FAR, PIXEL, albedo=albedo)
+        np.testing.assert_array_equal(result, light)
 
 
 @pytest.mark.parametrize("alpha", [0.0, 0.3])
-def test_what_measures_the_bounce_finds_the_light_that_was_given(alpha: float) -> None:
+def test_film_bounce_recovers_the_direct_light(alpha: float) -> None:
     height = imprint()
     rng = np.random.default_rng(0)
     rest = even(height) * rng.uniform(0.9, 1.1, (len(FAR), 1, 1)).astype(np.float32)
     light = rest * np.linspace(0.2, 1.3, 91, dtype=np.float32)
-    seen = interreflect(light, rest, height, FAR, PIXEL, albedo=0.7, cells=2100, coat_alpha=alpha)
-    assert np.abs(seen - light).max() > 0.03
+    total = interreflect(light, rest, height, FAR, PIXEL, albedo=0.7, cells=2100, coat_alpha=alpha)
+    assert np.abs(total - light).max() > 0.03
     film = FILM._replace(roughness=alpha, refraction=1.5) if alpha else FILM
-    bounced = film_bounce(seen / rest, height, film, PIXEL, cells=2100)
-    np.testing.assert_allclose(seen / rest - bounced, light / rest, atol=1e-3)
+    bounced = film_bounce(total / rest, height, film, PIXEL, cells=2100)
+    np.testing.assert_allclose(total / rest - bounced, light / rest, atol=1e-3)
 
 
 def test_the_foot_of_a_wall_is_never_darker_than_black() -> None:
@@ -61,5 +61,5 @@ def test_the_foot_of_a_wall_is_never_darker_than_black() -> None:
     height = np.where(away > 0, 0, 2.8 - (x * x + y * y) / 12).clip(0).astype(np.float32)
     light = even(height) * ~((x > 0) & (away > 0) & (away < 1))
     lights = np.float32([[20, 20, 36], [-20, 20, 36], [0, -30, 36]])
-    found = interreflect(light, even(height), height, lights, 2.5 / 14, camera_mm=65.0)
-    assert found.min() == 0
+    result = interreflect(light, even(height), height, lights, 2.5 / 14, camera_mm=65.0)
+    assert result.min() == 0

@@ -1,4 +1,4 @@
-"""LEDs stand where the sensor's drawing says."""
+"""LEDs are placed as in the sensor's drawing."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from tactograph.nodes.simulate.light_ring import light_ring
     azimuth=st.floats(-360, 360),
     distance=st.floats(1, 1000),
 )
-def test_ring_has_the_slant_and_distance_asked_for(count, slant, azimuth, distance):
+def test_ring_has_the_stated_slant_and_distance(count, slant, azimuth, distance):
     lights = light_ring(
         count=count, slant_deg=slant, first_azimuth_deg=azimuth, distance_mm=distance
     )
@@ -31,7 +31,7 @@ def test_azimuth_runs_from_right_to_down():
     np.testing.assert_allclose(lights, [[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]], atol=1e-6)
 
 
-def test_papers_prototype_and_its_finger():
+def test_the_papers_prototype_and_finger_have_their_leds_in_place():
     prototype = light_ring(slant_deg=8.5308, distance_mm=202.237)
     np.testing.assert_allclose(np.hypot(*prototype[:, :2].T), 30, rtol=1e-3)
     np.testing.assert_allclose(prototype[:, 2], 200, rtol=1e-3)
@@ -40,7 +40,9 @@ def test_papers_prototype_and_its_finger():
     np.testing.assert_allclose(finger[:, 2], 5, rtol=1e-3)
 
 
-def test_explicit_positions_stand_instead_of_the_ring_if_they_can(tmp_path: Path) -> None:
+def test_explicit_positions_replace_the_ring_and_impossible_ones_are_refused(
+    tmp_path: Path,
+) -> None:
     places = [(1.0, 2.0, 3.0), (-1.0, 2.0, 3.0), (0.0, -2.0, 4.0)]
     np.testing.assert_array_equal(light_ring(positions_mm=places), np.float32(places))
     graph = {"format": 1, "extends": "simulate", "outputs": {"light": "scene.light"}}

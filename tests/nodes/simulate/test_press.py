@@ -45,7 +45,7 @@ def test_free_film_balances_tension_and_stiffness():
     np.testing.assert_allclose(bending[free], middle[free], atol=2e-3)
 
 
-def test_film_comes_back_to_rest_exponentially_from_a_long_ridge():
+def test_film_returns_to_rest_exponentially_from_a_long_ridge():
     ridge = np.zeros((3, 201), np.float32)
     ridge[:, 98:103] = 1.0
     film = press(ridge, PIXEL, reach_mm=0.8, skin_mm=0.0)[1]

@@ -1,4 +1,4 @@
-"""Light and shadow on simple surfaces, as geometry has it."""
+"""Light and shadow on simple surfaces, as geometry demands."""
 
 import json
 
@@ -56,10 +56,10 @@ azimuths = st.floats(0, 360)
 @given(p=st.floats(-2, 2), q=st.floats(-2, 2), slant=slants, azimuth=azimuths)
 def test_plane_under_distant_light_obeys_lamberts_cosine(p, q, slant, azimuth):
     led = towards(slant, azimuth)
-    found = render(plane(p, q), PIXEL, towards(slant, azimuth, FAR_MM), level=0.5)
+    rendered = render(plane(p, q), PIXEL, towards(slant, azimuth, FAR_MM), level=0.5)
     cosine = float(led[0] @ [-p, -q, 1]) / np.sqrt(1 + p * p + q * q)
     expected = 0.5 * max(cosine, 0) / np.cos(np.deg2rad(slant))
-    np.testing.assert_allclose(found.light, expected, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(rendered.light, expected, rtol=1e-4, atol=1e-4)
 
 
 @settings(max_examples=20)
@@ -91,15 +91,15 @@ def test_level_is_the_brightest_light_of_the_film_at_rest(lights):
 @settings(max_examples=20)
 @given(rise=st.floats(0.5, 3), slant=st.floats(10, 65))
 def test_distant_light_casts_a_step_s_shadow_of_height_over_tan_elevation(rise, slant):
-    found = render(wall(rise), PIXEL, towards(slant, 180, FAR_MM))
+    rendered = render(wall(rise), PIXEL, towards(slant, 180, FAR_MM))
     expected = rise / np.tan(np.deg2rad(90 - slant))
-    assert shadow_length(found.labels) == pytest.approx(expected, abs=1.5 * PIXEL)
+    assert shadow_length(rendered.labels) == pytest.approx(expected, abs=1.5 * PIXEL)
 
 
 def test_near_light_casts_a_step_s_shadow_of_similar_triangles():
     height, rise, foot = 20.0, 2.0, 6.0
-    found = render(wall(rise), PIXEL, np.float32([[-foot, 0, height]]))
-    assert shadow_length(found.labels) == pytest.approx(
+    rendered = render(wall(rise), PIXEL, np.float32([[-foot, 0, height]]))
+    assert shadow_length(rendered.labels) == pytest.approx(
         rise * foot / (height - rise), abs=1.5 * PIXEL
     )
 
@@ -108,8 +108,8 @@ def test_hemisphere_s_shadow_is_as_long_as_equation_1_says():
     # D = h = 5 mm and r = 1 mm, the paper's example: x is about 0.4 mm.
     pixel, radius = 0.02, 1.0
     ball = shape_ball(radius_mm=radius, width_px=200, height_px=201, pixel_size_mm=pixel)
-    found = render(*ball, towards(45, 180, FAR_MM))
-    row = found.labels[100]
+    rendered = render(*ball, towards(45, 180, FAR_MM))
+    row = rendered.labels[100]
     rim = round(99.5 + radius / pixel)
     assert np.count_nonzero(row[rim:]) * pixel == pytest.approx(np.sqrt(2) - 1, abs=2 * pixel)
 
@@ -119,20 +119,20 @@ def test_shadow_of_a_steep_light_ends_where_the_wall_ends():
 
 
 def test_slope_that_faces_away_is_an_attached_shadow():
-    found = render(plane(1.5, 0), PIXEL, towards(60, 0, FAR_MM))
-    assert (found.labels == 1).all()
-    assert (found.light == 0).all()
+    rendered = render(plane(1.5, 0), PIXEL, towards(60, 0, FAR_MM))
+    assert (rendered.labels == 1).all()
+    assert (rendered.light == 0).all()
     assert (render(plane(1.5, 0), PIXEL, towards(60, 180, FAR_MM)).labels == 0).all()
 
 
 def test_bit_of_each_led_marks_exactly_where_a_point_light_leaves_black():
-    found = render(
+    rendered = render(
         *shape_ball(radius_mm=4.0, rise_mm=3.5, width_px=160, height_px=120, pixel_size_mm=1 / 7),
         light_ring(),
     )
     for k in range(4):
-        np.testing.assert_array_equal((found.labels >> k & 1) == 1, found.light[k] == 0)
-    assert set(np.unique(found.labels)) > {0, 1, 2, 4, 8}
+        np.testing.assert_array_equal((rendered.labels >> k & 1) == 1, rendered.light[k] == 0)
+    assert set(np.unique(rendered.labels)) > {0, 1, 2, 4, 8}
 
 
 def test_turning_the_scene_by_a_quarter_passes_the_image_to_the_next_light():
@@ -142,7 +142,7 @@ def test_turning_the_scene_by_a_quarter_passes_the_image_to_the_next_light():
     for k in range(4):
         turned = np.rot90(light[k], -1)
         close = np.isclose(turned, light[(k + 1) % 4], atol=1e-4)
-        assert close.mean() > 0.995  # but for rays that graze
+        assert close.mean() > 0.995  # except for grazing rays
 
 
 def test_energy_does_not_depend_on_the_pixel_size():
@@ -178,13 +178,13 @@ def test_several_samples_per_pixel_measure_a_shadow_to_a_fraction_of_a_pixel():
     exact = rise * np.tan(np.deg2rad(slant))
     # The wall slopes over the pixel between its two levels; the rays clear its upper edge.
     after_edge = exact - PIXEL
-    found = render(wall(rise), PIXEL, towards(slant, 180, FAR_MM), samples=4, step_px=0.1)
-    row = found.light[0, 2, 100:] / found.light[0, 2, -1]
+    rendered = render(wall(rise), PIXEL, towards(slant, 180, FAR_MM), samples=4, step_px=0.1)
+    row = rendered.light[0, 2, 100:] / rendered.light[0, 2, -1]
     assert (1 - row).sum() * PIXEL == pytest.approx(after_edge + 0.5 * PIXEL, abs=0.2 * PIXEL)
     assert np.count_nonzero((row > 0.02) & (row < 0.98)) <= 2
 
 
-def test_samples_leave_a_plane_as_it_is():
+def test_samples_leave_a_plane_unchanged():
     lights = towards(30, 20, 40)
     once, often = (render(plane(0.5, -0.3), PIXEL, lights, samples=n) for n in (1, 3))
     inner = np.s_[:, 1:-1, 1:-1]
@@ -246,7 +246,7 @@ def test_a_coat_mirrors_most_where_the_normal_is_half_way_to_the_camera() -> Non
     assert tilts[int(np.argmax(relative))] == pytest.approx(np.deg2rad(slant / 2), abs=0.08)
 
 
-def test_a_coat_takes_fresnel_s_share_on_the_way_in_and_out() -> None:
+def test_light_loses_fresnels_share_into_a_coat_and_out_of_it() -> None:
     # Straight down and up through index 1.5: 4 % each; its mirror is far from the camera's way.
     through = 1 - 0.04
     mirror = 0.04 / (4 * 0.7 * 0.2**2)
@@ -306,22 +306,26 @@ def test_agrees_with_an_independent_ray_tracer(device, rig, scene):
     plain = make(rest, pixel, lights, level=1.0).light
     gain = float((flat * plain).sum() / (plain * plain).sum())
     images, height, pixel, lights = capture(rig, scene)
-    found = make(height, pixel, lights, level=gain)
+    rendered = make(height, pixel, lights, level=gain)
 
     steep = np.hypot(*np.gradient(height, pixel)) > 3
-    calm = away_from_shadow_edges(found.labels, steep)
-    error = 255 * np.abs(found.light - images)[calm]
+    calm = away_from_shadow_edges(rendered.labels, steep)
+    error = 255 * np.abs(rendered.light - images)[calm]
     noise = 255 * np.abs(gain * plain - flat)
-    # The ray tracer's images carry shot noise: agreement to within that is all there is.
+    # The ray tracer's images carry shot noise: agreement to within it is the most there is.
     assert np.median(error) < np.median(noise) + 0.05
     assert error.mean() < noise.mean() + 0.05
-    dark_there, dark_here = images < 0.01, found.light < 0.01
-    either = (dark_there | dark_here) & calm
+    dark_traced, dark_rendered = images < 0.01, rendered.light < 0.01
+    either = (dark_traced | dark_rendered) & calm
     if np.count_nonzero(either) > 200:
-        assert np.count_nonzero(dark_there & dark_here & calm) / np.count_nonzero(either) > 0.97
-    if np.count_nonzero(dark_here) > 2000:
-        # Pixels on an edge are mixed there and not here.
-        iou = np.count_nonzero(dark_there & dark_here) / np.count_nonzero(dark_there | dark_here)
+        assert (
+            np.count_nonzero(dark_traced & dark_rendered & calm) / np.count_nonzero(either) > 0.97
+        )
+    if np.count_nonzero(dark_rendered) > 2000:
+        # Pixels on an edge are mixed by the ray tracer and not by `render`.
+        iou = np.count_nonzero(dark_traced & dark_rendered) / np.count_nonzero(
+            dark_traced | dark_rendered
+        )
         assert iou > 0.9
 
 
@@ -348,8 +352,12 @@ def in_the_hand(device, facts, height, pixel, lights, level):
         )  # fmt: skip
     slope = height_slopes(height, pixel).slope
     lens = {"camera_mm": camera, "lens_at_corner": facts.get("lens_at_corner") or 0.0}
-    found = view(light, height, slope, labels, **lens)
-    return blur(found.light, deviation_px=facts.get("blur_px") or 0.0), found.labels, found.height
+    viewed = view(light, height, slope, labels, **lens)
+    return (
+        blur(viewed.light, deviation_px=facts.get("blur_px") or 0.0),
+        viewed.labels,
+        viewed.height,
+    )
 
 
 @pytest.mark.one_case
@@ -368,18 +376,18 @@ def in_the_hand(device, facts, height, pixel, lights, level):
 def test_agrees_with_an_independent_ray_tracer_in_the_hand(device, rig, scene, more):
     flat, _, pixel, lights = capture(rig, "flat")
     facts = json.loads((Raytraced() / rig / scene / "scene.json").read_text())
-    at_rest = {**facts, "bounces": 0}  # a flat film lights itself nowhere
+    at_rest = {**facts, "bounces": 0}  # a flat film has no interreflection
     none = np.zeros(flat.shape[1:], np.float32)
     plain, _, _ = in_the_hand(device, at_rest, none, pixel, lights, 1.0)
     gain = float((flat * plain).sum() / (plain * plain).sum())
     noise = 255 * np.abs(gain * plain - flat)
 
-    images, seen, _, _ = capture(rig, scene)
+    images, expected, _, _ = capture(rig, scene)
     _, height, _, _ = capture("hand_ideal", scene)  # seen from straight above
-    light, labels, found = in_the_hand(device, facts, height, pixel, lights, gain)
-    np.testing.assert_allclose(np.median(np.abs(found - seen)), 0, atol=1e-4)
-    steep = np.hypot(*np.gradient(found, pixel)) > 3
-    calm = away_from_shadow_edges(labels, steep) & (found > 0.02) & (images < 0.99)
+    light, labels, apparent = in_the_hand(device, facts, height, pixel, lights, gain)
+    np.testing.assert_allclose(np.median(np.abs(apparent - expected)), 0, atol=1e-4)
+    steep = np.hypot(*np.gradient(apparent, pixel)) > 3
+    calm = away_from_shadow_edges(labels, steep) & (apparent > 0.02) & (images < 0.99)
     error = 255 * np.abs(light - images)[calm]
     assert np.median(error) < np.median(noise) + more
     assert error.mean() < noise.mean() + 1.5 * more

@@ -24,12 +24,12 @@ def test_footprint_is_the_circle_that_the_plane_cuts_out(radius, share):
     assert height.max() <= rise + 1e-6
 
 
-def test_volume_of_the_hemisphere():
+def test_the_volume_is_that_of_a_hemisphere():
     height, pixel = shape_ball(radius_mm=7.0)
     assert height.sum() * pixel**2 == pytest.approx(2 / 3 * np.pi * 7**3, rel=1e-3)
 
 
-def test_whole_ball_lies_on_the_plane():
+def test_a_complete_ball_lies_on_the_plane():
     height, _ = shape_ball(radius_mm=3.0, rise_mm=6.0)
     assert height.max() == pytest.approx(6, abs=1e-3)
     assert height[height > 0].min() > 3

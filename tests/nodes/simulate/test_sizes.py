@@ -1,4 +1,4 @@
-"""A size that follows from a user's number has a bound, said in one line before it is taken."""
+"""A size that follows from a user's number is limited, which is checked before it is used."""
 
 from pathlib import Path
 
@@ -26,7 +26,7 @@ LARGE = {"width_px": 16384, "height_px": 16384}
         lambda: press(np.zeros((8, 8), np.float32), 0.001, skin_mm=5),
     ],
 )
-def test_what_would_fill_the_memory_or_the_day_is_refused(make) -> None:
+def test_a_size_that_would_take_too_much_memory_or_time_is_refused(make) -> None:
     with pytest.raises(InputError, match=r"million|fine pixels|px"):
         make()
 
@@ -39,7 +39,7 @@ def test_a_ball_that_fits_no_image_is_refused(radius: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "given",
+    "numbers",
     [
         {"pixel_size_mm": 1e-9},
         {"radius_mm": 1e300},
@@ -47,11 +47,13 @@ def test_a_ball_that_fits_no_image_is_refused(radius: float) -> None:
         {"changes": {"shape.radius_mm": 1e-300}},
     ],
 )
-def test_absurd_numbers_are_refused_before_anything_runs(given, tmp_path: Path) -> None:
-    given = dict(given)
+def test_absurd_numbers_are_refused_before_anything_runs(numbers, tmp_path: Path) -> None:
+    numbers = dict(numbers)
     reads = {"capture": "none", "calibration": "none"}
-    graph = "reconstruct" if "label" in str(given) else "simulate"
-    changes = given.pop("changes", {})
+    graph = "reconstruct" if "label" in str(numbers) else "simulate"
+    changes = numbers.pop("changes", {})
     known = reads if graph == "reconstruct" else {"out": str(tmp_path)}
     with pytest.raises(InputError, match=r"less than|greater than|is needed"):
-        open_pipeline(with_changes(read_graph(graph), changes), {**known, **given}, backend="numpy")
+        open_pipeline(
+            with_changes(read_graph(graph), changes), {**known, **numbers}, backend="numpy"
+        )

@@ -13,7 +13,7 @@ EDGE = 10
 
 
 def added(light_at_the_edge: float) -> F4:
-    """What the standard deviation of a slope grows to, row by row alike."""
+    """The standard deviation that is added to a slope, the same in every row."""
     shadow = np.zeros((20, 20), np.uint8)
     shadow[:, EDGE:] = 1
     light = np.where(shadow, 0, light_at_the_edge).astype(np.float32)[None]
@@ -22,11 +22,11 @@ def added(light_at_the_edge: float) -> F4:
 
 
 def test_an_edge_in_full_light_may_be_a_step_within_a_pixel() -> None:
-    found = added(1.0)
-    np.testing.assert_allclose(found[:, :, EDGE - 1], 3 * 0.7, rtol=1e-5)
+    deviation = added(1.0)
+    np.testing.assert_allclose(deviation[:, :, EDGE - 1], 3 * 0.7, rtol=1e-5)
     near = slice(EDGE - 2, EDGE + 1)
-    assert (found[:, :, near] > 0).all()
-    assert (np.delete(found, near, axis=2) == 0).all()
+    assert (deviation[:, :, near] > 0).all()
+    assert (np.delete(deviation, near, axis=2) == 0).all()
 
 
 @pytest.mark.parametrize("light", [0.0, 0.1, 0.29])

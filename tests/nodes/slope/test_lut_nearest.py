@@ -1,4 +1,4 @@
-"""The look-up against a search of all entries, in float32 as it is told."""
+"""The look-up against a search of all entries, in float32 as documented."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from tactograph.nodes.slope.lut_nearest import lut_nearest
 def of_all(
     light: F4, shadow: U1, tables: tuple[F4, F4, U1], number: int
 ) -> tuple[NDArray[np.bool_], F4]:
-    """The pixels that one table is for, and the slope of what is nearest in it."""
+    """The pixels that one table is for, and the slope of the nearest entry in it."""
     entries, slopes, lit = tables
     count, led = len(light), number - 1
     tame = np.clip(np.nan_to_num(light.reshape(count, -1)), -1e15, 1e15)
@@ -33,7 +33,7 @@ def of_all(
 
 @pytest.mark.one_case
 @pytest.mark.parametrize(("lights", "count"), [(4, 5), (4, 700), (4, 6000), (5, 3000), (8, 700)])
-def test_what_is_found_is_what_a_search_of_all_entries_finds(lights: int, count: int) -> None:
+def test_the_lookup_finds_what_a_search_of_all_entries_finds(lights: int, count: int) -> None:
     rng = np.random.default_rng(count)
     entries = rng.random((count, lights)).astype(np.float32)
     slopes = rng.uniform(-2, 2, (count, 2)).astype(np.float32)
@@ -41,25 +41,25 @@ def test_what_is_found_is_what_a_search_of_all_entries_finds(lights: int, count:
     light = rng.uniform(-0.5, 2, (lights, 50, 70)).astype(np.float32)
     light[0, 0, 0] = np.nan
     none = np.zeros((50, 70), np.uint8)
-    found = lut_nearest(light, none, index_lut(*tables))
+    nearest = lut_nearest(light, none, index_lut(*tables))
     _, wanted = of_all(light, none, tables, 0)
-    np.testing.assert_allclose(found.reshape(2, -1), wanted, atol=1e-6)
+    np.testing.assert_allclose(nearest.reshape(2, -1), wanted, atol=1e-6)
 
 
-def test_no_entry_is_nearer_than_one_of_several_equally_near() -> None:
+def test_one_of_several_equally_near_entries_is_found() -> None:
     rng = np.random.default_rng(5)
     entries = np.unique(rng.integers(0, 5, (3000, 4)), axis=0).astype(np.float32) / 4
     slopes = rng.uniform(-2, 2, (len(entries), 2)).astype(np.float32)
     light = rng.integers(0, 9, (4, 50, 70)).astype(np.float32) / 8
     index = index_lut(entries, slopes, np.full(len(entries), 15, np.uint8))
-    found = lut_nearest(light, np.zeros((50, 70), np.uint8), index).reshape(2, -1).T
+    nearest = lut_nearest(light, np.zeros((50, 70), np.uint8), index).reshape(2, -1).T
     away = np.square(entries[:, None] - light.reshape(4, -1).T).sum(axis=2)
-    of = (slopes[:, None] == found).all(axis=2).argmax(axis=0)
-    assert (slopes[of] == found).all()
+    of = (slopes[:, None] == nearest).all(axis=2).argmax(axis=0)
+    assert (slopes[of] == nearest).all()
     assert (away[of, np.arange(len(of))] == away.min(axis=0)).all()
 
 
-def test_a_shadowed_pixel_finds_what_is_nearest_without_its_led() -> None:
+def test_a_shadowed_pixel_finds_the_nearest_entry_without_its_led() -> None:
     rng = np.random.default_rng(3)
     entries = rng.random((3000, 4)).astype(np.float32)
     slopes = rng.uniform(-2, 2, (3000, 2)).astype(np.float32)
@@ -67,8 +67,8 @@ def test_a_shadowed_pixel_finds_what_is_nearest_without_its_led() -> None:
     tables = entries, slopes, lit.astype(np.uint8)
     light = rng.random((4, 50, 70)).astype(np.float32)
     shadow = rng.integers(0, 16, (50, 70)).astype(np.uint8)
-    found = lut_nearest(light, shadow, index_lut(*tables)).reshape(2, -1)
+    nearest = lut_nearest(light, shadow, index_lut(*tables)).reshape(2, -1)
     for number in range(5):
         mine, wanted = of_all(light, shadow, tables, number)
         assert mine.any()
-        assert np.array_equal(found[:, mine], wanted)
+        assert np.array_equal(nearest[:, mine], wanted)

@@ -46,9 +46,9 @@ def test_a_darkened_led_is_labelled(led: int, depth: float) -> None:
 
 
 def test_every_calibration_pixel_finds_itself() -> None:
-    found = lut_nearest(LIGHT, np.where(LIT == 15, 0, 15 & ~LIT).astype(np.uint8), INDEX)
+    nearest = lut_nearest(LIGHT, np.where(LIT == 15, 0, 15 & ~LIT).astype(np.uint8), INDEX)
     single = np.bitwise_count(LIT) >= 3
-    assert np.array_equal(found[:, single], SLOPE[:, single])
+    assert np.array_equal(nearest[:, single], SLOPE[:, single])
 
 
 def test_the_coarse_slope_is_near_and_the_refined_one_right() -> None:
@@ -60,7 +60,7 @@ def test_the_coarse_slope_is_near_and_the_refined_one_right() -> None:
 
 
 @pytest.mark.parametrize("far", [0.0, 3.0])
-def test_the_nearest_entry_is_found_exactly_and_of_equals_one(far: float) -> None:
+def test_the_nearest_entry_is_found_exactly_and_one_of_equal_ones(far: float) -> None:
     """A lattice of light, and pixels of which two LEDs are halfway between its entries."""
     rng = np.random.default_rng(2)
     axis = np.arange(5, dtype=np.float32) / 4
@@ -70,9 +70,9 @@ def test_the_nearest_entry_is_found_exactly_and_of_equals_one(far: float) -> Non
     index = index_lut(entries, slopes, np.full(len(entries), 15, np.uint8))
     light = (rng.integers(0, 5, (4, 20, 30)) / 4 + far).astype(np.float32)
     light[:2] += np.float32(1 / 8)
-    found = lut_nearest(light, np.zeros(light.shape[1:], np.uint8), index).reshape(2, -1).T
+    nearest = lut_nearest(light, np.zeros(light.shape[1:], np.uint8), index).reshape(2, -1).T
     away = np.square(light.reshape(4, -1).T[:, None].astype(float) - entries).sum(axis=2)
-    mine = (slopes == found[:, None]).all(axis=2)
+    mine = (slopes == nearest[:, None]).all(axis=2)
     assert (mine.sum(axis=1) == 1).all()
     assert np.array_equal(away[mine], away.min(axis=1))
 
@@ -91,7 +91,7 @@ def test_a_step_never_turns_the_normal_further_than_allowed(limit: float, offset
 
 
 @pytest.mark.parametrize("count", [3, 5, 6])
-def test_any_number_of_leds(count: int) -> None:
+def test_slopes_are_refined_with_any_number_of_leds(count: int) -> None:
     azimuth = np.arange(count) * 2 * np.pi / count
     lights = np.stack([0.5 * np.cos(azimuth), 0.5 * np.sin(azimuth), np.full(count, 0.866)], 1)
     light = lambert(SLOPE, lights.astype(np.float32))

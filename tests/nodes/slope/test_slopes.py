@@ -34,8 +34,8 @@ def test_differences_of_a_surface_are_its_slopes() -> None:
     assert np.abs(known.slope - slope)[:, 1:-1, 1:-1].max() < 1e-3
     assert np.abs(known.slope - slope).max() < 0.02
     z, slope = ball(60, 80, 100)
-    found = height_slopes(z * 0.05, 0.05).slope
-    assert np.abs(found - slope)[:, 1:-1, 1:-1].max() < 1e-3, "the pixel size divides"
+    differences = height_slopes(z * 0.05, 0.05).slope
+    assert np.abs(differences - slope)[:, 1:-1, 1:-1].max() < 1e-3, "the pixel size divides"
 
 
 def test_a_step_is_masked_out() -> None:

@@ -1,4 +1,4 @@
-"""Kinds of layers are found where they lie, in the core and in packages of others."""
+"""Kinds of layers are found in the core and in other packages."""
 
 import subprocess
 import sys
@@ -49,7 +49,7 @@ Lay = Callable[[str, str], None]
 
 @pytest.fixture
 def ring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lay]:
-    """Lay a package with a layer on the path, as pip does."""
+    """Install a package with a layer on the path, as pip does."""
 
     def lay(name: str, text: str) -> None:
         site = tmp_path / "site"
@@ -74,7 +74,7 @@ def test_every_kind_of_this_project_loads() -> None:
     assert all(isinstance(kinds[name], LayerKind) for name in kinds)
 
 
-def test_a_kind_is_imported_when_it_is_asked_for_and_draws_nothing_then() -> None:
+def test_a_kind_is_imported_on_request_and_without_matplotlib() -> None:
     code = (
         "import sys\n"
         "from tactograph.nodes.stream.layer_kinds import layer_kinds\n"
@@ -82,8 +82,8 @@ def test_a_kind_is_imported_when_it_is_asked_for_and_draws_nothing_then() -> Non
         "print([m for m in sys.modules if '.layers.' in m or m == 'matplotlib'])"
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
-    house = "tactograph.nodes.layers"
-    assert done.stdout.strip() == f"['{house}.shadow', '{house}.error']"
+    package = "tactograph.nodes.layers"
+    assert done.stdout.strip() == f"['{package}.shadow', '{package}.error']"
 
 
 def made(folder: Path) -> tuple[F4, list[str]]:
@@ -108,7 +108,7 @@ def test_a_layer_of_another_package_is_written_with_the_touch(ring: Lay, tmp_pat
 
 
 @pytest.mark.parametrize(("name", "text"), [("gone", "import no_module"), ("odd", "KIND = 1")])
-def test_a_layer_that_does_not_load_is_one_line_where_a_graph_names_it(
+def test_a_layer_that_does_not_load_gives_one_line_where_a_graph_names_it(
     ring: Lay, tmp_path: Path, name: str, text: str
 ) -> None:
     ring(name, text)
@@ -118,7 +118,7 @@ def test_a_layer_that_does_not_load_is_one_line_where_a_graph_names_it(
     assert "\n" not in str(caught.value)
 
 
-def test_a_layer_without_a_kind_is_told_with_those_that_there_are() -> None:
+def test_a_layer_without_a_kind_is_refused_with_the_known_ones() -> None:
     touch = touch_of(height=None, image=None, pixel=0.1, shade=1)
     with pytest.raises(InputError, match=r"no layer of a touch is called 'shade'; .*'shadow'"):
         layers_of(touch)

@@ -15,7 +15,7 @@ SIZES = dict.fromkeys(CHECK_FIGURES, 0.0) | {
 
 
 def ranks() -> F4:
-    """Those of 400 right touches, for every kind of them."""
+    """The ranks of 400 right touches, for every kind of touch."""
     drawn = np.abs(np.random.default_rng(1).normal(size=(400, len(SIZES)))) * [*SIZES.values()]
     return np.asarray(np.stack([ranked(drawn)] * 3), np.float32)
 

@@ -9,9 +9,9 @@ from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, of_all_checks, p_v
 COUNT = len(CHECK_FIGURES)
 
 
-def trusts(drawn: F8, others: F8) -> F8:
+def trusts(drawn: F8, touches: F8) -> F8:
     known = ranked(drawn)
-    return np.array([of_all_checks(p_values(each, known[:-1]).min(), known) for each in others])
+    return np.array([of_all_checks(p_values(each, known[:-1]).min(), known) for each in touches])
 
 
 def correlated(rng: np.random.Generator, count: int) -> F8:
@@ -21,14 +21,16 @@ def correlated(rng: np.random.Generator, count: int) -> F8:
 
 
 @pytest.mark.parametrize("share", [0.3, 0.1, 0.01])
-def test_right_touches_are_doubted_as_often_as_is_asked_for(share: float) -> None:
-    """However the checks depend on one another."""
+def test_right_touches_are_doubted_as_often_as_stated(share: float) -> None:
+    """This holds for any dependence between the checks."""
     rng = np.random.default_rng(3)
-    found = [(trusts(correlated(rng, 128), correlated(rng, 1000)) < share).mean() for _ in range(8)]
-    assert 0.5 * share < np.mean(found) < 2 * share
+    shares = [
+        (trusts(correlated(rng, 128), correlated(rng, 1000)) < share).mean() for _ in range(8)
+    ]
+    assert 0.5 * share < np.mean(shares) < 2 * share
 
 
-def test_what_no_right_touch_shows_is_rarer_the_larger_it_is() -> None:
+def test_a_figure_beyond_all_right_touches_is_rarer_the_larger_it_is() -> None:
     known = ranked(correlated(np.random.default_rng(4), 128))
     figures = np.median(known[:-1], axis=1)
     for place in range(COUNT):
@@ -43,8 +45,8 @@ def test_a_figure_that_no_right_touch_has_is_known_to_its_resolution() -> None:
     assert (p_values(20 * half, known[:-1]) < 1e-4).all()
 
 
-def test_presses_that_depart_more_than_the_model_knows_set_the_scale() -> None:
-    """Touches like the sensor's own presses are not doubted; what departs far more is."""
+def test_presses_that_depart_more_than_the_model_set_the_scale() -> None:
+    """Touches like the sensor's own presses are not doubted; those that depart far more are."""
     rng = np.random.default_rng(5)
     drawn = correlated(rng, 128)
     press = np.median(drawn, axis=0)
@@ -67,9 +69,9 @@ def test_a_press_where_the_tail_begins_makes_nothing_beyond_it_rarer() -> None:
 
 def test_presses_like_drawn_touches_make_no_doubt_rarer() -> None:
     rng = np.random.default_rng(6)
-    drawn, others = correlated(rng, 128), correlated(rng, 400)
+    drawn, touches = correlated(rng, 128), correlated(rng, 400)
     alone, with_press = ranked(drawn), ranked(drawn, np.median(drawn, axis=0)[None])
     for known in (alone, with_press):
-        found = [of_all_checks(p_values(each, known[:-1]).min(), known) for each in others]
-        assert np.mean(np.array(found) < 0.05) < 0.12
+        trust = [of_all_checks(p_values(each, known[:-1]).min(), known) for each in touches]
+        assert np.mean(np.array(trust) < 0.05) < 0.12
     np.testing.assert_allclose(alone[:-1, -20:], with_press[:-1, -20:], rtol=1e-12)

@@ -21,8 +21,8 @@ def rest() -> F4:
     return np.asarray([900 / a for a in away], np.float32)
 
 
-def seen(matrix: list[list[float]]) -> F4:
-    """The same from elsewhere, with a touch and noise, over the flat frame."""
+def light_from(matrix: list[list[float]]) -> F4:
+    """The light after a motion, with a touch and noise, relative to the flat frame."""
     to = np.array(matrix, float)
     moved = [
         cv2.warpAffine(p, to, (COLUMNS, ROWS), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
@@ -31,7 +31,7 @@ def seen(matrix: list[list[float]]) -> F4:
     ]  # fmt: skip
     light = np.stack(moved) / rest() * (1 + np.random.default_rng(2).normal(0, 0.001, rest().shape))
     light[ROOM] *= 1.2
-    light[:, :12, 60:] *= np.array([1.3, 0.6, 0.8, 1.1])[:, None, None]  # a touch that leaves
+    light[:, :12, 60:] *= np.array([1.3, 0.6, 0.8, 1.1])[:, None, None]  # a touch at the border
     return light.astype(np.float32)
 
 
@@ -52,7 +52,7 @@ MOTIONS = {
 @pytest.mark.parametrize("words", MOTIONS)
 def test_a_motion_is_found_and_named(words: str) -> None:
     matrix, true = MOTIONS[words]
-    motion = film_motion(seen(matrix), fall_off(rest()))
+    motion = film_motion(light_from(matrix), fall_off(rest()))
     np.testing.assert_allclose(motion[:4], true, atol=0.02)
     assert words in motion_in_words(motion)
     assert motion_size(motion) > 0.02
@@ -62,7 +62,7 @@ def test_a_motion_is_found_and_named(words: str) -> None:
 @pytest.mark.parametrize("gain", [1.0, 0.8])
 def test_added_light_is_found_whatever_the_exposure(added: float, gain: float) -> None:
     """Beside a touch that changes the film, and one that leaves the frame."""
-    light = np.float32(gain) * seen([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    light = np.float32(gain) * light_from([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     motion = film_motion(light + np.float32(gain * added) / rest(), fall_off(rest()))
     ring = fall_off(rest()).any(axis=(0, 1))
     share = gain * added * float((1 / rest()[:, ring]).mean())
@@ -70,20 +70,20 @@ def test_added_light_is_found_whatever_the_exposure(added: float, gain: float) -
 
 
 def test_leds_that_drift_are_no_motion() -> None:
-    right = seen([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    right = light_from([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     assert not film_motion(right, fall_off(rest())).any()
     y, x = np.mgrid[-1 : 1 : ROWS * 1j, -1 : 1 : COLUMNS * 1j]
     rng = np.random.default_rng(3)
-    found = []
+    sizes = []
     for _ in range(20):
         level, along, down = rng.normal(0, [[0.03], [0.01], [0.01]], (3, 4))
         drift = 1 + level[:, None, None] + along[:, None, None] * x + down[:, None, None] * y
-        found.append(motion_size(film_motion((right * drift).astype(np.float32), fall_off(rest()))))
-    assert np.median(found) == 0
-    assert max(found) < 0.03
+        sizes.append(motion_size(film_motion((right * drift).astype(np.float32), fall_off(rest()))))
+    assert np.median(sizes) == 0
+    assert max(sizes) < 0.03
 
 
-def test_a_film_that_is_lit_evenly_does_not_tell() -> None:
+def test_a_film_that_is_lit_evenly_shows_no_motion() -> None:
     even = np.full((4, ROWS, COLUMNS), 0.5, np.float32)
-    assert not film_motion(seen(about(0.9, 0.0)), fall_off(even)).any()
+    assert not film_motion(light_from(about(0.9, 0.0)), fall_off(even)).any()
     assert not film_motion(np.full_like(even, 1.1), fall_off(even)).any()

@@ -21,58 +21,62 @@ SLOPE = np.full((2, *SHAPE), 0.3, np.float32)
 RANKS = ranks()
 
 
-def judged(curl: float, rest: float = 1.0, light: float | None = None, **given: object) -> Metrics:
+def judged(
+    curl: float, rest: float = 1.0, light: float | None = None, **options: object
+) -> Metrics:
     """Uniform curl and departure of the light, over their sizes; `rest` is LED 2's light."""
-    seen = REST.copy()
-    seen[1] *= np.float32(rest)
+    image = REST.copy()
+    image[1] *= np.float32(rest)
     departure = None if light is None else np.full(SHAPE, light**2, np.float32)
     curls = np.full(SHAPE, curl * abs(curl), np.float32)
-    found = touch_evidence(curls, seen, HEIGHT, departure=departure, slope=SLOPE)
-    return judge_touch(found, **{"ranks": RANKS} | given)  # type: ignore[arg-type]
+    evidence = touch_evidence(curls, image, HEIGHT, departure=departure, slope=SLOPE)
+    return judge_touch(evidence, **{"ranks": RANKS} | options)  # type: ignore[arg-type]
 
 
-def told(curl: float, rest: float = 1.0, light: float | None = None, **given: object) -> list[str]:
+def warnings_of(
+    curl: float, rest: float = 1.0, light: float | None = None, **options: object
+) -> list[str]:
     with collect_warnings([]) as notes:
-        judged(curl, rest, light, **given)
+        judged(curl, rest, light, **options)
     return notes
 
 
-def test_a_touch_that_nothing_speaks_against_is_trusted() -> None:
-    found = judged(0.1, light=0.3)
-    assert list(found) == ["trust", "check_curl", "check_light", "check_rest"]
-    assert min(found.values()) == found["trust"] > 0.3
-    assert not told(0.1, light=0.3)
+def test_a_touch_without_contradictions_is_trusted() -> None:
+    verdict = judged(0.1, light=0.3)
+    assert list(verdict) == ["trust", "check_curl", "check_light", "check_rest"]
+    assert min(verdict.values()) == verdict["trust"] > 0.3
+    assert not warnings_of(0.1, light=0.3)
     assert "check_light" not in judged(0.1), "what is not checked has no figure"
     assert "check_rest" not in judged(0.1, filled=True)
-    assert judged(-1.0)["check_curl"] > 0.3, "what no cell tests is not held against it"
+    assert judged(-1.0)["check_curl"] > 0.3, "an untested check does not count against it"
 
 
-def test_trust_falls_with_what_contradicts_a_touch_and_false_alarms_is_its_limit() -> None:
+def test_trust_falls_with_contradictions_and_false_alarms_limits_it() -> None:
     figures = [judged(curl)["trust"] for curl in (0.5, 1.0, 1.5, 2.0)]
     assert figures == sorted(figures, reverse=True)
     assert figures[3] < 0.01 < figures[0]
     rare = 1.01 * judged(1.2)["trust"]
-    assert told(1.2, false_alarms=rare)
-    assert not told(1.2, false_alarms=0.98 * judged(1.2)["trust"])
+    assert warnings_of(1.2, false_alarms=rare)
+    assert not warnings_of(1.2, false_alarms=0.98 * judged(1.2)["trust"])
 
 
-def test_a_calibration_without_ranks_says_that_nothing_is_checked() -> None:
+def test_a_calibration_without_ranks_warns_that_nothing_is_checked() -> None:
     for known in (None, np.full_like(RANKS, -1)):
         assert judged(9.0, ranks=known, force=True) == {}
-        (line,) = told(9.0, ranks=known)
+        (line,) = warnings_of(9.0, ranks=known)
         assert line.startswith("this touch is not checked")
         assert "rank_checks calibration=FILE" in line
 
 
-def test_a_warning_says_the_cause_and_the_cure() -> None:
-    (line,) = told(1.9)
+def test_a_warning_names_the_cause_and_the_cure() -> None:
+    (line,) = warnings_of(1.9)
     assert line.startswith("no surface has these slopes (check the order of the images")
     assert line.endswith("; the height may be wrong")
     assert "\n" not in line
 
 
-def test_the_worst_cause_is_named_first_and_what_passed_is_not() -> None:
-    (line,) = told(9.0, rest=0.8, light=0.1)
+def test_the_worst_cause_is_named_first_and_a_passed_check_is_not_named() -> None:
+    (line,) = warnings_of(9.0, rest=0.8, light=0.1)
     slopes, led = line.index("no surface has these slopes"), line.index("LED 2 is darker by 20%")
     assert slopes < led
     assert "the light of the touch" not in line
@@ -86,17 +90,17 @@ def test_the_worst_cause_is_named_first_and_what_passed_is_not() -> None:
         (0.0, 3, ""),
     ],
 )
-def test_added_light_is_not_told_as_a_zoom_alone(added: float, shift: int, words: str) -> None:
-    """Five counts of 255 were told as a zoom of 4 %."""
-    notes = told_of_rest(near_light(2.0), added, shift)
+def test_added_light_is_not_reported_as_a_zoom_alone(added: float, shift: int, words: str) -> None:
+    """Five counts of 255 look like a zoom of 4 %."""
+    notes = warnings_at_rest(near_light(2.0), added, shift)
     assert "does not lie where the flat frame shows it" in notes[0]
     assert words in notes[0]
     assert ("or is it" in notes[0]) == bool(words)
 
 
-def test_added_light_is_told_where_no_zoom_explains_it() -> None:
-    """Two counts of 255 put heights 15 um off, and nothing was said."""
-    (line,) = told_of_rest(near_light(1.5), 0.01, 0)
+def test_added_light_is_reported_where_no_zoom_explains_it() -> None:
+    """Two counts of 255 put heights 15 um off."""
+    (line,) = warnings_at_rest(near_light(1.5), 0.01, 0)
     assert line.startswith("on the film at rest all LEDs together are brighter by 1.9%")
     assert "keep other light out" in line
 
@@ -109,44 +113,44 @@ def near_light(away: float) -> F4:
     return np.asarray(light / np.mean(light) * 0.6, np.float32)
 
 
-def told_of_rest(rest: F4, added: float, shift: int) -> list[str]:
+def warnings_at_rest(rest: F4, added: float, shift: int) -> list[str]:
     light = (np.roll(rest, shift, 2) + np.float32(added)) / rest
     light[:, :, :shift] = 1
     motion = film_motion(light, fall_off(rest))
-    found = touch_evidence(HEIGHT, light, HEIGHT)
+    evidence = touch_evidence(HEIGHT, light, HEIGHT)
     with collect_warnings([]) as notes:
-        judge_touch(found, RANKS, motion=motion, light=light, flat=rest, force=True)
+        judge_touch(evidence, RANKS, motion=motion, light=light, flat=rest, force=True)
     return notes
 
 
-def test_leds_that_dim_together_are_not_named_apart() -> None:
-    found = touch_evidence(HEIGHT, 0.8 * REST, HEIGHT)
+def test_leds_that_dim_together_are_named_together() -> None:
+    evidence = touch_evidence(HEIGHT, 0.8 * REST, HEIGHT)
     with collect_warnings([]) as notes:
-        judge_touch(found, RANKS)
+        judge_touch(evidence, RANKS)
     assert notes[0].startswith("all LEDs are darker by 20% than in the calibration")
 
 
-def test_what_fails_all_checks_is_refused_unless_forced() -> None:
+def test_a_touch_that_fails_all_checks_is_refused_unless_forced() -> None:
     wrong = {"curl": 9.0, "rest": 0.7, "light": 20.0}
     with pytest.raises(InputError) as refused:
         judged(**wrong)
     line = str(refused.value)
     assert all(cause in line for cause in ("has these slopes", "LED 2 is darker", "light of the"))
     assert line.endswith("no height follows; `force`=true goes on all the same")
-    assert len(told(**wrong, force=True)) == 1
+    assert len(warnings_of(**wrong, force=True)) == 1
     assert judged(**wrong, force=True)["trust"] < 1e-6
-    assert len(told(9.0, rest=0.7, light=1.0)) == 1, "two of three are no refusal"
+    assert len(warnings_of(9.0, rest=0.7, light=1.0)) == 1, "two of three are no refusal"
 
 
 @pytest.mark.parametrize("shape", [(1, 9), (9, 1), (1, 1)])
 def test_an_image_of_a_few_cells_has_a_verdict(shape: tuple[int, int]) -> None:
     untested, level = np.full(shape, -1, np.float32), np.zeros(shape, np.float32)
-    found = touch_evidence(untested, np.ones((4, *shape), np.float32), level)
-    assert judge_touch(found, RANKS)["trust"] > 0.1
+    evidence = touch_evidence(untested, np.ones((4, *shape), np.float32), level)
+    assert judge_touch(evidence, RANKS)["trust"] > 0.1
 
 
 def dome(wall: float, gap: int = 0) -> dict[str, F4]:
-    """A plateau of 0.5 mm behind a wall of such a slope, with a gentle ramp in place of some."""
+    """A plateau of 0.5 mm behind a wall of that slope, and a ramp in a gap of the wall."""
     y, x = np.indices(SHAPE)
     away = np.hypot(x - 20, y - 15)
     height, slope = np.where(away < 9, 0.5, 0).astype(np.float32), np.zeros((2, *SHAPE), np.float32)
@@ -154,25 +158,25 @@ def dome(wall: float, gap: int = 0) -> dict[str, F4]:
     return {"height": height, "slope": slope, "used": np.full(SHAPE, 15, np.uint8)}
 
 
-def rims_of(made: dict[str, F4]) -> U1:
-    return rim_cells(made["slope"], made["used"])
+def rims_of(scene: dict[str, F4]) -> U1:
+    return rim_cells(scene["slope"], scene["used"])
 
 
-def share(made: dict[str, F4]) -> float:
-    return film_on_rims(made["height"], rims_of(made), REST).share
+def share(scene: dict[str, F4]) -> float:
+    return film_on_rims(scene["height"], rims_of(scene), REST).share
 
 
-def test_what_rims_close_in_hangs_on_them() -> None:
+def test_film_that_rims_enclose_depends_on_them() -> None:
     assert share(dome(3.0)) == 1
-    assert share(dome(1.1)) == 0, "cells show slopes that turn so little"
-    assert 0.2 < share(dome(3.0, gap=2)) < 0.5, "a way up beside the rim measures the top"
+    assert share(dome(1.1)) == 0, "cells resolve slopes that turn so little"
+    assert 0.2 < share(dome(3.0, gap=2)) < 0.5, "a ramp next to the rim measures the top"
     shaded = dome(1.1)
     shaded["used"][shaded["slope"][0] > 0] = 0b0101
     assert share(shaded) == 1
     assert share(shaded | {"height": HEIGHT, "slope": 0 * SLOPE}) == 0, "nothing is touched"
 
 
-def test_what_hangs_on_rims_is_marked_on_the_pixels() -> None:
+def test_film_that_depends_on_rims_is_marked_on_the_pixels() -> None:
     like = np.zeros((1, 4 * SHAPE[0] - 1, 4 * SHAPE[1] - 1), np.float32)
     steep, gentle = dome(3.0), dome(1.1)
     marked = film_on_rims(steep["height"], rims_of(steep), like).film
@@ -180,25 +184,25 @@ def test_what_hangs_on_rims_is_marked_on_the_pixels() -> None:
     assert np.array_equal(marked[2::4, 2::4], steep["height"] > 0)
     assert not film_on_rims(gentle["height"], rims_of(gentle), like).film.any()
     lens = np.array([-0.1, 0, 0, 0, 0, 0, 0, 0], np.float32)
-    seen = film_on_rims(steep["height"], rims_of(steep), like, lens).film
+    distorted = film_on_rims(steep["height"], rims_of(steep), like, lens).film
     true = marked[nearest_ideal(lens, marked.shape)]
-    assert np.count_nonzero(seen != true) < 0.05 * np.count_nonzero(true)
+    assert np.count_nonzero(distorted != true) < 0.05 * np.count_nonzero(true)
 
 
-@pytest.mark.parametrize(("hanging", "measured", "told"), [(0.5, 0, 1), (0.5, 1, 0), (0.2, 0, 0)])
-def test_rims_are_a_warning_unless_something_else_measures_them(
-    hanging: float, measured: bool, told: bool
+@pytest.mark.parametrize(("hanging", "measured", "count"), [(0.5, 0, 1), (0.5, 1, 0), (0.2, 0, 0)])
+def test_rims_give_a_warning_unless_something_else_measures_them(
+    hanging: float, measured: bool, count: int
 ) -> None:
     notes: list[str] = []
     with collect_warnings(notes):
-        found = judged(0.1, rim_share=hanging, rims_measured=measured)
-    assert found["rim_share"] == hanging
+        verdict = judged(0.1, rim_share=hanging, rims_measured=measured)
+    assert verdict["rim_share"] == hanging
     assert notes == [note for note in notes if "50% of the touch hangs on rims" in note]
-    assert len(notes) == told
+    assert len(notes) == count
 
 
-@pytest.mark.parametrize(("measured", "said"), [(False, True), (True, False)])
-def test_precise_is_not_advised_where_it_ran(measured: bool, said: bool) -> None:
-    (line, *_) = told(0.1, light=9.0, rim_share=0.5, rims_measured=measured, force=True)
-    assert line.startswith("the light of the touch is that of no surface")
-    assert ("walls and rims need the graph precise" in line) == said
+@pytest.mark.parametrize(("measured", "is_advised"), [(False, True), (True, False)])
+def test_precise_is_not_advised_where_it_ran(measured: bool, is_advised: bool) -> None:
+    (line, *_) = warnings_of(0.1, light=9.0, rim_share=0.5, rims_measured=measured, force=True)
+    assert line.startswith("no surface explains the light of the touch")
+    assert ("walls and rims need the graph precise" in line) == is_advised

@@ -22,7 +22,7 @@ def flat() -> F4:
 
 
 def touch() -> F4:
-    """A dome and a smaller one beside it."""
+    """A dome and a smaller one next to it."""
     y, x = np.mgrid[:ROWS, :COLUMNS].astype(np.float32)
     height = 6 * np.exp(-((x - 34) ** 2 + (y - 26) ** 2) / 120)
     height += 3 * np.exp(-((x - 52) ** 2 + (y - 38) ** 2) / 40)
@@ -85,9 +85,9 @@ MISTAKES: dict[str, Change] = {
 
 
 def cause(light: F4, *, has_walls: bool = False) -> str:
-    """What explains a touch of a sensor whose right touches leave half as much again as this."""
+    """The cause of a touch, where right touches leave up to 1.5 times the residual of this one."""
     usual = 1.5 * matt_residual(touch() / flat(), flat(), LIGHTS)
-    return likely_cause(light, flat(), LIGHTS, lambda left: left < usual, has_walls=has_walls)
+    return likely_cause(light, flat(), LIGHTS, lambda res: res < usual, has_walls=has_walls)
 
 
 @pytest.mark.parametrize("words", MISTAKES)
@@ -107,21 +107,21 @@ def test_images_of_a_square_sensor_are_named_as_transposed() -> None:
     raw, rest = touch()[:, :, 10:70], flat()[:, :, 10:70]
     usual = 1.5 * matt_residual(raw / rest, rest, LIGHTS)
     turned = raw.transpose(0, 2, 1) / rest
-    assert "are transposed" in likely_cause(turned, rest, LIGHTS, lambda left: left < usual)
+    assert "are transposed" in likely_cause(turned, rest, LIGHTS, lambda residual: residual < usual)
 
 
-def test_a_frame_that_is_cut_off_does_not_flicker() -> None:
+def test_a_frame_that_is_cut_off_is_not_taken_for_flicker() -> None:
     cut = touch() / flat()
     cut[:, 45:] = 0
     assert "flickers" not in cause(cut)
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])
-def test_a_touch_that_fits_but_for_its_brightness_names_none(share: float) -> None:
+def test_a_touch_that_fits_except_for_its_brightness_has_no_cause(share: float) -> None:
     assert not cause(np.float32(share) * touch() / flat())
 
 
-def test_what_no_mistake_explains_names_none() -> None:
+def test_light_that_no_mistake_explains_has_no_cause() -> None:
     noise = np.random.default_rng(3).normal(1, 0.3, (4, ROWS, COLUMNS)).astype(np.float32)
     assert not cause(noise)
     assert not cause(np.ones((4, ROWS, COLUMNS), np.float32))

@@ -1,4 +1,4 @@
-"""Rows that were put together: torn and interlaced frames."""
+"""Rows of several frames in one image: torn and interlaced frames."""
 
 import cv2
 import numpy as np
@@ -23,7 +23,7 @@ def ball(x: float, y: float) -> F4:
     return np.asarray(light, np.float32)
 
 
-def seen(light: F4, noise: float = 0.01) -> F4:
+def noisy(light: F4, noise: float = 0.01) -> F4:
     return light + np.random.default_rng(1).normal(0, noise, light.shape).astype(np.float32)
 
 
@@ -34,7 +34,7 @@ def of_lines(light: F4, area: F4 = FILM) -> float:
 
 
 def figure(light: F4, area: F4 = FILM) -> float:
-    return of_lines(seen(light), area)
+    return of_lines(noisy(light), area)
 
 
 BALL, OTHER = ball(70, 60), ball(95, 50)
@@ -45,26 +45,26 @@ DEAD[:, 77] = 0.5
 
 
 @pytest.mark.parametrize("light", [TORN, INTERLACED, DEAD], ids=["torn", "interlaced", "dead row"])
-def test_rows_that_do_not_belong_together_are_told(light: F4) -> None:
+def test_rows_that_do_not_belong_together_are_found(light: F4) -> None:
     assert figure(light) > 2
     assert figure(light.swapaxes(1, 2), FILM.T) < 1.6, "cameras read rows"
 
 
-def test_a_surface_with_edges_along_the_rows_is_one() -> None:
-    """As a bar across the whole frame, seen through film and lens."""
+def test_a_surface_with_edges_along_the_rows_is_not_taken_for_torn() -> None:
+    """Such as a bar across the frame, blurred by film and lens."""
     bar = 1 + 0.4 * ((Y > 40).astype(np.float32) - (Y > 44))
     blurred = np.repeat(cv2.GaussianBlur(bar, (0, 0), 1.5)[None], 3, axis=0)
     for light in (BALL, np.ones_like(BALL), blurred):
         assert figure(light) < 1.6
 
 
-def test_compression_draws_lines_both_ways() -> None:
-    coded = cv2.imencode(".jpg", np.rint(160 * seen(BALL)).transpose(1, 2, 0))[1]
+def test_compression_changes_rows_and_columns_alike() -> None:
+    coded = cv2.imencode(".jpg", np.rint(160 * noisy(BALL)).transpose(1, 2, 0))[1]
     image = np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.float32).transpose(2, 0, 1) / 160
     assert of_lines(image) < 1.6
 
 
-def test_what_shows_no_film_is_not_looked_at() -> None:
+def test_parts_without_film_are_ignored() -> None:
     black = BALL.copy()
     black[:, 100:] = 0
     assert figure(black) > 3.6

@@ -13,7 +13,7 @@ TOUCHED = np.s_[:, 8:22, 10:30]
 
 
 def pressed(noise: float = 0.003) -> F4:
-    """Four LEDs' light: 1 but for noise, and a touch that changes it by half."""
+    """Four LEDs' light: 1 with noise, and a touch that changes it by half."""
     light = 1 + np.random.default_rng(1).normal(0, noise, (4, *SHAPE))
     light[TOUCHED] *= np.array([1.5, 1.2, 0.6, 0.8])[:, None, None]
     return light.astype(np.float32)
@@ -46,23 +46,23 @@ def added_light(light: F4, flat: F4) -> float:
     return added_share(light.reshape(len(light), -1), flat.reshape(len(flat), -1))
 
 
-@pytest.mark.parametrize("found", [True, False], ids=["drift found", "drift not looked for"])
-def test_the_light_of_the_film_at_rest_is_that_of_the_calibration(found: bool) -> None:
+@pytest.mark.parametrize("is_known", [True, False], ids=["drift known", "drift unknown"])
+def test_the_light_of_the_film_at_rest_is_that_of_the_calibration(is_known: bool) -> None:
     levels = (1.0, 1.0, 0.88, 1.0)
-    seen = figures(scaled(pressed(), *levels), drifted(*levels) if found else None)
-    assert seen["level"] == pytest.approx(0.06, abs=2e-3)
+    measured = figures(scaled(pressed(), *levels), drifted(*levels) if is_known else None)
+    assert measured["level"] == pytest.approx(0.06, abs=2e-3)
     alike = figures(scaled(pressed(), *[0.88] * 4))
     assert alike["level"] == pytest.approx(0.12, abs=2e-3)
 
 
-def test_light_that_is_spread_otherwise_is_seen() -> None:
+def test_light_that_is_distributed_otherwise_is_measured() -> None:
     ramp = 1 + 0.06 * np.linspace(-1, 1, SHAPE[1], dtype=np.float32)
-    seen = figures(pressed() * ramp, drifted(1.0001, 1, 1, 1, tilt=0.06))
-    assert seen["shape"] == pytest.approx(0.06)
+    measured = figures(pressed() * ramp, drifted(1.0001, 1, 1, 1, tilt=0.06))
+    assert measured["shape"] == pytest.approx(0.06)
 
 
-def test_black_images_are_seen_but_not_a_black_shadow_of_one_led() -> None:
-    """Without dividing by them."""
+def test_black_images_count_as_dark_but_a_black_shadow_of_one_led_does_not() -> None:
+    """No figure is divided by zero."""
     half, shadow = pressed(), pressed()
     half[:, 15:] = 0
     shadow[0, 9:20, 12:25] = 0
@@ -81,7 +81,7 @@ def test_a_surface_touched_everywhere_leaves_no_film_at_rest() -> None:
     assert figures(pressed())["touched_share"] < 0.3
 
 
-def test_a_touch_below_the_film_is_as_deep_as_it_is_high() -> None:
+def test_the_depth_below_the_film_is_relative_to_the_height_above_it() -> None:
     assert figures(pressed(), height=risen(-0.3, 1.0))["depth"] == pytest.approx(0.3)
     assert figures(pressed(), height=risen(0.0, -1.0))["depth"] > 5
     assert figures(pressed(), height=risen(0.0, -0.02))["depth"] < 0.2, "untouched film"
@@ -93,15 +93,15 @@ UNEVEN = np.stack([np.broadcast_to(f, SHAPE) for f in (FALLING, FALLING[::-1], 0
 
 
 @pytest.mark.parametrize("added", [0.015, -0.015])
-def test_light_that_was_added_everywhere_is_told_and_leds_that_faded_are_not(added: float) -> None:
+def test_light_that_was_added_everywhere_is_measured_and_faded_leds_are_not(added: float) -> None:
     faded = scaled(pressed()[:3], 0.98, 1.02, 0.99)
     assert abs(added_light(faded, UNEVEN)) < 0.005
-    seen = added_light(faded + np.float32(added) / UNEVEN, UNEVEN)
-    assert abs(seen) > 0.02
-    assert (seen > 0) == (added > 0)
+    measured = added_light(faded + np.float32(added) / UNEVEN, UNEVEN)
+    assert abs(measured) > 0.02
+    assert (measured > 0) == (added > 0)
 
 
-def test_film_that_is_equally_bright_everywhere_tells_no_added_light() -> None:
-    """There light that was added is an LED that is brighter."""
+def test_film_that_is_equally_bright_everywhere_shows_no_added_light() -> None:
+    """There added light looks like brighter LEDs."""
     even = np.full_like(UNEVEN, 0.5)
     assert added_light(pressed()[:3] + np.float32(0.03), even) == 0

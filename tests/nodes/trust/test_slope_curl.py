@@ -37,10 +37,10 @@ def where_tested(curl: F4) -> F4:
 @settings(max_examples=60)
 @given(smooth_slopes(), st.sampled_from([1, 2, 4]))
 def test_a_smooth_surface_does_not_curl(slope: F4, factor: int) -> None:
-    found = slope_curl(slope, EXACT, factor=factor)
-    assert np.isfinite(found).all()
+    curl = slope_curl(slope, EXACT, factor=factor)
+    assert np.isfinite(curl).all()
     # One cell may: where the slope's change vanishes, and the change of that does not.
-    assert curl_evidence(found) < 0.5
+    assert curl_evidence(curl) < 0.5
 
 
 def cap() -> F4:
@@ -48,9 +48,9 @@ def cap() -> F4:
 
 
 def test_a_cap_of_a_ball_does_not_curl_nor_does_one_turned() -> None:
-    found = where_tested(slope_curl(cap(), EXACT, factor=4))
-    assert found.size > 200
-    assert found.max() < 0.5
+    curl = where_tested(slope_curl(cap(), EXACT, factor=4))
+    assert curl.size > 200
+    assert curl.max() < 0.5
     turned = cap()[:, ::-1, ::-1]
     assert where_tested(slope_curl(turned, EXACT)).max() < 0.5, "they need another check"
 
@@ -72,29 +72,29 @@ def test_slopes_of_wrong_images_curl(wrong: object, what: str) -> None:
     assert np.median(where_tested(slope_curl(wrong(right), EXACT))) > 4, what  # type: ignore[operator]
 
 
-def test_a_frame_whose_end_is_of_other_images_is_told() -> None:
+def test_a_frame_whose_end_is_of_other_images_curls() -> None:
     torn = cap()
     torn[:, 48:] = np.stack([torn[1, 48:], -torn[0, 48:]])
-    found = (slope_curl(slope, EXACT, factor=2) for slope in (cap(), torn))
-    whole, band = (curl_evidence(curl) for curl in found)
-    assert whole < 0.3
+    curls = (slope_curl(slope, EXACT, factor=2) for slope in (cap(), torn))
+    intact, band = (curl_evidence(curl) for curl in curls)
+    assert intact < 0.3
     assert band > 1
 
 
 @pytest.mark.parametrize("noise", [0.003, 0.02])
 @pytest.mark.parametrize(("factor", "cell_px"), [(1, 1), (4, 1), (2, 3)])
 def test_stated_noise_is_not_taken_for_curl(noise: float, factor: int, cell_px: int) -> None:
-    """Of a tilted plane; the noise is that of a pixel of the camera."""
+    """The slopes are of a tilted plane; the noise is that of a pixel of the camera."""
     rng = np.random.default_rng(1)
     slope = 0.3 + rng.normal(0, noise / cell_px, (2, 120, 160)).astype(np.float32)
     variance = np.full(slope.shape, noise * noise, np.float32)
-    given = {"factor": factor, "cell_px": cell_px, "least": 1e-6}
-    stated = where_tested(slope_curl(slope, EXACT, variance=variance, **given)).mean()
+    options = {"factor": factor, "cell_px": cell_px, "least": 1e-6}
+    stated = where_tested(slope_curl(slope, EXACT, variance=variance, **options)).mean()
     assert 0.8 < stated <= 1.05
-    assert where_tested(slope_curl(slope, EXACT, **given)).mean() > 5 * stated
+    assert where_tested(slope_curl(slope, EXACT, **options)).mean() > 5 * stated
 
 
-def test_the_calibrations_misfit_widens_what_is_expected() -> None:
+def test_the_calibrations_misfit_lowers_the_curl() -> None:
     slope = 0.3 + np.random.default_rng(1).normal(0, 0.01, (2, *SHAPE)).astype(np.float32)
     loose = np.array([0.05, 1, 0, 0, 0], np.float32)
     exact, wide = (where_tested(slope_curl(slope, misfit)).mean() for misfit in (EXACT, loose))
@@ -120,6 +120,6 @@ def test_pairs_of_leds_test_nothing_and_edges_do() -> None:
 @pytest.mark.parametrize("shape", [(1, 9), (9, 1), (1, 1), (4, 4)])
 def test_fewer_than_four_cells_test_nothing(shape: tuple[int, int]) -> None:
     slope = np.full((2, *shape), 0.3, np.float32)
-    found = slope_curl(slope, EXACT, factor=4)
-    assert found.shape == tuple(-(-side // 4) for side in shape)
-    assert (found == NOT_TESTED).all()
+    curl = slope_curl(slope, EXACT, factor=4)
+    assert curl.shape == tuple(-(-side // 4) for side in shape)
+    assert (curl == NOT_TESTED).all()

@@ -1,4 +1,4 @@
-"""Where nothing is at rest, the height's zero is a guess."""
+"""Where nothing is at rest, the height's zero is uncertain."""
 
 import numpy as np
 import pytest

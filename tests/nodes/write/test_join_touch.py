@@ -1,4 +1,4 @@
-"""A touch is joined once per graph, of what the graph has."""
+"""A graph joins its values into one touch."""
 
 from pathlib import Path
 
@@ -35,7 +35,7 @@ def bound(text: str, folder: Path) -> Draft:
     return bind(graph, graph.placeholders, sinks=True, stand_ins=frozenset())
 
 
-def test_every_part_is_where_its_name_says() -> None:
+def test_every_part_is_stored_under_its_name() -> None:
     frames, view = CapturedFrames("image", "name", 1.0, "state"), View("lens", "camera")
     layers = {"shadow": "shadow", "error": None, "pose": "pose"}
     touch = join_touch("height", "pixel", frames, "metrics", view, **layers)
@@ -50,7 +50,7 @@ def test_a_capture_has_a_name_and_no_time(tmp_path: Path) -> None:
     assert reads["view.camera"] == Value("cal", "camera")
 
 
-def test_what_gives_nothing_of_a_record_is_not_read_as_one(tmp_path: Path) -> None:
+def test_a_node_that_gives_nothing_of_a_record_is_refused(tmp_path: Path) -> None:
     with pytest.raises(GraphError, match=r"'view' takes a node that gives .* View \(lens, camera"):
         bound(GRAPH.replace("view: cal", "view: frames"), tmp_path)
 
@@ -63,7 +63,7 @@ def test_layers_are_taken_by_name_with_the_types_of_their_kinds(tmp_path: Path) 
     assert task.node.inputs["shadow"].optional
 
 
-def test_a_layer_that_there_is_not_is_one_line_with_those_that_there_are(tmp_path: Path) -> None:
-    told = r"no input 'shadw'; did you mean 'shadow'\? \(it takes: .*error, .*shadow"
-    with pytest.raises(GraphError, match=told):
+def test_an_unknown_layer_is_refused_with_the_known_ones(tmp_path: Path) -> None:
+    message = r"no input 'shadw'; did you mean 'shadow'\? \(it takes: .*error, .*shadow"
+    with pytest.raises(GraphError, match=message):
         bound(GRAPH.replace("view: cal}", "view: cal, shadw: height}"), tmp_path)

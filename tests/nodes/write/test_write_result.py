@@ -1,4 +1,4 @@
-"""What a result says beside its heights."""
+"""The content of a result in addition to its heights."""
 
 import json
 import shutil
@@ -31,11 +31,11 @@ from tactograph.nodes.write.write_result import write_result
 from tests.nodes.touches import touch_of
 
 SHAPE = (8, 10)
-MADE = Provenance({}, None, [], {}, {}, [], [])
+PROVENANCE = Provenance({}, None, [], {}, {}, [], [])
 
 
 def flat(**parts: Any) -> Touch:
-    """A touch of a flat film, with such parts."""
+    """A touch of a flat film, with these parts."""
     level, image = np.zeros(SHAPE, np.float32), np.ones((4, *SHAPE), np.float32)
     nothing = np.zeros(SHAPE, np.uint8)
     return touch_of(**{"height": level, "image": image, "pixel": 0.1, "shadow": nothing, **parts})
@@ -51,7 +51,7 @@ def write(
         image=np.ones((count, *SHAPE), np.float32), shadow=bits, highlight=mirrored, **parts
     )
     with collect_warnings([]) as notes:
-        write_result(touch, folder=folder, pictures=False, provenance=MADE)
+        write_result(touch, folder=folder, pictures=False, provenance=PROVENANCE)
     return notes
 
 
@@ -81,25 +81,25 @@ def test_highlights_are_written_where_the_graph_gives_them(tmp_path: Path) -> No
     assert (bits == 0b100).all()
 
 
-def test_confidence_contacts_and_what_is_unresolved_are_written_beside(tmp_path: Path) -> None:
-    """Contacts as their numbers, and what is unresolved white."""
+def test_confidence_contacts_and_unresolved_pixels_are_written(tmp_path: Path) -> None:
+    """Contacts as their numbers, and unresolved pixels white."""
     sure, numbers = np.full(SHAPE, 0.75, np.float32), np.zeros(SHAPE, np.uint8)
     numbers[2:4, 3:5], unresolved = 2, np.eye(*SHAPE, dtype=np.uint8)
     touch = flat(confidence=sure, contact=numbers, unresolved=unresolved)
-    write_result(touch, folder=tmp_path, provenance=MADE)
+    write_result(touch, folder=tmp_path, provenance=PROVENANCE)
     assert np.array_equal(np.load(tmp_path / "confidence.npy"), sure)
     assert cv2.imread(str(tmp_path / "confidence.png")) is not None
     for name, plane in (("unresolved", 255 * unresolved), ("contact", numbers)):
-        kept = cv2.imread(str(tmp_path / f"{name}.png"), cv2.IMREAD_UNCHANGED)
-        assert np.array_equal(kept, plane)
+        written = cv2.imread(str(tmp_path / f"{name}.png"), cv2.IMREAD_UNCHANGED)
+        assert np.array_equal(written, plane)
 
 
-def test_numbers_that_look_black_have_a_picture_beside_them(tmp_path: Path) -> None:
+def test_numbers_that_look_black_have_a_picture_in_addition(tmp_path: Path) -> None:
     numbers = np.zeros(SHAPE, np.uint8)
     numbers[2:4, 3:5], numbers[5:7, 6:9] = 1, 2
     for name, labels in (("free", 0 * numbers), ("touched", numbers)):
         touch = flat(shadow=labels, contact=labels, highlight=labels)
-        write_result(touch, folder=tmp_path / name, provenance=MADE)
+        write_result(touch, folder=tmp_path / name, provenance=PROVENANCE)
     for what in ("shadow", "highlight", "contact"):
         views = [tmp_path / name / f"{what}_view.png" for name in ("free", "touched")]
         free, touched = (colours_of(cv2.imread(str(view))) for view in views)
@@ -107,12 +107,12 @@ def test_numbers_that_look_black_have_a_picture_beside_them(tmp_path: Path) -> N
 
 
 def result(folder: Path, pixel: float = 0.1, level: float = 0.0, **more: object) -> set[str]:
-    """Write the result of a film with a dent in its corner; the files that are there then."""
+    """Write the result of a film with a dent in its corner; return the files in the folder."""
     height = np.full(SHAPE, level, np.float32)
     height[1, 8] += 1.0
     settings = {name: more.pop(name, False) for name in ("ply", "pictures")}
     touch = flat(height=height, pixel=pixel, **more)
-    write_result(touch, folder=folder, provenance=MADE, **settings)
+    write_result(touch, folder=folder, provenance=PROVENANCE, **settings)
     return {file.name for file in folder.iterdir()}
 
 
@@ -124,50 +124,50 @@ def full() -> dict[str, object]:
 
 
 def test_a_result_states_its_pixel_size_and_names_its_files_with_checksums(tmp_path: Path) -> None:
-    there = result(tmp_path, **full())
-    told = json.loads((tmp_path / "result.json").read_text())
-    assert told["pixel_size_mm"] == 0.1
-    assert set(told["files"]) == there
-    assert {*told["checksums"]} == there - {"result.json"}
+    files = result(tmp_path, **full())
+    stated = json.loads((tmp_path / "result.json").read_text())
+    assert stated["pixel_size_mm"] == 0.1
+    assert set(stated["files"]) == files
+    assert {*stated["checksums"]} == files - {"result.json"}
     height = (tmp_path / "height.npy").read_bytes()
-    assert told["checksums"]["height.npy"] == f"{zlib.crc32(height):08x}"
+    assert stated["checksums"]["height.npy"] == f"{zlib.crc32(height):08x}"
 
 
-def test_what_an_earlier_result_had_and_this_one_lacks_does_not_stay(tmp_path: Path) -> None:
+def test_files_of_an_earlier_result_that_this_one_lacks_are_deleted(tmp_path: Path) -> None:
     result(tmp_path / "again", **full())
     assert result(tmp_path / "again") == result(tmp_path / "new")
 
 
 def test_files_that_are_not_of_an_earlier_result_stay(tmp_path: Path) -> None:
-    """A mesh that another node writes, what a user adds, and what a damaged result names."""
+    """A mesh of another node, a file of the user, and files that a damaged result names."""
     result(tmp_path)
     for name in ("height.ply", "error.npy", "notes.txt"):
         (tmp_path / name).write_text("mine")
     (tmp_path.parent / "outside.txt").write_text("mine")
-    told = json.loads((tmp_path / "result.json").read_text())
-    told["files"] += ["notes.txt", "../outside.txt"]
-    (tmp_path / "result.json").write_text(json.dumps(told))
+    stated = json.loads((tmp_path / "result.json").read_text())
+    stated["files"] += ["notes.txt", "../outside.txt"]
+    (tmp_path / "result.json").write_text(json.dumps(stated))
     assert {"height.ply", "error.npy", "notes.txt"} <= result(tmp_path)
     assert (tmp_path.parent / "outside.txt").exists()
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"files": 3}'])
-def test_a_result_that_names_no_files_costs_none(tmp_path: Path, text: str) -> None:
+def test_a_result_that_names_no_files_deletes_none(tmp_path: Path, text: str) -> None:
     (tmp_path / "result.json").write_text(text)
     (tmp_path / "error.npy").write_text("mine")
     assert "error.npy" in result(tmp_path)
 
 
-def test_a_result_that_fails_leaves_the_earlier_one_whole(tmp_path: Path) -> None:
-    there = result(tmp_path, **full())
+def test_a_result_that_fails_leaves_the_earlier_one_intact(tmp_path: Path) -> None:
+    files = result(tmp_path, **full())
     with pytest.raises(InputError, match="camera"):
         result(tmp_path, view=View(None, 2.0), ply=True)
-    assert {file.name for file in tmp_path.iterdir()} == there
+    assert {file.name for file in tmp_path.iterdir()} == files
 
 
 @pytest.mark.parametrize("suffix", ["npy", "tiff"])
 def test_a_height_of_another_write_than_its_result_is_refused(tmp_path: Path, suffix: str) -> None:
-    """As a kill while files were moved leaves it."""
+    """A kill while files are moved leaves such a height."""
     result(tmp_path / "old")
     result(tmp_path / "new", pixel=0.2, level=0.5)
     file = tmp_path / "old" / f"height.{suffix}"
@@ -219,16 +219,16 @@ def colours_of(picture: np.ndarray) -> set[int]:
 
 
 @pytest.mark.parametrize(("draw", "about"), [(draw_labels, (4, "title")), (draw_regions, ("rib",))])
-def test_a_picture_does_not_show_the_touch_before(
+def test_a_picture_does_not_show_the_previous_touch(
     tmp_path: Path, draw: Any, about: tuple[Any, ...]
 ) -> None:
     grey, one, other = np.ones(SHAPE, np.float32), np.zeros(SHAPE, np.uint8), np.eye(8, 10)
     for name, numbers in (("first", one), ("between", other.astype(np.uint8)), ("again", one)):
         draw(numbers, grey, *about, tmp_path / f"{name}.png")
-    first, between, again = (
+    first, between, repeated = (
         (tmp_path / f"{n}.png").read_bytes() for n in ("first", "between", "again")
     )
-    assert first == again != between
+    assert first == repeated != between
 
 
 def test_an_equal_height_is_drawn_once_and_another_anew(
@@ -245,13 +245,13 @@ def test_an_equal_height_is_drawn_once_and_another_anew(
     monkeypatch.setattr("tactograph.nodes.drawing.result_pictures.draw_height", draw)
     for name, level, pixel in (("a", 0, 0.1), ("b", 0, 0.1), ("c", 1, 0.1), ("d", 1, 0.2)):
         touch = flat(height=np.full(SHAPE, level, np.float32), pixel=pixel)
-        write_result(touch, folder=tmp_path / name, provenance=MADE)
+        write_result(touch, folder=tmp_path / name, provenance=PROVENANCE)
     assert drawn == [0, 1, 1]
     pictures = [(tmp_path / name / "height.png").read_bytes() for name in "abcd"]
     assert pictures == [b"\1", b"\1", b"\2", b"\3"]
 
 
-def test_colours_end_where_a_corner_runs_away_and_the_range_is_told(
+def test_an_outlier_in_a_corner_does_not_widen_the_colours_and_the_range_is_stated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     titles: list[str] = []

@@ -1,4 +1,4 @@
-"""Pixels that are not square are told by a ball, square ones are not."""
+"""A ball reveals pixels that are not square."""
 
 import cv2
 import numpy as np
@@ -16,7 +16,7 @@ BALL_MM = 7.0
 def judged(
     folder: Raytraced, rig: str, rows: float = 1.0, columns: float = 1.0, off_px: float = 0.0
 ) -> list[str]:
-    """What is told of a rig whose images are resized by so much, and the ball is misplaced."""
+    """The doubts about a rig with images resized by these factors and a misplaced ball."""
 
     def resized(planes: F4) -> F4:
         return np.stack([cv2.resize(p, None, None, columns, rows, cv2.INTER_AREA) for p in planes])
@@ -30,20 +30,20 @@ def judged(
 
 
 @pytest.mark.parametrize("rig", ["far28", "near33"])
-def test_square_pixels_are_not_told(raytraced: Raytraced, rig: str) -> None:
+def test_square_pixels_give_no_doubt(raytraced: Raytraced, rig: str) -> None:
     assert judged(raytraced, rig) == []
     assert judged(raytraced, rig, off_px=2) == []
 
 
 @pytest.mark.parametrize("rig", ["far28", "near33"])
-def test_sides_that_differ_by_two_per_cent_are_told(raytraced: Raytraced, rig: str) -> None:
+def test_sides_that_differ_by_two_per_cent_give_a_doubt(raytraced: Raytraced, rig: str) -> None:
     (doubt,) = judged(raytraced, rig, rows=1 / 1.02)
     assert "% longer than wide" in doubt
     (doubt,) = judged(raytraced, rig, columns=1 / 1.02)
     assert "% wider than long" in doubt
 
 
-def test_where_no_ball_is_found_nothing_is_told() -> None:
+def test_without_a_ball_there_is_no_doubt() -> None:
     light, none = np.ones((4, 8, 8), np.float32), np.zeros((1, 3), np.float32)
-    given = none, np.zeros(1, np.float32), np.zeros(1, np.int32), 0.1
-    assert judge_oblong(light, light, *given, radius_mm=BALL_MM) == []
+    evidence = none, np.zeros(1, np.float32), np.zeros(1, np.int32), 0.1
+    assert judge_oblong(light, light, *evidence, radius_mm=BALL_MM) == []

@@ -15,26 +15,26 @@ PRESS = np.where(ON, 1 + U * np.array([1, -1, 0.5, -0.5])[:, None, None], 1)
 
 
 def brighter(seed: int) -> F4:
-    """By how much each LED's light differs from the flat frame's, smoothly."""
+    """A smooth factor between each LED's light and the flat frame's."""
     rng = np.random.default_rng(seed)
     a, b, c, d = rng.uniform(-0.03, 0.03, (4, 4, 1, 1))
     return 1.02 + a * U + b * V + c * U * V + d * U * U
 
 
-def test_each_press_is_levelled_by_what_surrounds_it() -> None:
+def test_each_press_is_levelled_by_the_film_around_it() -> None:
     rng = np.random.default_rng(0)
     drifted = [PRESS * brighter(seed) + rng.normal(0, 0.005, PRESS.shape) for seed in (1, 2)]
     sheet = np.concatenate(drifted, axis=1).astype(np.float32)
-    found = level_touches(sheet, FLAT, NOISE)
+    levelled = level_touches(sheet, FLAT, NOISE)
     for i in range(2):
-        apart = found[:, i * SIZE[0] : (i + 1) * SIZE[0]] - PRESS
-        assert np.abs(apart.mean(axis=(1, 2))).max() < 2e-3
-        assert apart.std() < 0.007
+        difference = levelled[:, i * SIZE[0] : (i + 1) * SIZE[0]] - PRESS
+        assert np.abs(difference.mean(axis=(1, 2))).max() < 2e-3
+        assert difference.std() < 0.007
         assert (sheet[:, i * SIZE[0] : (i + 1) * SIZE[0]] - PRESS).std() > 0.012
 
 
 @pytest.mark.parametrize("what", ["level", "tilted"])
-def test_the_touch_itself_says_nothing_of_the_light(what: str) -> None:
+def test_the_touch_itself_does_not_change_the_level(what: str) -> None:
     light = np.where(ON, 1.3, 1) if what == "level" else PRESS
     sheet = np.broadcast_to(light, (4, *SIZE)).astype(np.float32)
     assert level_touches(sheet, FLAT, NOISE) == pytest.approx(sheet, abs=1e-4)

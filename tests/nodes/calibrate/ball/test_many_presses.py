@@ -1,4 +1,4 @@
-"""Many presses calibrate a sensor: bad ones are told and left out, the others rate it."""
+"""Many presses calibrate a sensor: bad ones are reported and left out, the others rate it."""
 
 from pathlib import Path
 
@@ -53,24 +53,24 @@ def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rest = render(FILM, PIXEL, RING).light
     write(folder / "flat" / "1", rest, seed=1)
     write(folder / "flat" / "2", rest, seed=2)
-    made = {name: pressed(*place) for name, place in GOOD.items()}
+    images = {name: pressed(*place) for name, place in GOOD.items()}
     for seed, (name, place) in enumerate(GOOD.items()):
-        write(folder / "presses" / name, made[name], ball(*place), seed)
+        write(folder / "presses" / name, images[name], ball(*place), seed)
     write(folder / "presses" / "e_empty", rest, "ball_radius_mm: 5\n")
-    moved = made["a"].copy()
+    moved = images["a"].copy()
     moved[2] = np.roll(moved[2], 3, axis=1)
     write(folder / "presses" / "f_moved", moved, ball(*GOOD["a"]))
-    write(folder / "presses" / "g_bright", 4 * made["b"], ball(*GOOD["b"]))
-    write(folder / "presses" / "h_other", made["b"], ball(*GOOD["b"][:2], 6.0))
+    write(folder / "presses" / "g_bright", 4 * images["b"], ball(*GOOD["b"]))
+    write(folder / "presses" / "h_other", images["b"], ball(*GOOD["b"][:2], 6.0))
     y, x = np.indices(SIZE)
     glint = np.hypot(x - GOOD["b"][0] - 8, y - GOOD["b"][1]) < GLINT
-    write(folder / "presses" / "i_glint", np.where(glint, 4, made["b"]), ball(*GOOD["b"]))
+    write(folder / "presses" / "i_glint", np.where(glint, 4, images["b"]), ball(*GOOD["b"]))
     return folder
 
 
 def calibrate(presses: Path, out: Path, flat: Path) -> Result:
-    given = {"capture": presses, "flat": flat, "pixel_size_mm": PIXEL, "out": out}
-    (result,) = open_pipeline(without_ranks(read_graph("calibrate")), given).items()
+    params = {"capture": presses, "flat": flat, "pixel_size_mm": PIXEL, "out": out}
+    (result,) = open_pipeline(without_ranks(read_graph("calibrate")), params).items()
     return result
 
 
@@ -82,25 +82,25 @@ def calibrated(sensor: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 def test_bad_presses_are_left_out_and_named_with_the_reason(calibrated) -> None:
     result, _ = calibrated
-    told = [note for note in result.warnings if "left out" in note]
-    assert len(told) == 4
+    left_out = [note for note in result.warnings if "left out" in note]
+    assert len(left_out) == 4
     for name, reason in {
         "e_empty": "no ball of radius 5 mm",
         "f_moved": "the ball moved by",
         "g_bright": "is saturated; expose shorter",
         "h_other": "is its radius right",
     }.items():
-        assert any(f"press {name} is left out" in n and reason in n for n in told), name
+        assert any(f"press {name} is left out" in n and reason in n for n in left_out), name
 
 
-def test_a_single_press_that_is_saturated_is_no_led_that_is_off(
+def test_a_single_saturated_press_is_not_reported_as_an_led_that_is_off(
     sensor: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match="of the ball is saturated; expose shorter"):
         calibrate(sensor / "presses" / "g_bright", tmp_path / "cal.npz", sensor / "flat")
 
 
-def test_a_flat_frame_that_is_touched_is_blamed_for_a_ball_that_is_not_found() -> None:
+def test_a_touched_flat_frame_is_named_as_the_reason_for_a_missing_ball() -> None:
     touched = pressed(*GOOD["d"])
     radius, known = np.full(1, 5.0, np.float32), np.full((1, 3), np.nan, np.float32)
     with pytest.raises(InputError, match="the flat frame is lit unevenly, as by a touch: take it"):
@@ -128,12 +128,12 @@ def test_the_tables_hold_pixels_of_all_good_presses_and_of_no_bad_one(calibrated
 
 
 def test_saturated_highlights_are_left_out_of_a_press(calibrated) -> None:
-    whole, glinting = (np.split(calibrated[0]["mask"], 9)[i] for i in (1, 8))
-    lost = int(whole.sum()) - int(glinting.sum())
+    plain, glinting = (np.split(calibrated[0]["mask"], 9)[i] for i in (1, 8))
+    lost = int(plain.sum()) - int(glinting.sum())
     assert lost == pytest.approx(np.pi * GLINT**2, rel=0.05)
 
 
-def test_a_picture_lies_beside_the_calibration(calibrated) -> None:
+def test_a_picture_is_written_next_to_the_calibration(calibrated) -> None:
     _, out = calibrated
     picture = cv2.imread(str(out.with_suffix(".png")))
     assert picture.shape == (800, 1600, 3)
@@ -148,15 +148,15 @@ def test_one_press_has_nothing_to_hold_out(sensor: Path, tmp_path: Path) -> None
     assert off(read_calibration(file=tmp_path / "cal.npz").film.lights, RING) < 0.01
 
 
-def test_what_is_known_of_a_ball_is_read_with_its_press(sensor: Path) -> None:
-    found = read_balls(folder=sensor / "presses", radius_mm=7.0)
-    assert found.image.shape == (4, 9 * SIZE[0], SIZE[1])
-    assert found.radius.tolist() == [5, 4, 4, 5, 5, 5, 4, 6, 4]
-    assert found.circles[1].tolist() == [106, 40, CONTACT]
-    assert np.isnan(found.circles[4]).all()
+def test_the_radius_and_circle_of_a_ball_are_read_with_its_press(sensor: Path) -> None:
+    balls = read_balls(folder=sensor / "presses", radius_mm=7.0)
+    assert balls.image.shape == (4, 9 * SIZE[0], SIZE[1])
+    assert balls.radius.tolist() == [5, 4, 4, 5, 5, 5, 4, 6, 4]
+    assert balls.circles[1].tolist() == [106, 40, CONTACT]
+    assert np.isnan(balls.circles[4]).all()
 
 
-def test_radii_are_given_in_the_order_of_the_names(tmp_path: Path) -> None:
+def test_radii_are_assigned_in_the_order_of_the_names(tmp_path: Path) -> None:
     for name in ("two", "one"):
         write(tmp_path / name, np.ones((3, 4, 5), np.float32))
     assert read_balls(folder=tmp_path, radius_mm=(7.0, 5.0)).names == ["one", "two"]
@@ -165,18 +165,18 @@ def test_radii_are_given_in_the_order_of_the_names(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "why"),
+    ("settings", "why"),
     [
         ({}, r"one: the ball's radius is not known; give `radius_mm`"),
         ({"radius_mm": (7.0, 5.0, 4.0)}, "holds 2 presses, but `radius_mm` has 3 radii"),
         ({"radius_mm": 7.0, "center_px": (3.0, 3.0)}, "`center_px` and `contact_px` are for"),
     ],
 )
-def test_balls_that_do_not_fit_the_presses_are_refused(tmp_path: Path, given, why: str) -> None:
+def test_balls_that_do_not_fit_the_presses_are_refused(tmp_path: Path, settings, why: str) -> None:
     for name in ("one", "two"):
         write(tmp_path / name, np.ones((3, 4, 5), np.float32))
     with pytest.raises(InputError, match=why):
-        read_balls(folder=tmp_path, **given)
+        read_balls(folder=tmp_path, **settings)
 
 
 def test_presses_of_different_sizes_or_of_the_untouched_film_are_refused(tmp_path: Path) -> None:
@@ -216,12 +216,12 @@ def covered(*places: tuple[float, float], contact: float = 40.0) -> str:
         ([(40, 40)], 49, "and a single press cannot be checked by another"),
     ],
 )
-def test_what_to_press_next(places, contact: float, advice: str) -> None:
-    said = covered(*places, contact=contact)
-    assert advice in said
+def test_the_advice_names_the_next_press(places, contact: float, advice: str) -> None:
+    text = covered(*places, contact=contact)
+    assert advice in text
 
 
-def test_a_press_without_marks_among_marked_ones_is_told(tmp_path: Path) -> None:
+def test_presses_are_refused_if_no_ball_is_found_in_any_of_them(tmp_path: Path) -> None:
     radius, known = np.full(2, 1.0, np.float32), np.full((2, 3), np.nan, np.float32)
     sheet = np.ones((4, 2 * SIZE[0], SIZE[1]), np.float32)
     marks = np.array([[20, 20, 1], [40, 20, 1]], np.float32)

@@ -15,9 +15,9 @@ from tactograph.graph.plan.names import bind
 from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND, CameraLens
 from tactograph.nodes.drawing.new_picture import write_picture
 
-MADE = Provenance({}, None, [], {}, {}, [], [])
+PROVENANCE = Provenance({}, None, [], {}, {}, [], [])
 WRITERS = ("write_calibration",)
-BESIDE = ("plot_calibration",)
+PICTURES = ("plot_calibration",)
 
 
 def check(node: str, file: Path) -> None:
@@ -26,11 +26,11 @@ def check(node: str, file: Path) -> None:
 
 def camera(file: Path) -> None:
     lens = CameraLens(np.zeros(8, np.float32), 0.1, 0.1, np.array([5, 4], np.int32), {})
-    CAMERA_KIND.write_record(file, lens, {"provenance": MADE})
+    CAMERA_KIND.write_record(file, lens, {"provenance": PROVENANCE})
 
 
 @pytest.mark.parametrize("node", WRITERS)
-def test_arrays_of_others_stay(node: str, tmp_path: Path) -> None:
+def test_foreign_arrays_are_not_overwritten(node: str, tmp_path: Path) -> None:
     file = tmp_path / "mine.npz"
     check(node, file)
     np.savez(file, mine=np.ones(3))
@@ -56,9 +56,9 @@ def test_a_calibration_is_replaced_by_one_of_its_kind_alone(
         bind(graph, graph.placeholders, sinks=True)
 
 
-@pytest.mark.parametrize("node", BESIDE)
+@pytest.mark.parametrize("node", PICTURES)
 @pytest.mark.parametrize("content", ["photo", "text", "folder"])
-def test_a_photo_stays(node: str, content: str, tmp_path: Path) -> None:
+def test_a_photo_is_not_overwritten(node: str, content: str, tmp_path: Path) -> None:
     picture = tmp_path / "photo.png"
     file = picture.with_suffix(".npz")
     check(node, file)

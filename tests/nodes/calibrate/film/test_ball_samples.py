@@ -1,4 +1,4 @@
-"""Samples of balls: where they lie, and what light is thrown on them."""
+"""Samples of balls: where they lie, and the light that is thrown on them."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def sampled(
     column: float = MIDDLE[0],
     **options: object,
 ) -> Balls:
-    """All pixels of a ball in the middle of each press, or at another column; or some."""
+    """Samples of a ball in the middle of each press, or at another column."""
     circle = np.repeat(np.float32([[column, MIDDLE[1], RIM / PIXEL]]), presses, axis=0)
     radius, of = np.full(presses, RADIUS, np.float32), np.arange(presses, dtype=np.int32)
     film = BOUNCING._replace(albedo=albedo)
@@ -39,8 +39,8 @@ def sampled(
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("albedo", [0.0, 0.5, 0.7])
-def test_what_balls_throw_on_the_film_at_rest_is_no_drift(albedo: float) -> None:
-    """Whatever the albedo is thought to be when a press is levelled, the LEDs' light stays."""
+def test_light_that_balls_throw_on_the_film_at_rest_is_not_taken_for_drift(albedo: float) -> None:
+    """Whatever albedo is assumed when a press is levelled, the LEDs' light stays."""
     raw = press(BOUNCING, (0.0, 0.0), seed=1)
     levelled = level_touches(raw, FLAT, NOISE)
     alone = press(MATT, (0.0, 0.0), seed=1)
@@ -50,9 +50,9 @@ def test_what_balls_throw_on_the_film_at_rest_is_no_drift(albedo: float) -> None
         np.rint(w / PIXEL + m).astype(int) for w, m in zip((balls.u, balls.v), MIDDLE, strict=True)
     )
     inner = np.hypot(balls.u, balls.v) < 0.85 * RIM
-    left = balls.light - balls.thrown(at_rest, BOUNCING) - alone[:, rows, columns]
+    remaining = balls.light - balls.thrown(at_rest, BOUNCING) - alone[:, rows, columns]
     taken = (raw - levelled)[:, rows, columns]
-    assert np.abs(left[:, inner].mean()) < 0.002 < taken[:, inner].mean()
+    assert np.abs(remaining[:, inner].mean()) < 0.002 < taken[:, inner].mean()
 
 
 def test_a_ball_whose_middle_lies_outside_the_image_throws_light_from_there() -> None:
@@ -64,32 +64,34 @@ def test_a_ball_whose_middle_lies_outside_the_image_throws_light_from_there() ->
         np.rint(w / PIXEL + m).astype(int) for w, m in zip((balls.u, balls.v), MIDDLE, strict=True)
     )
     true = (raw - alone)[:, rows, columns]
-    found = balls.thrown(np.zeros((1, 3)), BOUNCING)
-    assert found.mean() == pytest.approx(true.mean(), rel=0.01)
+    thrown = balls.thrown(np.zeros((1, 3)), BOUNCING)
+    assert thrown.mean() == pytest.approx(true.mean(), rel=0.01)
 
 
-def test_film_that_throws_nothing_is_not_asked_what_it_throws() -> None:
+def test_no_thrown_light_is_computed_for_film_that_throws_none() -> None:
     balls = sampled(press(MATT, (0.0, 0.0), seed=1), 0.0, fine=True)
     for nothing in (balls.bounced, balls.by_lift, balls.by_rim):
         assert nothing.shape == balls.light.shape
         assert not nothing.any()
 
 
-def test_a_device_tells_the_same_light(device: OpenCL) -> None:
+def test_a_device_computes_the_same_light(device: OpenCL) -> None:
     raw = press(BOUNCING, (0.0, 0.0), seed=1)
-    here, there = (sampled(raw, bounce=b) for b in (film_bounce, DeviceCall(film_bounce, device)))
+    on_host, on_device = (
+        sampled(raw, bounce=b) for b in (film_bounce, DeviceCall(film_bounce, device))
+    )
     for name in ("light", "bounced", "by_lift", "by_rim"):
-        np.testing.assert_allclose(getattr(there, name), getattr(here, name), atol=2e-4)
+        np.testing.assert_allclose(getattr(on_device, name), getattr(on_host, name), atol=2e-4)
 
 
-def test_some_of_many_samples_lie_evenly_over_each_ball() -> None:
+def test_thinned_samples_lie_evenly_over_each_ball() -> None:
     one = press(MATT, (0.0, 0.0), seed=1)
     sheet = np.concatenate([one, one], axis=1)
     every = sampled(sheet, 0.0, presses=2, most=None, fine=True)
     some = every.thinned(200)
     for ball in (0, 1):
-        of, whole = some.ball == ball, every.ball == ball
-        assert 50 < of.sum() <= 100 < whole.sum()
+        of, all_of = some.ball == ball, every.ball == ball
+        assert 50 < of.sum() <= 100 < all_of.sum()
         for part, all_of_it in ((some.u, every.u), (some.v, every.v)):
-            assert part[of].mean() == pytest.approx(all_of_it[whole].mean(), abs=0.2)
-            assert part[of].std() == pytest.approx(all_of_it[whole].std(), rel=0.1)
+            assert part[of].mean() == pytest.approx(all_of_it[all_of].mean(), abs=0.2)
+            assert part[of].std() == pytest.approx(all_of_it[all_of].std(), rel=0.1)

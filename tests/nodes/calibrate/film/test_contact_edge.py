@@ -1,4 +1,4 @@
-"""Where film leaves a ball, told by a film that is known."""
+"""The edge where film leaves a ball, found with a known film."""
 
 import numpy as np
 import pytest
@@ -27,21 +27,21 @@ def press(film, thrown):
 @pytest.mark.parametrize("film", [MATT, COATED], ids=["matt", "coated"])
 @pytest.mark.parametrize("known", [0.88, 1.0, 1.12])
 @pytest.mark.parametrize("thrown", [0.0, 0.15])
-def test_a_contact_that_is_known_badly_is_found(film, known, thrown):
+def test_a_badly_known_contact_is_corrected(film, known, thrown):
     """Light that the film throws on its foot and that the model lacks does not mislead it."""
-    *seen, centre = press(film, thrown)
-    found = contact_edge(*seen, centre, RADIUS, known * RIM, film)
-    assert found == pytest.approx(RIM, abs=PIXEL)
+    *samples, centre = press(film, thrown)
+    edge = contact_edge(*samples, centre, RADIUS, known * RIM, film)
+    assert edge == pytest.approx(RIM, abs=PIXEL)
 
 
-def test_noise_moves_it_by_less_than_a_pixel():
+def test_noise_moves_the_edge_by_less_than_a_pixel():
     u, v, light, thrown, centre = press(COATED, 0.1)
     noisy = light + np.random.default_rng(0).normal(0, 0.02, light.shape)
-    found = contact_edge(u, v, noisy, thrown, centre, RADIUS, 0.92 * RIM, COATED)
-    assert found == pytest.approx(RIM, abs=PIXEL)
+    edge = contact_edge(u, v, noisy, thrown, centre, RADIUS, 0.92 * RIM, COATED)
+    assert edge == pytest.approx(RIM, abs=PIXEL)
 
 
 def test_a_ball_beyond_the_image_keeps_its_contact():
     u, v, light, thrown, _ = press(MATT, 0.0)
-    found = contact_edge(u, v, light, thrown, (90.0, 0.0, -3.0), RADIUS, RIM, MATT)
-    assert found == RIM
+    edge = contact_edge(u, v, light, thrown, (90.0, 0.0, -3.0), RADIUS, RIM, MATT)
+    assert edge == RIM

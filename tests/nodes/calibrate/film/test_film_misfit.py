@@ -1,4 +1,4 @@
-"""What a film's model leaves on a ball that it was not fitted to."""
+"""The misfit of a film's model on a ball that it was not fitted to."""
 
 import warnings
 from typing import Any, cast
@@ -15,11 +15,11 @@ PIXEL, RADIUS, RIM = 0.1, 6.0, 5.0
 LEDS = 60 * LIGHTS
 """In mm."""
 SURE = Film.matt(cast(F4, LEDS))._replace(others=cast(F4, np.stack([LEDS] * 8)))
-"""A film whose LEDs may be nowhere else."""
+"""A film whose LEDs' places are certain."""
 
 
 def held(noise: float = 0.0, **changed: Any) -> tuple[Balls, Fitted]:
-    """A ball in a film of certain properties, held against a matt film under the same LEDs."""
+    """A ball in a film of stated properties, compared with a matt film under the same LEDs."""
     v, u = np.mgrid[-50:51, -50:51] * PIXEL
     inside = np.hypot(u, v) < 0.9 * RIM
     u, v = u[inside], v[inside]
@@ -35,7 +35,7 @@ def held(noise: float = 0.0, **changed: Any) -> tuple[Balls, Fitted]:
     return Balls(**{**balls.__dict__, "light": light}), fitted
 
 
-def test_noise_is_no_more_of_a_misfit_than_chance_may_hide() -> None:
+def test_noise_alone_gives_no_larger_misfit_than_chance() -> None:
     level, _, light, bounce, tilt = Held([held(0.01)], PIXEL).misfit(SURE, 0.0)
     assert level < 2e-3
     assert light < 1e-3
@@ -52,7 +52,7 @@ def test_diffused_light_that_the_model_does_not_know_makes_all_tilts_too_small()
 
 
 @pytest.mark.parametrize("apart", [0.06, 0.0])
-def test_presses_say_by_how_much_they_leave_the_albedo_open_even_where_they_agree(
+def test_presses_state_an_error_of_the_albedo_even_where_they_agree(
     apart: float,
 ) -> None:
     (balls, fitted), parts = held(0.01), []
@@ -66,21 +66,21 @@ def test_presses_say_by_how_much_they_leave_the_albedo_open_even_where_they_agre
 def test_another_place_of_an_led_stays_above_the_film() -> None:
     others = 5 * SURE.others
     others[:, 0, 2] -= 2 * LEDS[0, 2]
-    whole = SURE._replace(lights=5 * SURE.lights, others=others)
+    film = SURE._replace(lights=5 * SURE.lights, others=others)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = Held([held(0.01, diffuse=np.zeros(len(LIGHTS)))], PIXEL).misfit(whole, 0.0)
-    assert np.isfinite(found).all()
+        misfit = Held([held(0.01, diffuse=np.zeros(len(LIGHTS)))], PIXEL).misfit(film, 0.0)
+    assert np.isfinite(misfit).all()
 
 
-def test_chance_hides_only_what_is_narrow() -> None:
+def test_chance_hides_only_narrow_errors() -> None:
     """Many pairs of pixels lie far apart, so that wide errors would show."""
     _, width, *_ = Held([held(0.01)], PIXEL).misfit(SURE, 0.0)
     assert width < 0.2 * RIM
 
 
 def test_few_presses_state_more_than_many() -> None:
-    """What a model leaves on one press tells little of what it will leave on the next."""
+    """The misfit on one press predicts that on the next one poorly."""
     part = held(0.01, diffuse=np.full(len(LIGHTS), 0.05))
     *_, one = Held([part], PIXEL).misfit(SURE, 0.0)
     *_, many = Held([part] * 12, PIXEL).misfit(SURE, 0.0)
@@ -89,7 +89,7 @@ def test_few_presses_state_more_than_many() -> None:
 
 @pytest.mark.parametrize("brighter", [0.02, 0.04])
 def test_brightness_that_the_model_does_not_know_makes_a_film_uneven(brighter: float) -> None:
-    """All LEDs alike; noise of single pixels is none of it."""
+    """All LEDs change alike; noise of single pixels does not count."""
     part = held(0.01, gain=1 + brighter)
     assert Held([part], PIXEL).unevenness() == pytest.approx(2.5 * brighter, rel=0.1)
     assert Held([held(0.01)], PIXEL).unevenness() < 2.5e-3

@@ -1,4 +1,4 @@
-"""What a film is made of is found on balls pressed into it, and no more than is there."""
+"""The properties of a film are found on balls pressed into it, and none that it does not have."""
 
 from typing import Any
 
@@ -27,15 +27,15 @@ Y, X = (np.mgrid[: SIZE[0], : SIZE[1]] - np.array([47.5, 63.5])[:, None, None]) 
 
 def press(film: Film, centre: tuple[float, float], seed: int, contact: float = RIM) -> F4:
     """A ball's light relative to the film at rest, with the camera's noise."""
-    seen, slope, _ = ball_seen(RADIUS, contact, centre, film.camera, SIZE)
-    z = (seen / (1 + film.camera * seen)).ravel()
+    apparent, slope, _ = ball_seen(RADIUS, contact, centre, film.camera, SIZE)
+    z = (apparent / (1 + film.camera * apparent)).ravel()
     nearer = 1 - film.camera * z
     n = normals(slope).reshape(3, -1)
     direct = predict(film, n, X.ravel() * nearer, Y.ravel() * nearer, z)
     direct = direct.reshape(-1, *SIZE).astype(np.float32)
     light = direct
     for _ in range(6 if film.albedo else 0):
-        light = direct + film_bounce(light, seen, film, PIXEL, cells=X.size)
+        light = direct + film_bounce(light, apparent, film, PIXEL, cells=X.size)
     rng = np.random.default_rng(seed)
     return (light + rng.normal(0, 0.004, light.shape)).astype(np.float32)
 
@@ -51,8 +51,8 @@ def fitted(
 ) -> FilmFit:
     """Fit to balls that are a third of a pixel off, from LEDs that are 3 % off.
 
-    `contact` is the contacts' radius, `rim` that which was found, `emission` that of LEDs which
-    face the middle.
+    `contact` is the true radius of the contacts, `rim` the measured one, and `emission` the
+    exponent of LEDs that face the middle.
     """
     light = np.concatenate(
         [press(film, c, seed, contact) for seed, c in enumerate(centres)], axis=1
@@ -86,87 +86,89 @@ def fitted(
 
 @pytest.fixture(scope="module")
 def bouncing() -> FilmFit:
-    """The fit to two balls in a matt film that lights itself."""
+    """The fit to two balls in a matt film with interreflection."""
     return fitted(MATT._replace(albedo=0.7), FOUR[:2])
 
 
-def tried(found: FilmFit) -> set[str]:
+def tried(fit: FilmFit) -> set[str]:
     """The models that were tried."""
-    return {name.partition("/")[2] for name in found.quality} - {""}
+    return {name.partition("/")[2] for name in fit.quality} - {""}
 
 
 def test_a_matt_film_stays_matt() -> None:
-    found = fitted(MATT, FOUR)
+    fit = fitted(MATT, FOUR)
     for name in ("diffuse", "harmonics", "gain", "refraction", "albedo", "camera"):
-        assert np.array_equal(getattr(found.film, name), getattr(MATT, name)), name
-    assert np.array_equal(found.film.lights, LEDS * np.float32(1.03)), "placed by all pixels before"
+        assert np.array_equal(getattr(fit.film, name), getattr(MATT, name)), name
+    assert np.array_equal(fit.film.lights, LEDS * np.float32(1.03)), (
+        "the LEDs were placed before, by all pixels"
+    )
 
 
 @pytest.mark.slow
 def test_the_share_that_the_gel_diffuses_is_found() -> None:
     shares = np.array([0.3, 0.2, 0.35, 0.25], np.float32)
-    found = fitted(MATT._replace(diffuse=shares, gain=1.06), FOUR)
-    assert found.film.diffuse == pytest.approx(shares, abs=0.02)
-    assert found.film.gain == pytest.approx(1.06, abs=0.01)
-    assert found.film.lights == pytest.approx(LEDS, abs=2)
-    assert (found.film.refraction, found.film.albedo, found.film.camera) == (1, 0, 0)
-    assert found.quality["diffuse_percent"] == pytest.approx(100 * shares.mean(), abs=2)
-    errors = found.quality
+    fit = fitted(MATT._replace(diffuse=shares, gain=1.06), FOUR)
+    assert fit.film.diffuse == pytest.approx(shares, abs=0.02)
+    assert fit.film.gain == pytest.approx(1.06, abs=0.01)
+    assert fit.film.lights == pytest.approx(LEDS, abs=2)
+    assert (fit.film.refraction, fit.film.albedo, fit.film.camera) == (1, 0, 0)
+    assert fit.quality["diffuse_percent"] == pytest.approx(100 * shares.mean(), abs=2)
+    errors = fit.quality
     assert errors["film_heldout_deg/diffuse"] < 0.3 * errors["film_heldout_deg/matt"]
 
 
 @pytest.mark.slow
-def test_how_far_light_reaches_behind_the_terminator_is_found() -> None:
+def test_the_wrap_of_light_behind_the_terminator_is_found() -> None:
     shares = np.array([0.4, 0.38, 0.42, 0.4], np.float32)
     soft, apart = MATT._replace(diffuse=shares, gain=1.05, wrap=0.2), [(-4.9, 0.0), (4.9, 0.2)]
-    found = fitted(soft, apart, contact=4.7).film
-    assert found.diffuse == pytest.approx(shares, abs=0.02)
-    assert found.wrap == pytest.approx(0.2, abs=0.05)
+    fit = fitted(soft, apart, contact=4.7).film
+    assert fit.diffuse == pytest.approx(shares, abs=0.02)
+    assert fit.wrap == pytest.approx(0.2, abs=0.05)
     assert fitted(soft._replace(wrap=0.0), apart, contact=4.7).film.wrap == 0
     assert fitted(soft, FOUR[:2]).film.wrap == 0, "flat caps do not show the terminator"
 
 
-def test_where_a_ball_leaves_noise_alone_no_part_is_tried() -> None:
+def test_no_part_is_tried_where_the_misfit_is_noise_alone() -> None:
     assert tried(fitted(MATT, FOUR[:1])) == {"matt"}
 
 
-def test_a_single_ball_tells_diffuse_light() -> None:
+def test_a_single_ball_reveals_diffuse_light() -> None:
     shares = np.array([0.3, 0.2, 0.35, 0.25], np.float32)
-    found = fitted(MATT._replace(diffuse=shares, gain=1.06), FOUR[:1])
-    assert found.film.diffuse == pytest.approx(shares, abs=0.05)
-    assert not found.film.harmonics.any(), "harmonics take two balls"
-    assert found.film.camera == 0, "one ball does not tell how high the pupil is"
+    fit = fitted(MATT._replace(diffuse=shares, gain=1.06), FOUR[:1])
+    assert fit.film.diffuse == pytest.approx(shares, abs=0.05)
+    assert not fit.film.harmonics.any(), "harmonics take two balls"
+    assert fit.film.camera == 0, "one ball does not show how high the pupil is"
 
 
 @pytest.mark.slow
 def test_slants_after_a_single_ball_rest_on_direct_light(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Shadows that are brighter than a gel makes them would take a degree off."""
+    """Shadows that are brighter than those of a gel would shift the slant by a degree."""
     gel, plain = MATT._replace(diffuse=np.full(4, 0.4, np.float32), gain=1.05, wrap=0.1), press
 
-    def brighter(*given: Any) -> F4:
-        light = plain(*given)
+    def brighter(*arguments: Any) -> F4:
+        light = plain(*arguments)
         return np.asarray(light + np.float32(0.05) * (light < 0.43 * gel.gain))
 
     monkeypatch.setitem(globals(), "press", brighter)
-    found = fitted(gel, [(0.5, -0.3)], contact=4.7).film.lights
-    slants = [np.degrees(np.arctan2(np.hypot(x, y), z)) for x, y, z in (found.T, LEDS.T)]
+    fit = fitted(gel, [(0.5, -0.3)], contact=4.7).film.lights
+    slants = [np.degrees(np.arctan2(np.hypot(x, y), z)) for x, y, z in (fit.T, LEDS.T)]
     assert slants[0] == pytest.approx(slants[1], abs=0.7)
 
 
 @pytest.mark.slow
 def test_a_glossy_coat_is_found() -> None:
     coat = MATT._replace(base=0.6, roughness=0.25, refraction=1.45)
-    found = fitted(coat, FOUR)
-    assert found.film.roughness == pytest.approx(0.25, abs=0.03)
-    assert found.film.refraction > 1
-    assert found.quality["film_heldout_deg"] < 0.3
+    fit = fitted(coat, FOUR)
+    assert fit.film.roughness == pytest.approx(0.25, abs=0.03)
+    assert fit.film.refraction > 1
+    assert fit.quality["film_heldout_deg"] < 0.3
     # The LEDs lie where the fit says that they may lie, which is less far than a matt film's would.
-    spread = np.sqrt(np.square(found.film.others - found.film.lights).mean(axis=0))
-    assert (np.abs(found.film.lights - LEDS) < 4 * spread).all()
+    spread = np.sqrt(np.square(fit.film.others - fit.film.lights).mean(axis=0))
+    assert (np.abs(fit.film.lights - LEDS) < 4 * spread).all()
     assert spread.max() < 0.3
 
 
-def test_the_albedo_under_a_coat_is_that_by_which_film_lights_film() -> None:
+def test_the_albedo_under_a_coat_is_that_of_interreflection() -> None:
     assert "base" in Unknowns.of({"lobe"}, 20.0).names
     coated = Unknowns.of({"lobe", "bounce"}, 20.0)
     assert {"albedo", "roughness"} < {*coated.names}
@@ -182,15 +184,15 @@ def test_the_albedo_under_a_coat_is_that_by_which_film_lights_film() -> None:
 
 
 @pytest.mark.slow
-def test_light_that_bounces_is_found(bouncing: FilmFit) -> None:
-    """Of so many samples that the camera's noise leaves less than a per cent of the albedo open."""
+def test_interreflection_is_found(bouncing: FilmFit) -> None:
+    """With so many samples the camera's noise leaves an error below one per cent."""
     assert bouncing.film.albedo == pytest.approx(0.7, abs=0.008)
     assert bouncing.film.refraction == 1
     assert bouncing.quality["film_heldout_deg"] < 0.3
 
 
 @pytest.mark.slow
-def test_coat_and_light_that_bounces_are_found_where_neither_pays_alone(
+def test_coat_and_interreflection_are_found_where_neither_pays_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def by_a_degree(before: list[float], after: list[float], odds: float | None = None) -> bool:
@@ -199,21 +201,23 @@ def test_coat_and_light_that_bounces_are_found_where_neither_pays_alone(
 
     monkeypatch.setattr(_film_search, "pays", by_a_degree)
     shining = MATT._replace(albedo=0.7, base=0.7, roughness=0.25, refraction=1.5)
-    found = fitted(shining, FOUR[:2])
-    assert found.film.albedo == pytest.approx(0.7, abs=0.02)
-    assert found.quality["film_heldout_deg"] < 0.1
+    fit = fitted(shining, FOUR[:2])
+    assert fit.film.albedo == pytest.approx(0.7, abs=0.02)
+    assert fit.quality["film_heldout_deg"] < 0.1
 
 
 @pytest.mark.slow
-def test_a_contact_found_too_small_hides_no_light_that_bounces() -> None:
+def test_interreflection_is_found_despite_a_contact_that_is_too_small() -> None:
     # The ball stands higher than its circle says, and throws more: the fit lifts it.
-    found = fitted(MATT._replace(albedo=0.7), FOUR[:2], rim=RIM - 0.15)
-    assert found.film.albedo == pytest.approx(0.7, abs=0.05)
-    assert found.quality["film_heldout_deg"] < 0.3
+    fit = fitted(MATT._replace(albedo=0.7), FOUR[:2], rim=RIM - 0.15)
+    assert fit.film.albedo == pytest.approx(0.7, abs=0.05)
+    assert fit.quality["film_heldout_deg"] < 0.3
 
 
 @pytest.mark.slow
-def test_a_film_that_ends_at_the_frame_is_told_from_one_that_goes_on(bouncing: FilmFit) -> None:
+def test_a_film_that_ends_at_the_frame_is_distinguished_from_one_that_continues(
+    bouncing: FilmFit,
+) -> None:
     narrow = fitted(MATT._replace(albedo=0.7, rim=0.5), FOUR[:2])
     assert narrow.film.albedo == pytest.approx(0.7, abs=0.02)
     assert narrow.film.rim == pytest.approx(0.5, abs=0.15)
@@ -221,45 +225,45 @@ def test_a_film_that_ends_at_the_frame_is_told_from_one_that_goes_on(bouncing: F
 
 
 @pytest.mark.slow
-def test_bounced_light_is_not_asked_of_balls_smaller_than_the_cells() -> None:
-    found = fitted(MATT._replace(albedo=0.7), FOUR, rim=RIM / 3)
-    assert not any("bounce" in model for model in tried(found))
+def test_interreflection_is_not_fitted_to_balls_smaller_than_the_cells() -> None:
+    fit = fitted(MATT._replace(albedo=0.7), FOUR, rim=RIM / 3)
+    assert not any("bounce" in model for model in tried(fit))
 
 
 @pytest.mark.slow
-def test_leds_that_shine_by_the_cosine_lie_where_they_are(bouncing: FilmFit) -> None:
+def test_leds_with_cosine_emission_are_placed_right(bouncing: FilmFit) -> None:
     by_the_cosine = fitted(MATT._replace(albedo=0.7), FOUR[:2], emission=1.0)
-    for found, emission in ((bouncing, 0.0), (by_the_cosine, 1.0)):
-        distance = np.linalg.norm(found.film.lights, axis=1) / np.linalg.norm(LEDS, axis=1)
+    for fit, emission in ((bouncing, 0.0), (by_the_cosine, 1.0)):
+        distance = np.linalg.norm(fit.film.lights, axis=1) / np.linalg.norm(LEDS, axis=1)
         assert distance == pytest.approx(1, abs=0.006)
-        assert found.quality["led_emission"] == pytest.approx(emission, abs=0.1)
+        assert fit.quality["led_emission"] == pytest.approx(emission, abs=0.1)
 
 
 @pytest.mark.slow
 def test_the_pupils_height_is_found() -> None:
-    found = fitted(MATT._replace(camera=1 / 65), FOUR)
-    assert 1 / found.film.camera == pytest.approx(65, rel=0.15)
-    assert found.quality["camera_mm"] == pytest.approx(1 / found.film.camera)
+    fit = fitted(MATT._replace(camera=1 / 65), FOUR)
+    assert 1 / fit.film.camera == pytest.approx(65, rel=0.15)
+    assert fit.quality["camera_mm"] == pytest.approx(1 / fit.film.camera)
 
 
-def test_a_pupil_that_is_known_stays_where_it_is() -> None:
-    found = fitted(MATT._replace(camera=1 / 65), FOUR, camera_mm=65.0)
-    assert found.film.camera == pytest.approx(1 / 65)
-    assert not any("camera" in model for model in tried(found))
+def test_a_known_pupil_is_not_moved() -> None:
+    fit = fitted(MATT._replace(camera=1 / 65), FOUR, camera_mm=65.0)
+    assert fit.film.camera == pytest.approx(1 / 65)
+    assert not any("camera" in model for model in tried(fit))
 
 
 @pytest.mark.slow
 def test_harmonics_are_found_where_physics_is_not_enough_and_not_tried_where_left_out() -> None:
     bent = MATT._replace(harmonics=harmonics(0.05), flattest=0.6, reach=10.0)
     physics = ("diffuse", "lobe", "bounce", "camera")
-    found = fitted(bent, FOUR, without=physics)
-    assert found.film.harmonics.any()
-    assert found.film.flattest == pytest.approx(np.sqrt(1 - (RIM / RADIUS) ** 2), abs=0.08)
-    assert found.film.reach == pytest.approx(10)
+    fit = fitted(bent, FOUR, without=physics)
+    assert fit.film.harmonics.any()
+    assert fit.film.flattest == pytest.approx(np.sqrt(1 - (RIM / RADIUS) ** 2), abs=0.08)
+    assert fit.film.reach == pytest.approx(10)
     without = fitted(bent, FOUR, without=(*physics, "harmonics"))
     assert not without.film.harmonics.any()
     assert tried(without) == {"matt"}
-    assert found.quality["film_heldout_deg"] < 0.7 * without.quality["film_heldout_deg"]
+    assert fit.quality["film_heldout_deg"] < 0.7 * without.quality["film_heldout_deg"]
 
 
 @pytest.mark.parametrize("typed", ["[lobe,bounce]", "[lobe, bounce]", "lobe,bounce"])
@@ -269,7 +273,7 @@ def test_parts_to_leave_out_may_be_typed_as_a_list_or_with_commas(typed: object)
 
 
 @pytest.mark.parametrize("typed", ["lobes", "[lobe, bonce]", "lobe;bounce"])
-def test_a_part_that_the_model_has_not_is_refused(typed: str) -> None:
+def test_an_unknown_part_of_the_model_is_refused(typed: str) -> None:
     with pytest.raises(GraphError, match=r"input should be 'diffuse', 'lobe', .* or 'camera'"):
         check_settings(fit_film, {"without": typed}, lambda name: name)
 
@@ -288,12 +292,12 @@ def test_a_model_that_settles_badly_loses_to_one_that_does_not(
         return trial, best, whole
 
     monkeypatch.setattr(_film_search, "settle", unsettled)
-    found = fitted(MATT._replace(albedo=0.7), FOUR[:2])
-    assert found.film.albedo == 0
-    assert found.quality["film_heldout_deg"] < 7
+    fit = fitted(MATT._replace(albedo=0.7), FOUR[:2])
+    assert fit.film.albedo == 0
+    assert fit.quality["film_heldout_deg"] < 7
 
 
-def test_grain_is_what_light_departs_by_beyond_the_cameras_noise() -> None:
+def test_grain_is_the_misfit_beyond_the_cameras_noise() -> None:
     quiet = fitted(MATT, FOUR[:2]).film.grain
     assert quiet < 0.005
     rough = MATT._replace(harmonics=harmonics(0.05), flattest=0.6, reach=10.0)

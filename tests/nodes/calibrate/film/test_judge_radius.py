@@ -1,4 +1,4 @@
-"""A wrong radius of the ball is told from the right one by the light."""
+"""The light distinguishes a wrong radius of the ball from the right one."""
 
 import json
 import math
@@ -48,15 +48,15 @@ def sampled(rig: Path, factor: float, gamma: float = 1.0) -> tuple[FilmEvidence,
 
 
 @cache
-def found(rig: Path, factor: float, gamma: float = 1.0) -> Alternatives:
-    """What the light of a rig's ball says of a radius that is told wrong by a factor."""
+def alternatives(rig: Path, factor: float, gamma: float = 1.0) -> Alternatives:
+    """The alternatives that the light of a rig's ball allows to a radius wrong by a factor."""
     return Alternatives.of(*sampled(rig, factor, gamma))
 
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_a_right_radius_is_confirmed(raytraced: Raytraced, rig: str) -> None:
-    light = found(raytraced / rig, 1.0)
+    light = alternatives(raytraced / rig, 1.0)
     assert light.doubts(BALL) == ([], False)
     assert not light.unconfirmed(BALL)
     assert light.scale_error() == 0
@@ -69,7 +69,7 @@ def test_a_right_radius_is_confirmed(raytraced: Raytraced, rig: str) -> None:
 def test_a_wrong_radius_is_refused_and_the_right_one_named(
     raytraced: Raytraced, rig: str, factor: float
 ) -> None:
-    light = found(raytraced / rig, factor)
+    light = alternatives(raytraced / rig, factor)
     (doubt,), is_clear = light.doubts(BALL * factor)
     assert is_clear
     assert factor * light.by_name[OTHER_SIZE].size == pytest.approx(1, rel=0.02)
@@ -82,58 +82,58 @@ def test_a_wrong_radius_is_refused_and_the_right_one_named(
 
 @pytest.mark.one_case
 @pytest.mark.parametrize(("rig", "gamma"), [("near33", 1.15), ("near33", 1.0), ("far28", 1.15)])
-def test_a_gamma_of_the_camera_is_told(raytraced: Raytraced, rig: str, gamma: float) -> None:
-    doubts, _ = found(raytraced / rig, 1.0, gamma).doubts(BALL)
+def test_a_gamma_of_the_camera_is_reported(raytraced: Raytraced, rig: str, gamma: float) -> None:
+    doubts, _ = alternatives(raytraced / rig, 1.0, gamma).doubts(BALL)
     assert ["switch its gamma" in doubt for doubt in doubts] == [True] * (gamma > 1)
 
 
-def left_by(**departures: float) -> Alternatives:
-    """Alternatives that leave given shares of the light."""
+def unexplained(**departures: float) -> Alternatives:
+    """Alternatives with stated shares of unexplained light."""
     plain = Explained(1.0, 1.0, 0.0, 0.03, 50.0, 0.0)
-    others = {
+    explained = {
         OTHER_SIZE: plain._replace(size=0.5, diffuse=0.4),
         CLEAR_GEL: plain._replace(size=0.6),
         OTHER_POWER: plain._replace(power=1 / 2.2),
         OTHER_CAMERA: plain._replace(camera=1 / 60),
         AS_STATED: plain,
     }
-    some = {name: others[name]._replace(departure=left) for name, left in departures.items()}
-    return Alternatives(others | some, 80, {OTHER_SIZE: 0.4, CLEAR_GEL: 0.5})
+    some = {name: explained[name]._replace(departure=share) for name, share in departures.items()}
+    return Alternatives(explained | some, 80, {OTHER_SIZE: 0.4, CLEAR_GEL: 0.5})
 
 
-def test_the_likeliest_value_is_named_and_whatever_explains_as_much() -> None:
-    (doubt,), is_clear = left_by(camera=0.02, size=0.0201).doubts(6.0)
+def test_the_likeliest_value_is_named_with_all_that_explain_as_much() -> None:
+    (doubt,), is_clear = unexplained(camera=0.02, size=0.0201).doubts(6.0)
     assert doubt.startswith("a camera 60 mm above the film explains the light better")
     assert "so does a ball of 3 mm radius" in doubt
     assert "`film.camera`=MM" in doubt
     assert is_clear
-    (doubt,), _ = left_by(camera=0.02, size=0.027).doubts(6.0)
+    (doubt,), _ = unexplained(camera=0.02, size=0.027).doubts(6.0)
     assert "ball" not in doubt
 
 
-def test_what_the_chosen_film_explains_better_is_no_evidence() -> None:
-    assert left_by(size=0.02).doubts(6.0, misfit=0.011) == ([], False)
+def test_light_that_the_chosen_film_explains_better_is_no_evidence() -> None:
+    assert unexplained(size=0.02).doubts(6.0, misfit=0.011) == ([], False)
 
 
-def test_a_film_chosen_that_explains_less_than_a_plain_one_is_doubted() -> None:
-    (doubt,), is_clear = left_by().doubts(6.0, misfit=0.26)
+def test_a_chosen_film_that_explains_less_than_a_plain_one_is_doubted() -> None:
+    (doubt,), is_clear = unexplained().doubts(6.0, misfit=0.26)
     assert "the best leaves 26.0% of the light unexplained" in doubt
     assert not is_clear
 
 
 def test_a_radius_is_open_until_the_light_excludes_a_gel_that_diffuses_none() -> None:
-    light = left_by(stated=0.03, clear=0.031)
+    light = unexplained(stated=0.03, clear=0.031)
     assert "6 mm fits if the gel diffuses 0% of the light, 3.6 mm if it" in light.unconfirmed(6.0)
     # A ball of 0.6 times the radius is half as high; pixels of 1 / 0.6 times the size add that.
     assert light.scale_error() == pytest.approx(math.hypot(0.5, 1 - 0.5 / 0.6) / math.sqrt(2))
-    excluded = left_by(stated=0.03, clear=0.04)
+    excluded = unexplained(stated=0.03, clear=0.04)
     assert not excluded.unconfirmed(6.0)
     assert excluded.scale_error() == 0
 
 
-def test_what_settles_an_open_radius_is_what_excludes_the_other() -> None:
-    """A ruler does where it tells both radii apart, by whichever of both it agrees with."""
-    light = left_by(stated=0.03, clear=0.031)
+def test_an_open_radius_is_settled_by_what_excludes_the_other() -> None:
+    """A ruler does if it agrees with one of the two radii alone."""
+    light = unexplained(stated=0.03, clear=0.031)
     assert "a deeper press, with the ball's shadow" in light.unconfirmed(6.0, ruler="`mm`")
     assert "`mm`" not in light.unconfirmed(6.0, ruler="`mm`"), "both have the LEDs in one place"
     light.by_name[CLEAR_GEL] = light.by_name[CLEAR_GEL]._replace(distance=60.0)

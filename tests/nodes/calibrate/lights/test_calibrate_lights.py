@@ -1,4 +1,4 @@
-"""A ball and the untouched film tell where the LEDs are."""
+"""A ball and the untouched film determine where the LEDs are."""
 
 import numpy as np
 import pytest
@@ -27,13 +27,13 @@ def known(center: F4 = CENTER) -> BallSlopes:
     return ball_slopes(BLANK, center, CONTACT, PIXEL, radius_mm=RADIUS, margin_px=0.0)
 
 
-def seen(lights: F4, seed: int = 0, noise: float = 0.002) -> tuple[F4, F4]:
-    """The ball and the film at rest as a camera with vignetting and noise sees them."""
+def images(lights: F4, seed: int = 0, noise: float = 0.002) -> tuple[F4, F4]:
+    """Images of the ball and of the film at rest by a camera with vignetting and noise."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[:1:120j, :1:160j]
     gain = 1 - 0.3 * ((x - 0.4) ** 2 + (y - 0.6) ** 2)
-    made = [render(z, PIXEL, lights, samples=2).light * gain for z in (known().height, FILM)]
-    ball, flat = ((m + rng.normal(0, noise, m.shape)).astype(np.float32) for m in made)
+    clean = [render(z, PIXEL, lights, samples=2).light * gain for z in (known().height, FILM)]
+    ball, flat = ((m + rng.normal(0, noise, m.shape)).astype(np.float32) for m in clean)
     return ball, flat
 
 
@@ -43,9 +43,9 @@ def calibrate(ball: F4, flat: F4, shape: BallSlopes) -> LightsFit:
     return calibrate_lights(light, flat, shape.slope, shape.mask, shape.height, lit, PIXEL)
 
 
-def off(found: F4, lights: F4) -> float:
-    """How far the found LEDs are off, as a share of their distance."""
-    away = np.linalg.norm(found - lights, axis=1) / np.linalg.norm(lights, axis=1)
+def off(fitted: F4, lights: F4) -> float:
+    """The error of the fitted LEDs, as a share of their distance."""
+    away = np.linalg.norm(fitted - lights, axis=1) / np.linalg.norm(lights, axis=1)
     return float(away.max())
 
 
@@ -53,64 +53,64 @@ def off(found: F4, lights: F4) -> float:
 @pytest.mark.parametrize("count", [3, 4])
 def test_leds_are_found(slant: float, distance: float, count: int) -> None:
     lights = light_ring(slant_deg=slant, distance_mm=distance, count=count)
-    found = calibrate(*seen(lights), known())
-    assert off(found.lights, lights) < 0.01
-    assert found.residual.max() < 0.02
+    fit = calibrate(*images(lights), known())
+    assert off(fit.lights, lights) < 0.01
+    assert fit.residual.max() < 0.02
 
 
 @pytest.mark.slow
-def test_the_leds_are_as_far_off_as_the_fit_says() -> None:
+def test_the_error_of_the_leds_is_as_large_as_the_fit_states() -> None:
     off_by, stated = [], []
     for seed in range(4):
-        found = calibrate(*seen(RING, seed, noise=0.01), known())
-        off_by.append(np.square(found.lights - RING).mean())
-        stated.append(np.square(found.others - found.lights).mean())
+        fit = calibrate(*images(RING, seed, noise=0.01), known())
+        off_by.append(np.square(fit.lights - RING).mean())
+        stated.append(np.square(fit.others - fit.lights).mean())
     assert 0.5 < np.sqrt(np.mean(off_by) / np.mean(stated)) < 2
 
 
-def test_a_ball_that_is_off_by_a_fraction_of_a_pixel_is_put_right() -> None:
+def test_a_ball_that_is_off_by_a_fraction_of_a_pixel_is_corrected() -> None:
     shifted = known(CENTER + np.array([0.3, -0.25], np.float32))
-    found = calibrate(*seen(RING), shifted)
-    assert off(found.lights, RING) < 0.01
+    fit = calibrate(*images(RING), shifted)
+    assert off(fit.lights, RING) < 0.01
 
 
-def test_without_a_flat_frame_the_ball_alone_tells() -> None:
+def test_without_a_flat_frame_the_ball_alone_places_the_leds() -> None:
     ball = render(known().height, PIXEL, RING, samples=2).light
     rest = render(FILM, PIXEL, RING).light
     uniform = np.ones_like(ball)
-    found = calibrate(ball, uniform, known())
-    assert off(found.lights, RING) < 0.02
-    model = rest_light(uniform, found.lights, found.strength, PIXEL)
+    fit = calibrate(ball, uniform, known())
+    assert off(fit.lights, RING) < 0.02
+    model = rest_light(uniform, fit.lights, fit.strength, PIXEL)
     assert np.abs(model / rest - 1).max() < 0.01
-    assert rest_light(rest, found.lights, found.strength, PIXEL) is rest
+    assert rest_light(rest, fit.lights, fit.strength, PIXEL) is rest
 
 
-def test_any_known_height_serves() -> None:
+def test_any_known_height_places_the_leds() -> None:
     y, x = np.mgrid[:120, :160]
     height = (1.5 * np.exp(-((x - 80) ** 2 + (y - 60) ** 2) / 2 / 22**2)).astype(np.float32)
     slope, mask = height_slopes(height, PIXEL)
     light = render(height, PIXEL, RING).light
     flat = render(FILM, PIXEL, RING).light
-    found = calibrate(light, flat, BallSlopes(slope, mask, height))
-    assert off(found.lights, RING) < 0.01
+    fit = calibrate(light, flat, BallSlopes(slope, mask, height))
+    assert off(fit.lights, RING) < 0.01
 
 
 def test_an_led_that_is_off_is_named() -> None:
-    ball, flat = seen(RING)
+    ball, flat = images(RING)
     ball[2] = 0
     with pytest.raises(InputError, match="LED 3 reaches only"):
         calibrate(ball, flat, known())
 
 
 @pytest.mark.parametrize(("shot", "read"), [(0.0, 4e-6), (2e-5, 0.0), (1e-5, 4e-6)])
-def test_shot_and_read_noise_are_told_apart(shot: float, read: float) -> None:
+def test_shot_and_read_noise_are_separated(shot: float, read: float) -> None:
     rng = np.random.default_rng(3)
     y, x = np.mgrid[:1:240j, :1:320j]
     clean = np.stack([0.1 + 0.8 * x, 0.9 - 0.7 * y])
     image = clean + rng.normal(0, 1, clean.shape) * np.sqrt(shot * clean + read)
-    found = estimate_noise(image.astype(np.float32))
+    estimate = estimate_noise(image.astype(np.float32))
     for light in (0.15, 0.5, 0.85):
-        assert found[0] * light + found[1] == pytest.approx(shot * light + read, rel=0.1)
+        assert estimate[0] * light + estimate[1] == pytest.approx(shot * light + read, rel=0.1)
 
 
 def test_an_edge_is_no_noise() -> None:
@@ -122,5 +122,5 @@ def test_an_edge_is_no_noise() -> None:
 def test_noise_is_relative_to_the_film_at_rest() -> None:
     image = np.full((4, 2, 2), 0.3, np.float32)
     flat = np.full((4, 2, 2), 0.6, np.float32)
-    found = light_noise(image, flat, np.array([1e-4, 1e-5], np.float32))
-    assert found == pytest.approx(np.sqrt(1e-4 * 0.3 + 1e-5) / 0.6)
+    noise = light_noise(image, flat, np.array([1e-4, 1e-5], np.float32))
+    assert noise == pytest.approx(np.sqrt(1e-4 * 0.3 + 1e-5) / 0.6)

@@ -1,4 +1,4 @@
-"""A descent ends at the least cost, and refuses what no number holds."""
+"""A descent ends at the least cost, and refuses a step that overflows."""
 
 import warnings
 
@@ -9,7 +9,7 @@ from tactograph.nodes import F8
 from tactograph.nodes.calibrate.lights.descend import least_squares
 
 
-def test_a_step_beyond_all_numbers_is_refused_without_a_word() -> None:
+def test_a_step_that_overflows_is_refused_without_a_warning() -> None:
     """A first step that is much too long overflows, as the light of an LED in the film does."""
 
     def residual(unknown: F8) -> F8:
@@ -20,5 +20,5 @@ def test_a_step_beyond_all_numbers_is_refused_without_a_word() -> None:
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = least_squares(residual, np.array([0.0]), jacobian=slope)
-    assert found == pytest.approx(1, abs=1e-3)
+        solution = least_squares(residual, np.array([0.0]), jacobian=slope)
+    assert solution == pytest.approx(1, abs=1e-3)

@@ -1,4 +1,4 @@
-"""What the checks say of right touches that are drawn from a calibration."""
+"""The checks' figures for right touches that are simulated from a calibration."""
 
 import shutil
 from pathlib import Path
@@ -35,7 +35,7 @@ def test_walls_are_those_of_rigid_objects() -> None:
     assert steepest(rigid=True) > 2 * steepest(rigid=False)
 
 
-def test_what_a_calibration_leaves_open_is_drawn() -> None:
+def test_the_open_errors_of_a_calibration_are_drawn_at_random() -> None:
     doubts = EXACT._replace(level=0.02, light=0.01)
     one, other = (d.touch(np.random.default_rng(1), 0, FLAT, PIXEL) for d in (EXACT, doubts))
     assert np.array_equal(one.height, other.height)
@@ -45,7 +45,7 @@ def test_what_a_calibration_leaves_open_is_drawn() -> None:
 def test_ranks_are_added_to_a_file_and_nothing_else_changes(
     calibration: Calibration, tmp_path: Path
 ) -> None:
-    """The same ones for the same seed; their right touches are rare as often as they say."""
+    """The same seed gives the same ranks."""
     file = tmp_path / "cal.npz"
     shutil.copy(calibration("far28"), file)
     before = read_calibration(file=file)

@@ -1,4 +1,4 @@
-"""Labels stand unless they take balls further from the truth, on a film that diffuses light."""
+"""Labels are kept unless they increase the error of balls, on a film that diffuses light."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ BALLS = BallPlaces(
 
 
 STRAY_LIGHT = np.float32(0.04)
-"""Light in shadows, without which LEDs certainly do not reach and are left out anyway."""
+"""Light in shadows; LEDs without any are certainly in shadow and left out anyway."""
 HIGH = LIGHTS * np.float32([1, 1, 4])
 """LEDs so high that nothing is in shadow."""
 
@@ -42,12 +42,12 @@ def light_on(film: Film) -> F4:
     x, y = (columns - middle[1]) * PIXEL, (rows - middle[0]) * PIXEL
     p, q = height_slopes(BALL, PIXEL).slope
     normals = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
-    made = predict(film, normals.reshape(3, -1), x.ravel(), y.ravel(), BALL.ravel())
-    return np.asarray(made, np.float32).reshape(4, *BALL.shape)
+    light = predict(film, normals.reshape(3, -1), x.ravel(), y.ravel(), BALL.ravel())
+    return np.asarray(light, np.float32).reshape(4, *BALL.shape)
 
 
 def judged(lights: F4 = LIGHTS, diffused: float = 0.4, wrap: float = 0.0) -> LabelGain:
-    """What is found with `wrap` of the light behind the terminator."""
+    """The gain of labels with `wrap` of the light behind the terminator."""
     share = np.full(4, diffused, np.float32)
     film = Film.matt(lights)._replace(diffuse=share, wrap=wrap, uneven=0.02, grain=0.002)
     if wrap:
@@ -61,22 +61,22 @@ def judged(lights: F4 = LIGHTS, diffused: float = 0.4, wrap: float = 0.0) -> Lab
     return judge_labels(light, light, matt, FLAT, BALL, film, BALLS, noise, PIXEL)
 
 
-def test_labels_of_shadows_that_are_as_the_model_has_them_stand() -> None:
-    found = judged()
-    assert found.turn == 0
-    assert found.quality["labels_gain_deg"] > 0
+def test_labels_of_shadows_that_follow_the_model_are_kept() -> None:
+    gain = judged()
+    assert gain.turn == 0
+    assert gain.quality["labels_gain_deg"] > 0
 
 
-def test_labels_that_cost_are_given_for_absurd_light_only() -> None:
-    """An LED behind the terminator still tells of the film; left out, it takes that along."""
-    found = judged(wrap=0.1)
-    assert found.turn == pytest.approx(CAUTIOUS_TURN_RAD)
-    assert found.quality["labels_gain_deg"] < -0.1
+def test_labels_that_increase_the_error_are_set_for_absurd_light_only() -> None:
+    """An LED behind the terminator still carries evidence, which is lost if it is left out."""
+    gain = judged(wrap=0.1)
+    assert gain.turn == pytest.approx(CAUTIOUS_TURN_RAD)
+    assert gain.quality["labels_gain_deg"] < -0.1
 
 
-def test_balls_without_a_shadow_tell_nothing_and_labels_stand() -> None:
+def test_balls_without_a_shadow_give_no_verdict_and_labels_are_kept() -> None:
     assert judged(HIGH) == LabelGain(0.0, {"labels_gain_deg": 0.0})
 
 
-def test_nothing_is_asked_of_a_film_that_diffuses_no_light() -> None:
+def test_labels_are_not_judged_on_a_film_that_diffuses_no_light() -> None:
     assert judged(diffused=0.0) == LabelGain(0.0, {})

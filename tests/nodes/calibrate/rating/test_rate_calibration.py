@@ -1,4 +1,4 @@
-"""What is wrong with a calibration is told, and blamed on what causes it."""
+"""Errors of a calibration are reported and attributed to their cause."""
 
 from typing import Any
 
@@ -21,8 +21,8 @@ MASK = np.ones((4, 6), np.uint8)
 FLAT = np.full((4, 4, 6), 0.5, np.float32)
 
 
-def told(
-    left: F4,
+def notes_of(
+    residual: F4,
     lights: F4 = LIGHTS,
     noise: float = 0.0,
     flat: F4 = FLAT,
@@ -35,7 +35,7 @@ def told(
     variance = np.array([0, noise**2], np.float32)
     with collect_warnings([]) as notes:
         rated = rate_calibration(
-            left, 0.01, SLOPES, MASK, 15 * MASK, LedFit(lights, left, **film), None, flat,
+            residual, 0.01, SLOPES, MASK, 15 * MASK, LedFit(lights, residual, **film), None, flat,
             variance, pixel, radius, others, force=force,
         )  # fmt: skip
     assert set(rated.doubts) <= set(notes)
@@ -44,47 +44,47 @@ def told(
 
 
 def test_a_good_calibration_has_no_warning() -> None:
-    assert not told(GOOD)
+    assert not notes_of(GOOD)
 
 
-def test_what_no_noise_explains_is_blamed_on_the_ball() -> None:
-    notes = told(POOR, noise=0.001)
+def test_an_error_beyond_the_noise_is_blamed_on_the_ball() -> None:
+    notes = notes_of(POOR, noise=0.001)
     assert len(notes) == 2
     assert all("ball's radius" in note for note in notes)
 
 
 def test_noise_is_blamed_on_the_exposure() -> None:
-    (note,) = told(POOR, noise=0.03)
+    (note,) = notes_of(POOR, noise=0.03)
     assert "expose longer" in note
 
 
 def test_two_leds_in_one_place_are_named() -> None:
     lights = LIGHTS.copy()
     lights[3] = lights[1]
-    (note,) = told(GOOD, lights)
+    (note,) = notes_of(GOOD, lights)
     assert "LEDs 2 and 4" in note
 
 
 @pytest.mark.parametrize("turn", [[1, 2, 3, 0], [3, 2, 1, 0]], ids=["turned", "clockwise"])
 def test_leds_that_are_numbered_around_the_film_raise_no_warning(turn: list[int]) -> None:
-    assert not told(GOOD, LIGHTS[turn])
+    assert not notes_of(GOOD, LIGHTS[turn])
 
 
-def test_leds_of_a_ring_in_another_order_are_told_without_a_doubt() -> None:
-    (note,) = told(GOOD, LIGHTS[[0, 2, 1, 3]])
+def test_leds_of_a_ring_in_another_order_are_reported_without_a_doubt() -> None:
+    (note,) = notes_of(GOOD, LIGHTS[[0, 2, 1, 3]])
     assert "around the film in the order 1, 3, 2, 4" in note
     two_rings = LIGHTS[[0, 2, 1, 3]].copy()
     two_rings[:2, :2] *= 3
-    assert not told(GOOD, two_rings)
+    assert not notes_of(GOOD, two_rings)
 
 
 def test_doubts_of_other_nodes_are_repeated() -> None:
     others = join_doubts(["the balls are oval"], [], ["the film is brighter"])
-    assert told(GOOD, others=others) == others
+    assert notes_of(GOOD, others=others) == others
 
 
-def test_a_film_as_a_sensor_has_it_raises_no_warning() -> None:
-    assert not told(GOOD, pixel=3.0, albedo=0.7)
+def test_an_ordinary_film_raises_no_warning() -> None:
+    assert not notes_of(GOOD, pixel=3.0, albedo=0.7)
 
 
 FAR_AWAY = LIGHTS * np.float32(1e4)
@@ -93,46 +93,50 @@ FAR_AWAY = LIGHTS * np.float32(1e4)
 OTHER_RADIUS = Judged({}, ["another radius explains the light better"])
 
 
-@pytest.mark.parametrize(("size", "found"), [(1.0, "800"), (1e-6, "0.0008")])
-def test_leds_at_infinity_are_blamed_on_a_radius_that_is_doubted(size: float, found: str) -> None:
-    given = {"pixel": 3.0 * size, "albedo": 0.0}
-    with pytest.raises(InputError, match=f"LED 1 is found {found} m from the film.*ball's radius"):
-        told(GOOD, FAR_AWAY * np.float32(size), radius=OTHER_RADIUS, **given)
+@pytest.mark.parametrize(("size", "distance"), [(1.0, "800"), (1e-6, "0.0008")])
+def test_leds_at_infinity_are_blamed_on_a_radius_that_is_doubted(
+    size: float, distance: str
+) -> None:
+    film = {"pixel": 3.0 * size, "albedo": 0.0}
+    with pytest.raises(
+        InputError, match=f"LED 1 is found {distance} m from the film.*ball's radius"
+    ):
+        notes_of(GOOD, FAR_AWAY * np.float32(size), radius=OTHER_RADIUS, **film)
     with pytest.raises(InputError, match="m from the film"):
-        told(POOR, FAR_AWAY * np.float32(size), **given)
+        notes_of(POOR, FAR_AWAY * np.float32(size), **film)
 
 
-def test_parallel_light_that_explains_the_ball_is_lawful() -> None:
-    assert not told(GOOD, FAR_AWAY, pixel=3.0, albedo=0.0)
+def test_parallel_light_that_explains_the_ball_is_accepted() -> None:
+    assert not notes_of(GOOD, FAR_AWAY, pixel=3.0, albedo=0.0)
 
 
 def test_a_film_that_returns_all_light_is_blamed_on_the_radius_and_refused() -> None:
     with pytest.raises(InputError, match=r"albedo is found as 0\.95.*`force`=true"):
-        told(GOOD, pixel=3.0, albedo=0.95)
+        notes_of(GOOD, pixel=3.0, albedo=0.95)
 
 
-def test_what_is_forced_is_doubtful() -> None:
-    notes = told(GOOD, FAR_AWAY, pixel=3.0, albedo=0.0, force=True, radius=OTHER_RADIUS)
+def test_a_forced_calibration_is_doubtful() -> None:
+    notes = notes_of(GOOD, FAR_AWAY, pixel=3.0, albedo=0.0, force=True, radius=OTHER_RADIUS)
     assert "LED 1 is found 800 m from the film" in notes[-1]
 
 
-def test_a_large_held_out_error_leads() -> None:
-    notes = told(POOR, noise=0.001, radius=Judged({"film_heldout_deg": 25.0}, []))
+def test_a_large_held_out_error_is_named_first() -> None:
+    notes = notes_of(POOR, noise=0.001, radius=Judged({"film_heldout_deg": 25.0}, []))
     assert "25.0 degrees off" in notes[0]
 
 
 def test_a_coat_may_reflect_as_no_smooth_function_does() -> None:
-    notes = told(POOR, noise=0.001, refraction=1.5)
+    notes = notes_of(POOR, noise=0.001, refraction=1.5)
     assert not any("smooth function" in note for note in notes)
 
 
 def test_a_flat_frame_is_asked_for_only_where_there_is_none() -> None:
     taken = FLAT + np.linspace(0, 0.1, 6, dtype=np.float32)
-    assert "`flat`=DIR" in told(POOR, noise=0.001)[0]
-    assert "`flat`=DIR" not in told(POOR, noise=0.001, flat=taken)[0]
+    assert "`flat`=DIR" in notes_of(POOR, noise=0.001)[0]
+    assert "`flat`=DIR" not in notes_of(POOR, noise=0.001, flat=taken)[0]
 
 
-def test_a_press_that_none_can_check_is_told_in_words() -> None:
+def test_a_press_that_no_other_can_check_is_reported_in_words() -> None:
     """It was "nan degrees off"."""
     beside = np.array([-40.0, 5.0, 4.0])
     angle, *_ = PressedBall(beside, 20.0, 0.1).errors(np.zeros((2, 9, 9)), np.zeros((9, 9)))

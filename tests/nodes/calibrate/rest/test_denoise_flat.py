@@ -1,4 +1,4 @@
-"""The flat frame keeps what the presses show too, and nothing else of its detail."""
+"""The flat frame keeps the detail that the presses show too, and no other."""
 
 import numpy as np
 import pytest
@@ -27,38 +27,40 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(7)
 
 
-def test_grain_that_no_press_shows_is_taken_out(rng: np.random.Generator) -> None:
+def test_grain_that_no_press_shows_is_removed(rng: np.random.Generator) -> None:
     light = illumination()
     flat = light * grain(rng)
     presses = np.concatenate([light * grain(rng), light * grain(rng)], axis=1)
-    left = denoise_flat(flat, presses) / light - 1
-    assert left.std() < 0.1 * (flat / light - 1).std()
+    residual = denoise_flat(flat, presses) / light - 1
+    assert residual.std() < 0.1 * (flat / light - 1).std()
 
 
-def test_light_is_not_bent_where_the_frame_ends(rng: np.random.Generator) -> None:
+def test_light_at_the_border_of_the_frame_is_not_distorted(rng: np.random.Generator) -> None:
     light = illumination()
     presses = light * grain(rng)
-    left = denoise_flat(light * grain(rng), presses) / light - 1
-    border = np.concatenate([left[:, :8].ravel(), left[:, -8:].ravel(), left[:, :, :8].ravel()])
+    residual = denoise_flat(light * grain(rng), presses) / light - 1
+    border = np.concatenate(
+        [residual[:, :8].ravel(), residual[:, -8:].ravel(), residual[:, :, :8].ravel()]
+    )
     assert abs(border.mean()) < 5e-4
 
 
 def test_texture_of_the_film_itself_stays(rng: np.random.Generator) -> None:
     texture = illumination() * grain(rng)
     flat, presses = texture * rng.normal(1, 0.004, texture.shape), texture
-    kept = denoise_flat(flat.astype(np.float32), presses)
-    assert np.abs(np.log(kept / texture)).std() < 0.006
+    denoised = denoise_flat(flat.astype(np.float32), presses)
+    assert np.abs(np.log(denoised / texture)).std() < 0.006
 
 
 @pytest.mark.parametrize("pressed", [True, False])
-def test_dirt_stays_while_grain_goes_and_goes_where_only_the_flat_frame_shows_it(
+def test_dirt_stays_where_a_press_shows_it_too_and_is_removed_elsewhere(
     rng: np.random.Generator, pressed: bool
 ) -> None:
     clean, dirty = illumination(), illumination()
     dirty[:, 100:103, 150:153] *= 0.6
-    seen = dirty if pressed else clean
-    kept = denoise_flat(dirty * grain(rng), seen * grain(rng))
-    np.testing.assert_allclose(kept[:, 101, 151], seen[:, 101, 151], rtol=0.1)
+    shown = dirty if pressed else clean
+    denoised = denoise_flat(dirty * grain(rng), shown * grain(rng))
+    np.testing.assert_allclose(denoised[:, 101, 151], shown[:, 101, 151], rtol=0.1)
 
 
 def test_a_press_itself_adds_no_detail(rng: np.random.Generator) -> None:
@@ -66,8 +68,8 @@ def test_a_press_itself_adds_no_detail(rng: np.random.Generator) -> None:
     y, x = np.mgrid[: SIZE[0], : SIZE[1]]
     ball = np.hypot(x - 160, y - 120) < 60
     pressed = np.where(ball, light * (1 + (x - 160) / 90), light).astype(np.float32)
-    left = denoise_flat(light * grain(rng), pressed * grain(rng)) / light - 1
-    assert left.std() < 0.004
+    residual = denoise_flat(light * grain(rng), pressed * grain(rng)) / light - 1
+    assert residual.std() < 0.004
 
 
 def test_uniform_light_does_not_change() -> None:
@@ -75,6 +77,6 @@ def test_uniform_light_does_not_change() -> None:
     np.testing.assert_array_equal(denoise_flat(flat, flat), flat)
 
 
-def test_small_frames_keep_what_they_have() -> None:
+def test_small_frames_do_not_change() -> None:
     flat = illumination()[:, :20, :20]
     np.testing.assert_allclose(denoise_flat(flat, flat), flat, rtol=1e-5)

@@ -13,29 +13,29 @@ ROWS, COLUMNS = np.mgrid[:90, :120].astype(np.float32)
 ROUND = np.hypot(COLUMNS - 59.5, ROWS - 44.5) < 40
 
 
-def lit(seen: NDArray[np.bool_]) -> F4:
+def lit(visible: NDArray[np.bool_]) -> F4:
     """Film under four LEDs that fall off across it, and housing with hardly any light."""
     away = [np.hypot(COLUMNS - x, ROWS - y) for x, y in ((0, 0), (119, 0), (119, 89), (0, 89))]
     film = np.stack([0.6 * np.exp(-((d / 130) ** 2)) for d in away])
-    return np.where(seen, film, 0.008).astype(np.float32)
+    return np.where(visible, film, 0.008).astype(np.float32)
 
 
-def test_film_that_fills_the_frame_is_left_as_it_is() -> None:
+def test_film_that_fills_the_frame_is_not_changed() -> None:
     flat = lit(np.ones((90, 120), bool))
-    found = find_film(flat)
-    assert found.area.all()
-    assert found.flat is flat
-    assert within_film(flat, found.area, flat, 0 * flat[0]) is flat
+    film = find_film(flat)
+    assert film.area.all()
+    assert film.flat is flat
+    assert within_film(flat, film.area, flat, 0 * flat[0]) is flat
 
 
-def test_a_round_view_is_found_without_its_rim_and_its_light_goes_on() -> None:
+def test_a_round_view_is_found_without_its_rim_and_its_light_is_continued() -> None:
     with collect_warnings([]) as notes:
-        found = find_film(lit(ROUND), warning=True)
-    assert not (found.area[~ROUND]).any()
-    assert found.area[np.hypot(COLUMNS - 59.5, ROWS - 44.5) < 30].all()
-    whole = lit(np.ones((90, 120), bool))
+        film = find_film(lit(ROUND), warning=True)
+    assert not (film.area[~ROUND]).any()
+    assert film.area[np.hypot(COLUMNS - 59.5, ROWS - 44.5) < 30].all()
+    full = lit(np.ones((90, 120), bool))
     near = np.hypot(COLUMNS - 59.5, ROWS - 44.5) < 50
-    np.testing.assert_allclose(found.flat[:, near], whole[:, near], rtol=0.05)
+    np.testing.assert_allclose(film.flat[:, near], full[:, near], rtol=0.05)
     assert len(notes) == 1
     assert "fills" in notes[0]
     assert "a crop" in notes[0]
@@ -55,8 +55,8 @@ def test_dark_film_is_film(what: str) -> None:
 
 def test_a_touch_looks_like_film_at_rest_where_there_is_no_film() -> None:
     flat, dark = lit(ROUND), np.full((90, 120), 0.01, np.float32)
-    found = find_film(flat)
+    film = find_film(flat)
     image = np.full_like(flat, 0.3)
-    seen = within_film(image, found.area, found.flat, dark)
-    assert (seen[:, found.area == 1] == 0.3).all()
-    assert np.allclose((seen - dark)[:, found.area == 0], found.flat[:, found.area == 0])
+    shown = within_film(image, film.area, film.flat, dark)
+    assert (shown[:, film.area == 1] == 0.3).all()
+    assert np.allclose((shown - dark)[:, film.area == 0], film.flat[:, film.area == 0])

@@ -12,27 +12,27 @@ TAKEN: F4 = LIT + AMBIENT
 BLACK: F4 = np.zeros((8, 10), np.float32)
 
 
-def found(step: int) -> tuple[F4, F4]:
-    """What the calibration found on bins: no markers, no ambient light; and that light."""
+def binned(step: int) -> tuple[F4, F4]:
+    """The binned flat frame without ambient light, and the ambient light, as calibrated."""
     return LIT[:, ::step, ::step] * 1.01, np.full_like(BLACK[::step, ::step], AMBIENT)
 
 
-def test_at_the_same_size_it_is_what_the_calibration_found() -> None:
-    flat, dark = found(1)
-    kept = full_rest(TAKEN, BLACK, flat, dark)
-    np.testing.assert_array_equal(kept.flat, flat)
-    np.testing.assert_array_equal(kept.dark, dark)
+def test_at_the_same_size_the_calibrated_frames_are_kept() -> None:
+    flat, dark = binned(1)
+    rest = full_rest(TAKEN, BLACK, flat, dark)
+    np.testing.assert_array_equal(rest.flat, flat)
+    np.testing.assert_array_equal(rest.dark, dark)
 
 
 @pytest.mark.parametrize("step", [1, 2])
-def test_as_taken_it_is_the_flat_frame_itself_less_ambient_light(step: int) -> None:
-    kept = full_rest(TAKEN, BLACK, *found(step), as_taken=True)
-    np.testing.assert_allclose(kept.flat, LIT, atol=1e-6)
-    np.testing.assert_allclose(kept.dark, AMBIENT, atol=1e-6)
+def test_as_taken_the_flat_frame_is_kept_without_ambient_light(step: int) -> None:
+    rest = full_rest(TAKEN, BLACK, *binned(step), as_taken=True)
+    np.testing.assert_allclose(rest.flat, LIT, atol=1e-6)
+    np.testing.assert_allclose(rest.dark, AMBIENT, atol=1e-6)
 
 
 @pytest.mark.parametrize("as_taken", [False, True])
-def test_where_no_flat_frame_was_taken_it_is_the_model_enlarged(as_taken: bool) -> None:
-    kept = full_rest(np.ones_like(LIT), BLACK, *found(2), as_taken=as_taken)
-    assert kept.flat.shape == LIT.shape
-    assert np.abs(kept.flat - LIT).max() < 0.08
+def test_without_a_flat_frame_the_model_is_enlarged(as_taken: bool) -> None:
+    rest = full_rest(np.ones_like(LIT), BLACK, *binned(2), as_taken=as_taken)
+    assert rest.flat.shape == LIT.shape
+    assert np.abs(rest.flat - LIT).max() < 0.08
