@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.pipelines.matt_film import TOUCH, Image, calibrated, run, said, see
+from tests.pipelines.matt_film import TOUCH, Image, calibrated, run, see, warnings_of
 
 ROWS, COLUMNS = np.mgrid[:120, :160]
 VIEWS = {
@@ -29,7 +29,7 @@ def view(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     folder, visible = tmp_path_factory.mktemp("view"), VIEWS[request.param]
     see(folder, lambda film: housed(film, visible))
     np.save(folder / "visible.npy", visible)
-    warnings = said(calibrated(folder))
+    warnings = warnings_of(calibrated(folder))
     assert ["fills" in line for line in warnings] == ([] if visible.all() else [True])
     return folder
 

@@ -13,8 +13,8 @@ from tests.pipelines.matt_film import (
     TOUCH,
     calibrated,
     run,
-    said,
     see,
+    warnings_of,
 )
 
 ROWS = 111
@@ -36,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with captures and a calibration."""
     captures = tmp_path_factory.mktemp("oblong")
     see(captures, squeezed)
-    assert not said(calibrated(captures, (PIXEL_MM, LENGTH_MM)))
+    assert not warnings_of(calibrated(captures, (PIXEL_MM, LENGTH_MM)))
     return captures
 
 
@@ -59,4 +59,6 @@ def test_heights_equal_those_of_square_pixels_and_state_both_sides_of_a_pixel(
 @pytest.mark.slow
 def test_an_oblong_ball_gives_a_warning(folder: Path) -> None:
     result = calibrated(folder, out="square.npz")
-    assert oblong_percent(said(result)) == pytest.approx(100 * (LENGTH_MM / PIXEL_MM - 1), abs=0.5)
+    assert oblong_percent(warnings_of(result)) == pytest.approx(
+        100 * (LENGTH_MM / PIXEL_MM - 1), abs=0.5
+    )

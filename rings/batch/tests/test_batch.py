@@ -37,7 +37,7 @@ from tactograph.rings.batch.run_batch import write_table
 from tactograph.rings.batch.store import Store, alone_in, open_store
 from tactograph.rings.batch.worker import Chunk, Tally, Worker
 from tests.graph.conftest import Command, Outcome, Write, graph_of, one_line
-from tests.nodes.stream.test_layer_kinds import GRAPH as WARM, WARMTH, Lay, made, ring
+from tests.nodes.stream.test_layer_kinds import GRAPH as WARM, WARMTH, Lay, ring, write_inputs
 
 __all__ = ["ring"]
 
@@ -228,7 +228,7 @@ def test_without_a_pixel_size_an_image_has_names_but_no_places(batch: Batch) -> 
 def test_a_layer_of_another_package_is_stored(ring: Lay, tmp_path: Path) -> None:
     ring("warmth", WARMTH)
     (tmp_path / "graph.yaml").write_text(WARM)
-    height, words = made(tmp_path)
+    height, words = write_inputs(tmp_path)
     store = tmp_path / "batch.zarr"
     over = str(tmp_path / "capture")
     run_command(["batch", *words, "--over", over, "--out", str(store), "--workers", "1"])

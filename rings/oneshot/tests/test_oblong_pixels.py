@@ -16,8 +16,8 @@ from tests.pipelines.matt_film import (
     TOUCH,
     leds,
     run,
-    said,
     taken,
+    warnings_of,
 )
 from tests.pipelines.test_oblong_pixels import LENGTH_MM, oblong_percent, squeezed
 
@@ -38,7 +38,9 @@ def test_a_one_shot_sensor_may_have_oblong_pixels(tmp_path: Path) -> None:
 
     def calibrated(pixel_size_mm: float | tuple[float, float], out: str) -> list[str]:
         out = str(tmp_path / out)
-        return said(run("calibrate_presses", **arguments, pixel_size_mm=pixel_size_mm, out=out))
+        return warnings_of(
+            run("calibrate_presses", **arguments, pixel_size_mm=pixel_size_mm, out=out)
+        )
 
     assert not any("not square" in line for line in calibrated((PIXEL_MM, LENGTH_MM), "cal.npz"))
     percent = oblong_percent(calibrated(PIXEL_MM, "square.npz"))

@@ -12,7 +12,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.height.distort_height import distort_height
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.shape_ball import shape_ball
-from tests.pipelines.matt_film import CANVAS, FLAT, PIXEL_MM, TOUCH, leds, run, said, taken
+from tests.pipelines.matt_film import CANVAS, FLAT, PIXEL_MM, TOUCH, leds, run, taken, warnings_of
 
 RADIUS_MM, PITCH_MM, DEEP_MM = 1.2, 3.0, 0.5
 LENS = np.array([0.04, 0, 0, 0, 0, 0, 0, 0], np.float32)
@@ -65,7 +65,7 @@ def test_two_presses_of_a_grid_calibrate(folder: Path) -> None:
     assert result["quality"]["heldout_normal_deg"] < 1.5
     arguments = {"capture": str(folder / "touch"), "calibration": str(folder / "cal.npz")}
     found = run("gelsight_mini", **arguments, sinks=False)
-    assert not said(found)
+    assert not warnings_of(found)
     off = found["height"] - distort_height(TOUCH, LENS)
     assert np.sqrt(np.mean(off**2)) < 0.012
 

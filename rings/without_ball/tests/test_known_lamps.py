@@ -7,7 +7,7 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.rings.without_ball.nodes.find_highlights import find_highlights
-from tests.pipelines.matt_film import FLAT, PIXEL_MM, TOUCH, leds, run, said, taken, write
+from tests.pipelines.matt_film import FLAT, PIXEL_MM, TOUCH, leds, run, taken, warnings_of, write
 
 NEAR, FAR = leds(4), leds(4, distance_mm=1000.0)
 
@@ -36,7 +36,7 @@ def error(folder: Path, lamps: np.ndarray, graph: str = "reconstruct") -> float:
     """Root mean square error in mm of a touch without warnings."""
     touch = write(folder / "touch", taken(TOUCH, 1, lamps))
     result = run(graph, capture=touch, calibration=str(folder / "cal.npz"), sinks=False)
-    assert said(result) == []
+    assert warnings_of(result) == []
     return float(np.sqrt(np.mean((result["height"] - TOUCH) ** 2)))
 
 
@@ -44,14 +44,14 @@ def error(folder: Path, lamps: np.ndarray, graph: str = "reconstruct") -> float:
 @pytest.mark.parametrize("graph", ["reconstruct", "precise", "paper"])
 def test_near_lamps_give_heights_in_mm(tmp_path: Path, graph: str) -> None:
     result = calibrated(tmp_path, table(tmp_path / "leds.csv", NEAR), NEAR)
-    assert said(result) == []
+    assert warnings_of(result) == []
     assert result["quality"]["flat_residual_percent"] < 1
     assert error(tmp_path, NEAR, graph) < (0.06 if graph == "paper" else 0.012)
 
 
 def test_a_light_dome_gives_the_shape(tmp_path: Path) -> None:
     result = calibrated(tmp_path, dome(tmp_path / "lamps.lp", FAR), FAR)
-    assert said(result) == ["only the lamps' directions are known: they count as far away"]
+    assert warnings_of(result) == ["only the lamps' directions are known: they count as far away"]
     assert error(tmp_path, FAR) < 0.012
 
 
@@ -86,7 +86,7 @@ def test_lamps_suffice_where_no_film_at_rest_was_taken(tmp_path: Path) -> None:
     touch = write(tmp_path / "first", taken(TOUCH, 2, FAR))
     arguments = {"lights": dome(tmp_path / "lamps.lp", FAR), "pixel_size_mm": PIXEL_MM}
     made = run("calibrate_lights_no_flat", **arguments, touch=touch, out=str(tmp_path / "cal.npz"))
-    assert any(note.startswith("no flat frame was given") for note in said(made))
+    assert any(note.startswith("no flat frame was given") for note in warnings_of(made))
     assert error(tmp_path, FAR, "reconstruct_no_flat") < 0.03
 
 

@@ -86,7 +86,7 @@ def test_a_kind_is_imported_on_request_and_without_matplotlib() -> None:
     assert done.stdout.strip() == f"['{package}.shadow', '{package}.error']"
 
 
-def made(folder: Path) -> tuple[F4, list[str]]:
+def write_inputs(folder: Path) -> tuple[F4, list[str]]:
     """A height and a capture in a folder, and the words that name the graph and the height."""
     height, capture = np.random.default_rng(1).random(SIZE, np.float32), folder / "capture"
     np.save(folder / "height.npy", height)
@@ -99,7 +99,7 @@ def made(folder: Path) -> tuple[F4, list[str]]:
 def test_a_layer_of_another_package_is_written_with_the_touch(ring: Lay, tmp_path: Path) -> None:
     ring("warmth", WARMTH)
     (tmp_path / "graph.yaml").write_text(GRAPH)
-    height, words = made(tmp_path)
+    height, words = write_inputs(tmp_path)
     capture = tmp_path / "capture"
     out = tmp_path / "out"
     run_command(["run", *words, f"capture={capture}", f"out={out}"])
