@@ -97,7 +97,8 @@ def guide_presses(
             about.bits = driver.bits
             _save_press(pressed / f"{count:02}", frames, about)
             tell(f"Press {count} is taken: let go.")
-            yield GuidedPresses(read_balls(folder=pressed), *film, driver.serial or None)
+            presses = read_balls(folder=pressed)
+            yield GuidedPresses(presses, film.flat, film.dark, driver.serial or None)
         if not count:
             raise InputError(
                 f"the film was not pressed within {guide.patience_s:g} s; press the ball into it "
