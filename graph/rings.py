@@ -86,12 +86,31 @@ def _rings(path: tuple[str, ...]) -> tuple[Ring, ...]:
     return (_core(), *_readable(points))
 
 
-def brought(kind: str) -> dict[str, tuple[Ring, Path]]:
+@dataclass(frozen=True)
+class Brought:
+    """A module of one kind that a ring brings."""
+
+    ring: Ring
+    kind: str
+    file: Path
+
+    def load(self) -> ModuleType:
+        """Import it.  Raises NodeError, which names the ring, if that fails."""
+        try:
+            return importlib.import_module(self.ring.module(self.kind, self.file))
+        except Exception as error:
+            raise NodeError(
+                f"{self.kind}/{self.file.name} of ring '{self.ring.name}' cannot be loaded: "
+                f"{message_of(error) or type(error).__name__}"
+            ) from error
+
+
+def brought(kind: str) -> dict[str, Brought]:
     """The modules of one kind that rings bring, by file name; the first ring has precedence."""
-    names: dict[str, tuple[Ring, Path]] = {}
+    names: dict[str, Brought] = {}
     for ring in rings():
         for file in ring.files(kind, "[!_]*.py"):
-            names.setdefault(file.stem, (ring, file))
+            names.setdefault(file.stem, Brought(ring, kind, file))
     return names
 
 
@@ -100,16 +119,8 @@ def bring(kind: str, name: str) -> ModuleType | None:
 
     Raises NodeError, which names the ring, if it cannot be imported.
     """
-    if (entry := brought(kind).get(name)) is None:
-        return None
-    ring, file = entry
-    try:
-        return importlib.import_module(ring.module(kind, file))
-    except Exception as error:
-        raise NodeError(
-            f"{kind}/{file.name} of ring '{ring.name}' cannot be loaded: "
-            f"{message_of(error) or type(error).__name__}"
-        ) from error
+    entry = brought(kind).get(name)
+    return None if entry is None else entry.load()
 
 
 def _core() -> Ring:

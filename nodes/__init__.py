@@ -33,8 +33,6 @@ Slope = Annotated[
 Height = Annotated[F4, Port("H W", "mm", low=-1, high=5), "Height z above the film at rest"]
 CoarseLight = Annotated[F4, Port("K h w", "1")]
 """Light averaged over cells of pixels, see `coarsen`."""
-ResizedLight = Annotated[F4, Port("K h w", "1")]
-"""Light on a pixel grid other than the input's."""
 CoarseDark = Annotated[F4, Port("h w", "1", high=0.05)]
 """Image with all LEDs off, averaged over cells."""
 CoarseHeight = Annotated[F4, Port("h w", "mm", low=-1, high=5)]

@@ -18,8 +18,6 @@ BallRadii = Annotated[F4, Port("B", "mm", low=1, high=3)]
 """The radius of each ball."""
 BallPress = Annotated[I4, Port("B", "press number")]
 """The number of each ball's press, from 0."""
-PressImages = Annotated[F4, Port("P K H W", "1")]
-"""P captures of K lights, each as a fraction of full scale."""
 
 MIN_FLAT_LIGHT = np.float32(0.02)
 """Light of the film at rest below which it is not used as a divisor."""

@@ -6,7 +6,7 @@ A ring's ``captures/NAME.py`` reads folders that hold a ``NAME.yaml``.
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.graph.rings import bring, brought
+from tactograph.graph.rings import brought
 
 
 class MarkedBall(NamedTuple):
@@ -39,8 +39,8 @@ def listed_capture(folder: Path) -> ListedCapture | None:
     InputError
         If it is damaged, or lists images that are not beside it.
     """
-    for name in brought("captures"):
-        if (folder / f"{name}.yaml").is_file() and (reader := bring("captures", name)):
-            listed: ListedCapture = reader.read(folder)
+    for name, reader in brought("captures").items():
+        if (folder / f"{name}.yaml").is_file():
+            listed: ListedCapture = reader.load().read(folder)
             return listed
     return None

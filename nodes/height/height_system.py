@@ -154,9 +154,10 @@ def _launch(run: Launch) -> None:
     lines = run.scratch((rows,), np.uint8), run.scratch((columns,), np.uint8)
     rest, mask = inputs["rest"], inputs.get("mask")
     run.kernel("find_touch", (rows + columns,), rest, mask, *lines, *size)
-    # The host needs all of these before the device can go on.
-    parts = [inputs.get(f"rises.{name}") for name in ShadowRises._fields]
-    has_rises = parts[0] is not None and parts[0].shape[0] > 0
+    # One transfer brings all that the host must know before the device goes on.
+    stated = (inputs.get(f"rises.{name}") for name in ShadowRises._fields)
+    parts = [part for part in stated if part is not None]
+    has_rises = bool(parts) and parts[0].shape[0] > 0
     coming = [run.begin_download(part) for part in parts] if has_rises else []
     mask_coming = run.begin_download(mask) if mask is not None and has_rises else lambda: None
     in_rows, in_columns = map(run.download, lines)

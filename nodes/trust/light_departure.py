@@ -123,8 +123,8 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 25], axis=1)
     slope = rng.uniform(-1.2, 1.2, (2, H, W)).astype(np.float32)
     height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
-    light = matt_film_light(lights.astype(np.float32), height, slope, 0.05)
-    light = light + rng.normal(0, 0.02, (K, H, W))
+    model_light = matt_film_light(lights.astype(np.float32), height, slope, 0.05)
+    light = model_light + rng.normal(0, 0.02, (K, H, W))
     return {
         "light": light.astype(np.float32),
         "sigma": rng.uniform(0.005, 0.02, (K, H, W)).astype(np.float32),

@@ -50,7 +50,6 @@ from tactograph.graph.files.read_graph import (
     read_graph as read_graph,
 )
 from tactograph.graph.rings import (
-    bring as bring,
     brought as brought,
 )
 from tactograph.graph.run.result import (
@@ -77,6 +76,9 @@ from tactograph.nodes import (
 from tactograph.nodes.capture.listed_capture import (
     ListedCapture as ListedCapture,
     MarkedBall as MarkedBall,
+)
+from tactograph.nodes.capture.read_capture import (
+    Layout as Layout,
 )
 from tactograph.nodes.drawing.arrows import (
     draw_arrows as draw_arrows,

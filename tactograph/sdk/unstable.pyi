@@ -50,7 +50,6 @@ from tactograph.nodes import (
     LightPlaces as LightPlaces,
     Misfit as Misfit,
     Noise as Noise,
-    ResizedLight as ResizedLight,
     ScaleError as ScaleError,
     SlopeVariance as SlopeVariance,
     Tables as Tables,
@@ -61,7 +60,6 @@ from tactograph.nodes.calibrate import (
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
     SHIFT_DEVIATION_PX as SHIFT_DEVIATION_PX,
-    PressImages as PressImages,
 )
 from tactograph.nodes.calibrate.ball.ball_on_shape import (
     BallOnShape as BallOnShape,
@@ -145,7 +143,6 @@ from tactograph.nodes.capture.read_balls import (
 )
 from tactograph.nodes.capture.read_capture import (
     CaptureFile as CaptureFile,
-    Layout as Layout,
 )
 from tactograph.nodes.contact.largest_contacts import (
     LargestContacts as LargestContacts,

@@ -1,7 +1,7 @@
 """Collect the doubts that rings have about a calibration."""
 
 from tactograph.graph import node
-from tactograph.graph.rings import bring, brought
+from tactograph.graph.rings import brought
 from tactograph.nodes import Film, Metrics
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
 
@@ -14,5 +14,5 @@ def ring_doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str
     ----------
     evidence, film, fitted : the inputs of `fit_film`, its film and its figures
     """
-    judges = [bring("judges", name) for name in sorted(brought("judges"))]
-    return [doubt for judge in judges if judge for doubt in judge.doubts(evidence, film, fitted)]
+    judges = [judge.load() for _, judge in sorted(brought("judges").items())]
+    return [doubt for judge in judges for doubt in judge.doubts(evidence, film, fitted)]

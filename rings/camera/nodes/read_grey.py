@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
-from tactograph.sdk import F4, Crop, Port, node
-from tactograph.sdk.unstable import Channel, Layout
+from tactograph.sdk import F4, Crop, Layout, Port, node
+from tactograph.sdk.unstable import Channel
 
 GreyImage = Annotated[F4, Port("H W", "1")]
 """One image as a fraction of full scale."""

@@ -291,9 +291,9 @@ def _under_coat(presses: BallPresses, bend: Bend, bounce: NodeCall, is_stated: b
         of, every = np.arange(count, dtype=np.int32), np.ones(count, np.uint8)
         balls = np.array(trial.circles, np.float32), presses.radius, of, every
         leds = trial.placed.lights, trial.placed.strength
-        known = presses.noise, presses.pixel, presses.shape(unknowns)
-        sheet = np.concatenate(presses.light, axis=1)
-        return FilmEvidence(sheet, presses.flat, *balls, *leds, *known)
+        sheet, shape = np.concatenate(presses.light, axis=1), presses.shape(unknowns)
+        known = sheet, presses.flat, *balls, *leds, presses.noise, presses.pixel, shape
+        return FilmEvidence(*known)
 
     bending = Bending(presses.unit, is_stated, presses.shape, lay, bounce)
     coated = coated_bend(bending, bend.unknowns, bend.samples)

@@ -6,9 +6,9 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.sdk import InputError, Light, node
+from tactograph.sdk import InputError, Layout, Light, node
 from tactograph.sdk.nodes import read_balls
-from tactograph.sdk.unstable import BallPresses, Layout
+from tactograph.sdk.unstable import BallPresses
 
 NO_BALL_MM = 1e3
 """Radius in mm where no ball was given: so large that it limits nothing."""

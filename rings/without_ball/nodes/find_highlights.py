@@ -8,8 +8,8 @@ from annotated_types import Gt
 from scipy.ndimage import label
 
 from tactograph.rings.without_ball.nodes.read_lamps import far_lamps
-from tactograph.sdk import F4, Crop, InputError, LightPositions, node
-from tactograph.sdk.unstable import Channel, Layout
+from tactograph.sdk import F4, Crop, InputError, Layout, LightPositions, node
+from tactograph.sdk.unstable import Channel
 
 BALL_SHARE = 0.98
 """Share of the ball's radius in which highlights are searched for."""

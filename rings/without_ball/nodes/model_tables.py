@@ -1,10 +1,12 @@
 """The pixels of the tables by a film's model, where no object was pressed."""
 
+from typing import Annotated
+
 import numpy as np
 
-from tactograph.sdk import Film, node
+from tactograph.sdk import F4, Film, Port, node
 from tactograph.sdk.nodes import film_light, light_noise
-from tactograph.sdk.unstable import Noise, ResizedLight, TablePixels
+from tactograph.sdk.unstable import Noise, TablePixels
 
 TABLE_SIDE = 121
 """Rows and columns of the hemisphere of normals."""
@@ -15,7 +17,7 @@ MIN_LIGHT = 0.02
 
 
 @node
-def model_tables(film: Film, flat: ResizedLight, noise: Noise) -> TablePixels:
+def model_tables(film: Film, flat: Annotated[F4, Port("K h w", "1")], noise: Noise) -> TablePixels:
     """Return the light that a film's model gives slopes in all directions, with a camera's noise.
 
     Parameters

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.sdk import F8, InputError, LightPositions, node, warn
-from tactograph.sdk.unstable import Layout
+from tactograph.sdk import F8, InputError, Layout, LightPositions, node, warn
 
 FAR_MM = 1e5
 """Distance of a lamp of which only the direction is known."""

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import Light, node
-from tactograph.sdk.unstable import Layout, SheetLight, StatedCircles
+from tactograph.sdk import Layout, Light, node
+from tactograph.sdk.unstable import SheetLight, StatedCircles
 
 
 class ObjectPresses(NamedTuple):

@@ -4,7 +4,6 @@ Long because calibrations and results each have a module of their own.
 """
 
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -12,7 +11,7 @@ from tactograph.rings.export.nodes.show._calibration import show_calibration
 from tactograph.rings.export.nodes.show._capture import show_capture
 from tactograph.rings.export.nodes.show._result import show_result
 from tactograph.rings.export.shown import Shown
-from tactograph.sdk import InputError, StoredResult, atomic_file, bring, brought, node
+from tactograph.sdk import InputError, StoredResult, atomic_file, brought, node
 from tactograph.sdk.unstable import missing, one_line
 
 
@@ -54,17 +53,17 @@ def _look(file: Path) -> Shown:
         return show_calibration(file)
     if (result := StoredResult.file_of(file)) is not None:
         return show_result(result)
-    if (further := bring("show", file.suffix[1:])) is not None:
-        content: Shown = further.show(file)
+    shows = brought("show")
+    if (further := shows.get(file.suffix[1:])) is not None:
+        content: Shown = further.load().show(file)
         return content
     if file.is_dir():
-        for suffix in brought("show"):
+        for suffix, reader in shows.items():
             if parts := sorted(file.glob(f"*.{suffix}")):
-                reader: Any = bring("show", suffix)
-                shows = [reader.show(part) for part in parts]
-                return Shown([line for each in shows for line in each.lines])
+                show = reader.load().show
+                return Shown([line for part in parts for line in show(part).lines])
         return show_capture(file)
-    others = "".join(f", a .{name}" for name in brought("show"))
+    others = "".join(f", a .{name}" for name in shows)
     raise InputError(
         f"{file}: nothing that can be shown; give a calibration or a lens (.npz){others}, the "
         "folder of a result, of a recording, or of captures ('tactograph draw' draws a graph)"

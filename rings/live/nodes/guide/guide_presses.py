@@ -21,12 +21,7 @@ from tactograph.rings.live.nodes.touches.sensor import open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
 from tactograph.sdk import F4, Dark, InputError, Light, atomic_file, atomic_files, node, write_image
 from tactograph.sdk.nodes import find_ball, flat_field, pixel_size, read_balls, read_flat
-from tactograph.sdk.unstable import (
-    CaptureFile,
-    Radii,
-    SheetLight,
-    StatedCircles,
-)
+from tactograph.sdk.unstable import BallPresses, CaptureFile
 
 USUAL_LEDS = 4
 SATURATED_LIGHT, MAX_PRESS_SATURATED = 0.998, 0.01
@@ -41,11 +36,7 @@ class GuidedPresses(NamedTuple):
     `serial` is the camera's serial number, if it has one.
     """
 
-    image: SheetLight
-    first: Light
-    radius: Radii
-    circles: StatedCircles
-    names: list[str]
+    presses: BallPresses
     flat: Light
     dark: Dark
     serial: str | None = None
@@ -106,9 +97,8 @@ def guide_presses(
             about.bits = driver.bits
             _save_press(pressed / f"{count:02}", frames, about)
             tell(f"Press {count} is taken: let go.")
-            image, first, radius, circles, names, *_ = read_balls(folder=pressed)
-            presses = GuidedPresses(image, first, radius, circles, names, *film)
-            yield presses._replace(serial=driver.serial or None)
+            presses = read_balls(folder=pressed)
+            yield GuidedPresses(presses, film.flat, film.dark, driver.serial or None)
         if not count:
             raise InputError(
                 f"the film was not pressed within {guide.patience_s:g} s; press the ball into it "

@@ -3,9 +3,8 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.sdk import InputError, Light, PixelSize, node
+from tactograph.sdk import InputError, Layout, Light, PixelSize, node
 from tactograph.sdk.nodes import read_capture
-from tactograph.sdk.unstable import Layout
 
 
 class SingleCapture(NamedTuple):

@@ -1,5 +1,7 @@
 """The standard deviation of a one-shot sensor's height."""
 
+from typing import Annotated
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -8,13 +10,12 @@ from tactograph.rings.oneshot.nodes.map.map_departure import MIN_MAP_ERROR
 from tactograph.rings.oneshot.nodes.map.raise_walls import BLUR_PX, MIN_SLOPE, uphill
 from tactograph.rings.oneshot.nodes.map.reflectance_map import maps_over_film, shading
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.sdk import F4, Height, HeightError, PixelSize, Slope, node
+from tactograph.sdk import F4, Height, HeightError, PixelSize, Port, Slope, node
 from tactograph.sdk.nodes import edge_variance, integrate_dct, rest_at_border, rest_mask
 from tactograph.sdk.unstable import (
     DEVIATIONS_PER_MAD,
     FILM_ROUGHNESS,
     Misfit,
-    ResizedLight,
     SlopeNormal,
 )
 
@@ -26,7 +27,7 @@ WINDOW_CELLS = 5
 def map_error(
     height: Height,
     slope: Slope,
-    light: ResizedLight,
+    light: Annotated[F4, Port("K h w", "1")],
     reflectance: ReflectanceMap,
     misfit: Misfit,
     pixel: PixelSize,
@@ -79,7 +80,7 @@ def _uphill_doubt(slope: Slope, reflectance: F4, departure: float) -> Slope:
     return np.asarray(direction * np.sqrt(spread), np.float32)
 
 
-def _film_at_rest(light: ResizedLight, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+def _film_at_rest(light: F4, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Where light is 1 as far as the frame's border."""
     window = (WINDOW_CELLS, WINDOW_CELLS)
     mean = [cv2.blur(plane, window, borderType=cv2.BORDER_REPLICATE) for plane in light]

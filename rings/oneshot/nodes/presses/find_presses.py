@@ -5,10 +5,11 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt
 
+from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.rings.oneshot.nodes.presses.sheet_presses import sheet_presses
 from tactograph.sdk import InputError, Light, PixelSize, node, warn
 from tactograph.sdk.nodes import find_ball, find_balls
-from tactograph.sdk.unstable import MIN_FLAT_LIGHT, FoundBalls, PressImages, StatedCircles
+from tactograph.sdk.unstable import MIN_FLAT_LIGHT, FoundBalls, StatedCircles
 
 MIN_PRESSES = 4
 

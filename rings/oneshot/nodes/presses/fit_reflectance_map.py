@@ -27,7 +27,7 @@ from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import (
     ReflectanceMap,
     solve_reflectance_map,
 )
-from tactograph.rings.oneshot.nodes.presses import Circles
+from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
 from tactograph.sdk import F4, F8, U1, InputError, Light, PixelSize, Port, node, warn
 from tactograph.sdk.nodes import (
@@ -37,13 +37,7 @@ from tactograph.sdk.nodes import (
     integrate_dct,
     rest_at_border,
 )
-from tactograph.sdk.unstable import (
-    DEVIATIONS_PER_MAD,
-    MIN_FLAT_LIGHT,
-    FoundBalls,
-    PressedBall,
-    PressImages,
-)
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, MIN_FLAT_LIGHT, FoundBalls, PressedBall
 
 ROUGH_PASSES = 2
 """Solutions for the slope on cells, each with the height of the one before."""

@@ -6,7 +6,7 @@ import numpy as np
 from annotated_types import Gt
 from scipy.special import chdtri
 
-from tactograph.rings.oneshot.nodes.presses import Circles
+from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.sdk import F4, U1, Film, Light, PixelSize, Port, node
 from tactograph.sdk.unstable import (
     DEVIATIONS_PER_MAD,
@@ -18,7 +18,6 @@ from tactograph.sdk.unstable import (
     FilmEvidence,
     FoundBalls,
     Judged,
-    PressImages,
 )
 
 RADIUS_INPUTS = " (`radius_mm`, `pixel`)"

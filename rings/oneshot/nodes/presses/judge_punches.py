@@ -12,10 +12,11 @@ from tactograph.rings.oneshot.nodes.map.map_error import map_error
 from tactograph.rings.oneshot.nodes.map.raise_walls import edge_lack, uphill
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import matt_deviation
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
+from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import make_bench, reconstruct
 from tactograph.sdk import F4, F8, Height, InputError, Light, PixelSize, Port, node
 from tactograph.sdk.nodes import coarsen, find_contact, integrate_dct, rest_at_border
-from tactograph.sdk.unstable import FALSE_ALARMS, Judged, PressImages
+from tactograph.sdk.unstable import FALSE_ALARMS, Judged
 
 
 @node

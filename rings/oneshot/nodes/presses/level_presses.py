@@ -5,9 +5,10 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Interval
 
+from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import Light, Mask, node
 from tactograph.sdk.nodes import coarsen, film_drift, level_light
-from tactograph.sdk.unstable import FILM_ROUGHNESS, MIN_FLAT_LIGHT, PressImages
+from tactograph.sdk.unstable import FILM_ROUGHNESS, MIN_FLAT_LIGHT
 
 
 @node(neutral="image")

@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.rings.oneshot.nodes.presses import Circles
+from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     degree_for,
     fit_presses,
@@ -14,13 +14,7 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     refine_center,
 )
 from tactograph.sdk import F4, U1, Light, Metrics, PixelSize, Port, node, warn
-from tactograph.sdk.unstable import (
-    FILM_REGIONS,
-    FoundBalls,
-    Judged,
-    PressedBall,
-    PressImages,
-)
+from tactograph.sdk.unstable import FILM_REGIONS, FoundBalls, Judged, PressedBall
 
 COVERAGE_CELLS = (4, 6)
 """Rows and columns of cells into which the film is divided to measure coverage."""

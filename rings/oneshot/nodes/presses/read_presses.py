@@ -7,8 +7,9 @@ import numpy as np
 from annotated_types import Interval
 from scipy.ndimage import gaussian_filter
 
-from tactograph.sdk import F4, Crop, InputError, Light, node
-from tactograph.sdk.unstable import CaptureFile, Layout, PressImages, StatedCircles
+from tactograph.rings.oneshot.nodes.presses import PressImages
+from tactograph.sdk import F4, Crop, InputError, Layout, Light, node
+from tactograph.sdk.unstable import CaptureFile, StatedCircles
 
 
 class Presses(NamedTuple):

@@ -15,7 +15,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     terms,
 )
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.rings.oneshot.nodes.presses import Circles
+from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     FIT_ROUNDS,
     RIM_ROUNDS,
@@ -27,7 +27,7 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
 )
 from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
 from tactograph.sdk import F8, Light, Metrics, PixelSize, node
-from tactograph.sdk.unstable import Balls, PressedBall, PressImages, pays
+from tactograph.sdk.unstable import Balls, PressedBall, pays
 
 MAX_PRESS_PIXELS = 1500
 """Most pixels of a press that are fitted."""

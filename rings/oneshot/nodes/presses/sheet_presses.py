@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import node
-from tactograph.sdk.unstable import PressImages, SheetLight
+from tactograph.sdk.unstable import SheetLight
 
 
 @node
