@@ -18,8 +18,8 @@ from tactograph.nodes.optics.cache_blocks import in_blocks
             4,
             8,
             "the shadow test needs 4 to 8 LEDs, since three light directions are never "
-            "linearly dependent; with three use a graph without it, such as "
-            "reconstruct_no_shadow",
+            "linearly dependent; with three use `paper_no_shadow`, or `reconstruct` and "
+            "`precise`, which find shadows of three by the normal's length",
         )
     },
 )
