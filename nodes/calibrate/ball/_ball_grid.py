@@ -26,15 +26,18 @@ MIN_CORRELATION = 0.5
 REST_RADII = 1.3
 """Distance, in ball radii, at which the film around a ball is at rest again."""
 FIRST_CONTACT_SHARE = 0.9
-"""Initial contact radius, relative to the ball's."""
+"""Initial contact radius, relative to the ball's, of a grid that is pressed in deeply."""
+CONTACT_SHARES = FIRST_CONTACT_SHARE * 0.85 ** np.arange(6)
+"""Contact radii that are tried, so close that a disc in between still shows."""
 MAX_OFFSET_PITCHES = 0.15
 """Largest distance of a ball from the lattice, in pitches."""
 LATTICE_ROUNDS = 6
 """Rounds that find the lattice's angle and place."""
 SAMPLES_PER_BALL = 60
 """Samples per ball to place it."""
-EDGE_RADII = np.arange(0.5, 1.0, 0.04)
-"""Radii, relative to the ball's, between which the contact's edge is searched for."""
+EDGE_START, EDGE_STEP = 0.5, 0.04
+"""Radius, relative to the ball's, from which on the edge of a deep contact is searched for up to
+the ball's own, and width of a ring."""
 MAX_RESIDUAL_RATIO = 1.5
 """Residual, relative to the inner one, above which the film has left the ball."""
 FAR_MM = 1e3
@@ -59,26 +62,38 @@ def find_grid(
     pixel : mm per px
     rest : the flat frame in blocks, if there is one
     """
-    peaks, goodness = _peaks(light, radius_px)
-    if len(peaks) < 4:
-        return None
-    centre, inlier = _lattice(peaks, pitch_px)
-    return place_balls(light, Grid(centre[inlier], goodness[inlier]), radius_px, pixel, rest)
+    best, share = Grid(np.zeros((0, 2)), np.zeros(0)), FIRST_CONTACT_SHARE
+    for tried in CONTACT_SHARES:
+        peaks, goodness = _peaks(light, radius_px * tried / FIRST_CONTACT_SHARE)
+        if len(peaks) < 4:
+            continue
+        centre, inlier = _lattice(peaks, pitch_px)
+        if goodness[inlier].sum() > best.goodness.sum():
+            best, share = Grid(centre[inlier], goodness[inlier]), tried
+    return place_balls(light, best, radius_px, pixel, rest, share)
 
 
 def place_balls(
-    light: F4, grid: Grid, radius_px: float, pixel: float, rest: Rest | None
+    light: F4,
+    grid: Grid,
+    radius_px: float,
+    pixel: float,
+    rest: Rest | None,
+    share: float = FIRST_CONTACT_SHARE,
 ) -> Grid | None:
     """Return the balls that are wholly seen, placed by their light; None if fewer than four.
 
-    As `find_grid`, for balls whose centres are known to some pixels.
+    As `find_grid`, for balls whose centres are known to some pixels, and of which about `share` of
+    the radius is pressed in.
     """
-    contact = np.full(len(grid.circle), FIRST_CONTACT_SHARE * radius_px)
+    contact = np.full(len(grid.circle), share * radius_px)
     circle = np.column_stack([grid.circle[:, :2], contact])
     inside = _whole(circle, radius_px, light.shape[1:])
     if inside.sum() < 4:
         return None
-    return Grid(_placed(light, circle[inside], radius_px, pixel, rest), grid.goodness[inside])
+    return Grid(
+        _placed(light, circle[inside], radius_px, pixel, rest, share), grid.goodness[inside]
+    )
 
 
 def _peaks(light: F4, radius_px: float) -> tuple[F8, F8]:
@@ -120,6 +135,8 @@ def _lattice(peaks: F8, pitch_px: float) -> tuple[F8, NDArray[np.bool_]]:
         step = np.round(place - offset)
         off = place - offset - step
         inlier = np.hypot(off[:, 0], off[:, 1]) < MAX_OFFSET_PITCHES
+        if not inlier.any():
+            break
         # A rotation by d moves the point (a, b) by d (-b, a).
         spread = step[inlier] - step[inlier].mean(axis=0)
         turned = spread[:, 0] * off[inlier][:, 1] - spread[:, 1] * off[inlier][:, 0]
@@ -134,14 +151,17 @@ def _whole(circle: F8, radius_px: float, shape: tuple[int, ...]) -> NDArray[np.b
     return np.asarray(inside & (y > radius_px) & (y < shape[0] - 1 - radius_px))
 
 
-def _placed(light: F4, circle: F8, radius_px: float, pixel: float, rest: Rest | None) -> F8:
+def _placed(
+    light: F4, circle: F8, radius_px: float, pixel: float, rest: Rest | None, share: float
+) -> F8:
     """The circles after a fit of the balls' positions to the light."""
-    balls = _samples(light, circle, 0.85 * radius_px, radius_px, pixel)
+    deep = share / FIRST_CONTACT_SHARE
+    balls = _samples(light, circle, 0.85 * deep * radius_px, radius_px, pixel)
     start = _start(balls)
     fitted = Fitting.of(balls, rest, {"plain"}).fitted(start)
     placed = circle.copy()
     placed[:, :2] += fitted.shifts[:, :2] / pixel
-    placed[:, 2] = _contact(light, placed, radius_px, pixel, fitted) * radius_px
+    placed[:, 2] = _contact(light, placed, radius_px, pixel, fitted, deep) * radius_px
     return placed
 
 
@@ -191,15 +211,18 @@ def _start(balls: Balls) -> Fitted:
     return Fitted.matt(lights.astype(np.float32), np.ones(len(lights), np.float32), count)
 
 
-def _contact(light: F4, circle: F8, radius_px: float, pixel: float, fitted: Fitted) -> float:
+def _contact(
+    light: F4, circle: F8, radius_px: float, pixel: float, fitted: Fitted, deep: float
+) -> float:
     """The contact radius, relative to the ball's: up to there the film follows the balls."""
-    balls = _samples(light, circle, EDGE_RADII[-1] * radius_px, radius_px, pixel)
+    edges = np.arange(EDGE_START * deep, 1.0, EDGE_STEP)
+    balls = _samples(light, circle, edges[-1] * radius_px, radius_px, pixel)
     still = fitted._replace(shifts=fitted.shifts * [0, 0, 1])
     square = np.square(still.predicted(balls) - balls.light).mean(axis=0)
     middle = balls.centre[balls.ball]
     r = np.hypot(balls.u - middle[:, 0], balls.v - middle[:, 1]) / (radius_px * pixel)
-    ring = np.digitize(r, EDGE_RADII)
-    rings = (square[ring == i] for i in range(len(EDGE_RADII)))
+    ring = np.digitize(r, edges)
+    rings = (square[ring == i] for i in range(len(edges)))
     spread = np.array([np.sqrt(np.median(each)) if each.size else 0 for each in rings])
     beyond = np.flatnonzero(spread > MAX_RESIDUAL_RATIO * np.median(spread[:4]))
-    return float(EDGE_RADII[beyond[0] - 1] if beyond.size and beyond[0] else EDGE_RADII[-1])
+    return float(edges[beyond[0] - 1] if beyond.size and beyond[0] else edges[-1])

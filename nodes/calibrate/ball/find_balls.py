@@ -147,9 +147,9 @@ def _grids(
             grid = find_grid(press, radius_px, pitch_mm / pixel, pixel, rest)
         else:
             grid, why = None, "unlike others it has no marks; they need none with `pitch_mm`=MM"
-        if grid is None:
+        if grid is None and len(names) > 1:
             warn(f"press {names[number]} is left out: {why}")
-        else:
+        if grid is not None:
             grids.append((number, float(size), grid))
     if not grids:
         raise InputError(

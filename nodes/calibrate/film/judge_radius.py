@@ -242,7 +242,8 @@ class Alternatives(NamedTuple):
                 f"no model of the film explains balls and untouched film together: the best leaves "
                 f"{misfit:.1%} of the light unexplained, where a plain film leaves {stated:.1%}. "
                 "Check the order of the images, the focus, the ball's radius and the pixel "
-                f"size{which}"
+                f"size{which}; give the height of a near camera (`film.camera`=MM), and a lens "
+                "that distorts"
             )
             return [doubt], False
         return [], False

@@ -18,6 +18,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
 )
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
 from tactograph.nodes.light.flat_field import flat_field
+from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
 
@@ -97,8 +98,11 @@ def find_ambient(
     if not presses or most < MIN_AMBIENT * film:
         return nothing
 
-    def misfit(ambient: float) -> float:
-        """The misfit of LEDs placed after this much ambient light is subtracted."""
+    def placed(ambient: float, emitted: F4 | float) -> tuple[F4, float]:
+        """Place LEDs after this much ambient light is subtracted; return them and their misfit.
+
+        Divided by what LEDs `emitted`, the film at rest is lit by ones that emit alike everywhere.
+        """
         rest_light, dark = _led_light(flat, ambient), np.full(flat.shape[1:], ambient, np.float32)
         objects = []
         for press in presses:
@@ -106,18 +110,31 @@ def find_ambient(
             brightened = press._replace(light=light, lit=label_lit(light))
             objects.append(brightened.samples(pixel, MAX_SAMPLES_EACH, shape))
         if unreached(objects):
-            return np.inf
-        rest = Rest.of(rest_light, pixel, shape)
-        placed = LedFit.of(objects, rest, pixel * flat.shape[2])
-        return placed.cost(objects, rest)
+            return np.zeros((len(flat), 3), np.float32), np.inf
+        rest = Rest.of(np.asarray(rest_light / emitted, np.float32), pixel, shape)
+        fit = LedFit.of(objects, rest, pixel * flat.shape[2])
+        return fit.lights, fit.cost(objects, rest)
 
-    if misfit(0.0) <= misfit(MIN_AMBIENT * film):
+    lights, plain = placed(0.0, 1.0)
+    if plain <= placed(MIN_AMBIENT * film, 1.0)[1]:
         return nothing
+    # LEDs that face the film's middle light its sides less, which looks like ambient light.
+    facing = _emitted(lights, flat.shape, pixel)
     stop = {"xatol": AMBIENT_TOLERANCE * film}
     minimize: Any = optimize.minimize_scalar  # its stubs know no bounds
-    ambient = float(minimize(misfit, bounds=(0, most), method="bounded", options=stop).x)
-    residual = misfit(ambient)
-    if residual > MAX_MISFIT_SHARE * misfit(0.0) or misfit(MAX_DARK_RATIO * most) < residual:
+
+    def misfit(ambient: float, emitted: F4 | float) -> float:
+        return placed(ambient, emitted)[1]
+
+    def least(emitted: F4 | float) -> tuple[float, float, F4 | float]:
+        found = minimize(misfit, bounds=(0, most), args=(emitted,), method="bounded", options=stop)
+        return float(found.fun), float(found.x), emitted
+
+    residual, ambient, emitted = min(least(1.0), least(facing), key=lambda each: each[0])
+    if ambient < MIN_AMBIENT * film:
+        return nothing
+    beyond = misfit(MAX_DARK_RATIO * most, emitted)
+    if residual > MAX_MISFIT_SHARE * misfit(0.0, emitted) or beyond < residual:
         # Light diffused in the gel or reflected from film to film has a similar effect, which
         # `fit_film` models.
         return nothing
@@ -133,3 +150,14 @@ def find_ambient(
 
 def _led_light(flat: F4, ambient: float) -> F4:
     return np.asarray(np.maximum(flat - np.float32(ambient), 0), np.float32)
+
+
+def _emitted(lights: F4, shape: tuple[int, ...], pixel: float) -> F4:
+    """Return what disks that face the film's middle emit towards it, over that to its middle."""
+    x, y = np.meshgrid(*(places(count, np.float32(pixel)) for count in (shape[2], shape[1])))
+    planes = []
+    for led in lights:
+        to = [led[0] - x, led[1] - y, np.full_like(x, led[2])]
+        square = sum(part * part for part in to)
+        planes.append(sum(part * end for part, end in zip(to, led, strict=True)) / np.sqrt(square))
+    return np.stack(planes) / np.linalg.norm(lights, axis=1)[:, None, None]

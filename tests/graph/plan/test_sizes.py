@@ -80,9 +80,12 @@ def test_clashing_sizes_of_images_are_reported_by_what_they_count(
 
 
 def test_a_size_that_a_node_does_not_take_is_refused_unless_the_node_is_taken_out() -> None:
-    for name, refused in (("paper", True), ("paper_no_shadow", False)):
+    takers = "paper_no_shadow", "reconstruct", "precise"
+    for name, refused in (("paper", True), *((name, False) for name in takers)):
         plan = planned(name)
-        message = r"shadow: K = 3: the shadow test needs 4 to 8 LEDs"
+        # It names the graphs that do take them.
+        named = ".*".join(f"`{name}`" for name in takers)
+        message = rf"shadow: K = 3: the shadow test needs 4 to 8 LEDs.*{named}"
         with pytest.raises(InputError, match=message) if refused else nullcontext():
             plan.sizes.bind({}, plan.tasks["take.frames"], "image", (3, 4, 5))
 

@@ -118,6 +118,7 @@ def test_light_that_the_chosen_film_explains_better_is_no_evidence() -> None:
 def test_a_chosen_film_that_explains_less_than_a_plain_one_is_doubted() -> None:
     (doubt,), is_clear = unexplained().doubts(6.0, misfit=0.26)
     assert "the best leaves 26.0% of the light unexplained" in doubt
+    assert "a near camera (`film.camera`=MM), and a lens" in doubt
     assert not is_clear
 
 

@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4
+from tactograph.nodes.calibrate.ball.press_slopes import press_slopes
 from tactograph.nodes.calibrate.lights.find_ambient import WithoutAmbient, find_ambient
+from tactograph.nodes.simulate.light_ring import light_ring
+from tactograph.nodes.simulate.render import render
 
-from .test_calibrate_lights import BLANK, PIXEL, RING, calibrate, images, known, off
+from .test_calibrate_lights import BLANK, FILM, PIXEL, RING, SIZE, calibrate, images, known, off
 
 BLACK = np.zeros(BLANK.shape[1:], np.float32)
 
@@ -50,3 +53,24 @@ def test_a_black_shadow_shows_that_there_is_no_ambient_light() -> None:
     hollow = ball + np.float32(0.05) * known().mask
     hollow[0, :20, :20] = 0
     assert not find_ambient(hollow, flat, BLACK, *known(), PIXEL).dark.any()
+
+
+@pytest.mark.one_case
+@pytest.mark.parametrize("ambient", [0.0, 0.05])
+def test_leds_that_face_the_film_are_no_ambient_light(ambient: float) -> None:
+    """Over a grid of balls the sides of the film, which get less light, look like ambient light."""
+    lights = light_ring(slant_deg=40.0, distance_mm=30.0)
+    circle = np.float32([(x, y, 12) for x in (25, 60, 100, 135) for y in (25, 60, 95)])
+    radius, of = np.full(len(circle), 2.0, np.float32), np.zeros(len(circle), np.int32)
+    shape = press_slopes(BLANK + 1, BLANK + 1, circle, radius, of, PIXEL)
+    y, x = np.indices(SIZE)[:, None]
+    away = PIXEL * np.hypot(x - circle[:, 0, None, None], y - circle[:, 1, None, None]).min(axis=0)
+    z = np.sqrt(np.maximum(4 - away**2, 1.6**2)) - 1.6
+    rng = np.random.default_rng(0)
+    ball, flat = (
+        (render(each, PIXEL, lights, cosine_leds=True).light + ambient).astype(np.float32)
+        + rng.normal(0, 0.002, BLANK.shape).astype(np.float32)
+        for each in (z.astype(np.float32), FILM)
+    )
+    found = find_ambient(ball, flat, BLACK, shape.slope, shape.mask, shape.height, PIXEL)
+    assert found.quality.get("ambient_percent", 0) == pytest.approx(100 * ambient, abs=0.6)
