@@ -189,7 +189,7 @@ def _share_alone(plane: NDArray[Any], most: float) -> float:
 
 
 def _dead_line(plane: NDArray[Any]) -> str:
-    """The rows or columns of one value, outside those of the lines on both sides; "": none."""
+    """The rows or columns of one value, outside most of those on both sides; "": none."""
     if plane.ndim > 2:
         return ""
     for name, lines in ("row", plane), ("column", plane.T):
@@ -203,7 +203,8 @@ def _dead_line(plane: NDArray[Any]) -> str:
             if run[0] == 0 or run[-1] == len(lines) - 1:  # the frame around a view
                 continue
             value, beside = low[run[0]], [run[0] - 1, run[-1] + 1]
-            stands_out = value < low[beside].min() or value > high[beside].max()
+            lower, upper = np.quantile(few[:, beside], (0.25, 0.75), axis=0)
+            stands_out = value < lower.min() or value > upper.max()
             if stands_out and (lines[run] == value).all():
                 return f"{name} {run[0]}" if run.size == 1 else f"{name}s {run[0]} to {run[-1]}"
     return ""

@@ -236,6 +236,7 @@ LINES = {
 def test_a_dead_line_is_told(tmp_path: Path, line: str, value: int) -> None:
     """`reconstruct` was 9 um off by one dead row across a touch, and said nothing."""
     images = RNG.normal(120, 3, (4, 60, 80)).astype(np.uint8)
+    images[:, 15:24, 30:40] = 0  # a shadow
     images[LINES[line]] = value
     _, notes = read_one(write(tmp_path, LEDS, images))
     notes = [note for note in notes if "of the pixels" not in note]
