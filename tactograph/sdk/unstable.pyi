@@ -166,7 +166,7 @@ from tactograph.nodes.contact.largest_contacts import (
 )
 from tactograph.nodes.drawing.new_picture import (
     BesidePicture as BesidePicture,
-    in_lines as in_lines,
+    list_figures as list_figures,
 )
 from tactograph.nodes.drawing.sensor_picture import (
     draw_sensor as draw_sensor,

@@ -6,7 +6,7 @@ from matplotlib.patches import Circle
 from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
 from tactograph.rings.recheck.nodes.film_change import FilmChange
 from tactograph.sdk import F4, ORANGE, Light, Metrics, node, write_picture
-from tactograph.sdk.unstable import BesidePicture, FoundBalls, SheetLight, cut, in_lines
+from tactograph.sdk.unstable import BesidePicture, FoundBalls, SheetLight, cut, list_figures
 
 
 @node
@@ -34,10 +34,13 @@ def plot_recalibration(
     """
     films = {"old film at rest": then, "new film at rest": now}
     words = "new against old"
-    figure, (upper, lower) = draw_films(films, change, words, width=15)
+    figure, (upper, lower) = draw_films(films, change, words, width=18)
     _draw_press(upper, cut(image, now.shape[1])[0], balls.circle[balls.of == 0])
     draw_light(lower, change.strength, words)
-    figure.suptitle(_title(quality) + f"\n{advice}", fontsize=9)
+    figure.suptitle(advice, x=0.02, ha="left", fontsize=11)
+    # Those of single LEDs are drawn.
+    shown = {name: quality[name] for name in quality if not name.startswith("light_percent")}
+    list_figures(figure, shown, 0.92)
     write_picture(figure, file.with_suffix(".png"))
 
 
@@ -47,12 +50,3 @@ def _draw_press(axes: Axes, press: F4, circles: F4) -> None:
         axes.add_patch(Circle((x, y), radius, fill=False, color=ORANGE))
     is_pressed = (circles[:, 2] > 0).any()
     axes.set_title("check press" if is_pressed else "no check press")
-
-
-def _title(quality: Metrics) -> str:
-    figures = [
-        f"{name} {value:.4g}"
-        for name, value in quality.items()
-        if not name.startswith("light_percent")
-    ]
-    return in_lines(figures)
