@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 FRAME_MS = 1000 / 30
 """Time of a camera's frame; an item that took longer names its slowest node."""
-HEADLINES = {"summary", "verdict"}
+HEADLINE_NAMES = {"summary", "verdict"}
 """Names of outputs that sum an item up."""
 WARNING_INTERVAL_S = 10.0
 """Time after which a warning that an endless stream did not repeat is printed again."""
@@ -261,7 +261,7 @@ def _summary(number: int, result: Result, *, figures: bool) -> str:
     head = " ".join(filter(None, [str(number), _name_of(result)]))
     first = _times(result) or "done"
     # One of several that says nothing of the others stands with its name.
-    for name in texts if len(texts) == 1 else texts.keys() & HEADLINES:
+    for name in texts if len(texts) == 1 else texts.keys() & HEADLINE_NAMES:
         first = f"{rows.pop(name)} ({first})"
     width = max(map(len, rows), default=0)
     return "\n".join([f"{head}: {first}", *(f"  {name:<{width}}  {t}" for name, t in rows.items())])
