@@ -22,13 +22,16 @@ if TYPE_CHECKING:
 def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) -> None:
     """Resolve GRAPH, or each of STUDY, compare types, units and sizes, and list the params.
 
-    All errors of a pass are listed; a pass runs only if the previous one found none.
+    The variants in a file are checked, too.  All errors of a pass are listed; a pass runs only if
+    the previous one found none.
     """
     from tactograph.graph.files.read_graph import read_graphs
 
     try:
-        for read in read_graphs(graph):
+        graphs = read_graphs(graph)
+        for read in graphs:
             _check(changed(read, overlays, settings), read.params.keys() - read.inherited)
+        _check_variants(graph, graphs[0])
     except GraphError as error:
         for other in error.others:
             say(other, err=True)
@@ -60,6 +63,19 @@ def _check(read: Graph, own_params: Container[str]) -> None:
     width = max((len(name) for name in read.params), default=0)
     for name, param in read.params.items():
         say(f"  {name:<{width}}  {param.kind:<8} {param.state}; {param.help}")
+
+
+def _check_variants(name: str, read: Graph) -> None:
+    """Check the variants that a file of one's own holds; a study's are checked as graphs."""
+    from tactograph.graph.files.read_graph import read_graph
+    from tactograph.graph.run.pipeline import Pipeline
+
+    if not name.endswith((".yaml", ".yml")):
+        return
+    for key, variant in read.variants.items():
+        if variant.file == read.file:
+            Pipeline.verify(read_graph(f"{name}/{key}"))
+            say(f"variant {key}: nothing wrong")
 
 
 def _written(graph: Graph, plan: Plan) -> list[str]:

@@ -39,9 +39,11 @@ def command(out: Path) -> None:
     from tactograph.graph.extras import need
 
     need("report", "the report of the demo", "jinja2")
+    last = ""
     for line in DEMO_STEPS.strip().splitlines():
+        begins, last = not last.startswith("#"), line
         if line.startswith("#"):
-            click.secho(f"\n{line}", bold=True)
+            click.secho("\n" * begins + line, bold=True)
             continue
         line = line.replace("OUT", shlex.quote(str(out)))
         click.echo(f"$ {line}")

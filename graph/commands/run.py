@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 FRAME_MS = 1000 / 30
 """Time of a camera's frame; for an item that took longer, the slowest node is named."""
+HEADLINE_NAMES = {"summary", "verdict"}
+"""Names of outputs that sum an item up."""
 WARNING_INTERVAL_S = 10.0
 """Pause after which a recurring warning of an endless stream is printed again."""
 
@@ -258,20 +260,23 @@ def _summary(number: int, result: Result, *, figures: bool) -> str:
         rows |= {**_ranges(result), **_in_rows(result.figures)}
     head = " ".join(filter(None, [str(number), _name_of(result)]))
     first = _times(result) or "done"
-    if texts:
-        name, text = next(iter(texts.items()))
-        del rows[name]
-        first = f"{text} ({first})"
+    # One of several that says nothing of the others stands with its name.
+    for name in texts if len(texts) == 1 else texts.keys() & HEADLINE_NAMES:
+        first = f"{rows.pop(name)} ({first})"
     width = max(map(len, rows), default=0)
     return "\n".join([f"{head}: {first}", *(f"  {name:<{width}}  {t}" for name, t in rows.items())])
 
 
 def _times(result: Result) -> str:
-    """Milliseconds on each back end, and the slowest node of a long item, of nodes that compute."""
+    """Milliseconds on each back end, and the slowest node of a long item.
+
+    Sources and sinks of a stream do not count: files and pictures take longer than a height.
+    """
     times, tasks = result.times, result.plan.tasks
-    ends = {name for name, task in tasks.items() if task.node.sink or task.node.source}
     steps = [s for s in result.plan.steps if s.name in times]
-    steps = [s for s in [s for s in steps if s.stream] or steps if s.name not in ends]
+    ends = {name for name, task in tasks.items() if task.node.sink or task.node.source}
+    if of_stream := [s for s in steps if s.stream]:
+        steps = [s for s in of_stream if s.name not in ends]
     by_backend: dict[str, float] = {}
     for step in steps:
         by_backend[step.backend] = by_backend.get(step.backend, 0) + times[step.name]

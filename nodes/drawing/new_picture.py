@@ -1,10 +1,12 @@
 """Write pictures of calibrations, which replace earlier pictures of that kind and no other file."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from PIL import Image
 from pydantic import AfterValidator
 
@@ -12,6 +14,8 @@ from tactograph.graph.disk.atomic_files import atomic_file
 
 ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
 """Colours of plots, distinguishable with any colour vision."""
+FIGURES_IN = 3.2
+"""Width in inches of the list of figures on the right of a page."""
 DRAWN_BY = "Matplotlib"
 """Beginning of a picture's text chunk ``Software``."""
 
@@ -26,6 +30,24 @@ def write_picture(figure: Figure, file: Path) -> None:
     """
     with atomic_file(_picture_of(file)) as target:
         FigureCanvasAgg(figure).print_png(target, pil_kwargs={"compress_level": 1})
+
+
+def list_figures(page: Figure, figures: Mapping[str, float], top: float) -> None:
+    """Write figures on the right of a page, one a line, and keep a layout to their left.
+
+    `top` is a share of the page, counted from its bottom.
+    """
+    values = {
+        name: f"{int(value)}" if float(value).is_integer() else f"{value:.4g}"
+        for name, value in figures.items()
+    }
+    longest = max(map(len, values), default=0)
+    text = "\n".join(f"{name:<{longest}} {value:>9}" for name, value in values.items())
+    left = 1 - FIGURES_IN / page.get_figwidth()
+    layout = page.get_layout_engine()
+    if isinstance(layout, ConstrainedLayoutEngine):
+        layout.set(rect=(0, 0, left, 1))
+    page.text(left, top, text, family="monospace", fontsize=8.5, linespacing=1.5, va="top")
 
 
 def _picture_of(file: Path) -> Path:

@@ -28,6 +28,9 @@ LIBRARY_VARIABLES = (
 )
 """The variables that limit the threads of libraries and of PoCL."""
 
+LOADER_VARIABLE = "PYOPENCL_HOME"
+"""Where `pyopencl` says, once it is imported, what its loader cannot do without."""
+
 
 class Terminated(SystemExit):
     """Raised where SIGTERM ends a process of a batch: no node is to blame."""
@@ -141,8 +144,9 @@ def stop_processes() -> None:
 
 
 def _begin(share: Mapping[str, str], set_up: Callable[[], object]) -> None:
-    """Set up a process."""
-    take_over(share)
+    """Set up a process; what it is forked from has imported `pyopencl`."""
+    imported = {name: os.environ[name] for name in {LOADER_VARIABLE} & {*os.environ}}
+    take_over({**imported, **share})
     threading.Thread(target=_end_with_parent, daemon=True).start()
     set_up()
     # On the way out half-written files are removed.  Set last: until then there are none.

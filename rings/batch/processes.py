@@ -3,6 +3,7 @@
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from functools import partial
 from itertools import islice
 from typing import Any, Self, TypeVar
@@ -68,9 +69,10 @@ class Processes:
             self._idle.shutdown(cancel_futures=True)
 
     def open_ahead(self) -> None:
-        """Start to open the graph in all processes."""
-        for _ in range(self._number):
-            hand_over(self._pool, open_ahead)
+        """Start to open the graph in all processes.  One that dies of it is told at work."""
+        with suppress(BrokenProcessPool):
+            for _ in range(self._number):
+                hand_over(self._pool, open_ahead)
 
     def map_types(self, place: str) -> dict[str, MapType]:
         """The types of the maps, from a capture.  Raises TactographError if it cannot be done."""

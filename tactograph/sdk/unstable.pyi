@@ -147,6 +147,9 @@ from tactograph.nodes.capture.read_capture import (
 from tactograph.nodes.contact.largest_contacts import (
     LargestContacts as LargestContacts,
 )
+from tactograph.nodes.drawing.new_picture import (
+    list_figures as list_figures,
+)
 from tactograph.nodes.files.image_files import (
     MAX_PIXELS as MAX_PIXELS,
     Channel as Channel,

@@ -214,6 +214,23 @@ def test_an_item_that_takes_longer_than_a_frame_names_its_slowest_node(
     assert _times(result) == "30.0 ms on numpy"
 
 
+@pytest.mark.usefixtures("toys")
+def test_without_a_stream_what_is_written_counts_as_well(write: Write, height_file: str) -> None:
+    """As of `calibrate`, which waits longest for the ranks in its file."""
+    save = "  cal: {op: at_rest}\n  save: {op: noted, in: {image: cal.flat}}\n"
+    text = SLOPES.replace("outputs:", f"{save}outputs:")
+    (result,) = open_pipeline(write(text), {"file": height_file}, backend="numpy").items()
+    result.times["save"] = 5000.0
+    assert _times(result).endswith("slowest: save (noted) 5000.0 ms")
+
+
+def test_of_several_sentences_each_stands_with_its_name(about: Command, height_file: str) -> None:
+    cal = "  cal: {op: at_rest}\n  seen: {op: pressed_words, in: {image: cal.flat}}\n"
+    text = SLOPES.replace("outputs: {", f"{cal}outputs: {{leds: seen, film: seen, ")
+    told = about("run", text, f"file={height_file}").out
+    assert re.search(r"^1: .* ms .*\n  leds +nothing of .*\n  film +nothing of", told, re.MULTILINE)
+
+
 def test_a_warning_is_printed_once_and_counted_at_the_end(about: Command) -> None:
     done = about("run", lit_by("noticed"))
     assert done.err == "warning: a warning\n"
@@ -390,6 +407,15 @@ def test_check_blames_no_graph_for_inherited_params(tactograph: Command, write: 
     assert "no node reads: spare\n" in tactograph("check", base).out
     assert "no node reads: more\n" in tactograph("check", f"{base}/wide").out
     assert "no node reads" not in tactograph("check", further).out
+
+
+def test_check_looks_into_the_variants_of_a_file(tactograph: Command, write: Write) -> None:
+    variant = "variants:\n  wide: {patch: [{set: pixel, with: {mm: 0.2}}]}\n"
+    assert "variant wide: nothing wrong\n" in tactograph("check", write(SLOPES + variant)).out
+    wrong = write(SLOPES + variant + "  far: {patch: [{set: pixle, with: {mm: 0.2}}]}\n")
+    done = tactograph("check", wrong)
+    assert done.code == 2
+    assert f"{wrong}:14:17: variants.far.patch[0]: set: there is no node 'pixle'" in done.err
 
 
 def test_check_names_groups_that_nothing_uses_and_nodes_that_no_use_needs(about: Command) -> None:

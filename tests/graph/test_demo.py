@@ -26,6 +26,7 @@ def test_each_command_is_shown_and_run(
     shown = [line[2:] for line in done.out.splitlines() if line.startswith("$ ")]
     assert [shlex.split(line)[1:] for line in shown] == ran
     assert f"out={folder}/result" in ran[-2]
+    assert "\n\n# RMSE" not in done.out, "lines of one comment stand together"
 
 
 def test_a_graph_that_fails_fails_the_demo(

@@ -122,9 +122,10 @@ def find_ball(
             f"mm is {radius:.1f} px; correct contact, radius or pixel size"
         )
     _check_size(light, radius, radius_mm, contact_px)
+    if center_px is not None:
+        _check_place(light, Circle(*center_px, contact_px or radius))
     if center_px is not None and contact_px is not None:
         circle = Circle(*center_px, contact_px)
-        _check_place(light, circle)
         return _ball(circle, _goodness(light, circle, radius))
     first = search_ball(light, radius, center_px, contact_px)
     beneath = None if shape is None else BallOnShape(shape, radius_mm)
@@ -247,6 +248,8 @@ def refined(
     limit = radius / shrink
     samples = _sample(reduced, circle, FOLD_KNOTS[-1])
     samples = samples._replace(beneath=beneath)
+    if not samples.x.size:  # a place that was given, beside the image
+        return seed
     place = [] if center is not None else [0, 1]
     size = [] if contact is not None else [2]
     if near:

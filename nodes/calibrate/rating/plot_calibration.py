@@ -20,19 +20,19 @@ from tactograph.nodes.calibrate.tables.build_lut import in_tables
 from tactograph.nodes.calibrate.tables.fit_null_vector import NullFit
 from tactograph.nodes.drawing.new_picture import (
     BLUE,
+    FIGURES_IN,
     GREY,
     ORANGE,
     NewPicture,
+    list_figures,
     write_picture,
 )
 from tactograph.nodes.optics.harmonics import harmonics
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
-FIGURES_PER_LINE = 5
-"""Figures per line of a title."""
-TITLE_LETTERS = 150
-"""Letters in a line of the title."""
-HEIGHT_IN, LINE_IN, AXES_TITLE_IN = 8, 0.16, 0.6
+LETTERS_PER_IN = 10
+"""Letters in an inch of the title."""
+HEIGHT_IN, LINE_IN, AXES_TITLE_IN = 8, 0.2, 0.6
 """Heights in inches: of the page, a line of its title, and the title of axes with its margin."""
 MAX_NAMES = 20
 """Largest number of balls that are labelled with the names of their presses."""
@@ -87,12 +87,15 @@ def plot_calibration(
     """
     rows, wide = frames.flat.shape[1], frames.factor
     lights, masks = cut(light, rows), cut(mask, rows)
-    lines = [textwrap.fill(verdict, TITLE_LETTERS)] if verdict else []
-    title = "\n".join([*lines, _title(quality), *([advice] if advice else [])])
-    figure = Figure(figsize=(11 if len(lights) == 1 else 16, HEIGHT_IN), dpi=100)
+    width = FIGURES_IN + (10 if len(lights) == 1 else 14)
+    words = [verdict, advice and f"next: {advice}"]
+    filled = [textwrap.fill(text, round(LETTERS_PER_IN * width)) for text in words if text]
+    title = "\n".join(filled)
+    figure = Figure(figsize=(width, HEIGHT_IN), dpi=100)
     # Fixed margins take half the time of a layout that measures every text.
     top = 1 - (LINE_IN * (title.count("\n") + 1) + AXES_TITLE_IN) / HEIGHT_IN
-    figure.subplots_adjust(left=0.06, right=0.97, bottom=0.07, top=top, wspace=0.35, hspace=0.35)
+    right = 1 - (FIGURES_IN + 0.4) / width
+    figure.subplots_adjust(left=0.05, right=right, bottom=0.07, top=top, wspace=0.5, hspace=0.35)
     axes = figure.subplots(2, 2 if len(lights) == 1 else 3)
     residuals = [
         _residual(*press, reflectance)
@@ -112,19 +115,10 @@ def plot_calibration(
             _draw_errors(axes[1, 2], balls.names, microns, used, "height, held out / um")
     if area is not None and not area.all():
         _draw_area(axes[0, 0], area, wide)
-    figure.suptitle(title, fontsize=9)
+    figure.suptitle(title, x=0.02, ha="left", fontsize=11)
+    # Those of single LEDs are printed.
+    list_figures(figure, {name: quality[name] for name in quality if "/" not in name}, top)
     write_picture(figure, file)
-
-
-def _title(quality: Metrics) -> str:
-    """The figures that do not concern a single LED, a few per line."""
-    figures = [
-        f"{name} {int(value) if float(value).is_integer() else format(value, '.4g')}"
-        for name, value in quality.items()
-        if "/" not in name
-    ]
-    starts = range(0, len(figures), FIGURES_PER_LINE)
-    return "\n".join("  ".join(figures[i : i + FIGURES_PER_LINE]) for i in starts)
 
 
 def _draw_circle(axes: Axes, light: F4, mask: U1, wide: int) -> None:
@@ -207,9 +201,8 @@ def _draw_residual(figure: Figure, axes: Axes, error: F4, wide: int) -> None:
     percent = np.ma.masked_invalid(100 * error)
     extent = _extent(error.shape, wide)
     drawn = axes.imshow(percent, cmap="magma", vmin=0, vmax=100 * most, extent=extent)
-    figure.colorbar(drawn, ax=axes, label="% of the light of the film at rest")
-    title = "misfit of the reflectance |I - R|, the largest of all LEDs"
-    axes.set(title=title, xlabel="x / px", ylabel="y / px")
+    figure.colorbar(drawn, ax=axes, label="% of the film at rest, largest of all LEDs")
+    axes.set(title="misfit of the reflectance", xlabel="x / px", ylabel="y / px")
 
 
 def _draw_null(axes: Axes, light: F4, mask: U1, lit: U1, null: NullVector, spread: Spread) -> None:
@@ -224,4 +217,4 @@ def _draw_null(axes: Axes, light: F4, mask: U1, lit: U1, null: NullVector, sprea
     for threshold in (-3, 3):
         axes.axvline(threshold, color="#d1495b", linewidth=1)
     axes.set(xlabel="a.I / its standard deviation", ylabel="pixels")
-    axes.set_title("linear dependence of the light where all LEDs reach")
+    axes.set_title("linear dependence, where all LEDs reach")

@@ -42,6 +42,12 @@ sys.path.remove("")
 from tactograph.rings.batch.fork_server import start_processes
 print(start_processes(1).submit(int).result())
 """
+ASKED_FOR_DEVICES = """
+from tactograph.rings.batch.fork_server import start_processes
+ask = "import tactograph.graph.backends.devices as devices; devices.find_devices()"
+start_processes(1).submit(exec, ask).result()
+print("asked")
+"""
 
 
 @pytest.fixture
@@ -128,6 +134,10 @@ def test_no_import_is_from_the_working_folder(start: Start, tmp_path: Path, modu
     (tmp_path / f"{module}.py").write_text("open('ran', 'w')\n")
     assert start(FROM_HERE, tmp_path).communicate() == ("0\n", "")
     assert not (tmp_path / "ran").exists()
+
+
+def test_a_process_asks_for_devices_that_its_parent_never_asked_for(start: Start) -> None:
+    assert start(ASKED_FOR_DEVICES).communicate() == ("asked\n", "")
 
 
 def test_ctrl_c_waits_for_the_end_of_a_block() -> None:

@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+from concurrent.futures.process import BrokenProcessPool
 from types import SimpleNamespace
 
 import pytest
@@ -56,6 +57,16 @@ def test_processes_that_were_started_before_are_those_that_work() -> None:
         workers.open_ahead()
         pids |= {workers.ask(os.getpid) for _ in range(8)}
     assert len(pids) <= 2
+
+
+def test_a_process_that_dies_before_its_work_ends_no_batch() -> None:
+    with Processes(JOB, 2) as workers:
+        with pytest.raises(BrokenProcessPool):
+            workers._pool.submit(os._exit, 1).result()
+        workers.open_ahead()
+        with pytest.raises(InputError, match="easy: its process died"):
+            workers.ask(answer, "easy")
+        assert workers.ask(answer, "easy") == "easy!"
 
 
 def value_of(name: str) -> str:

@@ -27,10 +27,12 @@ def draw_films(
     figure = Figure(figsize=(width, 8), dpi=100, layout="constrained")
     axes = figure.subplots(2, 3)
     means = {title: film.mean(axis=0) for title, film in films.items()}
-    top = max(float(mean.max()) for mean in means.values())
+    # From zero on, what LEDs leave uneven would not be seen.
+    scale = {"vmin": np.min([*means.values()]), "vmax": np.max([*means.values()])}
     for place, (title, mean) in zip(axes[0], means.items(), strict=False):
-        place.imshow(mean, cmap="gray", vmin=0, vmax=top)
-        place.set_title(f"{title}, mean light")
+        drawn = place.imshow(mean, cmap="gray", **scale)
+        figure.colorbar(drawn, ax=place, label="of full scale")
+        place.set(title=f"{title}, mean light", xlabel="x / px", ylabel="y / px")
     _draw_map(figure, axes[1, 0], 100 * change.albedo, f"albedo, {words} / %")
     _draw_map(figure, axes[1, 1], 1e3 * change.dent, f"height, {words} / um")
     return figure, (axes[0, 2], axes[1, 2])
@@ -48,4 +50,4 @@ def _draw_map(figure: Figure, axes: Axes, values: F4, title: str) -> None:
     most = float(np.percentile(np.abs(values), 99.8)) or 1.0
     drawn = axes.imshow(values, cmap="RdBu_r", vmin=-most, vmax=most)
     figure.colorbar(drawn, ax=axes)
-    axes.set_title(title)
+    axes.set(title=title, xlabel="x / px", ylabel="y / px")

@@ -1,6 +1,5 @@
 """Plot what a new film has changed."""
 
-import textwrap
 
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
@@ -8,10 +7,7 @@ from matplotlib.patches import Circle
 from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
 from tactograph.rings.recheck.nodes.film_change import FilmChange
 from tactograph.sdk import F4, ORANGE, Light, Metrics, NewPicture, node, write_picture
-from tactograph.sdk.unstable import FoundBalls, SheetLight, cut
-
-TITLE_LETTERS = 150
-"""Letters in a line of the title."""
+from tactograph.sdk.unstable import FoundBalls, SheetLight, cut, list_figures
 
 
 @node
@@ -39,12 +35,13 @@ def plot_recalibration(
     """
     films = {"old film at rest": then, "new film at rest": now}
     words = "new against old"
-    figure, (upper, lower) = draw_films(films, change, words, width=15)
+    figure, (upper, lower) = draw_films(films, change, words, width=18)
     _draw_press(upper, cut(image, now.shape[1])[0], balls.circle[balls.of == 0])
     draw_light(lower, change.strength, words)
-    figures = [f"{n}={v:.4g}" for n, v in quality.items() if not n.startswith("light_percent")]
-    title = textwrap.fill("   ".join(figures), TITLE_LETTERS)
-    figure.suptitle(f"{title}\n{advice}", fontsize=9)
+    figure.suptitle(advice, x=0.02, ha="left", fontsize=11)
+    # Those of single LEDs are drawn.
+    shown = {name: quality[name] for name in quality if not name.startswith("light_percent")}
+    list_figures(figure, shown, 0.92)
     write_picture(figure, file)
 
 

@@ -113,6 +113,8 @@ def test_empty_film_is_refused_and_the_remedy_is_named(level, reason):
     [
         ((1e9, -1e9), 10.0, 4.0, "at 1e.09,-1e.09 lies beside the image of"),
         ((-12.0, 5.0), 10.0, 4.0, "beside the image"),
+        ((1e5, 3.0), None, 4.0, "beside the image"),
+        ((-35.0, 55.0), None, 4.0, "no ball of radius 4 mm found: the best circle, at -35,55 px"),
         ((70.0, 55.0), 1e-9, 4.0, "a contact of 1e-09 px shows no ball"),
         (None, 0.5, 4.0, "a contact of 0.5 px shows no ball"),
         (None, None, 1e-5, r"1e-05 mm radius .* check its radius"),

@@ -1,0 +1,25 @@
+"""Figures beside plots can be read: each has a line, and none lies over a plot or off the page."""
+
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from tactograph.nodes.drawing.new_picture import list_figures
+
+FIGURES = {f"near_light_residual_percent{k}": -1.23456 * k for k in range(30)}
+
+
+@pytest.mark.parametrize("layout", ["constrained", None])
+def test_figures_stand_beside_the_plots(layout: str | None) -> None:
+    page = Figure(figsize=(13, 8), dpi=100, layout=layout)  # type: ignore[arg-type]
+    if layout is None:
+        page.subplots_adjust(right=0.72)
+    plots = page.subplots(2, 2).flat
+    list_figures(page, FIGURES, 0.9)
+    FigureCanvasAgg(page).draw()
+    (text,) = page.texts
+    assert text.get_text().splitlines()[2].split() == ["near_light_residual_percent2", "-2.469"]
+    place = text.get_window_extent()
+    assert place.y0 > 0
+    assert place.x1 < page.bbox.x1
+    assert all(plot.get_tightbbox().x1 < place.x0 for plot in plots)
