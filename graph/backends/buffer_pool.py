@@ -8,6 +8,7 @@ enqueued again as it was (see `Prepared`).
 import itertools
 from collections import defaultdict
 from collections.abc import Callable
+from functools import lru_cache
 from heapq import heappop, heappush
 from typing import Any
 
@@ -88,6 +89,7 @@ class BufferPool:
             free.clear()
 
 
+@lru_cache(maxsize=1024)
 def _rounded(nbytes: int) -> int:
     """The buffer size for a request of `nbytes`."""
     shift = max(nbytes.bit_length() - SIZE_STEP_BITS - 1, 0)
