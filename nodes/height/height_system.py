@@ -159,8 +159,7 @@ def _launch(run: Launch) -> None:
     rows, columns = run.sizes["H"], run.sizes["W"]
     inputs, settings = run.inputs, run.settings
     rest, mask, pixel = inputs["rest"], inputs.get("mask"), float(inputs["pixel"])
-    fields = "top", "foot", "rise"
-    coming = [run.begin_download(inputs[f"rises.{name}"]) for name in fields]
+    coming = [run.begin_download(inputs[f"rises.{name}"]) for name in ("top", "foot", "rise")]
     coming_mask = None if mask is None else run.begin_download(mask)
     rest_here = run.begin_download(rest)()
     mask_here = None if coming_mask is None else coming_mask()
@@ -175,12 +174,13 @@ def _launch(run: Launch) -> None:
         rows * columns, columns, top, left, height, width,
         pixel, settings["bend"], float(np.float32(settings["floor"] ** 2)),
     )  # fmt: skip
-    rises = (arrived() for arrived in coming)
-    ends = _rises_inside(window, ShadowRises(*rises, np.zeros(0, np.uint8)), columns, mask_here)
+    tops, feet, rise = (arrived() for arrived in coming)
+    rises = ShadowRises(tops, feet, rise, led=np.zeros(0, np.uint8))
+    ends = _rises_inside(window, rises, columns, mask_here)
     run.set_size("T", ends[0].size)
     limits = settings["floor"], settings["rise_px"], settings["robust"]
-    constants = _constants(window, anchored, *limits, pixel)
-    for name, array in zip(HeightSystem._fields[5:], (*ends, *constants), strict=True):
+    arguments: list[NDArray[Any]] = [*ends, *_constants(window, anchored, *limits, pixel)]
+    for name, array in zip(HeightSystem._fields[5:], arguments, strict=True):
         if array.size:
             run.send(array, run.outputs[name])
 
