@@ -1,6 +1,7 @@
 """Arrays on a device, and the grids of work-items that process them."""
 
 import math
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,6 +52,7 @@ def local_size(axes: int, lanes: int = 1) -> tuple[int, ...]:
     return (128 if axes > 1 or lanes == 1 else 32, *(1,) * (axes - 1))
 
 
+@lru_cache(maxsize=1024)
 def global_size(grid: tuple[int, ...], local: tuple[int, ...]) -> tuple[int, ...]:
     """Convert a grid, slowest axis first, to work-items, fastest axis first, in complete groups."""
     return tuple(-(-n // m) * m for n, m in zip(reversed(grid), local, strict=True))

@@ -7,6 +7,7 @@ as the previous item, and each launch can be enqueued again unchanged (see `Prep
 import itertools
 from collections import defaultdict
 from collections.abc import Callable
+from functools import lru_cache
 from heapq import heappop, heappush
 from typing import Any
 
@@ -87,6 +88,7 @@ class BufferPool:
             free.clear()
 
 
+@lru_cache(maxsize=1024)
 def _rounded(nbytes: int) -> int:
     """The buffer size for a request of `nbytes`."""
     shift = max(nbytes.bit_length() - SIZE_STEP_BITS - 1, 0)

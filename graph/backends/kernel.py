@@ -43,22 +43,23 @@ class Kernel:
         TypeError
             If there are too many or too few arguments, or one has a wrong type.
         """
-        name, signature = f"kernel {self.name}", self._signature
+        signature = self._signature
         if len(arguments) != len(signature):
             takes = ", ".join(name for _, name in signature)
             raise TypeError(
-                f"{name} takes {len(signature)} arguments ({takes}), not {len(arguments)}"
+                f"kernel {self.name} takes {len(signature)} arguments ({takes}), "
+                f"not {len(arguments)}"
             )
         converted: list[Any] = []
-        for value, convert in zip(arguments, self._converters, strict=True):
-            try:
+        try:
+            for value, convert in zip(arguments, self._converters, strict=True):
                 converted.append(convert(value))
-            except (TypeError, ValueError, OverflowError):
-                number = len(converted)
-                raise TypeError(
-                    f"{name}: argument {number + 1} is '{' '.join(signature[number])}', "
-                    f"not {in_words(value)}"
-                ) from None
+        except (TypeError, ValueError, OverflowError):
+            number = len(converted)
+            raise TypeError(
+                f"kernel {self.name}: argument {number + 1} is '{' '.join(signature[number])}', "
+                f"not {in_words(arguments[number])}"
+            ) from None
         return converted
 
     def copy(self) -> Kernel:
@@ -136,6 +137,10 @@ _ELEMENT_DTYPES = {
     "PIXEL": ("uint8", "uint16", "float32"),
 }
 """Element types of the arrays that a kernel may read as a C type, or as vectors of it."""
+# Tuples, as a union would be made at each use.
+_BUFFER_KINDS = cl.LocalMemory, cl.MemoryObjectHolder
+_WHOLE_KINDS = int, np.integer
+_NUMBER_KINDS = float, *_WHOLE_KINDS, np.floating
 _INTEGER_TYPES: dict[str, Callable[[int], Any]] = {
     "int": np.int32, "uint": np.uint32, "uchar": np.uint8, "ushort": np.uint16
 }  # fmt: skip
@@ -163,20 +168,20 @@ def _buffer(dtypes: frozenset[np.dtype[Any]] | None, value: Any) -> Any:
     if isinstance(value, DeviceArray):
         if dtypes is not None and value.dtype not in dtypes:
             raise TypeError
-        return value.buffer
-    if value is None or isinstance(value, cl.LocalMemory | cl.MemoryObjectHolder):
+        return value.memory.buffer
+    if value is None or isinstance(value, _BUFFER_KINDS):
         return value
     raise TypeError
 
 
 def _float(value: Any) -> np.float32:
-    if isinstance(value, float | int | np.floating | np.integer):
+    if isinstance(value, _NUMBER_KINDS):
         return np.float32(value)
     raise TypeError
 
 
 def _whole(make: Callable[[int], Any], value: Any) -> Any:
-    if isinstance(value, int | np.integer):
+    if isinstance(value, _WHOLE_KINDS):
         return make(int(value))  # which refuses a number out of range
     raise TypeError
 

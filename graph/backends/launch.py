@@ -241,7 +241,7 @@ class Launch:
     def begin_download(self, array: DeviceArray) -> Callable[[], NDArray[Any]]:
         """Begin to copy an array to the host; return a function that waits for it.
 
-        Kernels enqueued meanwhile keep the device busy.
+        Kernels enqueued meanwhile keep the device busy.  What the host sent there is there already.
         """
         self.repeats = False
         sent = array.memory.sent

@@ -10,24 +10,6 @@
 #define STATE_REST 1
 #define STATE_AWAY 2
 
-// Whether a row, or a column, holds anything that is not at rest, or film that is.
-__kernel void find_touch(
-    __global const uchar *restrict rest, __global const uchar *mask,
-    __global uchar *restrict rows, __global uchar *restrict columns, const int H, const int W)
-{
-    GRID_1(line, H + W)
-    const int is_row = line < H;
-    const int start = is_row ? line * W : line - H, stride = is_row ? 1 : W;
-    uchar result = 0;
-    for (int n = 0; n < (is_row ? W : H); ++n) {
-        const int i = start + n * stride;
-        if (mask && !mask[i]) continue;
-        result |= rest[i] ? 2 : 1;
-    }
-    if (is_row) rows[line] = result;
-    else columns[line - H] = result;
-}
-
 // Steps in px from slopes before, at both ends of, and behind a spring, and their variances.
 static void steps_between(
     const floats *slope, const floats *variance, const ints amid, const float bend,

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import I4
-from tactograph.nodes.height.springs import MAX_COARSEST_PIXELS, SINGLE_VISITS, Ties, stable_order
+from tactograph.nodes.height.springs import MAX_COARSEST_PIXELS, SINGLE_VISITS, Ties
 
 GAP_PIXELS = 32
 """The length of rows, and of gaps before, between and after the levels, is a multiple of this."""
@@ -118,13 +118,13 @@ def tie_levels(ties: Ties, levels: Sequence[Level]) -> TieLevels:
     level, finest = np.nonzero(at[0][1:] != at[1][1:])
     top, foot = (end[level + 1, finest] for end in at)
     pairs = top * (levels[-1].first + levels[-1].size) + foot
-    order = stable_order(pairs)
+    order = np.argsort(pairs, kind="stable")
     begins = np.flatnonzero(np.diff(pairs[order], prepend=-1))
     place = [np.concatenate([at[n][0], end[order[begins]]]) for n, end in enumerate((top, foot))]
     numbers = np.arange(place[0].size)
     member_start = np.concatenate([numbers[:count], count + begins, [count + order.size]])
     members = np.concatenate([numbers[:count], finest[order]])
-    order = stable_order(np.concatenate(place))
+    order = np.argsort(np.concatenate(place), kind="stable")
     knot_own, knot_other = (np.concatenate(ends)[order] for ends in (place, place[::-1]))
     knot_tie = np.concatenate([numbers, ~numbers])[order]
     arrays = member_start, members, knot_own, knot_tie, knot_other

@@ -134,7 +134,7 @@ class HeightNetworks:
             self.ground, whole.height, whole.lifted, whole.z,
         )  # fmt: skip
         steps = cycle_of(len(self.levels), top)
-        steps_there = run.put(np.array(steps, np.int32))
+        steps_there = run.keep(steps, lambda: run.put(np.array(steps, np.int32)))
         return Stack(self.levels[top], right, down, inverse, steps, steps_there)
 
     def working_planes(self, size: int, base: int = 0, apart: int = 0) -> Planes:

@@ -65,13 +65,8 @@ def height_system(
     -------
     The system; T of the C rises have both ends inside the window.
     """
-    states = np.where(rest != 0, np.uint8(STATE_REST), np.uint8(STATE_FREE))
-    if mask is not None:
-        states[mask == 0] = STATE_AWAY
-    touched = states == STATE_FREE
-    window = Window(_span(touched.any(axis=1)), _span(touched.any(axis=0)))
-    anchored, state = bool((states == STATE_REST).any()), window.of(states)
-    slopes = window.of(slope)
+    states, window, anchored = _touched_window(rest, mask)
+    state, slopes = window.of(states), window.of(slope)
     variances = np.where(state == STATE_AWAY, np.float32(np.inf), window.of(variance))
     right, right_variance = _steps(slopes[0], variances[0], bend, floor, np.float32(pixel))
     down, down_variance = _steps(slopes[1].T, variances[1].T, bend, floor, np.float32(pixel))
@@ -79,6 +74,16 @@ def height_system(
     ends = _rises_inside(window, rises or ShadowRises.none(), rest.shape[1], mask)
     constants = _constants(window, anchored, floor, rise_px, robust, pixel)
     return HeightSystem(*pixels, *ends, *constants)
+
+
+def _touched_window(rest: Mask, mask: Mask | None) -> tuple[NDArray[np.uint8], Window, bool]:
+    """The states of the frame's pixels, the window, and whether film is at rest."""
+    states = np.where(rest != 0, np.uint8(STATE_REST), np.uint8(STATE_FREE))
+    if mask is not None:
+        states[mask == 0] = STATE_AWAY
+    touched = states == STATE_FREE
+    window = Window(_span(touched.any(axis=1)), _span(touched.any(axis=0)))
+    return states, window, bool((states == STATE_REST).any())
 
 
 def _span(touched: NDArray[Any]) -> slice:
@@ -127,7 +132,7 @@ def _rises_inside(
 ) -> tuple[I4, I4, F4]:
     """The rises with both ends in the window and counted; ends are numbered by its pixels."""
     index = np.stack([rises.top, rises.foot])
-    row, column = index // columns - window.rows.start, index % columns - window.columns.start
+    row, column = np.divmod(index, columns) - np.array([[[p.start]] for p in window], np.int32)
     height, width = (part.stop - part.start for part in window)
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
     if mask is not None:
@@ -148,40 +153,37 @@ def _constants(
 
 @height_system.opencl()
 def _launch(run: Launch) -> None:
-    """Compute the steps on the device; the host finds the window and the rises inside it."""
-    rows, columns = size = run.sizes["H"], run.sizes["W"]
-    inputs, settings, pixel = run.inputs, run.settings, float(run.inputs["pixel"])
-    lines = run.scratch((rows,), np.uint8), run.scratch((columns,), np.uint8)
-    rest, mask = inputs["rest"], inputs.get("mask")
-    run.kernel("find_touch", (rows + columns,), rest, mask, *lines, *size)
-    # One transfer brings all that the host must know before the device goes on.
-    stated = (inputs.get(f"rises.{name}") for name in ShadowRises._fields)
-    parts = [part for part in stated if part is not None]
-    has_rises = bool(parts) and parts[0].shape[0] > 0
-    coming = [run.begin_download(part) for part in parts] if has_rises else []
-    mask_coming = run.begin_download(mask) if mask is not None and has_rises else lambda: None
-    in_rows, in_columns = map(run.download, lines)
-    window = Window(_span(in_rows & 1), _span(in_columns & 1))
-    mask_here, arrived = mask_coming(), [array() for array in coming]
-    rises = ShadowRises(*arrived) if has_rises else ShadowRises.none()
-    anchored = bool((in_rows & 2).any())
-    ends = _rises_inside(window, rises, columns, mask_here)
-    limits = settings["floor"], settings["rise_px"], settings["robust"]
-    arguments: list[NDArray[Any]] = [*ends, *_constants(window, anchored, *limits, pixel)]
+    """Gather the pixels on the device, while the host finds the rises inside the window."""
+    rows, columns = run.sizes["H"], run.sizes["W"]
+    inputs, settings = run.inputs, run.settings
+    rest, mask, pixel = inputs["rest"], inputs.get("mask"), float(inputs["pixel"])
+    stated = (inputs.get(f"rises.{name}") for name in ("top", "foot", "rise"))
+    coming = [run.begin_download(part) for part in stated if part is not None]
+    coming_mask = None if mask is None else run.begin_download(mask)
+    rest_here = run.begin_download(rest)()
+    mask_here = None if coming_mask is None else coming_mask()
+    _, window, anchored = _touched_window(rest_here, mask_here)
     (top, height), (left, width) = ((part.start, part.stop - part.start) for part in window)
-    for symbol, length in (("h", height), ("w", width), ("T", ends[0].size)):
-        run.set_size(symbol, length)
-    out = run.outputs
+    run.set_size("h", height)
+    run.set_size("w", width)
     run.kernel(
         "gather_system", run.in_row_lanes(height, width),
         inputs["slope"], inputs["variance"], rest, mask,
-        *(out[name] for name in ("right", "down", "right_variance", "down_variance", "state")),
+        *(run.outputs[name] for name in HeightSystem._fields[:5]),
         rows * columns, columns, top, left, height, width,
         pixel, settings["bend"], float(np.float32(settings["floor"] ** 2)),
     )  # fmt: skip
+    rises = ShadowRises.none()
+    if coming:
+        tops, feet, rise = (arrived() for arrived in coming)
+        rises = ShadowRises(tops, feet, rise, rises.led)
+    ends = _rises_inside(window, rises, columns, mask_here)
+    run.set_size("T", ends[0].size)
+    limits = settings["floor"], settings["rise_px"], settings["robust"]
+    arguments: list[NDArray[Any]] = [*ends, *_constants(window, anchored, *limits, pixel)]
     for name, array in zip(HeightSystem._fields[5:], arguments, strict=True):
         if array.size:
-            run.send(array, out[name])
+            run.send(array, run.outputs[name])
 
 
 @height_system.example

@@ -1,11 +1,13 @@
 """Level the film at rest: remove a smooth error of the slopes over the frame."""
 
 import math
+from functools import lru_cache
 from typing import Annotated, Any
 
 import cv2
 import numpy as np
 from annotated_types import Interval
+from numpy.typing import NDArray
 
 from tactograph.graph import Flips, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
@@ -96,22 +98,29 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
     if calm.mean() < MIN_REST_SHARE:
         return none
     used = TERMS_OF[degree if calm.mean() >= MIN_CURVED_SHARE else min(degree, 1)]
-    u, v = _axes(sampled.shape)
-    apart = slice(None, None, math.ceil(math.sqrt(calm.size / ENOUGH_CELLS)))
-    u, v, calm, sampled = u[:, apart], v[apart], calm[apart, apart], sampled[apart, apart]
-    terms = [np.broadcast_to(u**i * v**j, sampled.shape)[calm] for i, j in _powers()[:used]]
-    basis, z = np.stack(terms).astype(np.float64), sampled[calm].astype(np.float64)
-    weight, coefficients = np.ones(z.size), np.zeros(used)
-    for _ in range(FIT_ROUNDS):
-        sure = basis * weight
+    apart = math.ceil(math.sqrt(calm.size / ENOUGH_CELLS))
+    terms, calm = _terms(sampled.shape, apart), calm[::apart, ::apart]
+    basis = np.compress(calm.ravel(), terms[:used], axis=1)
+    z = sampled[::apart, ::apart][calm].astype(np.float64)
+    residual = z
+    for n in range(FIT_ROUNDS):
+        spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual)) + 1e-9 if n else np.inf
+        sure = basis * (1 / (1 + (residual / spread) ** 2))
         square = sure @ basis.T
         ridge = 1e-9 * np.trace(square) * np.eye(used)
         coefficients = np.linalg.solve(square + ridge, sure @ z)
         residual = z - coefficients @ basis
-        spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual)) + 1e-9
-        weight = 1 / (1 + (residual / spread) ** 2)
     none[:used] = coefficients
     return none
+
+
+@lru_cache(maxsize=8)
+def _terms(shape: tuple[int, int], apart: int) -> NDArray[np.float64]:
+    """The terms of the surface at every n-th row and column of cells, in order: 10 x N."""
+    u, v = _axes(shape)
+    u, v = u[:, ::apart], v[::apart]
+    terms = [(u**i * v**j + 0 * (u + v)).ravel() for i, j in _powers()]
+    return np.array(terms, np.float64)
 
 
 @level_height.opencl()

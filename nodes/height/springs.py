@@ -115,21 +115,11 @@ def join_ends(top: Pixels, foot: Pixels, width: int, half: tuple[int, int]) -> t
     apart = top != foot
     which = np.full(top.size, -1, np.int64)
     pairs = top[apart] * size + foot[apart]
-    order = stable_order(pairs)
+    order = np.argsort(pairs, kind="stable")
     first = np.diff(pairs[order], prepend=-1) > 0
     which[np.flatnonzero(apart)[order]] = np.cumsum(first) - 1
     pairs = pairs[order][first]
     return pairs // size, pairs % size, which
-
-
-def stable_order(keys: Pixels) -> Pixels:
-    """The stable `np.argsort`, by the fast sort of distinct numbers."""
-    bits = keys.size.bit_length()
-    if keys.size and int(keys.max()) >> (63 - bits):
-        return np.argsort(keys, kind="stable")  # key and index do not fit into 64 bits
-    numbered = (keys.astype(np.int64) << bits) + np.arange(keys.size)
-    numbered.sort()
-    return numbered & ((1 << bits) - 1)
 
 
 def pair_sums(rows: F4) -> F4:

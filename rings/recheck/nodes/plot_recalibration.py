@@ -1,6 +1,5 @@
 """Plot what a new film has changed."""
 
-
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 

@@ -6,15 +6,9 @@ import numpy as np
 from hypothesis import given, strategies as st
 
 from tactograph.nodes.height.height_levels import levels_of, tie_levels
-from tactograph.nodes.height.springs import Ties, join_ends, stable_order
+from tactograph.nodes.height.springs import Ties, join_ends
 
 ROWS, COLUMNS = 40, 50
-
-
-@given(st.lists(st.integers(0, 5) | st.integers(2**57, 2**62), max_size=40))
-def test_equal_keys_keep_their_order(keys: list[int]) -> None:
-    numbers = np.array(keys, np.int64)
-    assert stable_order(numbers).tolist() == np.argsort(numbers, kind="stable").tolist()
 
 
 @given(st.lists(st.tuples(*[st.integers(0, ROWS * COLUMNS - 1)] * 2), max_size=60))
