@@ -1,4 +1,4 @@
-"""The light of a calibrated film of any shape: the model that a calibration holds, forwards."""
+"""The light of a calibrated film of any shape: the forward model of a calibration."""
 
 from typing import Any
 
@@ -28,8 +28,8 @@ def film_light(
 ) -> Light:
     """Return the light of a film relative to a plane film at rest (equation F1).
 
-    Where something stands between a place and an LED, the light that the gel diffuses is left:
-    s (b - (1 - b) w) of equation F1.
+    In a cast shadow only the light remains that the gel diffuses: s (b - (1 - b) w) of
+    equation F1.
 
     Parameters
     ----------
@@ -82,5 +82,5 @@ def _launch(run: Launch) -> None:
 
 @film_light.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """The film that `matt_light` is tried on."""
+    """The film on which `matt_light` is tested."""
     return example_film(rng, K, H, W)

@@ -89,7 +89,7 @@ def test_what_fails_all_checks_is_refused_unless_forced() -> None:
         judged(**wrong)
     line = str(refused.value)
     assert all(cause in line for cause in ("has these slopes", "LED 2 is darker", "light of the"))
-    assert line.endswith("no height follows; `force`=true goes on all the same")
+    assert line.endswith("no height is computed; `force`=true continues anyway")
     assert len(told(**wrong, force=True)) == 1
     assert judged(**wrong, force=True)["trust"] < 1e-6
     assert len(told(9.0, rest=0.7, light=1.0)) == 1, "two of three are no refusal"
