@@ -37,8 +37,8 @@ def film_light(
     height : H x W in mm, as the camera sees it (`view_slope`)
     film : the LEDs' and the film's properties
     pixel : mm per px
-    shadow : H x W, the LEDs that something keeps off, from `cast_shadows`
-    rest : H x W in mm, the seen height of the film at rest; None: a plane
+    shadow : H x W, the LEDs in whose shadow a pixel is, from `cast_shadows`
+    rest : H x W in mm, the film at rest as the camera sees it; None: a plane
     """
     rows, columns = height.shape
     x = np.tile(places(columns, np.float32(pixel)), rows)

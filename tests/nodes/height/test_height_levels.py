@@ -12,7 +12,7 @@ ROWS, COLUMNS = 40, 50
 
 
 @given(st.lists(st.integers(0, 5) | st.integers(2**57, 2**62), max_size=40))
-def test_what_is_alike_keeps_its_order(keys: list[int]) -> None:
+def test_equal_keys_keep_their_order(keys: list[int]) -> None:
     numbers = np.array(keys, np.int64)
     assert stable_order(numbers).tolist() == np.argsort(numbers, kind="stable").tolist()
 
@@ -21,7 +21,7 @@ def test_what_is_alike_keeps_its_order(keys: list[int]) -> None:
 def test_coarser_ties_join_those_between_the_same_blocks(
     ends: list[tuple[int, int]],
 ) -> None:
-    """Level after level, as the host joins them; what lies within a block joins none."""
+    """Level after level, as on the host; a tie within a block disappears."""
     top, foot = np.array(ends, np.int64).reshape(-1, 2).T
     levels = levels_of(ROWS, COLUMNS)
     found = tie_levels(Ties(top, foot, np.ones(top.size, np.float32)), levels)

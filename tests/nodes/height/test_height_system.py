@@ -1,4 +1,4 @@
-"""What slopes, shadows and film at rest say about the heights inside a window."""
+"""The equations of slopes, shadows and film at rest for the heights inside a window."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from tests.nodes.error.test_height_error import stated_error
 from tests.nodes.height.test_precise_nodes import PIXEL, SHAPE, at_rest, dome, equations, plateau
 
 
-def test_the_window_has_all_that_is_touched_and_a_margin() -> None:
+def test_the_window_contains_the_touch_and_a_margin() -> None:
     rest = np.ones(SHAPE, np.uint8)
     rest[20:25, 30:36] = 0
     system = equations(np.zeros((2, *SHAPE), np.float32), 1e-4, rest)
@@ -31,7 +31,7 @@ def test_a_step_is_the_mean_slope_times_a_pixel() -> None:
     assert np.isinf(system.down_variance[-1]).all()
 
 
-def test_no_equation_has_a_pixel_that_does_not_count() -> None:
+def test_pixels_outside_the_mask_are_in_no_equation() -> None:
     z, slope = dome()
     mask = np.ones(SHAPE, np.uint8)
     mask[18, 30] = 0
@@ -49,7 +49,7 @@ def test_no_equation_has_a_pixel_that_does_not_count() -> None:
     assert system.rise.tolist() == pytest.approx([0.2])
 
 
-def test_a_rise_from_beyond_the_window_says_nothing() -> None:
+def test_a_rise_from_outside_the_window_is_ignored() -> None:
     rest = at_rest(plateau())
     inside, outside = 20 * SHAPE[1] + 28, 0
     rises = ShadowRises(
@@ -74,8 +74,8 @@ def test_a_mask_alone_leaves_no_film_at_rest() -> None:
     assert not (system.state == STATE_REST).any()
 
 
-def test_what_rejects_outliers_is_set_once_for_height_and_stated_error() -> None:
-    """Slopes of single pixels are wrong; both give them up, or neither does."""
+def test_the_rejection_of_outliers_is_the_same_for_height_and_stated_error() -> None:
+    """Slopes of single pixels are wrong; both reject them, or neither does."""
     z, slope = dome()
     slope[:, np.random.default_rng(3).random(SHAPE) < 0.03] = 3
     found = []

@@ -1,4 +1,4 @@
-"""Integrators give back the surface that the slopes came from, at its true scale."""
+"""Integrators recover the surface of the slopes, at its true scale."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ def rmse(found, truth):
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_a_smooth_surface_that_leaves_the_frame_at_any_height(size) -> None:
+def test_a_smooth_surface_with_free_borders(size) -> None:
     z, slope = waves(*size)
     assert rmse(integrate_dct(slope, 1.0), z) < 0.002 * np.ptp(z)
 

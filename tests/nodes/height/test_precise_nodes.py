@@ -74,7 +74,7 @@ def equations(
     mask: NDArray[np.uint8] | None = None,
     **settings: float,
 ) -> HeightSystem:
-    """What slopes of this variance, film at rest and shadows say about the height."""
+    """The equations of slopes of this variance, film at rest and shadows."""
     if isinstance(variance, float):
         variance = variance_of(variance)
     made: HeightSystem = height_system(slope, variance, rest, rises, PIXEL, mask, **settings)
@@ -87,7 +87,7 @@ def test_a_steps_shadow_is_as_long_as_equation_1_says() -> None:
     assert not shadow[20, 20:].any()
 
 
-def test_a_steps_shadow_measures_its_height_and_none_nothing() -> None:
+def test_a_steps_shadow_measures_its_height() -> None:
     z = plateau(0.5)
     led = distant_led(30, 0)
     shadow = cast_shadows(z, led, PIXEL)
@@ -134,7 +134,7 @@ def test_a_ring_without_slopes_is_bridged_by_shadows() -> None:
     assert np.abs(standing[16:24, 24:32] - 0.5).max() < 0.02
 
 
-def test_a_wall_beside_the_dark_may_end_there() -> None:
+def test_a_wall_at_a_shadow_may_end_there() -> None:
     slope, variance = np.zeros((2, *SHAPE), np.float32), variance_of(1e-6)
     slope[0, :, 24] = -30
     variance[:, :, 25:30] = 1e12
@@ -143,7 +143,7 @@ def test_a_wall_beside_the_dark_may_end_there() -> None:
     assert (system.right_variance[:, 24] > (30 * PIXEL) ** 2).all()
 
 
-def test_outliers_are_given_up() -> None:
+def test_outliers_are_rejected() -> None:
     z, slope = dome()
     spoilt = slope.copy()
     rng = np.random.default_rng(3)
@@ -155,7 +155,7 @@ def test_outliers_are_given_up() -> None:
 
 
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """How many cycles every call of the solver takes, from now on."""
+    """The numbers of cycles of all later calls of the solver."""
     counts: list[int] = []
     plain = springs.cycle
 
@@ -167,10 +167,10 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return counts
 
 
-def test_a_film_that_changes_little_is_found_from_the_height_before(
+def test_the_previous_height_saves_cycles_where_the_film_changes_little(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """Twenty touches, each a hundredth higher; cold, and each from the one before."""
+    """Twenty touches, each a hundredth higher; from zero, and each from the previous one."""
     counts = counted(monkeypatch)
     z, slope = dome()
     noise = np.random.default_rng(5).normal(0, 0.003, slope.shape).astype(np.float32)
@@ -188,7 +188,7 @@ def test_a_film_that_changes_little_is_found_from_the_height_before(
     assert warm_cycles < 0.7 * cold_cycles
 
 
-def test_the_height_before_does_not_count_when_the_touch_is_another() -> None:
+def test_the_previous_height_does_not_count_for_another_touch() -> None:
     z, slope = dome()
     given = equations(slope, 1e-5, at_rest(z)), z
     other = integrate_weighted(*given, np.roll(z, 12, axis=1))
@@ -208,8 +208,8 @@ def test_pixels_that_do_not_count_change_nothing() -> None:
     assert np.abs(found - z)[mask == 1].max() < 0.02 * PIXEL
 
 
-def test_parts_that_a_mask_parts_are_found_each_for_itself() -> None:
-    """The left part is held by the film at rest, the right by nothing; no light moves it."""
+def test_parts_separated_by_a_mask_are_solved_separately() -> None:
+    """The left part is held by the film at rest, the right one is free."""
     z, slope = dome()
     mask = np.ones(SHAPE, np.uint8)
     mask[:, 40:42] = 0
@@ -245,7 +245,7 @@ def test_a_flat_top_is_not_the_film_at_rest() -> None:
 
 
 def test_the_gentle_skirt_of_a_press_is_not_pinned_to_zero() -> None:
-    """A film comes back to rest as exp(-d / reach); 5 sigma before that it looks calm."""
+    """A film returns to rest as exp(-d / reach); below 5 sigma it looks calm."""
     x = np.arange(SHAPE[1], dtype=np.float32) * PIXEL
     z = 0.3 * np.exp(-np.maximum(x - 1, 0) / 0.5)
     p = np.tile(np.gradient(z, PIXEL), (SHAPE[0], 1)).astype(np.float32)
@@ -264,7 +264,7 @@ def test_film_at_rest_is_calm_where_neighbours_share_noise() -> None:
     assert calm_film(light, sigma).mean() < 0.97
     assert calm_film(light, sigma, 4.0).all()
     one_pixel = calm_film(np.full_like(light, 1.07), sigma, 4.0, radius_px=0)
-    assert not one_pixel.any(), "it is as calm as its own noise says"
+    assert not one_pixel.any(), "with the noise of single pixels it is calm"
 
 
 def test_one_pixel_is_outvoted() -> None:
@@ -324,7 +324,7 @@ def test_a_loose_spike_settles_and_a_ridge_stays() -> None:
 
 
 def test_the_coarser_network_keeps_the_stiffness_of_its_springs() -> None:
-    """And joins shadows from block to block; a border of single pixels makes blocks, too."""
+    """It also joins ties between blocks; single pixels at the border are blocks, too."""
     rng = np.random.default_rng(4)
     right, down, ground = (
         rng.uniform(0.1, 1, shape).astype(np.float32) for shape in ((13, 16), (12, 17), (13, 17))

@@ -8,7 +8,7 @@ from tests.nodes.scenes import ball
 
 
 @given(offset=st.floats(-5, 5))
-def test_any_offset_is_taken_off(offset: float) -> None:
+def test_any_offset_is_removed(offset: float) -> None:
     height = np.full((30, 40), offset, np.float32)
     height[10:20, 10:20] += 1
     found = rest_at_border(height)

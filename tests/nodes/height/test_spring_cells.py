@@ -11,7 +11,7 @@ NO_TIES = Ties(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.floa
 
 
 def network(shape: tuple[int, int], ties: Ties = NO_TIES) -> Springs:
-    """Springs of uneven stiffness between pixels, of which those at the border are held."""
+    """Springs of uneven stiffness between pixels; those at the border are held."""
     rng = np.random.default_rng(3)
     rows, columns = shape
     right = rng.uniform(0.5, 2, (rows, columns - 1)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""The shadow of a ball is the one that the ray from every place to the LED tells."""
+"""The shadow of a ball is that of rays from every pixel to the LED."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ PIXEL, RADIUS, SHAPE = 0.05, 1.5, (161, 201)
     ids=["far", "across", "corner", "within", "parallel", "above"],
 )
 def test_half_a_ball_on_the_film(led: tuple[float, float, float], attached: bool) -> None:
-    """The terminator is found to a tenth of a pixel where the pixel's own slope counts."""
+    """With attached shadows the terminator is right to a tenth of a pixel."""
     y, x = ((np.arange(n) - (n - 1) / 2) * PIXEL for n in SHAPE)
     place = np.stack(np.broadcast_arrays(x, y[:, None], 0.0))
     plan = np.hypot(*place[:2])

@@ -15,7 +15,7 @@ SIGMA = np.float32(0.005)
 
 
 def glossy(gloss: float, lights: F4 = LIGHTS) -> tuple[F4, F4, F4]:
-    """A cap's light relative to the film at rest, the share that is mirrored, its slope."""
+    """A cap's light relative to the film at rest, its mirrored part, and its slope."""
     slope = ball(*SHAPE, 60)[1]
     p, q = slope
     normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
@@ -64,7 +64,7 @@ def test_the_slope_is_right_under_the_highlight() -> None:
     assert np.abs(labelled.slope - slope)[:, seen].mean() < 0.008
 
 
-def test_three_leds_leave_none_to_compare_with() -> None:
+def test_three_leds_are_too_few_for_highlights() -> None:
     light, _, _ = glossy(0.5, LIGHTS[:3])
     highlight, sigma = found(light, FAR[:3])
     assert not highlight.any()

@@ -1,4 +1,4 @@
-"""Lights that a normal explains give that normal, and say which LEDs are in shadow."""
+"""Lights determine the normal and the LEDs that are in shadow."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ LEVEL = np.zeros((2, 6, 8), np.float32)
 
 
 def light_of(slope: F4, lights: F4 = LIGHTS, height: F4 = FILM) -> F4:
-    """What a film of these slopes gives, relative to the film at rest."""
+    """The light of a film of these slopes, relative to the film at rest."""
     p, q = slope
     normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
     vectors = light_vectors(lights, height, PIXEL)
@@ -65,7 +65,7 @@ def test_a_lit_film_gives_its_slope(p: float, q: float, height: int) -> None:
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.5])
-def test_noise_makes_no_bowl_of_the_film_and_no_tilt_steeper(tilt: float) -> None:
+def test_noise_does_not_bias_slopes(tilt: float) -> None:
     shape, noise = (240, 320), np.float32(0.03)
     film, level = np.zeros(shape, np.float32), np.zeros((2, *shape), np.float32)
     level[0] = tilt
@@ -89,7 +89,7 @@ def test_film_of_another_brightness_has_the_same_slope(p: float, q: float, brigh
     assert np.abs(found.slope - level(p, q))[:, lit].max(initial=0) < 2e-3 * (1 + abs(brighter))
 
 
-def test_film_known_to_be_even_tells_slopes_by_its_brightness_too() -> None:
+def test_on_even_film_brightness_counts_for_the_slope() -> None:
     tilted = level(0.6, 0.2)
     bright = light_of(tilted) * np.float32(1.05)
     assert np.abs(label(bright, uneven=0.0).slope - tilted).max() > 0.02
@@ -99,7 +99,7 @@ def test_film_known_to_be_even_tells_slopes_by_its_brightness_too() -> None:
 
 @settings(max_examples=40)
 @given(p=slopes, q=slopes, led=st.integers(0, 3))
-def test_a_cast_shadow_is_told_and_left_out(p: float, q: float, led: int) -> None:
+def test_a_cast_shadow_is_labelled_and_left_out(p: float, q: float, led: int) -> None:
     slope = level(p, q)
     light = light_of(slope)
     certain = light.min() > 0.1
@@ -111,13 +111,13 @@ def test_a_cast_shadow_is_told_and_left_out(p: float, q: float, led: int) -> Non
         assert np.abs(found.slope - slope).max() < 2e-3
 
 
-def test_a_shadow_well_above_the_noise_is_told_by_its_misfit() -> None:
+def test_a_bright_shadow_is_labelled_by_its_misfit() -> None:
     light = light_of(level(0.3, -0.2))
     light[2] *= 0.3
     assert (label(light).shadow == 0b0100).all()
 
 
-def test_shadows_are_told_though_none_is_quite_black() -> None:
+def test_shadows_are_labelled_though_none_is_black() -> None:
     ball = shape_ball(radius_mm=2.0, width_px=80, height_px=80, pixel_size_mm=PIXEL).height
     made = render(ball, PIXEL, LIGHTS)
     rest = render(np.zeros_like(ball), PIXEL, LIGHTS).light
@@ -127,7 +127,7 @@ def test_shadows_are_told_though_none_is_quite_black() -> None:
     assert evaluate_shadow(found, made.labels)["shadow_iou"] > 0.89
 
 
-def test_two_shadows_leave_the_exact_slope_as_one_of_two() -> None:
+def test_with_two_shadows_the_exact_slope_is_one_of_two() -> None:
     slope = level(0.5, 0.4)
     light = light_of(slope)
     light[[0, 1]] = 0
@@ -149,14 +149,14 @@ def test_an_attached_shadow_decides_between_the_two_normals() -> None:
     assert np.abs(found.slope - steep).max() < 5e-3
 
 
-def test_film_in_two_shadows_lies_level() -> None:
+def test_level_film_in_two_shadows_stays_level() -> None:
     light = light_of(LEVEL)
     light[[1, 2]] = 0
     for pair in ("prior", "attached"):
         assert np.abs(label(light, prior=level(1, 1), pair=pair).slope).max() < 1e-3
 
 
-def test_with_one_led_nothing_is_known() -> None:
+def test_with_one_led_the_slope_is_unknown() -> None:
     light = light_of(level(0.3, 0.1))
     light[:3] = 0
     found = label(light)
@@ -176,7 +176,7 @@ def test_a_highlight_is_left_out_but_is_no_shadow() -> None:
     assert np.abs(found.slope - slope).max() < 2e-3
 
 
-def test_three_leds_tell_a_shadow_by_the_length_of_the_normal() -> None:
+def test_three_leds_show_a_shadow_by_the_length_of_the_normal() -> None:
     slope = level(0.3, 0.2)
     light = light_of(slope, LIGHTS[:3])
     light[1] = 0
@@ -186,7 +186,7 @@ def test_three_leds_tell_a_shadow_by_the_length_of_the_normal() -> None:
 
 
 @pytest.mark.parametrize(("leds", "dimmed"), [(4, 0.3), (4, 0.6), (3, 0.6)])
-def test_dirt_dims_all_leds_and_turns_no_slope(leds: int, dimmed: float) -> None:
+def test_dirt_does_not_change_the_slope(leds: int, dimmed: float) -> None:
     slope = level(0.3, -0.2)
     light = np.float32(dimmed) * light_of(slope, LIGHTS[:leds])
     found = label(light, LIGHTS[:leds])
@@ -195,20 +195,20 @@ def test_dirt_dims_all_leds_and_turns_no_slope(leds: int, dimmed: float) -> None
     assert np.abs(found.slope - slope).max() < 5e-3
 
 
-def test_dirt_is_told_by_its_misfit() -> None:
+def test_dirt_is_recognised_by_its_misfit() -> None:
     light = light_of(level(0.3, -0.2))
     assert label(light).misfit.max() < 0.1
     assert label(np.float32(0.6) * light).misfit.min() > 100
 
 
-def test_film_brighter_than_a_normal_explains_is_no_dirt() -> None:
+def test_film_that_is_too_bright_is_not_dirt() -> None:
     light = np.float32(1.6) * light_of(level(0.3, -0.2))
     alike = label(light, dimmed=1e9)
     assert (label(light).used == alike.used).all()
 
 
 def in_gel(slope: F4) -> tuple[F4, F4]:
-    """Matt light, and its standard deviation, of film that light reaches from around the LEDs."""
+    """Matt light, and its standard deviation, of film in a gel that scatters light."""
     p, q = slope
     normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
     seen = wrapped((light_vectors(LIGHTS, FILM, PIXEL) * normal).sum(axis=1), WRAP)
@@ -216,7 +216,7 @@ def in_gel(slope: F4) -> tuple[F4, F4]:
 
 
 @pytest.mark.parametrize("slope", [level(1.3, 1.3), level(-1.4, 0.9), level(1.2, -1.5)])
-def test_leds_behind_a_soft_terminator_tell_the_slope(slope: F4) -> None:
+def test_leds_beyond_a_soft_terminator_count_for_the_slope(slope: F4) -> None:
     light, sigma = in_gel(slope)
     behind = (light < 0).any(axis=(1, 2))
     assert behind.any()
@@ -226,7 +226,7 @@ def test_leds_behind_a_soft_terminator_tell_the_slope(slope: F4) -> None:
 
 
 @pytest.mark.parametrize("led", range(4))
-def test_a_cast_shadow_under_a_soft_terminator_is_told(led: int) -> None:
+def test_a_cast_shadow_under_a_soft_terminator_is_labelled(led: int) -> None:
     light, sigma = in_gel(level(0.2, -0.1))
     dark = np.full_like(light[0], -WRAP)
     light[led], sigma[led] = unwrapped(dark, np.full_like(dark, NOISE), WRAP)
@@ -244,7 +244,7 @@ def test_without_labels_every_led_is_used() -> None:
     assert not found.shadow.any()
 
 
-def test_where_labels_cost_those_that_turn_a_normal_little_are_not_given() -> None:
+def test_where_labels_cost_only_those_that_turn_a_normal_are_given() -> None:
     light = light_of(level(0.3, 0.2))
     light[1] *= 0.7
     assert (label(light).used == 0b1101).all()
@@ -253,7 +253,7 @@ def test_where_labels_cost_those_that_turn_a_normal_little_are_not_given() -> No
     assert np.array_equal(found.slope, label(light, dark=0).slope)
 
 
-def test_an_absurd_light_is_labelled_though_labels_cost() -> None:
+def test_an_impossible_light_is_labelled_though_labels_cost() -> None:
     cracked = light_of(LEVEL) * np.float32([0.02, 0.02, 0.3, 0.3])[:, None, None]
     found, by_all = label(cracked, turn=0.8), label(cracked, dark=0)
     assert (found.used == 0b1100).all()

@@ -1,4 +1,4 @@
-"""Shadows of what a camera near the film sees end where the film's shadows are seen to end."""
+"""In the view of a near camera shadows end where the film's shadows appear to end."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from tests.nodes.films import LEDS
 CAMERA = 1 / 65
 
 
-def test_the_end_of_a_shadow_is_seen_on_the_line_from_the_led_in_view() -> None:
+def test_a_shadow_ends_on_the_line_from_the_led_in_view() -> None:
     edge, foot = np.array([3.0, -2.0, 1.5]), 0.4
     for led, seen_led in zip(LEDS, lights_in_view(LEDS, CAMERA), strict=True):
         end = edge + (edge - led) * (edge[2] - foot) / (led[2] - edge[2])
@@ -20,7 +20,7 @@ def test_the_end_of_a_shadow_is_seen_on_the_line_from_the_led_in_view() -> None:
         assert seen_led + share * (seen_edge - seen_led) == pytest.approx(seen_end, abs=1e-3)
 
 
-def test_the_shadow_of_a_wall_has_the_length_that_is_seen() -> None:
+def test_the_shadow_of_a_wall_has_its_length_in_view() -> None:
     """A wall 1.5 mm high across the view; its shadow ends on the film at rest, straight ahead."""
     pixel, z, led = 0.05, 1.5, np.float32([[-20.0, 0.0, 30.0]])
     x = (np.arange(400) - 199.5) * pixel
@@ -35,7 +35,7 @@ def test_the_shadow_of_a_wall_has_the_length_that_is_seen() -> None:
         assert (abs(last - end) < 1.5 * pixel) == right
 
 
-def test_an_led_beside_the_pupil_is_far_away() -> None:
+def test_an_led_at_the_height_of_the_pupil_is_far_away() -> None:
     level = np.float32([[30.0, 0.0, 65.0], [30.0, 0.0, 80.0]])
     found = lights_in_view(level, CAMERA)
     assert (found[:, 2] > 1000).all()

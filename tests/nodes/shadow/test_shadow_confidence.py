@@ -1,4 +1,4 @@
-"""How sure the labels of shadows are: of the middle of a shadow, less of its edge."""
+"""Confidence in shadow labels: high inside a shadow, lower at its edge."""
 
 import numpy as np
 
@@ -33,7 +33,7 @@ def test_labels_far_from_edges_are_certain_and_edges_are_not() -> None:
     assert ((found > 0) & (found <= 1)).all()
 
 
-def test_light_in_a_shadow_is_doubt() -> None:
+def test_light_in_a_shadow_lowers_the_confidence() -> None:
     shadow, light = cast()
     clear = confidence(shadow, light)
     light[0, :, 24] = 1
@@ -43,13 +43,13 @@ def test_light_in_a_shadow_is_doubt() -> None:
     assert np.array_equal(np.delete(doubted, 24, axis=1), np.delete(clear, 24, axis=1))
 
 
-def test_light_tells_little_where_it_is_noise() -> None:
+def test_noisy_light_counts_little() -> None:
     shadow, light = cast()
     light[0, :, 24] = 1
     assert (confidence(shadow, light, noise=1.0) > confidence(shadow, light))[:, 24].all()
 
 
-def test_an_image_that_says_otherwise_is_doubt() -> None:
+def test_an_image_that_disagrees_lowers_the_confidence() -> None:
     shadow, light = cast()
     seen = shadow.copy()
     seen[:, 20] = 0
@@ -57,7 +57,7 @@ def test_an_image_that_says_otherwise_is_doubt() -> None:
     assert (contradicted[:, 20] < confidence(shadow, light)[:, 20]).all()
 
 
-def test_labels_of_all_leds_have_to_be_right() -> None:
+def test_confidence_is_that_of_the_labels_of_all_leds() -> None:
     shadow, light = cast()
     one = confidence(shadow, light)[:, 16]
     shadow[:, 16:] |= 0b10

@@ -1,4 +1,4 @@
-"""Where a lit pixel has a shadow right behind it, the height may jump."""
+"""Where a lit pixel is followed by a shadow, the height may jump."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ EDGE = 10
 
 
 def added(light_at_the_edge: float) -> F4:
-    """What the standard deviation of a slope grows to, row by row alike."""
+    """The increased standard deviation of a slope along a row; all rows are equal."""
     shadow = np.zeros((20, 20), np.uint8)
     shadow[:, EDGE:] = 1
     light = np.where(shadow, 0, light_at_the_edge).astype(np.float32)[None]

@@ -1,4 +1,4 @@
-"""Where blur mixes two sides of an edge, the slope says little of the height."""
+"""Where blur mixes two sides of an edge, slopes have a larger variance."""
 
 import numpy as np
 import pytest
@@ -11,14 +11,14 @@ EDGE = 10
 
 
 def deviation(steep: float, blur: float = 1.0) -> F4:
-    """What the standard deviation of a slope grows to at a rim, along a row."""
+    """The increased standard deviation of a slope at a rim, along a row."""
     slope = np.zeros((2, 12, 20), np.float32)
     slope[0, :, EDGE:] = steep
     none = np.zeros_like(slope)
     return np.asarray(np.sqrt(edge_variance(none, slope, blur))[0, 6])
 
 
-def test_only_pixels_beside_an_edge_are_doubted_and_more_than_its_slope_says() -> None:
+def test_only_pixels_at_an_edge_have_a_larger_variance() -> None:
     found = deviation(2.0)
     assert (found[EDGE - 2 : EDGE + 2] > 0.1).all()
     assert not found[: EDGE - 2].any()
@@ -27,10 +27,10 @@ def test_only_pixels_beside_an_edge_are_doubted_and_more_than_its_slope_says() -
 
 
 @pytest.mark.parametrize("steep", [0.02, 0.05])
-def test_gentle_film_is_as_sure_as_before(steep: float) -> None:
+def test_gentle_film_keeps_its_variance(steep: float) -> None:
     assert deviation(steep).max() < 0.002
 
 
-def test_the_doubt_grows_with_the_square_of_the_blur() -> None:
+def test_the_deviation_grows_with_the_square_of_the_blur() -> None:
     np.testing.assert_allclose(deviation(2.0, 0.8), 0.64 * deviation(2.0), rtol=1e-5)
     assert not deviation(2.0, 0.0).any()

@@ -1,4 +1,4 @@
-"""The look-up against a search of all entries, in float32 as it is told."""
+"""The look-up agrees with a search of all entries in float32."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from tactograph.nodes.slope.lut_nearest import lut_nearest
 def of_all(
     light: F4, shadow: U1, tables: tuple[F4, F4, U1], number: int
 ) -> tuple[NDArray[np.bool_], F4]:
-    """The pixels that one table is for, and the slope of what is nearest in it."""
+    """The pixels of one table, and the slope of the nearest entry in it."""
     entries, slopes, lit = tables
     count, led = len(light), number - 1
     tame = np.clip(np.nan_to_num(light.reshape(count, -1)), -1e15, 1e15)
@@ -33,7 +33,7 @@ def of_all(
 
 @pytest.mark.one_case
 @pytest.mark.parametrize(("lights", "count"), [(4, 5), (4, 700), (4, 6000), (5, 3000), (8, 700)])
-def test_what_is_found_is_what_a_search_of_all_entries_finds(lights: int, count: int) -> None:
+def test_the_entry_found_is_that_of_a_search_of_all_entries(lights: int, count: int) -> None:
     rng = np.random.default_rng(count)
     entries = rng.random((count, lights)).astype(np.float32)
     slopes = rng.uniform(-2, 2, (count, 2)).astype(np.float32)
@@ -46,7 +46,7 @@ def test_what_is_found_is_what_a_search_of_all_entries_finds(lights: int, count:
     np.testing.assert_allclose(found.reshape(2, -1), wanted, atol=1e-6)
 
 
-def test_no_entry_is_nearer_than_one_of_several_equally_near() -> None:
+def test_of_equally_near_entries_one_is_found() -> None:
     rng = np.random.default_rng(5)
     entries = np.unique(rng.integers(0, 5, (3000, 4)), axis=0).astype(np.float32) / 4
     slopes = rng.uniform(-2, 2, (len(entries), 2)).astype(np.float32)
@@ -59,7 +59,7 @@ def test_no_entry_is_nearer_than_one_of_several_equally_near() -> None:
     assert (away[of, np.arange(len(of))] == away.min(axis=0)).all()
 
 
-def test_a_shadowed_pixel_finds_what_is_nearest_without_its_led() -> None:
+def test_a_shadowed_pixel_is_compared_without_its_led() -> None:
     rng = np.random.default_rng(3)
     entries = rng.random((3000, 4)).astype(np.float32)
     slopes = rng.uniform(-2, 2, (3000, 2)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""A camera near the film sees a projective image of it, and the way back is exact."""
+"""A camera near the film sees a projective image of it, which can be inverted exactly."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ PIXEL = 20 / SIZE[1]
 V, U = (np.mgrid[:150, :200] - np.array([74.5, 99.5])[:, None, None]) * PIXEL
 
 
-def test_a_plane_is_seen_as_a_plane_and_put_back_where_it_is() -> None:
+def test_a_plane_stays_a_plane_in_the_view_and_comes_back() -> None:
     p, q, c = 0.2, -0.15, 0.8
     seen = (p * U + q * V + c) / (1 - CAMERA * c)
     slope = np.broadcast_to(np.float32([p, q])[:, None, None], (2, *SIZE))
@@ -40,7 +40,7 @@ def test_the_slopes_of_a_pressed_ball_integrate_to_its_height_and_come_back() ->
     assert back == pytest.approx(slope, abs=1e-5)
 
 
-def test_film_that_hardly_faces_the_camera_is_seen_no_steeper_than_what_is_seen() -> None:
+def test_film_that_hardly_faces_the_camera_has_the_steepest_visible_slope() -> None:
     """Slopes of 28, as noise makes them at rims, would rise by metres in the camera's view."""
     slope = np.zeros((2, *SIZE), np.float32)
     slope[:, 40:110, 60:140] = np.float32([28, 3])[:, None, None]
