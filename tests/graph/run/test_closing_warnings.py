@@ -1,4 +1,4 @@
-"""Warnings at a stream's end reach whoever goes through it."""
+"""Warnings at a stream's end reach its reader."""
 
 import json
 from pathlib import Path
@@ -17,7 +17,7 @@ def graph(toys: list[str], write: Write) -> str:
     return write(CUT, "cut.yaml")
 
 
-def test_a_pipeline_keeps_it_until_its_stream_begins_again(graph: str) -> None:
+def test_closing_warnings_stay_until_the_next_stream(graph: str) -> None:
     with open_pipeline(graph, {"count": 2}) as pipeline:
         assert [result.warnings for result in pipeline.items()] == [[], []]
         assert pipeline.closing_warnings == BOTH
@@ -28,7 +28,7 @@ def test_a_pipeline_keeps_it_until_its_stream_begins_again(graph: str) -> None:
         assert pipeline.closing_warnings == BOTH[1:], "left before its end"
 
 
-def test_run_prints_and_counts_it_also_where_no_item_came(graph: str, tactograph: Command) -> None:
+def test_run_prints_and_counts_them_even_without_items(graph: str, tactograph: Command) -> None:
     done = tactograph("run", graph, "--backend", "numpy")
     assert done.err.splitlines() == [f"warning: {text}" for text in BOTH]
     assert done.out.endswith("2 warnings, see above\n")

@@ -1,4 +1,4 @@
-"""A process of its own looks for garbage seldom, finds it all the same, and ends without."""
+"""The command's process collects garbage rarely, still finds it, and skips it at its end."""
 
 import gc
 import weakref
@@ -32,7 +32,7 @@ def test_garbage_is_still_found(thresholds: None) -> None:
     assert first() is None, len(kept)
 
 
-def test_what_was_used_for_long_is_found_once_it_is_garbage(thresholds: None) -> None:
+def test_old_objects_are_found_once_they_are_garbage(thresholds: None) -> None:
     collect_seldom()
     knot = Knot()
     kept: list[list[int]] = [[] for _ in range(2 * YOUNG_THRESHOLD)]
@@ -50,6 +50,6 @@ collect_seldom()
 """
 
 
-def test_a_process_that_ends_looks_through_nothing() -> None:
+def test_a_process_that_ends_collects_nothing() -> None:
     looked_through, left = map(int, python("-c", ENDS).stdout.split())
     assert looked_through < 100 < left

@@ -1,4 +1,4 @@
-"""Nodes that run only where a condition holds, and what needs them."""
+"""Nodes that run only where a condition holds, and the nodes that need them."""
 
 from typing import Any
 
@@ -64,7 +64,7 @@ def test_a_node_and_what_needs_it_run_only_where_the_condition_holds(
         assert cached or all(results[0].times[name] == 0 for name in moved), "nothing is moved"
 
 
-def test_what_is_kept_follows_the_condition(toys: list[str]) -> None:
+def test_kept_values_follow_the_condition(toys: list[str]) -> None:
     pipeline = opened(TOUCHED.replace("default: 3", "default: 1"), cache=Cache())
     (first,) = pipeline.items()
     assert first["light"] is None
@@ -105,7 +105,7 @@ nodes:"""
         ("nothing", "nothing"),
     ],
 )
-def test_what_is_no_condition_is_refused(condition: str, message: str) -> None:
+def test_a_wrong_condition_is_refused(condition: str, message: str) -> None:
     with pytest.raises(GraphError, match=message):
         opened(TOUCHED.replace("when: found.pixel", f"when: {condition}"))
 
@@ -137,7 +137,7 @@ outputs: {light: up.light, twice: up.twice, pixel: up.still.pixel}
 
 
 @pytest.mark.parametrize("cached", [False, True])
-def test_turns_rest_once_their_condition_fails_and_are_as_the_last_that_ran(
+def test_turns_end_once_their_condition_fails_and_keep_the_last_values(
     toys: list[str], backend: str, cached: bool
 ) -> None:
     pipeline = opened(TURNS, backend, Cache() if cached else None)
@@ -150,7 +150,7 @@ def test_turns_rest_once_their_condition_fails_and_are_as_the_last_that_ran(
     assert times["up.2.sum"] == times["up.3.sum"] == times["up.3.twice"] == 0
 
 
-def test_turns_are_absent_where_what_they_need_is() -> None:
+def test_turns_are_absent_where_their_inputs_are() -> None:
     seen = """
   found: {op: bright, in: {image: frames.image}}
   seen:  {op: doubled, in: {image: frames.image, when: found.pixel}}

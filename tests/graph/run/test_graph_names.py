@@ -95,7 +95,7 @@ def refused(**given: Any) -> str:
     return str(raised.value)
 
 
-def test_what_a_cache_keeps_goes_by_the_names_of_each_graph() -> None:
+def test_cached_warnings_use_the_names_of_each_graph() -> None:
     other = {**GRAPH, "params": {**GRAPH["params"], "roof": {"kind": "number", "default": 9.0}}}
     other["nodes"] = {
         **GRAPH["nodes"],
@@ -130,7 +130,7 @@ def test_a_function_called_by_itself_names_its_own_arguments() -> None:
         ("reconstruct", "take.sigma", "nothing", None),
     ],
 )
-def test_what_feeds_nodes_of_shipped_graphs(
+def test_the_sources_of_parameters_in_shipped_graphs(
     graph: str, task: str, name: str, feed: str | None
 ) -> None:
     read = read_graph(graph)

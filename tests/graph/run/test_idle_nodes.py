@@ -1,4 +1,4 @@
-"""A node that returns its input as it is costs a device nothing, and changes nothing."""
+"""A node that returns its input unchanged costs a device nothing, and changes nothing."""
 
 from pathlib import Path
 from typing import Any
@@ -96,7 +96,7 @@ def test_a_lens_that_changes_is_noticed() -> None:
     np.testing.assert_array_equal(again, first[:, ::-1])
 
 
-def test_what_repeats_a_node_is_not_run_while_it_would_do_the_same() -> None:
+def test_a_repeated_node_does_not_run_while_its_result_is_the_same() -> None:
     """The first image has no glare that would be added."""
     graph = graph_of(
         "format: 1\nprefer: [opencl, numpy]\nnodes:\n"
@@ -115,8 +115,8 @@ def test_what_repeats_a_node_is_not_run_while_it_would_do_the_same() -> None:
 
 @pytest.mark.parametrize("level", [0.0, 0.25])
 @pytest.mark.parametrize("stray", ["low", "high"])
-def test_a_number_that_is_0_is_as_good_as_none(stray: str, level: float) -> None:
-    """Whichever of the two nodes reads it, and though each makes what the other need not."""
+def test_a_number_that_is_0_counts_as_absent(stray: str, level: float) -> None:
+    """Whichever of the two nodes reads it."""
     reads = {name: ", stray: stray" if name == stray else "" for name in ("low", "high")}
     graph = graph_of(
         "format: 1\nprefer: [opencl, numpy]\nnodes:\n"
@@ -133,10 +133,10 @@ def test_a_number_that_is_0_is_as_good_as_none(stray: str, level: float) -> None
 
 
 @pytest.mark.slow
-def test_film_that_throws_no_light_on_film_makes_none(
+def test_film_without_albedo_adds_no_light(
     raytraced: Raytraced, calibration: Calibration, tmp_path: Path, backend: str
 ) -> None:
-    """And where it throws some, that is read again: on a device too, nothing stays from before."""
+    """With an albedo the light is read again: on a device, too, no old value remains."""
     matt, bright = calibration("far28"), tmp_path / "bright.npz"
     with np.load(matt, allow_pickle=False) as known:
         np.savez(bright, **{**known, "albedo": np.float32(0.5)})

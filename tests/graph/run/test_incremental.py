@@ -1,4 +1,4 @@
-"""Only what changed is computed, and what comes out is what a fresh run gives."""
+"""Only changed steps are computed, and the results equal those of a fresh run."""
 
 import gc
 
@@ -45,7 +45,7 @@ def test_a_second_call_with_equal_arrays_computes_nothing(toys: list[str], backe
     assert second.warnings == first.warnings == ["a warning"]
 
 
-def test_a_change_computes_what_depends_on_it_alone(toys: list[str], backend: str) -> None:
+def test_a_change_computes_only_what_depends_on_it(toys: list[str], backend: str) -> None:
     pipeline = load(graph_of(CHAIN), backend=backend, cache=Cache())
     pipeline(frames=STACK)
     pipeline.set("high", above=0.25)
@@ -59,7 +59,7 @@ def test_a_change_computes_what_depends_on_it_alone(toys: list[str], backend: st
         np.testing.assert_array_equal(result[name], fresh[name])
 
 
-def test_arrays_may_be_refilled_without_a_trace_in_what_is_kept(backend: str) -> None:
+def test_refilled_arrays_do_not_change_cached_values(backend: str) -> None:
     text = CHAIN.replace("op: doubled", "op: passed_on")
     pipeline = load(graph_of(text), backend=backend, cache=Cache())
     stack = STACK.copy()
@@ -69,7 +69,7 @@ def test_arrays_may_be_refilled_without_a_trace_in_what_is_kept(backend: str) ->
     np.testing.assert_array_equal(pipeline.inspect("frames.image"), STACK)
 
 
-def test_the_item_before_is_that_of_the_stream_however_often_one_is_run_again(backend: str) -> None:
+def test_running_an_item_again_keeps_the_previous_item(backend: str) -> None:
     def sums(cache: Cache | None) -> list[float]:
         graph = graph_of(CHAIN)
         pipeline = open_pipeline(graph, {"count": 3}, backend=backend, cache=cache)
@@ -83,7 +83,7 @@ def test_the_item_before_is_that_of_the_stream_however_often_one_is_run_again(ba
     assert sums(Cache()) == sums(None)
 
 
-def test_a_stream_that_ended_or_was_left_can_be_looked_at_and_begun_anew(backend: str) -> None:
+def test_a_finished_or_abandoned_stream_can_be_inspected_and_restarted(backend: str) -> None:
     pipeline = load(graph_of(CHAIN), {"count": 3}, backend=backend, cache=Cache())
     results = list(pipeline.items())
     assert pipeline.inspect("sum").max() == pipeline.again()["sum"].max() == 12
@@ -97,7 +97,7 @@ def test_a_stream_that_ended_or_was_left_can_be_looked_at_and_begun_anew(backend
 
 
 @pytest.mark.parametrize("how", ["set", "aim"])
-def test_an_item_of_a_source_with_other_settings_is_not_there(how: str) -> None:
+def test_an_item_of_a_source_with_changed_settings_is_refused(how: str) -> None:
     pipeline = load(graph_of(CHAIN), {"count": 3}, backend="numpy", cache=Cache())
     list(pipeline.items())
     if how == "set":
@@ -123,7 +123,7 @@ def test_a_cache_too_small_for_anything_changes_no_result(backend: str) -> None:
     np.testing.assert_array_equal(pipeline.inspect("twice"), expected["seen"])
 
 
-def test_a_size_that_only_the_data_tell_does_not_run_what_is_made_once_again(backend: str) -> None:
+def test_a_size_known_only_from_data_does_not_repeat_nodes_that_run_once(backend: str) -> None:
     text = CHAIN.replace("  high: ", "  rest: {op: bright, in: {image: cal.flat}}\n  high: ")
     text = text.replace("outputs: {", "outputs: {rest: rest.light, ")
     pipeline = load(graph_of(text), backend=backend, cache=Cache())
@@ -133,7 +133,7 @@ def test_a_size_that_only_the_data_tell_does_not_run_what_is_made_once_again(bac
     assert "rest" in pipeline(frames=2 * STACK).reused
 
 
-def test_two_pipelines_share_what_is_the_same_in_both(toys: list[str], write: Write) -> None:
+def test_two_pipelines_share_equal_steps(toys: list[str], write: Write) -> None:
     cache = Cache()
     other = CHAIN.replace("{op: bright, in: {image: light}}", "{op: bright, in: {image: twice}}")
     for name, text in (("one.yaml", CHAIN), ("two.yaml", other)):
@@ -141,14 +141,14 @@ def test_two_pipelines_share_what_is_the_same_in_both(toys: list[str], write: Wr
     assert toys.count("doubled") == 1
 
 
-def test_device_and_host_do_not_stand_in_for_each_other() -> None:
+def test_device_and_host_have_separate_keys() -> None:
     cache = Cache()
     for backend in ("numpy", "opencl"):
         result = load(graph_of(CHAIN), backend=backend, cache=cache)(frames=STACK)
         assert "light" not in result.reused
 
 
-def test_a_run_that_failed_leaves_nothing_behind() -> None:
+def test_a_failed_run_leaves_nothing_in_the_cache() -> None:
     text = CHAIN.replace("{op: noticed, in: {image: twice}}", "{op: failing, in: {image: twice}}")
     pipeline = load(graph_of(text), backend="opencl", cache=Cache(), changes={"seen.at": 1.0})
     with pytest.raises(NodeError):
@@ -168,7 +168,7 @@ def test_sinks_write_again_though_nothing_is_computed(toys: list[str], backend: 
     assert item["score"] == {"mean": 1.0, "truth": 1.0}
 
 
-def test_repeats_run_what_is_not_kept_so_often(toys: list[str], backend: str) -> None:
+def test_repeats_run_uncached_nodes_so_often(toys: list[str], backend: str) -> None:
     graph = graph_of(CHAIN)
     cache = Cache()
     for _ in range(2):
@@ -178,7 +178,7 @@ def test_repeats_run_what_is_not_kept_so_often(toys: list[str], backend: str) ->
     assert all(result.times["twice"] > 0 for result in results)
 
 
-def test_a_value_from_inside_can_be_looked_at(toys: list[str], backend: str) -> None:
+def test_an_intermediate_value_can_be_inspected(toys: list[str], backend: str) -> None:
     text = CHAIN.replace(
         "outputs: {", "  half: {op: halves, in: {image: light}}\noutputs: {half: half.low, "
     )
@@ -200,7 +200,7 @@ def test_a_value_from_inside_can_be_looked_at(toys: list[str], backend: str) -> 
         ("light.height", r"'light' has light\.flat_field"),
     ],
 )
-def test_a_value_that_is_not_there_is_told(reference: str, message: str) -> None:
+def test_inspecting_an_unknown_value_is_an_error(reference: str, message: str) -> None:
     pipeline = load(graph_of(CHAIN), backend="numpy", cache=Cache())
     pipeline(frames=STACK)
     with pytest.raises(InputError, match=message):
@@ -231,7 +231,7 @@ def test_a_wrong_setting_changes_nothing() -> None:
     assert pipeline.plan.graph.hash != before
 
 
-def test_of_a_change_only_what_is_asked_for_is_made(toys: list[str], backend: str) -> None:
+def test_of_a_change_only_wanted_outputs_are_computed(toys: list[str], backend: str) -> None:
     text = CHAIN.replace("before: previous.sum", "")
     pipeline = load(graph_of(text), backend=backend, cache=Cache())
     pipeline(frames=STACK)

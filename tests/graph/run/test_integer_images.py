@@ -1,4 +1,4 @@
-"""A source may leave images as the camera's integers where the device alone reads them."""
+"""A source may leave images as the camera's integers if only the device reads them."""
 
 from collections.abc import Callable
 from typing import Any
@@ -64,12 +64,14 @@ def test_integers_count_as_fractions_of_full_scale(graph: str, backend: str) -> 
 @pytest.mark.parametrize(
     ("graph", "kind"), [(GRAPH, "uint8"), (READ_BY_THE_HOST, "float32"), (AN_OUTPUT, "float32")]
 )
-def test_a_source_is_told_who_reads_its_images(sent: list[str], graph: str, kind: str) -> None:
+def test_a_source_knows_whether_only_the_device_reads_its_images(
+    sent: list[str], graph: str, kind: str
+) -> None:
     list(load(graph_of(graph), backend="opencl").items())
     assert sent == [kind]
 
 
-def test_a_source_that_is_not_asked_for_integers_may_yield_them_all_the_same(
+def test_a_source_may_yield_integers_without_being_asked(
     monkeypatch: pytest.MonkeyPatch, backend: str
 ) -> None:
     monkeypatch.setattr(HostValues, "whole_keyword", lambda *_: {"whole": True})
@@ -77,7 +79,7 @@ def test_a_source_that_is_not_asked_for_integers_may_yield_them_all_the_same(
     np.testing.assert_array_equal(result["more"], 2 * (WHOLE / np.float32(255)))
 
 
-def test_whoever_looks_into_the_graph_sees_fractions() -> None:
+def test_inspected_and_kept_images_are_fractions() -> None:
     pipeline = load(graph_of(GRAPH), backend="opencl", cache=Cache())
     result = next(iter(pipeline.items()))
     (drawn,) = [view.array for view in views_of(result) if view.name == "image"]

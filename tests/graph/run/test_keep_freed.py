@@ -1,4 +1,4 @@
-"""The system hands out the memory of a node's arrays once, not for every array."""
+"""The system provides the memory of a node's arrays once, not for every array."""
 
 import platform
 
@@ -24,6 +24,6 @@ KEEP = "from tactograph.graph.run.keep_freed import keep_freed; keep_freed()"
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries take no note")
-def test_what_a_node_frees_serves_the_next() -> None:
+def test_memory_freed_by_a_node_is_reused() -> None:
     without, kept = (int(python("-c", CHAIN.format(keep=keep)).stdout) for keep in ("", KEEP))
     assert kept < 100 < without

@@ -1,4 +1,4 @@
-"""Arrays that stay on the device: handed in and out there, and never changed by others."""
+"""Arrays that stay on the device: passed in and out there, and never changed by others."""
 
 from typing import Any
 
@@ -60,7 +60,7 @@ def test_sensor_and_height_are_chained_without_a_transfer(
 
 @pytest.mark.parametrize("cache", [None, Cache()], ids=["", "kept"])
 def test_an_array_on_the_device_is_the_callers_alone(cache: Cache | None) -> None:
-    """Whether it was handed in or out: either side may change it, and the other sees nothing."""
+    """Either side may change an input or an output, and the other does not see it."""
     pipeline = opened(SUMMED, cache=cache)
     buffer = to_device(pipeline.queue, level(0.25))
     first = pipeline(frames=buffer)
@@ -98,7 +98,7 @@ def test_a_slice_of_an_array_is_read_where_it_begins(height_file: str) -> None:
         np.testing.assert_array_equal(pipeline(height=given)["height"].get(), expected)
 
 
-def test_on_a_cpu_what_the_host_sees_of_it_is_no_copy(height_file: str) -> None:
+def test_on_a_cpu_mapping_to_the_host_makes_no_copy(height_file: str) -> None:
     result = opened(SLOPES)(height=np.load(height_file))
     seen, again = (np.from_dlpack(result["height"].map_to_host()) for _ in range(2))
     assert np.shares_memory(seen, again)
@@ -106,7 +106,7 @@ def test_on_a_cpu_what_the_host_sees_of_it_is_no_copy(height_file: str) -> None:
     assert result._repr_html_().count("<img") == 1
 
 
-def test_what_the_device_cannot_read_is_refused(height_file: str) -> None:
+def test_an_array_that_the_device_cannot_read_is_refused(height_file: str) -> None:
     height = np.load(height_file)
     pipeline = opened(SLOPES)
     elsewhere = cl.CommandQueue(cl.Context([pipeline.queue.device]))

@@ -20,7 +20,7 @@ def opened(text: str) -> Pipeline:
     return open_pipeline(graph_of(text), {}, backend="numpy")
 
 
-def test_a_second_thread_is_refused_while_the_first_is_at_work() -> None:
+def test_a_second_thread_is_refused_while_the_first_is_running() -> None:
     pipeline = load(graph_of(lit_by("gated", WAITING)), backend="numpy")
     found: list[float] = []
     Gate.close()
@@ -39,7 +39,7 @@ def test_a_second_thread_is_refused_while_the_first_is_at_work() -> None:
 
 
 @pytest.mark.parametrize("use", ["call", "items", "aim", "forget"])
-def test_a_pipeline_that_was_closed_is_of_no_more_use(use: str) -> None:
+def test_a_closed_pipeline_refuses_every_use(use: str) -> None:
     pipeline = opened(STREAM) if use == "items" else load(graph_of(WAITING), backend="numpy")
     pipeline.close()
     pipeline.close()
@@ -70,7 +70,7 @@ def test_an_item_that_fails_leaves_the_pipeline_free() -> None:
     assert pipeline(frames=STACK)["light"].max() == 1
 
 
-def test_what_runs_once_and_keeps_something_opens_it_anew_with_each_stream(toys: list[str]) -> None:
+def test_a_node_that_runs_once_opens_its_session_for_each_stream(toys: list[str]) -> None:
     pipeline = opened(added("  once: {op: opens_once}", "once: once"))
     for _ in range(2):
         list(pipeline.items())

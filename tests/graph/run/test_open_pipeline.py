@@ -1,4 +1,4 @@
-"""Opening a graph: what is wanted of it, changed in it, and where it may run."""
+"""Opening a graph: wanted outputs, changes, and back ends."""
 
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,7 @@ def test_sinks_are_left_out_of_a_loaded_pipeline(toys: list[str]) -> None:
     assert not [word for word in toys if word.startswith("noted")]
 
 
-def test_what_only_unwanted_outputs_need_is_not_computed(unread: str) -> None:
+def test_nodes_of_unwanted_outputs_do_not_run(unread: str) -> None:
     pipeline = load("reconstruct", backend="numpy", calibration=unread, outputs=["slope"])
     assert "slope" in pipeline.plan.tasks
     assert not {"raw", "height", "score"} & set(pipeline.plan.tasks)
@@ -59,7 +59,7 @@ def test_outputs_are_a_list_of_names(outputs: Any, unread: str) -> None:
         load("reconstruct", backend="numpy", calibration=unread, outputs=outputs)
 
 
-def test_strict_is_content_where_nothing_falls_back() -> None:
+def test_strict_accepts_a_plan_without_fallbacks() -> None:
     load(graph_of(WAITING), strict=True)
     load(graph_of(WAITING), strict=True, backend="numpy")
 
@@ -72,7 +72,7 @@ def test_strict_is_content_where_nothing_falls_back() -> None:
         ({"backend": "cuda"}, "no back end is called 'cuda'"),
     ],
 )
-def test_what_cannot_run_as_demanded_is_refused(
+def test_impossible_demands_on_the_back_end_are_refused(
     no_device: None, options: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(InputError, match=message):
@@ -143,7 +143,7 @@ def test_numbers_of_numpy_are_numbers(make: Any) -> None:
     assert pipeline.plan.graph.hash == changed.plan.graph.hash
 
 
-def test_what_only_writes_or_falls_back_is_not_loaded_before_it_computes() -> None:
+def test_modules_for_writing_and_fallbacks_are_loaded_late() -> None:
     """Matplotlib, trimesh, SciPy's transforms and trees take longer to load than a touch to
     compute."""
     script = (

@@ -1,4 +1,4 @@
-"""A pipeline in another process: a fork says that it has no device, a copy is loaded anew."""
+"""A pipeline in another process: a fork has no device, a copy is loaded again."""
 
 import copy
 import pickle
@@ -39,7 +39,7 @@ os.wait()
 
 
 def test_a_fork_says_that_it_has_no_device(write: Write) -> None:
-    """Else its first call would wait for threads of the runtime that a fork does not copy."""
+    """Otherwise its first call would wait for threads of the runtime that a fork does not copy."""
     opened, loaded, last = python("-c", FORK, write(SLOPES)).stdout.splitlines()
     for line in (opened, loaded):
         assert "OpenCL was used before this process was forked" in line

@@ -59,7 +59,7 @@ def test_a_buffer_that_the_caller_refills_changes_neither_memory_nor_result(back
 
 
 @pytest.mark.parametrize("make", [np.asarray, np.ndarray.tolist, memoryview])
-def test_whatever_the_caller_hands_in_is_not_what_comes_out(make: Any) -> None:
+def test_results_do_not_share_memory_with_the_callers_arrays(make: Any) -> None:
     buffer = level(1)
     result = load(graph_of(lit_by("passed_on", WAITING)), backend="numpy")(frames=make(buffer))
     buffer[...] = 2

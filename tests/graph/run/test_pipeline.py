@@ -181,7 +181,7 @@ def test_a_stack_that_does_not_fit_is_refused(stack: Any, message: str) -> None:
     assert float(pipeline(frames=good)["light"].max()) == 1, "a refusal leaves no trace"
 
 
-def test_any_source_of_one_array_is_stood_in_for(height_file: str, backend: str) -> None:
+def test_an_array_replaces_any_source_of_one_array(height_file: str, backend: str) -> None:
     truth = np.load(height_file)
     (from_file,) = load(graph_of(SLOPES), file=height_file, backend=backend).items()
     pipeline = load(graph_of(SLOPES), backend=backend)
@@ -236,7 +236,7 @@ def test_a_graph_whose_stream_is_given_needs_its_other_files_too() -> None:
 
 
 @pytest.mark.parametrize("names", [(), ("light",), ("frames", "light")])
-def test_exactly_the_sources_that_wait_are_stood_in_for(names: tuple[str, ...]) -> None:
+def test_arrays_are_needed_for_exactly_the_open_sources(names: tuple[str, ...]) -> None:
     pipeline = load(graph_of(WAITING), backend="numpy")
     with pytest.raises(InputError, match=r"needs arrays for \['frames'\]"):
         pipeline(**dict.fromkeys(names, np.ones((3, 4, 5), np.float32)))
@@ -251,7 +251,7 @@ def test_a_pipeline_with_a_stream_of_its_own_is_not_called() -> None:
     assert len(list(pipeline.items())) == 2
 
 
-def test_a_size_that_only_the_data_tells_may_differ_from_item_to_item(backend: str) -> None:
+def test_a_size_known_only_from_data_may_differ_between_items(backend: str) -> None:
     text = """
 format: 1
 nodes:
@@ -313,7 +313,7 @@ outputs: {lit: lit}
         assert pipeline(frames=np.full(shape, 0.5, np.float32))["lit"].shape == shape[1:]
 
 
-def test_a_size_that_clashes_after_good_items_is_told_as_at_the_first(backend: str) -> None:
+def test_a_size_that_clashes_after_good_items_gets_the_same_message(backend: str) -> None:
     pipeline = load(graph_of(WAITING), backend=backend)
     good = np.ones((3, 4, 5), np.float32)
     for _ in range(2):
@@ -324,7 +324,7 @@ def test_a_size_that_clashes_after_good_items_is_told_as_at_the_first(backend: s
             pipeline(frames=np.ones((3, 4, 6), np.float32))
 
 
-def test_nodes_of_one_kernel_keep_to_their_own_settings(backend: str) -> None:
+def test_nodes_of_one_kernel_keep_their_own_settings(backend: str) -> None:
     more = "\n".join(
         f"  n{floor}: {{op: flat_field, with: {{floor: {floor}}}, "
         "in: {image: frames.image, flat: cal.flat, dark: cal.dark}}"
@@ -395,7 +395,7 @@ def test_pipelines_of_several_threads_do_not_disturb_one_another() -> None:
         assert list(threads.map(work, (0.25, 0.5, 0.75))) == [True] * 3
 
 
-def test_what_only_the_device_reads_goes_there_as_the_bytes_it_came_in(
+def test_images_for_the_device_alone_are_copied_as_integers(
     device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sent: list[np.dtype[Any]] = []
@@ -445,7 +445,7 @@ def test_labels_of_three_axes_are_no_fractions_of_full_scale(backend: str) -> No
     np.testing.assert_array_equal(pipeline(frames=stack)["number"], stack > 0.5)
 
 
-def test_an_error_that_the_device_tells_late_names_the_node_and_ends_one_item() -> None:
+def test_a_late_device_error_names_the_node_and_ends_one_item() -> None:
     text = added("  hit: {op: struck, in: {image: light}}", "hit: hit", WAITING)
     pipeline = load(graph_of(text), backend="opencl")
     one, two = (np.full((3, 4, 5), level, np.float32) for level in (1, 2))
@@ -465,7 +465,7 @@ def test_a_device_out_of_memory_is_named_with_the_transfer(monkeypatch: pytest.M
         pipeline(frames=np.ones((3, 4, 5), np.float32))
 
 
-def test_an_absent_input_with_a_size_of_its_own_is_nothing(backend: str) -> None:
+def test_an_absent_input_with_its_own_size_is_left_out(backend: str) -> None:
     text = added("  more: {op: leaned, in: {image: light}}", "more: more", WAITING)
     stack = np.ones((3, 4, 5), np.float32)
     found = load(graph_of(text), backend=backend)(frames=stack)
@@ -473,7 +473,7 @@ def test_an_absent_input_with_a_size_of_its_own_is_nothing(backend: str) -> None
 
 
 @pytest.mark.parametrize(("maker", "reader"), [(b, c) for b in "nd" for c in "nd"])
-def test_a_value_whose_size_only_the_data_tell_can_be_recalled(maker: str, reader: str) -> None:
+def test_a_value_of_a_size_known_only_from_data_can_be_recalled(maker: str, reader: str) -> None:
     names = {"n": "numpy", "d": "opencl"}
     nodes = f"""  found: {{op: bright, in: {{image: light}}, backend: {names[maker]}}}
   more:

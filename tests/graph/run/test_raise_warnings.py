@@ -68,12 +68,12 @@ def test_a_nodes_warning_is_raised_once_and_stays_in_every_result() -> None:
     ],
     ids=["another warning", "another LED, but no changed figure"],
 )
-def test_what_is_new_is_raised_when_it_comes(texts: list[str], told: list[str]) -> None:
+def test_a_new_warning_is_raised_when_it_occurs(texts: list[str], told: list[str]) -> None:
     for _ in range(2):  # every pipeline raises its own
         assert raised(telling(texts), 2 * len(texts)) == told
 
 
-def test_what_was_warned_of_before_a_refusal_is_raised_too() -> None:
+def test_a_warning_before_a_refusal_is_raised_too() -> None:
     with (
         pytest.warns(UserWarning, match="look at this first"),
         pytest.raises(InputError, match="refused"),

@@ -1,4 +1,4 @@
-"""The next item is read while the last one is in use, and nobody can tell but by the clock."""
+"""The next item is read while the last one is in use; only the time differs."""
 
 import threading
 from collections.abc import Iterator
@@ -51,7 +51,7 @@ def test_one_item_is_read_while_the_last_is_in_use_and_no_more() -> None:
         assert not any(event.is_set() for event in begun[number + 2 :])
 
 
-def test_what_goes_wrong_is_told_in_its_items_place() -> None:
+def test_an_error_of_the_iterable_is_raised_at_its_item() -> None:
     pipeline, means = load(graph_of(WAITING), backend="numpy"), []
 
     def items() -> Iterator[NDArray[np.float32]]:
@@ -88,9 +88,7 @@ def test_a_stream_that_is_left_waits_for_no_item() -> None:
 
 
 @pytest.mark.parametrize("ahead", [False, True])
-def test_a_source_that_is_read_ahead_differs_by_nothing(
-    monkeypatch: pytest.MonkeyPatch, *, ahead: bool
-) -> None:
+def test_reading_ahead_changes_no_result(monkeypatch: pytest.MonkeyPatch, *, ahead: bool) -> None:
     monkeypatch.setattr(find_node("cut_touches"), "ahead", ahead)
     text = added("  sum: {op: summed, in: {image: light, before: previous.sum}}", "sum: sum")
     text = text.replace("op: touches", "op: cut_touches")

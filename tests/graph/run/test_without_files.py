@@ -117,7 +117,7 @@ def test_a_kernel_may_be_a_file(tmp_path: Path) -> None:
         parity.check(brighter(str(tmp_path / "none.cl")))
 
 
-def test_parity_tells_what_differs() -> None:
+def test_parity_names_the_differing_cases() -> None:
     with pytest.raises(AssertionError, match=r"'brightened' differs on .* cases:\n  K4xH1xW1"):
         parity.check(brighter(KERNEL.replace("* gain", "+ gain")))
 
@@ -155,7 +155,7 @@ def test_plain_data_may_extend_what_ships() -> None:
         ({"format": 2}, "this version reads format 1, not 2"),
     ],
 )
-def test_mistakes_in_plain_data_are_told_by_line(changes: dict[str, Any], message: str) -> None:
+def test_mistakes_in_plain_data_have_a_line(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(GraphError, match=message):
         load(data(**changes), nodes=[brightened])
 
@@ -185,7 +185,7 @@ def test_names_of_own_nodes_are_their_own() -> None:
         ((48, 64), r"not one image of \(48, 64\): np\.stack"),
     ],
 )
-def test_arrays_of_another_order_are_told_how_to_turn(shape: tuple[int, ...], message: str) -> None:
+def test_messages_say_how_to_reorder_an_array(shape: tuple[int, ...], message: str) -> None:
     with pytest.raises(InputError, match=message):
         load(data(), nodes=[brightened], backend="numpy")(frames=np.zeros(shape, np.uint8))
 
