@@ -184,7 +184,7 @@ class Film(NamedTuple):
     wrap: Annotated[
         Wrap,
         Stored(0, 1, plain=0.0),
-        "w, how far light goes on falling behind the terminator, over that from the LED",
+        "w, how far light keeps falling beyond the terminator, over that from the LED",
     ]
     harmonics: Annotated[
         F4,

@@ -106,7 +106,7 @@ def choose_device(text: str | None = None, *, waits: bool = True) -> tuple[Devic
 def how_to_get_one() -> str:
     """The command that installs an OpenCL device for the CPU of this system."""
     if sys.platform == "darwin":
-        return "macOS has one of its own; conda install -c conda-forge pyopencl pocl brings another"
+        return "macOS includes one; conda install -c conda-forge pyopencl pocl adds another"
     if intel_runtime.is_for_this_system():
         return 'for one: pip install "tactograph[cpu]"'
     if Path("/etc/debian_version").exists():

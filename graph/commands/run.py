@@ -134,7 +134,7 @@ def _run_items(pipeline: Pipeline, report: _Report, selection: Mapping[str, str]
                 raise InputError(f"{name}: its stream ended before the first item")
     except InputError as error:
         if error.item and not pipeline.endless:
-            error.args = (f"{error}; 'tactograph batch' goes on past a capture that fails",)
+            error.args = (f"{error}; 'tactograph batch' continues after a capture that fails",)
         raise
 
 

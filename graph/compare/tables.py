@@ -20,7 +20,7 @@ HIGHER_IS_BETTER = frozenset({"iou", "precision", "recall", "accuracy"})
 FIGURE_AIMS = {"in_90_percent_band": 90, "stated_over_actual": 1}
 """Figures whose ideal value is not zero."""
 DESCRIPTIVE_FIGURES = ("contact", "peak_px", "trust", "check_", "rim_share")
-"""Beginnings of names of descriptive figures, of which no value is better than another.  Trust
+"""Beginnings of names of descriptive figures, which have no better or worse values.  Trust
 depends on the checks that a graph makes: a graph that checks less trusts more."""
 TIME_FIGURE = "ms"
 BEST_MARK = "*"

@@ -384,7 +384,7 @@ class Pipeline:
     def aim(self, /, **values: Any) -> None:
         """Change values of the graph's params that only nodes of the stream take.
 
-        So a pipeline goes on to another capture with the same calibration, plan and kernels.
+        So a pipeline continues with another capture under the same calibration, plan and kernels.
 
         Raises
         ------

@@ -13,7 +13,7 @@ def fitting_table(
     """Draw a table that is no wider than `width`; `labels` columns go left.
 
     If it would be wider, each row becomes a column, in as many blocks as needed.  A single column
-    that is wider is drawn all the same.
+    may still be wider.
     """
     columns = zip(headings, *rows, strict=True)
     text = _drawn(list(columns), labels)

@@ -1,8 +1,8 @@
 #include "common.clh"
 #include "lanes.clh"
 
-// The height's standard deviation with what whole maps share, on the film at rest from a height that
-// was not held at zero.
+// The height's standard deviation with the errors that entire maps share, on the film at rest; from
+// a height that was not held at zero.
 LANED __kernel void doubt_rest(
     __global const float *restrict error, __global const uchar *restrict rest,
     __global const float *restrict free, __global const float *restrict variance,

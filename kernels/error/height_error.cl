@@ -26,7 +26,7 @@
 #define LED_SLOTS 8
 #endif
 
-// The hash of nodes/error/_random_errors.py, drawn, of one number or of several in lanes.
+// The hash of nodes/error/_random_errors.py of one number, or of several in lanes.
 #define SCATTER(x) \
     x ^= x >> 16;  \
     x *= 0x7feb352dU; \
@@ -42,7 +42,7 @@ static float drawn(const uint number, const uint key)
     return x >> 31 ? 1.0f : -1.0f;
 }
 
-// The same for the numbers that follow, too.
+// The same for consecutive numbers.
 #if LANES == 1
 #define uints uint
 #define LANE_COUNTS 0u
@@ -58,7 +58,7 @@ static floats drawn_from(const uint number, const uint key)
     return AS_INTS(x) < 0 ? up : down;
 }
 
-// What a small change of each LED's light does to p and to q.
+// The derivatives of p and q with respect to each LED's light.
 typedef struct {
     floats by_p[LED_SLOTS], by_q[LED_SLOTS];
 } Response;
@@ -87,7 +87,7 @@ static Response respond(
         whole += weight[k] * shown[k] * shown[k];
         leds += lit ? one_more : nothing;
     }
-    // For three LEDs or more, less what the film's brightness explains.
+    // For three LEDs or more, minus the part that the film's brightness explains.
     const floats share = leds > 2 ? brightness_share(whole, one, uneven) : none;
     floats aa = 0.0f, ab = 0.0f, bb = 0.0f;
     EACH_LED(k) {
@@ -113,7 +113,7 @@ static Response respond(
 }
 
 // How much faster a coated film's light changes with its normal than a matt film's, over the LEDs
-// that count; `coat_sharpness` of nodes/optics/film.py.  Also tells the light, relative to that of
+// that count; `coat_sharpness` of nodes/optics/film.py. Also gives the light, relative to that of
 // the film at rest.
 static floats sharpness(
     const Film *film, const floats p, const floats q, const floats u, const floats v,
@@ -148,7 +148,7 @@ static floats sharpness(
 // The cosine of an angle in turns, by Taylor's series of the sine up to a quarter: within 4e-6.
 static floats cosine_of(const floats turns)
 {
-    // To the nearest whole number; the built-in is compiled lane by lane by some.
+    // To the nearest integer; some compilers expand the built-in lane by lane.
     const floats whole = (turns + 12582912.0f) - 12582912.0f, over = turns - whole;
     const floats x = 6.2831853f * (0.25f - MORE_OF(over, -over)), square = x * x;
     const floats inner = fma(square, 2.7557319e-6f, -1.9841270e-4f);
@@ -161,15 +161,15 @@ static floats within(const floats value, const float most)
     return LESS_OF(raised, high);
 }
 
-// The parameters of each error: its signs for the wrong share of bounced light, for what has not
-// settled, for the lean of all normals and for the mean of a pixel's slopes; its wave's direction,
+// The parameters of each error: its signs for the wrong share of bounced light, for light that has
+// not converged, for the lean of all normals and for a pixel's mean slope; its wave's direction,
 // phase in turns, and length.
 typedef struct {
     float sign, settling, leaning, averaged, across, down, phase, wavelength;
 } Kind;
 
-// The light of each LED on the slopes found, relative to that of the film at rest, and how much
-// more of a slope its errors are than a matt film's light would say.
+// The light of each LED for the slopes found, relative to that of the film at rest, and the ratio
+// of the slope's errors to those that a matt film's light would give.
 LANED __kernel void shine(
     __global const float *restrict sigma, __global const float *restrict height,
     __global const float *restrict slope, __global const uchar *restrict used,
@@ -210,8 +210,8 @@ LANED __kernel void shine(
 }
 
 // The errors of the slopes inside the window, all in one launch because they read the same data:
-// the lights' noise; errors that all pixels of an LED share, of the LEDs' positions and light and of
-// the bounced light; of the mean of a pixel's slopes and of what a blur adds; and normals that lean in
+// the lights' noise; errors that all pixels of an LED share, of the LEDs' positions and light and
+// of the bounced light; errors of a pixel's mean slope and of the blur; and normals that lean in
 // waves because the film's model is wrong.
 LANED __kernel void err_slopes(
     __global const float *restrict sigma,
@@ -287,7 +287,7 @@ LANED __kernel void err_slopes(
             }
         }
     }
-    // A root of the covariance of p and q.
+    // A square root of the covariance of p and q.
     const floats tiny = 1e-10f, alone = sqrt(pp), along = pq / MORE_OF(alone, tiny);
     const floats rest_ = qq - along * along, across = sqrt(MORE_OF(rest_, none));
     for (int n = 0; n < ERROR_COUNT; ++n) {
@@ -297,7 +297,7 @@ LANED __kernel void err_slopes(
         q[n] += along * first + across * second;
     }
     const floats level = LEVEL_MISFIT_SHARE, full = FULL_MISFIT_SLOPE;
-    // The slope less that of the film at rest, where the flat frame cancels the model's errors.
+    // The slope minus that of the film at rest, where the flat frame cancels the model's errors.
     const floats sunk_p = tilt ? a - load_floats(tilt + from, count) : a;
     const floats sunk_q = tilt ? b - load_floats(tilt + frame_size + from, count) : b;
     const floats square = sunk_p * sunk_p + sunk_q * sunk_q, slant = sqrt(square);
@@ -349,7 +349,7 @@ __kernel void err_rises(
     rise[to * ties + t] = sign_ * residual + error * drawn(first + t, key);
 }
 
-// The mean over errors of the squares of the changes.
+// The mean over errors of the squared changes.
 LANED __kernel void mean_square(
     __global const float *restrict moved, __global float *restrict mean, const int size,
     const int loads)
@@ -363,7 +363,7 @@ LANED __kernel void mean_square(
     store_floats(sum / (float)loads, mean + i, count);
 }
 
-// What counts and is not at rest, and the variance there.
+// The pixels that count and are not at rest, and their variance.
 __kernel void free_part(
     __global const uchar *restrict state, __global float *restrict variance,
     __global float *restrict freed, const int H, const int W)
@@ -414,8 +414,8 @@ LANED __kernel void blur(
     store_floats(total, out + y * W + x, count);
 }
 
-// The root of the mean variance; zero where nothing is free.  An edge that no pixel resolves may
-// lie anywhere in it.
+// The root of the mean variance; zero where nothing is free. Within a pixel an edge may lie
+// anywhere.
 LANED __kernel void deviation(
     __global const float *restrict variance, __global const float *restrict weight,
     __global const float *restrict freed, __global const float *restrict height,

@@ -1,7 +1,7 @@
 #include "common.clh"
 #include "lanes.clh"
 
-// The height of the film at rest, added or taken away.
+// The height of the film at rest, added or subtracted.
 LANED __kernel void add_rest(
     __global const float *restrict height,
     __global const float *restrict rest,

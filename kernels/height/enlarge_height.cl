@@ -3,8 +3,8 @@
 #include "cell_side.clh"
 #include "pixels.clh"
 
-// The height of coarse cells, interpolated linearly between their centres, onto another one if
-// there is one.  A work-item does LANES pixels of a row.
+// The height of coarse cells, interpolated linearly between their centres, plus another height if
+// given. A work-item does LANES pixels of a row.
 LANED __kernel void enlarge_height(
     __global const float *restrict height,
     __global const PIXEL *restrict like,

@@ -10,7 +10,7 @@
 #define STATE_REST 1
 #define STATE_AWAY 2
 
-// Steps in px from slopes before, at both ends of, and behind a spring, and their variances.
+// Steps in px from slopes before, at both ends of, and after a spring, and their variances.
 static void steps_between(
     const floats *slope, const floats *variance, const ints amid, const float bend,
     const float least_spread, floats *wanted, floats *spread)
@@ -34,7 +34,7 @@ static void steps_between(
     *spread = (certain ? both : alone) + least_spread;
 }
 
-// Slopes, and their variances, at the pixels before, of and behind springs.
+// Slopes, and their variances, at the pixels before, at and after springs.
 static void load_ends(
     __global const float *slope, __global const float *variance, __global const uchar *mask,
     const int n, const int row, const int x, const int count, const int W, floats *slopes,

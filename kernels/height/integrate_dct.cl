@@ -42,8 +42,8 @@ __kernel void turn_over(
     turned[((count - 1 - k) * W + x) * H + y] = planes[(k * H + y) * W + x];
 }
 
-// Twice the same divergence for pixels that follow one another in a row: a pixel's own slope
-// cancels, except at the border.
+// Twice the same divergence for consecutive pixels of a row: a pixel's own slope cancels, except at
+// the border.
 static ONCE floats twice_divergence(
     __global const float *slope, const int H, const int W, const int y, const int x,
     const int count)

@@ -7,8 +7,7 @@
 
 #define STATE_AWAY 2
 
-// The height over the whole frame, `by` lower; outside the window it is zero, and where no pixel
-// counts.
+// The height over the frame, lowered by `by`; zero outside the window and where no pixel counts.
 __kernel void place(
     __global const float *restrict z, __global const uchar *restrict state,
     __global float *restrict out, const float by, const int frame_height, const int frame_width,

@@ -13,7 +13,7 @@ __kernel void sample_cells(
     sampled[y * columns + x] = height[row * W + column];
 }
 
-// The height less a surface of degree 3 in u and v.
+// The height minus a surface of degree 3 in u and v.
 LANED __kernel void take_off(
     __global const float *restrict height,
     __global float *restrict out,

@@ -4,7 +4,7 @@
 
 #define LOOSE_VARIANCE 0.2f
 
-// Heights of a row beside those that a work-item does.
+// Heights of a row next to those of a work-item.
 #define AT(row, dx) load_within_border(row, x + (dx), count, W, REPLICATE)
 
 // Loose pixels move by the smallest of their departures along the four lines through them.

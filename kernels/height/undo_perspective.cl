@@ -1,7 +1,7 @@
 #include "common.clh"
 #include "lanes.clh"
 
-// The film's height from the seen one, equation V1.
+// The film's height from that in the camera's view, equation V1.
 LANED __kernel void undo_perspective(
     __global const float *restrict height,
     const float camera,

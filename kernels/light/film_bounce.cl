@@ -12,8 +12,8 @@
 // Cells at the edge of the rim that only lanes without a share of light read.
 #define MARGIN_CELLS 7
 
-// The cells of the frame and of the rim around it: `height` is the one that a pinhole at
-// 1 / `pupil` sees, `slope` is the film's.  Under a coat also what they send (`sources`).
+// The cells of the frame and of the rim around it: `height` is the one that a pinhole at 1 /
+// `pupil` sees, `slope` is the film's. Under a coat also the light they send (`sources`).
 LANED __kernel void lay_out(
     __global const float *restrict light,
     __global const float *restrict height,

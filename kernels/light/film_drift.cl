@@ -22,8 +22,8 @@
 #define SKIRT_CELLS 5
 #define NOT_CALM -1.0f
 #define MIN_WEIGHT 1e-6f
-// What `counts` holds: whether too few cells were calm in a round, how many are clear, and the square
-// root of the most that a cell counts.
+// The contents of `counts`: whether too few cells were calm in a round, how many are clear, and the
+// square root of the greatest weight of a cell.
 #define TOO_FEW 0
 #define CLEAR 1
 #define FURTHEST 2
@@ -88,7 +88,7 @@ static void terms_of(floats *t, const floats u, const floats v)
     t[5] = v * v;
 }
 
-// The same at cells that follow one another.
+// The same at consecutive cells.
 static void terms_at(floats *t, const int i, const int H, const int W)
 {
     floats u, v;
@@ -166,8 +166,8 @@ LANED __kernel void find_clear(
     atomic_add(counts + CLEAR, (int)sum_of_lanes(calm & wide & filled(count) ? one : none));
 }
 
-// Clear cells count by the square of their distance in cells to where a touch shows, at most
-// SKIRT_CELLS + 1; all calm cells count alike where too few are clear.
+// Clear cells weigh the square of their distance in cells from the touch, at most SKIRT_CELLS + 1;
+// all calm cells weigh the same where too few are clear.
 LANED __kernel void weigh_clear(
     __global const float *restrict clear,
     __global const float *restrict still,
@@ -216,7 +216,7 @@ static ONCE float border_level(
 }
 
 // Weighted sums over the cells: of the products of the first `used` terms, of terms times the light
-// less `before` by LED, and of the noise's square by LED; and the number of cells that count.
+// minus `before` by LED, and of the noise's square by LED; and the number of cells that count.
 static ONCE void tally(
     const Film *film, __global const float *weights, __global const float *before,
     const int used, __global float *shares, SHARED float *sums)

@@ -2,7 +2,7 @@
 #include "common.clh"
 #include "lanes.clh"
 
-// Light relative to a plane, from that relative to the film at rest.
+// Light relative to a plane, from light relative to the film at rest.
 LANED __kernel void light_on_plane(
     __global const float *restrict light,
     __global const float *restrict share,

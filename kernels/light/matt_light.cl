@@ -51,7 +51,7 @@ LANED __kernel void matt_light(
         const floats u = ((float)x + LANE_NUMBERS - 0.5f * (float)(W - 1)) * pixel, v = y0;
         const floats z = apparent / (1.0f + film_camera * apparent), nearer = 1.0f - film_camera * z;
         const Places here = {u * nearer, v * nearer, z, u, v};
-        // Film is touched where it is above its place at rest; on a plane that is its height.
+        // Film is touched where it is above the film at rest; on a plane that is its height.
         const floats lift = resting ? apparent - load_floats(resting + at, count) : apparent;
         const floats lifted = touch_gain(&film, lift);
         floats shown[MAX_LEDS], shine[MAX_LEDS], scale[MAX_LEDS], spread[MAX_LEDS];

@@ -66,8 +66,8 @@ LANED __kernel void add_blocks(
     number[row * columns + column] = sum_of_lanes(pairs);
 }
 
-// Over blocks of pixels, by how much each LED's light on the film at rest departs from its model,
-// and how many pixels are at rest.
+// Over blocks of pixels, the departure of each LED's light on the film at rest from its model, and
+// the number of pixels at rest.
 LANED __kernel void rest_blocks(
     __global const float *restrict light, __global const float *restrict height,
     __global const float *restrict lights, __global const uchar *restrict rest,

@@ -2,7 +2,7 @@
 #include "lanes.clh"
 #include "pixels.clh"
 
-// The images, with the film at rest where the frame shows none.
+// The images, with the film at rest where the frame shows no film.
 LANED __kernel void within_film(
     __global const PIXEL *restrict image,
     __global const uchar *restrict area,

@@ -13,7 +13,7 @@ typedef struct {
     Vector towards[MAX_LEDS];
 } Observation;
 
-// A symmetric 3 x 3 matrix taken apart into L D L^T: one over D, then L.
+// The factors L D L^T of a symmetric 3 x 3 matrix: 1 / D, then L.
 typedef struct {
     floats first, second, third, yx, zx, zy;
 } Moments;
@@ -136,7 +136,7 @@ LANED __kernel void label_highlights(
         level += observed.weight[k] * away * away;
     }
     ints marked = 0, doubted = level > unlikely;
-    // If level film explains the light, the best normal explains it, too.
+    // If level film explains the light, so does the best normal.
     if (K > 3 && ANY(doubted)) doubted &= fit(&observed, K, NO_LED).misfit > unlikely;
     if (K > 3 && ANY(doubted)) {
         floats best = INFINITY;

@@ -18,8 +18,8 @@
 #define UNKNOWN_VARIANCE 1e12f
 #define MIN_DIVISOR 1e-20f
 
-// Vectors of LANES pixels that are done side by side, because a long chain of operations waits
-// less if others are under way; and vectors per work-item.
+// Vectors of LANES pixels processed together, because a long chain of operations waits less if
+// others are under way; and vectors per work-item.
 #if LANES == 1
 #define RUN 1
 #define SHARE 1
@@ -28,9 +28,9 @@
 #define SHARE 32
 #endif
 
-// Pixels under all LEDs: light, its standard deviation, one over its variance, and the vectors
-// of equation N1; the prior normal; the LEDs that certainly do not reach, as bits, and those of
-// them that must be left out.
+// Pixels under all LEDs: light, its standard deviation, the reciprocal of its variance, and the
+// vectors of equation N1; the prior normal; the LEDs that certainly do not reach it, as bits, and
+// those of them that must be left out.
 typedef struct {
     int K;
     float wrap;
@@ -57,7 +57,7 @@ typedef struct {
     floats xx, xy, xz, yy, yz, zz;
 } Symmetric;
 
-// Sums of w v v' and of w m v, times `scale`, which is one over the trace of the first, so that
+// Sums of w v v' and of w m v, times `scale`, the reciprocal of the first one's trace, so that
 // products stay small.
 typedef struct {
     Symmetric a;
@@ -88,8 +88,8 @@ typedef struct {
     float floor_, price, one_sided, steepest, dimmed, uneven, wrap, turn;
 } Rules;
 
-// Pixels that another set of LEDs may explain better: what all LEDs cost there, and a number that
-// is the same where the same sets may.
+// Pixels that another set of LEDs may explain better: the cost of all LEDs there, and a number that
+// is the same for pixels with the same candidate sets.
 typedef struct {
     int number, at[SHARE * LANES], kind[SHARE * LANES];
     float cost[SHARE * LANES];
@@ -146,7 +146,7 @@ static Vector solution(const Symmetric a, const Vector b)
 static Vector gauss_newton(
     const Symmetric a, const Vector b, const floats scale, const Vector n)
 {
-    // The matrix times the first tangent, and the part of the second's product that is needed.
+    // The matrix times the first tangent, and the needed part of the second's product.
     const floats ux = a.xx * n.z - a.xz * n.x, uy = a.xy * n.z - a.yz * n.x;
     const floats uz = a.xz * n.z - a.zz * n.x;
     const floats vy = a.yy * n.z - a.yz * n.y, vz = a.yz * n.z - a.zz * n.y;
@@ -210,7 +210,7 @@ static Vector step_from(const Equations *system, const Vector n)
     return unit(visible(gauss_newton(system->a, system->b, system->scale, n)));
 }
 
-// The normal equations near n, less what the film's brightness explains.
+// The normal equations near n, minus the part that the film's brightness explains.
 static Equations at_any_brightness(const Equations *system, const Vector n, const float uneven)
 {
     const Vector along = times_(system->a, n);
@@ -280,7 +280,7 @@ static Normals pair_of(const Pixels *pixels, const int used, const int attached)
     return result;
 }
 
-// The next larger number with as many bits set.
+// The next larger number with the same number of bits set.
 static int next_set(const int bits)
 {
     const int lowest = bits & -bits, ripple = bits + lowest;
@@ -351,7 +351,7 @@ static ints dim_of(const Pixels *pixels, const Vector n)
     return dim;
 }
 
-// The sum of squares over the LEDs used; for more than three at any brightness.
+// The sum of squares over the LEDs used; for more than three with a free brightness.
 static floats squares_of(
     const Pixels *pixels, const int lit, const Vector normal, const float uneven)
 {
@@ -369,7 +369,7 @@ static floats squares_of(
     return squares;
 }
 
-// How much brighter the LEDs left out are than a shadow: the second sum of S1.
+// The light of the LEDs left out above a shadow's: the second sum of S1.
 static floats excess_of(
     const Pixels *pixels, const int lit, const Vector normal, const float one_sided)
 {
@@ -403,7 +403,7 @@ static floats light_of(const Pixels *pixels, const int out)
     return total;
 }
 
-// What follows from the light, its spread, and the pixels' places, once these are known.
+// The values that follow from the light, its standard deviation, and the pixels' positions.
 static void prepare(
     Pixels *here, const Frame *frame, const Rules *rules, const floats x, const floats y,
     const floats z)
@@ -424,7 +424,7 @@ static void prepare(
     here->forced = rules->wrap == 0.0f ? here->below : nothing;
 }
 
-// Pixels that follow one another, `count` of them.
+// `count` consecutive pixels.
 static void load_run(
     Pixels *here, const Frame *frame, const Rules *rules, const int at, const int count)
 {
@@ -440,7 +440,7 @@ static void load_run(
     prepare(here, frame, rules, x, y, load_floats(frame->height + at, count));
 }
 
-// Pixels that lie anywhere.
+// Pixels at any positions.
 static void load_list(Pixels *here, const Frame *frame, const Rules *rules, const int *at)
 {
     const int size = frame->H * frame->W;
@@ -458,7 +458,7 @@ static void load_list(Pixels *here, const Frame *frame, const Rules *rules, cons
     }
 }
 
-// To pixels that follow one another, or lie anywhere.
+// Store to consecutive pixels, or to pixels at any positions.
 static void put(
     const floats value, __global float *to, const int first, const int count, const int *at)
 {
@@ -553,7 +553,7 @@ static void list_doubtful(
     doubtful->number = number;
 }
 
-// Take every LED to reach `count` pixels, RUN LANES at most.
+// Assume that every LED reaches `count` pixels, RUN LANES at most.
 static ONCE void all_lit(
     const Outputs *outputs, const Frame *frame, const Rules *rules, const int start, const int count,
     Doubtful *doubtful)
@@ -596,8 +596,8 @@ static void sort_by_kind(const Doubtful *doubtful, const int K, int *order)
 #endif
 }
 
-// Let all LEDs count at any lower brightness, where no set explains their light at less cost; say
-// for which pixels they do.
+// Let all LEDs count at any lower brightness, where no set explains their light at less cost;
+// return the pixels for which they do.
 static ints allow_dimmed(const Pixels *here, const Rules *rules, Choice *best)
 {
     floats darkest = here->light[0], brightest = here->light[0];
@@ -618,7 +618,7 @@ static ints allow_dimmed(const Pixels *here, const Rules *rules, Choice *best)
         const floats due = dot_of(here->vector[k], normal);
         missing += here->weight[k] * due * (due - here->light[k]);
     }
-    // Three LEDs are explained exactly.
+    // Three LEDs always fit exactly.
     if (here->K > 3) cost += squares_of(here, all, normal, ANY_BRIGHTNESS);
     const ints better = open & (missing > 0.0f) & (cost < best->cost - TIE_COST), labels = all;
     best->cost = better ? cost : best->cost;
@@ -696,8 +696,8 @@ static ONCE void any_set(
     if (moved) put_choice(outputs, frame, rules, &here, &best, 0, count, at);
 }
 
-// The set of LEDs that explains a pixel best, and the slope that follows; see
-// nodes/shadow/label_lights.py.  Most pixels are lit by all LEDs, and the others are done together.
+// The set of LEDs that explains a pixel best, and its slope; see nodes/shadow/label_lights.py. Most
+// pixels are lit by all LEDs, and the others are processed together.
 LANED __kernel void label_lights(
     __global const float *restrict light,
     __global const float *restrict sigma,
@@ -723,7 +723,7 @@ LANED __kernel void label_lights(
     const float steepest,
     const float dimmed)
 {
-    // One work-item does what is its own and that of those after it.
+    // One work-item does its own part and that of the following ones.
     const int item = get_global_id(0), end = min(LANES * (item + SHARE), H * W);
     if (item % SHARE) return;
     const Frame frame = {light, sigma, lights, height, prior, pixel, K, H, W};
@@ -732,7 +732,7 @@ LANED __kernel void label_lights(
     Doubtful doubtful;
     doubtful.number = 0;
     for (int at = LANES * item; at < end; at += RUN * LANES)
-        // That a run is whole is known to the compiler where it is.
+        // The compiler can tell that a run is complete where it is.
         if (end - at >= RUN * LANES)
             all_lit(&outputs, &frame, &rules, at, RUN * LANES, &doubtful);
         else

@@ -5,7 +5,7 @@
 
 #define MIN_EXPECTED_LIGHT 0.02f
 
-// The share of the expected light that is present, less a half; noisy light counts less.
+// The share of the expected light that is present, minus a half; noisy light counts less.
 static floats share_of(const floats light, const floats sigma, const floats shown, const float noisy)
 {
     const floats none = 0.0f, one = 1.0f, faintest = MIN_EXPECTED_LIGHT;

@@ -11,7 +11,7 @@
 #define MIN_EDGE_PX 1.2f
 #define NO_PIXEL -1
 #define MAX_LEDS 8
-// All light that shows where a shadow ends lies within this many pixels of it.
+// The light that determines a shadow's end lies within this many pixels of it.
 #define AROUND_END 4
 
 // Any of the labels of `count` pixels.
@@ -29,7 +29,8 @@ static int any_of(__global const uchar *labels, const int count)
     return result;
 }
 
-// The LEDs whose shadow may cover any of `count` pixels of a row, or a pixel `reach` beside them.
+// The LEDs whose shadow may cover any of `count` pixels of a row, or a pixel `reach` away from
+// them.
 static int shadows_near(
     __global const uchar *shadow, const int row, const int column, const int count,
     const int reach, const int H, const int W)

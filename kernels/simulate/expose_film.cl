@@ -82,7 +82,7 @@ LANED __kernel void cell_deviates(
     for (int k = 0; k < K; ++k) store_floats(deviates[k], cells + (k * H + row) * W + x, count);
 }
 
-// Images through the lens, with noise, in the camera's steps.
+// Images through the lens, with noise, quantised as by the camera.
 LANED __kernel void expose(
     __global const float *restrict clean,
     __global const float *restrict noise,

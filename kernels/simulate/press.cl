@@ -1,7 +1,7 @@
 #include "common.clh"
 #include "spread.clh"
 
-// The object in front of the film at rest; the film starts on it.
+// The part of the object in front of the film at rest, which is the film's initial shape.
 __kernel void rise(
     __global const float *restrict object,
     __global float *restrict obstacle,

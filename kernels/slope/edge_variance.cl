@@ -19,7 +19,7 @@ LANED __kernel void find_changes(
     store_floats(turn(n.along) + turn(n.down), changes + y * W + x, count);
 }
 
-// Add the square of what the slope may lack, by the largest change of 3 x 3 pixels.
+// Add the square of the slope's possible error, by the largest change of 3 x 3 pixels.
 LANED __kernel void add_lacking(
     __global const float *restrict variance,
     __global const float *restrict slope,

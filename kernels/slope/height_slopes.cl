@@ -2,7 +2,8 @@
 #include "lanes.clh"
 #include "border.clh"
 
-// Central differences of the height, one-sided at the border; too steep pixels are masked out.
+// Central differences of the height, one-sided at the border; pixels that are too steep are masked
+// out.
 LANED __kernel void height_slopes(
     __global const float *restrict height,
     const float pixel,

@@ -11,8 +11,8 @@ static floats within(const floats value, const floats limit)
     return LESS_OF(low, limit);
 }
 
-// What one axis adds to a slope: `by` is the change of that component of the normal per pixel, and
-// `dz` that of n_z.
+// The correction of a slope along one axis: `by` is the change of that component of the normal per
+// pixel, and `dz` that of n_z.
 static floats added(const floats by, const floats dz, const floats slope)
 {
     return dz * (by + slope * dz);

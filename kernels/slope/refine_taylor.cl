@@ -1,7 +1,7 @@
 #include "common.clh"
 #include "lanes.clh"
 
-// The spherical-harmonic reflectance of one LED, and its derivative by the normal.
+// The spherical-harmonic reflectance of one LED, and its derivative with respect to the normal.
 static floats reflect(
     __global const float *l, const floats x, const floats y, const floats z, floats *by_x,
     floats *by_y, floats *by_z)

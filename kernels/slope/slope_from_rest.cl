@@ -1,7 +1,7 @@
 #include "common.clh"
 #include "lanes.clh"
 
-// Slopes less those of the film at rest, or above it with them.
+// Slopes minus those of the film at rest, or plus them.
 LANED __kernel void slope_from_rest(
     __global const float *restrict slope,
     __global const float *restrict tilt,

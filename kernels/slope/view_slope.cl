@@ -4,7 +4,7 @@
 
 #define MIN_VIEW_SHARE 0.1f
 
-// Slopes of the seen height, or of the film, equation V2.
+// Slopes in the camera's view, or of the film, equation V2.
 LANED __kernel void view_slope(
     __global const float *restrict slope,
     __global const float *restrict height,
@@ -26,7 +26,7 @@ LANED __kernel void view_slope(
         const floats by = 1.0f / MORE_OF(share, least);
         p *= by;
         q *= by;
-        // What faces the camera by less is not seen.
+        // Film that faces the camera by less is not visible.
         const floats square = p * p + q * q, most = 1.0f / (MIN_VIEW_SHARE * MIN_VIEW_SHARE) - 1.0f;
         const floats less = inverse ? square : LESS_OF(square, most);
         const floats shorter = sqrt(less / square);

@@ -17,7 +17,7 @@ static floats means_of(
     return load_within_border(plane + row * W, column, count, W, REPLICATE);
 }
 
-// The LEDs that the first pixels of these cells rest on.
+// The LEDs used for the slopes of the first pixels of these cells.
 static ints leds_of(
     __global const uchar *used, const int row, const int column, const int count, const int W,
     const int side)
@@ -29,7 +29,8 @@ static ints leds_of(
     return TO_INTS(LOAD_LANES(values));
 }
 
-// The curl between LANES cells, those right of them and below, over what is expected, equation T2.
+// The curl between LANES cells, those right of them and below, over its standard deviation,
+// equation T2.
 LANED __kernel void slope_curl(
     __global const float *restrict slope,
     __global const float *restrict misfit,

@@ -16,14 +16,14 @@
 #define CALM_DEPARTURE 0.03f
 #define DARK_LIGHT 0.05f
 
-// The rows of `values`, of h x w cells each, UNTOLD where there is nothing to tell.
+// The rows of `values`, of h x w cells each; UNTOLD where a cell gives no evidence.
 #define AT_REST 0
 #define TOUCHED 1
 #define IN_SHADOW 2
 #define BRIGHTER 3
 #define UNTOLD (-INFINITY)
 
-// Where the figures of the film and of the light begin, behind those of the curl.
+// Where the figures of the film and of the light begin, after those of the curl.
 #define OF_FILM 1
 #define OF_LIGHT 6
 
@@ -35,7 +35,7 @@
          j < h * across;                                                                         \
          j += GROUP, y = j / across, x = LANES * (j - y * across), count = min(LANES, w - x))
 
-// The cells of a plane from x on, `beside` elements of the plane away; the border repeats.
+// The cells of a plane from x on, shifted by `beside` elements of the plane; the border repeats.
 static floats load_thin(
     __global const float *row, const int x, const int beside, const int count, const int W,
     const int step)
@@ -87,7 +87,7 @@ static ints is_steep(
     return p * p + q * q > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE;
 }
 
-// What each cell tells of the light, and how many cells tell what.
+// The evidence of each cell on the light, and the numbers of cells that give it.
 static ONCE void look_at_light(
     __global const float *departure,
     __global const float *brighter,
@@ -140,7 +140,7 @@ static ONCE void look_at_light(
     }
     const float cells = group_sum(steep, parts), edges = group_sum(bent, parts);
     const float dirt = group_sum(dirty, parts);
-    // Where most of the touch may hold edges its light is not compared.
+    // Where most of the touch may contain edges its light is not compared.
     if (4.0f * edges > 3.0f * cells) {
         EACH_CELL(y, x, count)
         {
@@ -218,7 +218,7 @@ static ONCE void look_at_rest(
     film[4] = top;
 }
 
-// By a group each: what the light of a touch tells, and the film at rest.
+// By one group each: the evidence of a touch's light, and the film at rest.
 LANED __kernel ONE_GROUP void look(
     __global const float *restrict departure,
     __global const float *restrict brighter,

@@ -13,10 +13,10 @@ MIN_LEDS = 3
 MIN_TIMESTAMP = 10**5
 """Smallest number that counts as a photograph's time, as in 20210425_093012: times have gaps."""
 MAX_LED_IMAGES = 16
-"""Most images that are taken for those of LEDs where no names are given."""
+"""Largest number of images that count as those of LEDs if no names are given."""
 USUAL_PATTERN = "led{}"
 NUMBERED_NAME = re.compile(r"(.*?)(\d+)(\D*)", re.DOTALL)
-"""Name without suffix: the part before its last number, the number, and the part behind."""
+"""Name without suffix: the part before its last number, the number, and the rest."""
 LIGHTS_ADVICE = "give `lights`=bgr"
 
 LEDS_ADVICE = "'leds: [1, 2, ...]' in capture.yaml"
@@ -31,14 +31,14 @@ def images_of(folder: Path) -> list[Path]:
 
 
 def colour_frames(folder: Path) -> list[Path]:
-    """Return images that are a capture each, in the order of their numbers; [] for a single one.
+    """Return colour images, each a capture, in the order of their numbers; [] for a single one.
 
-    Names of LEDs' images are not of colour frames.
+    Images with names of LEDs do not count.
 
     Raises
     ------
     InputError
-        If two differ in their suffix alone.
+        If two differ only in their suffix.
     """
     images = images_of(folder)
     if len(images) < 2 or any(re.fullmatch(r"(?i)led\d+", file.stem) for file in images):
@@ -53,12 +53,12 @@ def _by_number(part: str) -> tuple[int, str]:
 
 
 def is_hidden(path: Path) -> bool:
-    """Return whether it is hidden: a killed writer's remains (`atomic_files`), or a system file."""
+    """Return whether a file is hidden: left by a killed writer (`atomic_files`) or the system."""
     return path.name.startswith(".")
 
 
 def has_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> bool:
-    """Return whether a folder holds images that are one LED's each."""
+    """Return whether a folder holds one image per LED."""
     if pattern != USUAL_PATTERN:
         return any(_by_pattern(folder, pattern, leds or range(1, MAX_LED_IMAGES + 1)).values())
     if listed_capture(folder) is not None:
@@ -70,16 +70,16 @@ def has_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> boo
 def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> Named:
     """Return the image of each LED by its number, in the order of `leds`, or of the numbers.
 
-    With the usual pattern, images of any one name with numbers are taken in the order of these,
-    and this is said; images of other names with numbers are named as left out.  Of more LEDs than
-    a label holds, eight are taken that are spread evenly over the numbers.  Where the
-    capture's own file lists images (`listed_capture`), those are taken, in that order.
+    With the usual pattern, images of any one name with numbers are taken in their order, and a
+    message states it; images of other names with numbers are reported as ignored.  Of more LEDs
+    than a label holds, eight are taken at even distances in their numbers.  If the capture's own
+    file lists images (`listed_capture`), those are taken, in that order.
 
     Raises
     ------
     InputError
-        If an image is missing or there twice, several names may be meant, or there are fewer LEDs
-        than a slope needs, or more than `MAX_LED_IMAGES`.
+        If an image is missing or duplicate, the names are ambiguous, or there are fewer LEDs than
+        a slope needs, or more than `MAX_LED_IMAGES`.
     """
     if leds is not None and len(set(leds)) < len(leds):
         raise InputError(f"`leds`={','.join(map(str, leds))}: an LED is named twice")
@@ -158,7 +158,7 @@ def _may_be_leds(group: Named) -> bool:
 
 
 def _by_name(folder: Path) -> dict[tuple[str, str], Named]:
-    """The numbered images of a folder, grouped by the parts before and behind their numbers.
+    """The numbered images of a folder, grouped by the parts before and after their numbers.
 
     Upper and lower case are the same name, and so are numbers with and without leading zeros.
     """

@@ -1,4 +1,4 @@
-"""Captures of other software, whose own file lists their images: a ring reads them.
+"""Captures of other software, whose own file lists their images; a ring reads that file.
 
 A ring's ``captures/NAME.py`` reads folders that hold a ``NAME.yaml``.
 """
@@ -37,7 +37,7 @@ def listed_capture(folder: Path) -> ListedCapture | None:
     Raises
     ------
     InputError
-        If it is damaged, or lists images that are not beside it.
+        If it is damaged, or lists images that are not in its folder.
     """
     for name, reader in brought("captures").items():
         if (folder / f"{name}.yaml").is_file():

@@ -1,6 +1,6 @@
 """Read captures: one folder with an image per LED, or a folder of such folders.
 
-Long because images come in many layouts, and every one that does not fit has its message.
+Long because images come in many layouts, and every mistake has its own message.
 """
 
 import os
@@ -131,7 +131,7 @@ class Layout(NamedTuple):
         Which LEDs to read and in what order, counted from 1.  None: all that exist.
     files
         The images' name without suffix; ``{}`` stands for the LED's number, as in
-        ``image{:02}``.  Of the usual name, any one name with numbers may be in its place.
+        ``image{:02}``.  With the default, any one name with numbers is accepted.
     crop : x0, y0, x1, y1 in pixels; x1 and y1 are exclusive
     channel
         Of colour images, one per LED, the channel to read.  None: the mean of all three.
@@ -246,16 +246,16 @@ def read_capture(
         the lights.  Hidden folders and files are ignored.
     single : refuse a folder of captures
     calibration, another_sensor
-        A capture whose ``capture.yaml``, or that of the folder around it, names another `sensor`
-        or `serial` than this calibration cannot be used, or taken with a warning.
+        A capture whose ``capture.yaml``, or that of its parent folder, names another `sensor` or
+        `serial` than this calibration is refused, or accepted with a warning.
     whole : whether images may remain the camera's integers
 
     Returns
     -------
-    Images K x H x W, the folder's name, and the ground truth that a simulator wrote beside
-    them: height in mm (``truth_height_mm.npy``; that of the film at rest, ``rest_height_mm.npy``,
-    may also be in the folder around it), slope (``truth_slope.npy``) and shadow labels
-    (``truth_shadow.png``), each None if the file is absent; and the pixel size that a scan states.
+    Images K x H x W, the folder's name, and a simulator's ground truth in the same folder: height
+    in mm (``truth_height_mm.npy``; that of the film at rest, ``rest_height_mm.npy``, may also be
+    in the parent folder), slope (``truth_slope.npy``) and shadow labels (``truth_shadow.png``),
+    each None if the file is absent; and the pixel size that a scan states.
 
     Raises
     ------
@@ -298,7 +298,7 @@ def _check_folder(folder: Path) -> None:
 
 
 def _check_sensor(folder: Path, calibration: Path | None, another_sensor: bool) -> None:
-    """Refuse a capture of another sensor, which it names itself or the folder around it does."""
+    """Refuse a capture of another sensor, named in its file or in that of its parent folder."""
     if calibration is None:
         return
     for place in (folder, folder.absolute().parent):

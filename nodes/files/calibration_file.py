@@ -28,23 +28,23 @@ MIN_FLAT_LIGHT = 1e-3
 MIN_FILM_SHARE = 0.01
 """Share of a frame that must show film."""
 MAX_LENS_SHIFT = 0.5
-"""Share of the image's half diagonal by which a lens may move what lies at the border."""
+"""Share of the image's half diagonal by which a lens may move a point of the border."""
 COLOUR_LIGHTS = ("bgr", "rgb")
 """The orders of lights that are the channels of a colour image."""
 
 
 def _fits(arrays: Mapping[str, NDArray[Any]]) -> None:
-    """The check of a kind whose arrays fit together whatever they hold."""
+    """The check of a kind whose arrays have no common condition."""
 
 
 class FileKind(NamedTuple):
     """A kind of calibration: its name, version, the command that makes it, and its record.
 
-    What can be done with any kind is in a module of its name, ``calibrations/NAME_kind.py``
+    The operations on a kind are in a module of its name, ``calibrations/NAME_kind.py``
     (`nodes.calibrate.kinds`).  The file keeps the fields of `record` that are `Stored`.  Every kind
-    holds a `pixel_size`, and all but a camera's a `flat`.  `sources` is what to check if a
-    calibration fails, `users` who takes it.  `check` raises a `ValueError` if the arrays, each of
-    them as declared, cannot be of one sensor.
+    holds a `pixel_size`, and all but a camera's a `flat`.  `sources` lists the causes to check if a
+    calibration fails, `users` the graphs that take it.  `check` raises a `ValueError` if the
+    arrays, each valid by itself, cannot be of one sensor.
     """
 
     name: str
@@ -62,12 +62,12 @@ class FileKind(NamedTuple):
     def new_file(self, file: Path) -> Path:
         """Return the path of a new calibration, if it is free or of an earlier one of this kind.
 
-        For ``AfterValidator``: what is refused is refused before the work starts.
+        For ``AfterValidator``: a wrong name is refused before the work starts.
 
         Raises
         ------
         ValueError
-            If it has a wrong name, or another file is there.
+            If its name is wrong, or that of an existing file of another kind.
         """
         if file.suffix != ".npz":
             raise ValueError("a calibration file is called something.npz")
@@ -80,18 +80,18 @@ class FileKind(NamedTuple):
         return file
 
     def write(self, file: Path, values: Mapping[str, Any]) -> None:
-        """Write a calibration as one ``.npz``, replaced as a whole, readable without pickle.
+        """Write a calibration as one ``.npz``, atomically, readable without pickle.
 
         Parameters
         ----------
         values
-            The arrays of this kind, of which absent ones are those of a plain sensor, and further
+            The arrays of this kind (an absent one has the value of a plain sensor), and further
             data to store as JSON; a `Provenance` is stored as its dictionary.  The date is added.
 
         Raises
         ------
         InputError
-            If `read` would refuse the file, or it cannot be written; then none is written.
+            If `read` would refuse the file, which is then not written, or it cannot be written.
         """
         about = {name: value for name, value in values.items() if name not in self.values}
         head = {
@@ -116,12 +116,12 @@ class FileKind(NamedTuple):
         _write_archive(file, {ABOUT_ARRAY: np.array(json.dumps(head)), **typed})
 
     def write_record(self, file: Path, record: Any, about: Mapping[str, Any]) -> None:
-        """Write a record of this kind as `write` does, with more that the file says of itself."""
+        """Write a record of this kind as `write` does, with further entries of the header."""
         values = record_values(self.record, record)
         self.write(file, {**dict(zip(record_ports(self.record), values, strict=True)), **about})
 
     def replace(self, file: Path, arrays: Mapping[str, Any]) -> None:
-        """Write a calibration again with some of its arrays replaced; all else stays as it is.
+        """Replace some arrays of a calibration's file and keep the rest.
 
         Raises
         ------
@@ -198,7 +198,7 @@ class FileKind(NamedTuple):
 
         Parameters
         ----------
-        lights : how the images that it is used for hold the lights; None: not known
+        lights : layout of the lights in the images to measure; None if unknown
 
         Raises
         ------
@@ -235,9 +235,9 @@ class FileKind(NamedTuple):
 class About(NamedTuple):
     """Header of a calibration.
 
-    `quality` holds its figures, `doubts` what speaks against it, a sentence each.  `lights` is how
-    its images held the lights, as for `read_capture`; None where that is not known.  `serial` is
-    the camera's serial number, if it has one.  `head` is the header as it stands in the file.
+    `quality` holds its figures, `doubts` the findings against it, a sentence each.  `lights` is the
+    layout of the lights in its images, as for `read_capture`; None if unknown.  `serial` is the
+    camera's serial number, if it has one.  `head` is the header as stored in the file.
     """
 
     quality: dict[str, float]
@@ -319,7 +319,7 @@ def _check_head(file: Path, kind: FileKind, head: Mapping[str, Any]) -> None:
 
 
 def _check_arrays(kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Raise a `ValueError` that says which array is not as declared, and why."""
+    """Raise a `ValueError` that names an array that is not as declared, with the reason."""
     sizes: dict[str, int] = {}
     for name, value in kind.values.items():
         if name not in arrays:
@@ -332,7 +332,7 @@ def _check_arrays(kind: FileKind, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def _check_flat(arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Raise a `ValueError` if no film could be seen as the flat frame says."""
+    """Raise a `ValueError` if the flat frame shows too little film, or is dark."""
     flat, area = arrays["flat"], arrays["area"] > 0
     if area.mean() < MIN_FILM_SHARE:
         raise ValueError(f"'area' shows film at {area.sum()} of {area.size} pixels")
@@ -341,7 +341,7 @@ def _check_flat(arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def _check_lens(lens: NDArray[Any]) -> None:
-    """Raise a `ValueError` if no lens shows the border of an image where this one does."""
+    """Raise a `ValueError` if the lens moves the border of an image by too much."""
     along = np.linspace(-1, 1, 17)
     border = [(x, y) for x in along for y in (-1, 1)] + [(x, y) for x in (-1, 1) for y in along]
     u, v = np.array(border).T / np.sqrt(2)

@@ -1,4 +1,4 @@
-"""Whether images hold light of which a height can be made: exposure, depth, a mosaic."""
+"""Check that images are fit for a height: exposure, bit depth, no raw mosaic."""
 
 import math
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from tactograph.nodes import FALSE_ALARMS
 from tactograph.nodes.files.image_files import bits_in, check_white, size_of
 
 MIN_SIDE_PX = 4
-"""Least rows and columns of a capture: a cell of those on which rough heights are found."""
+"""Smallest number of rows and columns of a capture: one cell of a rough height."""
 MIN_LIGHT_SHARE = 0.005
 """Share of full scale that the brightest hundredth of an image must reach..."""
 GLINT_SHARE = 0.5
@@ -28,20 +28,21 @@ MIN_LEVELS = 255
 MAX_SATURATED = 1e-3
 """Share of saturated pixels that raises a warning."""
 MIN_PLATEAU_SHARE, PLATEAU_SIDE_SHARE = 0.9, 0.97
-"""Share of full scale above which a plateau at the largest value is saturation, and of that value
-above which light that was not cut off has at most as many pixels."""
+"""Share of full scale above which a plateau at the largest value is saturation, and share of that
+value above which unsaturated light has at most as many pixels."""
 SURE_PARITY_SPREAD = 0.3
-"""Spread that no lens resolves between neighbours over the whole block: such images are refused."""
+"""Spread between neighbours, over the entire block, that no lens resolves: such images are
+refused."""
 PARITY_BLOCK_PX = 64
 """Side of the middle block in which pixels of even and odd rows and columns are compared."""
 MAX_PARITY_SPREAD, PARITY_ERRORS = 0.04, 6.0
-"""Spread of their means, relative and in standard errors, up to which they show one light."""
+"""Spread of their means, relative and in standard errors, that is accepted."""
 
 COMPARED_PIXELS = 16
 """Pixels of a line by which one of a single value is looked for, before all of them are."""
 JPEG_SUFFIXES = (".jpg", ".jpeg")
 JPEG_BLOCK_PX, COMPARED_BLOCKS = 8, 16
-"""Side of the blocks that JPEG compresses each for itself, and of them that are looked at."""
+"""Side of the blocks that JPEG compresses separately, and number of blocks to examine."""
 
 
 def normalised(stack: NDArray[Any], files: list[Path], white: int | None) -> NDArray[np.float32]:
@@ -64,7 +65,7 @@ def check_exposed(
     stack : K x H x W or K x H x W x 3, unsigned integers, or floats as fractions of full scale
     names : of the K images, for messages
     white : the integers' full scale; None: the largest of their type
-    how_depth : what to do if only `bits` of them, up to `full`, are in use
+    how_depth : advice if only `bits` of the bits, up to `full`, are in use
     """
     if min(stack.shape[1:3]) < MIN_SIDE_PX:
         raise InputError(
@@ -131,8 +132,8 @@ def check_exposed(
 
 
 def _level_step(plane: NDArray[Any]) -> int:
-    """The distance of all values from one another, 0 if they are one; 1 where nothing is coarse."""
-    for values in plane[0], plane:  # a row tells most images
+    """The common step between all values; 0 if all are equal, 1 if the image is not coarse."""
+    for values in plane[0], plane:  # a single row decides for most images
         step = int(np.gcd.reduce(values - values.min(), axis=None))
         if step == 1:
             break
@@ -142,7 +143,7 @@ def _level_step(plane: NDArray[Any]) -> int:
 def _has_jpeg_blocks(plane: NDArray[Any]) -> bool:
     """Whether light changes most across every eighth line, along rows and along columns.
 
-    Without blocks any of eight lines may be that, so that those which lie alike are binomial.
+    Without blocks each of the eight lines is as likely, so the counts are binomial.
     """
     blocks = min(COMPARED_BLOCKS, (min(plane.shape[:2]) - 1) // JPEG_BLOCK_PX)
     if plane.ndim > 2 or blocks < 2:

@@ -65,7 +65,7 @@ class _Sent(NamedTuple):
 
 
 def coated(film: Film, cells: Cells, sources: F4, grid: Grid) -> Law:
-    """The law of light between cells of a coated film, of which the camera sees `sources`.
+    """The law of light between cells of a coated film that sends `sources` to the camera.
 
     Light is relative to the film at rest that the same pixel sees.
     """

@@ -223,7 +223,7 @@ def label_lights(
     prior : 2 x H x W, the expected slope; for ``pair: prior`` only
     pixel : mm per px
     uneven : standard deviation of the film's brightness, as a share
-    wrap : how far light goes on falling behind the terminator; None or 0: not at all
+    wrap : how far light keeps falling beyond the terminator; None or 0: not at all
     turn : radians by which leaving LEDs out must turn a normal; None or 0: any angle
 
     Returns

@@ -13,7 +13,7 @@ from tactograph.nodes import Light
 def diffuse_gel(
     light: Light, rest: Light, *, share: Annotated[float, Interval(ge=0, le=1)] = 0.0
 ) -> Light:
-    """Return light of which a share comes from all sides, independent of the film's slope.
+    """Return light of which the gel diffuses a share, which does not depend on the film's slope.
 
     The light of the film, 1 at rest, becomes (1 - share) n.v + share, so that shadows are no
     longer black.  On a GelSight bench sensor the share is 0.36 to 0.42.

@@ -1,9 +1,9 @@
 """Images of a film's light as a calibrated camera records them.
 
-The noise is drawn by a counter, so that it is the same wherever and in whatever order pixels are
-computed (Philox: Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", 2011): the key is
-the seed and the number of the image, the counter the number of the pixel, and each of its four
-words makes two normal deviates (Box and Muller 1958).
+The noise is drawn by a counter, so that it does not depend on the device or on the order in which
+pixels are computed (Philox: Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", 2011):
+the key is the seed and the number of the image, the counter the number of the pixel, and each of
+its four words makes two normal deviates (Box and Muller 1958).
 """
 
 from typing import Annotated, NamedTuple
@@ -21,10 +21,10 @@ from tactograph.nodes.optics.lens import ideal_places, is_straight
 
 MAX_LEDS, PHILOX_WORDS = 8, 4
 GRAIN_CELL_PX = 4
-"""Side of the cells by which noise is alike: those over which `noise_correlation` takes means."""
+"""Side of the cells of correlated noise: those over which `noise_correlation` takes means."""
 GRAIN_VARIANCE = 1 / (GRAIN_CELL_PX**2 * 0.59375**2)
-"""Variance of the cells' deviates per variance of the means over cells; it is 0.59375 of itself
-that a mean over interpolated values keeps along each axis."""
+"""Variance of the cells' deviates over that of the means over cells: a mean over interpolated
+values has 0.59375 of the standard deviation along each axis."""
 FRACTION_BITS = 23
 
 Taken = Annotated[F4, Port("1", "1")]
@@ -32,7 +32,7 @@ Taken = Annotated[F4, Port("1", "1")]
 
 
 class Exposure(NamedTuple):
-    """The images of the camera, and how many there have been."""
+    """The images of the camera, and the number of images so far."""
 
     image: Light
     taken: Taken
@@ -60,14 +60,14 @@ def expose_film(
     ----------
     light : K x H x W, relative to the film at rest
     flat : K x H x W, the untouched film
-    noise : that of the images, in their units
+    noise : of the images, in their units
     correlation
         Variance of a mean over pixels, relative to that with independent noise; without it the
         noise of neighbours is independent.
-    dark : H x W, what the camera sees with all LEDs off
+    dark : H x W, the image with all LEDs off
     lens : length 8; the images are those of the camera's pixels
     before
-        The number of images before, from `taken` of the item before: no two have the same noise.
+        The number of earlier images, `taken` of the previous item: no two have the same noise.
     bits : bit depth; 0 to 2^bits - 1 become 0 to 1
     seed : of the noise, the same for the same seed; None: no noise
     """
@@ -85,7 +85,7 @@ def expose_film(
 
 
 def _deviates(shape: tuple[int, ...], seed: int, image: int, correlation: float) -> F4:
-    """Return normal deviates of variance 1 for every pixel, and what neighbours share."""
+    """Return normal deviates of variance 1 for every pixel, and the part that neighbours share."""
     count, *size = shape
     pixels = _normal(count, size, [seed, 2 * image])
     if correlation <= 1:
@@ -113,7 +113,7 @@ def _fraction(words: NDArray[np.uint64]) -> F4:
 
 @expose_film.opencl()
 def _launch(run: Launch) -> None:
-    """Images without noise, the cells' deviates, then what the camera makes of both."""
+    """Images without noise, the cells' deviates, then the camera's images of both."""
     inputs, settings, sizes = run.inputs, run.settings, [run.sizes[symbol] for symbol in "KHW"]
     count, *size = sizes
     clean, by_rows = run.scratch((count, *size)), run.in_row_lanes(*size)

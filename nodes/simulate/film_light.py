@@ -1,4 +1,4 @@
-"""The light of a calibrated film of any shape: the model that a calibration holds, forwards."""
+"""The light of a calibrated film of any shape: the forward model of a calibration."""
 
 from typing import Any
 
@@ -28,8 +28,8 @@ def film_light(
 ) -> Light:
     """Return the light of a film relative to a plane film at rest (equation F1).
 
-    Where something stands between a place and an LED, the light that the gel diffuses is left:
-    s (b - (1 - b) w) of equation F1.
+    In a cast shadow only the light remains that the gel diffuses: s (b - (1 - b) w) of
+    equation F1.
 
     Parameters
     ----------
@@ -37,8 +37,8 @@ def film_light(
     height : H x W in mm, as the camera sees it (`view_slope`)
     film : the LEDs' and the film's properties
     pixel : mm per px
-    shadow : H x W, the LEDs that something keeps off, from `cast_shadows`
-    rest : H x W in mm, the seen height of the film at rest; None: a plane
+    shadow : H x W, the LEDs in whose shadow a pixel is, from `cast_shadows`
+    rest : H x W in mm, the film at rest as the camera sees it; None: a plane
     """
     rows, columns = height.shape
     x = np.tile(places(columns, np.float32(pixel)), rows)
@@ -82,5 +82,5 @@ def _launch(run: Launch) -> None:
 
 @film_light.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """The film that `matt_light` is tried on."""
+    """The film on which `matt_light` is tested."""
     return example_film(rng, K, H, W)

@@ -36,7 +36,7 @@ LIFT_PX = 1e-3
 
 
 MIN_COAT_COSINE = np.float32(1e-3)
-"""Smallest cosine towards LED, camera and half-vector that a coat is computed for."""
+"""Smallest cosine towards LED, camera and half vector for which a coat is computed."""
 
 
 class Rendered(NamedTuple):
@@ -223,7 +223,7 @@ def _launch(launch: Launch) -> None:
 
 @render.example
 def _example(rng: np.random.Generator, K: int, **sizes: int) -> dict[str, F4]:
-    """LEDs in front of any height that a test draws."""
+    """LEDs in front of every height that a test draws."""
     sideways = rng.uniform(-20, 20, (K, 2))
     return {"lights": np.column_stack([sideways, rng.uniform(15, 40, K)]).astype(np.float32)}
 

@@ -120,7 +120,7 @@ def judge_touch(
                 likely = other_colours(light * flat, flat)
             doubt = likely or _sentence([*causes.values()], evidence, motion, open_rims)
             if len(causes) == len(alone) and not force:
-                raise InputError(f"{doubt}: no height follows; `force`=true goes on all the same")
+                raise InputError(f"{doubt}: no height is computed; `force`=true continues anyway")
             warn(f"{doubt}; the height may be wrong")
     if rim_share is not None:
         figures["rim_share"] = rim_share

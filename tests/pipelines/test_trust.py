@@ -24,7 +24,7 @@ OTHER_RIG = {"far28": "near33", "near33": "far28"}
 ANOTHER = {"sphere": "cat_film", "sphere_film": "cat_film", "cat_film": "sphere_film"}
 SHAPES = ["sphere_film", *(pytest.param(s, marks=pytest.mark.slow) for s in ("sphere", "cat_film"))]
 DOUBT = "; the height may be wrong"
-REFUSAL = "no height follows"
+REFUSAL = "no height is computed"
 FALSE_ALARMS = 0.01
 
 

@@ -114,7 +114,7 @@ def test_on_windows_the_runtime_is_found_where_the_package_puts_it(
         ("linux", "x86_64", 'pip install "tactograph[cpu]"'),
         ("win32", "AMD64", 'pip install "tactograph[cpu]"'),
         ("linux", "aarch64", "pocl"),
-        ("darwin", "arm64", "macOS has one of its own"),
+        ("darwin", "arm64", "macOS includes one"),
     ],
 )
 def test_the_reason_why_no_device_works_says_how_to_install_one(

@@ -1,4 +1,4 @@
-"""A source may leave images as the camera's integers where the device alone reads them."""
+"""A source may leave images as the camera's integers if only the device reads them."""
 
 from collections.abc import Callable
 from typing import Any

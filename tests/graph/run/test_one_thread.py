@@ -20,7 +20,7 @@ def opened(text: str) -> Pipeline:
     return open_pipeline(graph_of(text), {}, backend="numpy")
 
 
-def test_a_second_thread_is_refused_while_the_first_is_at_work() -> None:
+def test_a_second_thread_is_refused_while_the_first_is_running() -> None:
     pipeline = load(graph_of(lit_by("gated", WAITING)), backend="numpy")
     results: list[float] = []
     Gate.close()

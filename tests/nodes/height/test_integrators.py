@@ -1,4 +1,4 @@
-"""Integrators give back the surface that the slopes came from, at its true scale."""
+"""Integrators recover the surface of the slopes, at its true scale."""
 
 import numpy as np
 import pytest

@@ -155,7 +155,7 @@ def test_outliers_are_rejected() -> None:
 
 
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """How many cycles every call of the solver takes, from now on."""
+    """The numbers of cycles of all later calls of the solver."""
     counts: list[int] = []
     plain = springs.cycle
 
@@ -245,7 +245,7 @@ def test_a_flat_top_is_not_the_film_at_rest() -> None:
 
 
 def test_the_gentle_skirt_of_a_press_is_not_pinned_to_zero() -> None:
-    """A film comes back to rest as exp(-d / reach); 5 sigma before that it looks calm."""
+    """A film returns to rest as exp(-d / reach); below 5 sigma it looks calm."""
     x = np.arange(SHAPE[1], dtype=np.float32) * PIXEL
     z = 0.3 * np.exp(-np.maximum(x - 1, 0) / 0.5)
     p = np.tile(np.gradient(z, PIXEL), (SHAPE[0], 1)).astype(np.float32)
@@ -324,7 +324,7 @@ def test_a_loose_spike_settles_and_a_ridge_stays() -> None:
 
 
 def test_the_coarser_network_keeps_the_stiffness_of_its_springs() -> None:
-    """And joins shadows from block to block; a border of single pixels makes blocks, too."""
+    """It also joins ties between blocks; single pixels at the border are blocks, too."""
     rng = np.random.default_rng(4)
     right, down, ground = (
         rng.uniform(0.1, 1, shape).astype(np.float32) for shape in ((13, 16), (12, 17), (13, 17))

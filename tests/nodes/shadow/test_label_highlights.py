@@ -15,7 +15,7 @@ SIGMA = np.float32(0.005)
 
 
 def glossy(gloss: float, lights: F4 = LIGHTS) -> tuple[F4, F4, F4]:
-    """A cap's light relative to the film at rest, the share that is mirrored, its slope."""
+    """A cap's light relative to the film at rest, its mirrored part, and its slope."""
     slope = ball(*SHAPE, 60)[1]
     p, q = slope
     normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)

@@ -65,7 +65,7 @@ def test_a_lit_film_gives_its_slope(p: float, q: float, height: int) -> None:
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.5])
-def test_noise_makes_no_bowl_of_the_film_and_no_tilt_steeper(tilt: float) -> None:
+def test_noise_does_not_bias_slopes(tilt: float) -> None:
     shape, noise = (240, 320), np.float32(0.03)
     film, level = np.zeros(shape, np.float32), np.zeros((2, *shape), np.float32)
     level[0] = tilt
@@ -127,7 +127,7 @@ def test_shadows_are_labelled_although_none_is_quite_black() -> None:
     assert evaluate_shadow(result, rendered.labels)["shadow_iou"] > 0.89
 
 
-def test_two_shadows_leave_the_exact_slope_as_one_of_two() -> None:
+def test_with_two_shadows_the_exact_slope_is_one_of_two() -> None:
     slope = level(0.5, 0.4)
     light = light_of(slope)
     light[[0, 1]] = 0
@@ -149,14 +149,14 @@ def test_an_attached_shadow_decides_between_the_two_normals() -> None:
     assert np.abs(result.slope - steep).max() < 5e-3
 
 
-def test_film_in_two_shadows_lies_level() -> None:
+def test_level_film_in_two_shadows_stays_level() -> None:
     light = light_of(LEVEL)
     light[[1, 2]] = 0
     for pair in ("prior", "attached"):
         assert np.abs(label(light, prior=level(1, 1), pair=pair).slope).max() < 1e-3
 
 
-def test_with_one_led_nothing_is_known() -> None:
+def test_with_one_led_the_slope_is_unknown() -> None:
     light = light_of(level(0.3, 0.1))
     light[:3] = 0
     result = label(light)
@@ -208,7 +208,7 @@ def test_film_brighter_than_a_normal_explains_is_not_taken_for_dirt() -> None:
 
 
 def in_gel(slope: F4) -> tuple[F4, F4]:
-    """Matt light, and its standard deviation, of film that light reaches from around the LEDs."""
+    """Matt light, and its standard deviation, of film in a gel that scatters light."""
     p, q = slope
     normal = np.stack([-p, -q, np.ones_like(p)]) / np.sqrt(1 + p * p + q * q)
     light = wrapped((light_vectors(LIGHTS, FILM, PIXEL) * normal).sum(axis=1), WRAP)

@@ -1,4 +1,4 @@
-"""Where a lit pixel has a shadow right behind it, the height may jump."""
+"""Where a lit pixel is followed by a shadow, the height may jump."""
 
 import numpy as np
 import pytest

@@ -26,13 +26,13 @@ SHALLOW = np.float32(0.2) * SLOPE
 GENTLE = lambert(SHALLOW)
 
 
-def test_nothing_is_shadowed_where_all_leds_reach() -> None:
+def test_no_label_where_all_leds_reach() -> None:
     assert not LABELS[LIT == 15].any()
 
 
-def test_the_one_led_that_does_not_reach_is_found() -> None:
+def test_the_shadowed_led_is_found() -> None:
     one_dark = np.bitwise_count(LIT) == 3
-    # Close to the terminator the light that is missing is within the noise.
+    # Close to the terminator the missing light is within the noise.
     missing = np.abs(np.tensordot(NULL, LIGHT, axes=1)) > 0.006
     assert np.array_equal((LABELS == (15 & ~LIT))[one_dark], missing[one_dark])
     assert missing[one_dark].mean() > 0.8
@@ -51,7 +51,7 @@ def test_every_calibration_pixel_finds_itself() -> None:
     assert np.array_equal(nearest[:, single], SLOPE[:, single])
 
 
-def test_the_coarse_slope_is_near_and_the_refined_one_right() -> None:
+def test_the_coarse_slope_is_near_and_the_refined_one_exact() -> None:
     none = np.zeros(Z.shape, np.uint8)
     coarse = lut_nearest(GENTLE, none, INDEX)
     fine = refine_taylor(GENTLE, coarse, none, FIT)
