@@ -211,7 +211,7 @@ class Layout(NamedTuple):
         """
         if flat is not None and os.path.realpath(flat) == os.path.realpath(folder):
             raise InputError(
-                f"`flat`={flat}: is the folder of the presses; give the untouched film's"
+                f"{flat}: is the folder of the presses; give another as that of the untouched film"
             )
         captures = [*read_capture(folder=folder, **self._asdict())]
         first = captures[0].image
