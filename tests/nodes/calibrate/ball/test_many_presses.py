@@ -184,7 +184,7 @@ def test_presses_of_different_sizes_or_of_the_untouched_film_are_refused(tmp_pat
     write(tmp_path / "two", np.ones((3, 4, 6), np.float32))
     with pytest.raises(InputError, match="two: is 3 lights of 6 x 4 pixels, but one is"):
         read_balls(folder=tmp_path, radius_mm=7.0)
-    with pytest.raises(InputError, match=r"`flat`=.*: is the folder of the presses; give the"):
+    with pytest.raises(InputError, match="is the folder of the presses; give another"):
         read_balls(folder=tmp_path, flat=tmp_path / "one" / "..", radius_mm=7.0)
 
 
