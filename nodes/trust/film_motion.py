@@ -56,9 +56,9 @@ def change_in_words(motion: FilmMotion) -> str:
     lit = f"all LEDs together are {sense} by {abs(added):.1%}, most where film is dim"
     if not moved:
         return (
-            f"on the film at rest {lit}: is it {source}, or another zoom or crop? (keep other "
-            "light out, or calibrate under it and with a dark image of it; put black level, zoom "
-            "and crop back as they were)"
+            f"on the film at rest {lit}: is it {source}, a gamma, or another zoom or crop? (keep "
+            "other light out, or calibrate under it and with a dark image of it; put black level, "
+            "gamma, zoom and crop back as they were)"
         )
     cure = "put camera, lens, zoom and crop back as they were for the calibration"
     return (
