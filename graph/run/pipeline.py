@@ -319,6 +319,7 @@ class Pipeline:
             `set`).
         """
         with self._turn:
+            self._keep()
             self._refuse_without_item("again")
             self._items.prepare()
             return self._items.again(outputs)
