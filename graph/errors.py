@@ -172,7 +172,7 @@ def missing(path: Path, what: str) -> str:
     first = next((each for each in (path, *path.parents) if each.parent.is_dir()), path)
     where = "" if first == path else f", nor '{first}'"
     if first.is_symlink():
-        return f"{path}: there is no such {what}; '{first}' links to '{first.readlink()}'"
+        return f"{path}: there is no such {what}; '{first}' is a link to '{first.readlink()}'"
     try:
         siblings = [each.name for each in first.parent.iterdir()]
     except (OSError, ValueError):

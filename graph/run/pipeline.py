@@ -320,6 +320,7 @@ class Pipeline:
             If no item has cached results yet: load with ``cache=Cache()``, or call `set` first.
         """
         with self._turn:
+            self._keep()
             self._refuse_without_item("again")
             self._items.prepare()
             return self._items.again(outputs)

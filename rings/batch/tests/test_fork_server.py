@@ -43,6 +43,8 @@ from tactograph.rings.batch.fork_server import start_processes
 print(start_processes(1).submit(int).result())
 """
 ASKED_FOR_DEVICES = """
+import os
+os.environ.pop("PYOPENCL_HOME", None)  # of the tests' own process
 from tactograph.rings.batch.fork_server import start_processes
 ask = "import tactograph.graph.backends.devices as devices; devices.find_devices()"
 start_processes(1).submit(exec, ask).result()

@@ -216,6 +216,12 @@ def test_inspect_and_again_need_an_item() -> None:
         pipeline.inspect("light")
     pipeline(frames=STACK)
     np.testing.assert_array_equal(pipeline.inspect("light"), STACK)
+    other = load(graph_of(CHAIN), backend="numpy")
+    other(frames=STACK)
+    with pytest.raises(InputError, match="no item has run since results are kept; run one now"):
+        other.again()
+    other(frames=STACK)
+    assert "light" in other.again().reused
 
 
 def test_a_wrong_setting_changes_nothing() -> None:

@@ -10,7 +10,7 @@ from matplotlib.patches import Circle
 from tactograph.rings.oneshot.nodes.presses import Circles
 from tactograph.sdk import BLUE, F4, ORANGE, U1, Light, NewPicture, Port, node, write_picture
 
-TITLE_LETTERS = 130
+TITLE_LETTERS = 120
 """Letters in a line of the title."""
 
 
@@ -43,7 +43,11 @@ def plot_presses(
         if radius > 0:
             colour = BLUE if is_used else ORANGE
             film.add_patch(Circle((x, y), radius, fill=False, edgecolor=colour))
-            film.annotate(str(number), (x, y), color=colour, ha="center", va="center", fontsize=7)
+            # On a plate: dark film and bright film hide letters of any colour.
+            film.annotate(
+                str(number), (x, y), ha="center", va="center", fontsize=8,
+                bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5},
+            )  # fmt: skip
     film.set(
         title=f"{used.sum()} contacts used (blue), {np.sum(~used & (circle[:, 2] > 0))} left out",
         xlabel="x / px",
@@ -53,6 +57,6 @@ def plot_presses(
     )
     errors.bar(np.flatnonzero(used) + 1, heldout_deg[used], color=BLUE)
     errors.set(title="normal, held out / degrees", xlabel="contact, by number")
-    title_lines = [textwrap.fill(line, TITLE_LETTERS) for line in (verdict, advice)]
-    figure.suptitle("\n".join(title_lines), fontsize=9)
+    lines = [textwrap.fill(line, TITLE_LETTERS) for line in (verdict, f"next: {advice}")]
+    figure.suptitle("\n".join(lines), x=0.02, ha="left", fontsize=11)
     write_picture(figure, file)
