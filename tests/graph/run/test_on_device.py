@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pyopencl.array import Array, to_device
 
 from tactograph.graph import Cache, InputError, load
+from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.run.pipeline import Pipeline
 from tests.fixtures import Calibration, Raytraced
@@ -56,6 +57,25 @@ def test_sensor_and_height_are_chained_without_a_transfer(
     monkeypatch.undo()
     np.testing.assert_array_equal(first.get(), expected[0])
     np.testing.assert_array_equal(second.get(), expected[1])
+
+
+def test_what_the_host_sent_is_not_brought_back(
+    raytraced: Raytraced, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each pass of `precise` asks where film is at rest, which the host found out."""
+    truth = np.load(raytraced / "near33" / "cat_film" / "truth_height_mm.npy")
+    given: dict[str, Any] = {"calibration": calibration("near33"), "backend": "opencl"}
+    frames = load("see_touch", outputs=["image"], seed=None, **given)(height=truth)["image"]
+    precise, brought = load("precise", outputs=["height"], **given), []
+    start = Queue.start_download
+
+    def noted(queue: Queue, source: DeviceArray) -> Any:
+        brought.append((source.shape, str(source.dtype)))
+        return start(queue, source)
+
+    monkeypatch.setattr(Queue, "start_download", noted)
+    precise(frames=frames)
+    assert brought.count((truth.shape, "uint8")) == 1, "film that looks calm, for the host"
 
 
 @pytest.mark.parametrize("cache", [None, Cache()], ids=["", "kept"])
