@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pyopencl.array import Array, to_device
 
 from tactograph.graph import Cache, InputError, load
+from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.run.pipeline import Pipeline
 from tests.fixtures import Calibration, Raytraced

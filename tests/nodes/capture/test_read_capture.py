@@ -218,7 +218,7 @@ SPOIL = {
     "led1.png: is 8 bit, but 'bits: 12' in capture.yaml says 12": lambda d: (
         d / "capture.yaml"
     ).write_text("bits: 12\n"),
-    "led2.png' links to 'gone.png'": lambda d: [
+    "led2.png' is a link to 'gone.png'": lambda d: [
         (d / "led2.png").unlink(),
         (d / "led2.png").symlink_to("gone.png"),
     ],
