@@ -70,7 +70,7 @@ def check_exposed(
     counts = stack.dtype.kind == "u"
     full = white or int(np.iinfo(stack.dtype).max) if counts else 1
     brightest = [plane.max().item() for plane in stack]
-    shallow, has_warned = "", False
+    shallow, is_mosaic = "", False
     if counts and full > 4095 and max(brightest) < 4096:
         depth = 8 if max(brightest) < 256 else 12
         shallow = f"if it is {depth} bit, {how_depth.format(bits=depth, full=2**depth - 1)}"
@@ -84,16 +84,7 @@ def check_exposed(
         if saturated > MAX_SATURATED:
             at = "" if most == full else f" at {most} of {full}"
             warn(f"{name}: {saturated:.1%} of the pixels are saturated{at}; expose shorter")
-        if not has_warned and (spread := _parity_spread(plane)):
-            has_warned = True
-            mosaic = (
-                f"{name}: is it a colour camera's raw mosaic, or of interlaced lines? Even and odd "
-                f"pixels differ by {spread:.0%}; give the colour image (`channel`=red takes one), "
-                "or whole frames"
-            )
-            if spread > SURE_PARITY_SPREAD:
-                raise InputError(mosaic)
-            warn(mosaic)
+        is_mosaic = is_mosaic or _check_mosaic(plane, name)
     if shallow and white is None:
         warn(f"{names[0]}: {bits_in(stack)} bit, but no value above {2**depth - 1}; {shallow}")
     if _has_jpeg_blocks(stack[0]):
@@ -154,6 +145,22 @@ def _saturated(plane: NDArray[Any], most: float, full: float) -> float:
         return share
     side_share = np.count_nonzero(plane > PLATEAU_SIDE_SHARE * most) / plane.size - share
     return share if 0 < side_share < share else 0.0
+
+
+def _check_mosaic(plane: NDArray[Any], name: Path | str) -> bool:
+    """Refuse a certain mosaic; warn of a possible one and return True."""
+    spread = _parity_spread(plane)
+    if not spread:
+        return False
+    mosaic = (
+        f"{name}: is it a colour camera's raw mosaic, or of interlaced lines? Even and odd "
+        f"pixels differ by {spread:.0%}; give the colour image (`channel`=red takes one), "
+        "or whole frames"
+    )
+    if spread > SURE_PARITY_SPREAD:
+        raise InputError(mosaic)
+    warn(mosaic)
+    return True
 
 
 def _parity_spread(plane: NDArray[Any]) -> float:
