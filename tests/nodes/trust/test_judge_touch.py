@@ -150,5 +150,5 @@ def test_rims_are_a_warning_unless_something_else_measures_them(
     with collect_warnings(notes):
         found = judged(0.1, rim_share=hanging, rims_measured=measured)
     assert found["rim_share"] == hanging
-    assert notes == [note for note in notes if "50% of the touch hangs on rims" in note]
+    assert notes == [note for note in notes if "50% of the touch depends on rims" in note]
     assert len(notes) == told
