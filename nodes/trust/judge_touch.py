@@ -118,8 +118,8 @@ def judge_touch(
         figures["rim_share"] = rim_share
         if on_rims and not rims_measured:
             warn(
-                f"{rim_share:.0%} of the touch depends on rims that light does not measure: steeper "
-                "than a cell shows, or in the shadow of several LEDs. It may stand higher "
+                f"{rim_share:.0%} of the touch depends on rims that light does not measure: too "
+                "steep for a cell, or in the shadow of several LEDs. Its true height may be larger "
                 "(precise measures rims by their shadows)"
             )
     return figures

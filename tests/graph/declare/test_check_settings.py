@@ -31,7 +31,7 @@ def refusal(**settings: Any) -> str:
     return str(caught.value)
 
 
-def test_defaults_are_filled_in_and_whole_numbers_are_fractions_and_text_is_a_path() -> None:
+def test_defaults_are_filled_in_and_values_converted() -> None:
     defaults = {"way": "left", "share": None, "corner": (0, 0), "level": 1.0, "bright": False}
     assert check() == defaults
     assert check(level=2)["level"] == 2.0
@@ -78,12 +78,12 @@ def test_a_wrong_value_is_refused_with_its_place(settings: dict[str, Any], messa
     assert len(said) < 250
 
 
-def test_a_parameter_that_is_needed_is_asked_for() -> None:
+def test_a_missing_parameter_is_refused() -> None:
     with pytest.raises(GraphError, match="node 'choosy' needs the parameter 'way'"):
         check_settings(choosy, {}, where)
 
 
-def test_a_value_that_is_not_given_yet_is_taken_to_be_right_but_not_the_one_beside_it() -> None:
+def test_a_pending_value_is_accepted_while_others_are_checked() -> None:
     assert check(way=PARAM_PLACEHOLDER)["way"] is PARAM_PLACEHOLDER
     assert check(way=PARAM_PLACEHOLDER, level=PARAM_PLACEHOLDER)["corner"] == (0, 0)
     assert "with.share" in refusal(way=PARAM_PLACEHOLDER, share=7)
@@ -129,6 +129,6 @@ def test_a_tilde_is_the_user_s_home(monkeypatch: pytest.MonkeyPatch, tmp_path: P
         check_settings(node, {"folder": "~nobody-of-that-name"}, where)
 
 
-def test_of_one_or_two_values_three_are_told_in_plain_words() -> None:
+def test_too_many_values_are_refused_in_plain_words() -> None:
     with pytest.raises(GraphError, match=r"at most 2 items, not \[0\.1, 0\.2, 0\.3\]$"):
         check_settings(find_node("pixel_size"), {"mm": [0.1, 0.2, 0.3]}, where)

@@ -97,7 +97,7 @@ def test_every_node_file_is_a_node_of_that_name() -> None:
 
 
 @pytest.mark.parametrize("name", ["_fourier", "__init__", "os", "os.path", "", "read_capture.x"])
-def test_what_is_no_node_is_not_found(name: str) -> None:
+def test_a_name_that_is_no_node_is_not_found(name: str) -> None:
     with pytest.raises(GraphError, match="no node is called"):
         find_node(name)
 
@@ -162,7 +162,7 @@ def test_a_name_of_two_packages_is_an_error_that_names_both(install: Install, wr
         load(write(STREAM.format(name="acme_scale")))
 
 
-def test_a_shipped_node_goes_before_a_plug_in_of_its_name(install: Install) -> None:
+def test_a_shipped_node_takes_precedence_over_a_plug_in(install: Install) -> None:
     install("acme-optics", "flat_field")
     with pytest.warns(UserWarning, match="'flat_field' of acme-optics is not used"):
         assert find_node("flat_field").package == "tactograph"

@@ -34,7 +34,7 @@ def test_in_a_clone_a_node_is_four_files(tactograph: Command, clone: Path) -> No
 
 @pytest.mark.parametrize("check", [["check"], ["format", "--check", "--diff"]])
 @pytest.mark.parametrize("ring", [False, True])
-def test_what_is_written_is_formatted_and_clean(
+def test_new_files_are_formatted_and_pass_the_linter(
     tactograph: Command, clone: Path, ring: bool, check: list[str]
 ) -> None:
     assert (
@@ -74,7 +74,7 @@ def test_a_new_ring_passes_its_own_tests_once_installed(
         (["light/a-b"], "lower-case"),
     ],
 )
-def test_a_name_that_cannot_be_is_refused(
+def test_an_invalid_name_is_refused(
     tactograph: Command, clone: Path, words: list[str], message: str
 ) -> None:
     assert message in one_line(tactograph("new-node", *words))
@@ -98,7 +98,7 @@ def test_outside_a_clone_a_ring_is_made_first(
     ("folder", "message"),
     [("1felt", "cannot be a package"), ("tactograph-core", "a ring 'core' is installed")],
 )
-def test_a_ring_that_cannot_be_is_refused(
+def test_an_invalid_ring_is_refused(
     tactograph: Command, clone: Path, folder: str, message: str
 ) -> None:
     assert message in one_line(tactograph("new-ring", folder))

@@ -78,7 +78,7 @@ def test_a_record_as_an_argument_is_an_input_for_each_of_its_fields() -> None:
     assert each.input_records == {"two": Two}
 
 
-def test_a_record_in_a_record_is_flat_outside_and_whole_inside() -> None:
+def test_a_nested_record_is_flat_outside_and_nested_inside() -> None:
     @node
     def each(outer: Outer) -> Outer:
         return outer._replace(gain=outer.inner.high)
@@ -101,7 +101,7 @@ def test_an_unpacked_record_is_an_input_for_each_field_by_its_own_name() -> None
     assert each(*arguments, gain_at_most=4.0) == Outer(Inner(1.0, 2.0), 3.0)
 
 
-def test_a_record_that_may_be_left_out_is_none_then() -> None:
+def test_an_absent_optional_record_is_none() -> None:
     @node
     def each(light: Light, named: Named | None = None) -> Height: ...
 
@@ -184,14 +184,14 @@ def test_an_iterator_makes_a_stream() -> None:
     assert not single.stream
 
 
-def test_symbols_stand_in_the_order_in_which_they_first_appear() -> None:
+def test_symbols_are_in_order_of_first_appearance() -> None:
     @node
     def each(height: Height, light: Light) -> Annotated[F4, Port("N 2")]: ...
 
     assert each.symbols == ("H", "W", "K", "N")
 
 
-def test_provenance_is_handed_in_by_the_engine_and_is_no_parameter() -> None:
+def test_provenance_comes_from_the_engine_and_is_no_parameter() -> None:
     @node
     def sink(height: Height, *, folder: str, provenance: Provenance) -> None: ...
 
@@ -234,7 +234,7 @@ def test_a_node_is_written_for_the_back_ends_that_it_declares() -> None:
 
 
 @pytest.mark.parametrize(("size", "refused"), [(2, True), (3, False), (8, False), (9, True)])
-def test_a_size_limit_refuses_what_lies_outside(size: int, refused: bool) -> None:
+def test_a_size_limit_refuses_sizes_outside(size: int, refused: bool) -> None:
     assert SizeLimit(3, 8, "why").refuses(size) is refused
 
 
@@ -263,7 +263,7 @@ def pair(light: Light) -> Two: ...
         (pair, {"neutral": 0}, "only a node with one output"),
     ],
 )
-def test_a_signature_that_is_no_declaration_is_refused(
+def test_an_invalid_signature_is_refused(
     function: Callable[..., Any], neutral: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(TypeError, match=message):

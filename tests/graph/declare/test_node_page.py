@@ -49,7 +49,7 @@ def test_a_docstring_that_lists_arguments_lists_every_input(name: str) -> None:
         assert re.search(rf"^([*\w]+, )*\*{{0,2}}{port.name}(,| :|$)", listed, re.MULTILINE)
 
 
-def test_a_page_tells_units_ranges_and_defaults() -> None:
+def test_a_page_has_units_ranges_and_defaults() -> None:
     page = node_page(find_node("flat_field"))
     assert "`flat` (float32 K x H x W [1]): Irradiance per LED" in page
     assert "; K x H x W, the untouched film" in page
@@ -57,14 +57,14 @@ def test_a_page_tells_units_ranges_and_defaults() -> None:
     assert "`floor` (default 0.02, above 0): lower bound" in page
 
 
-def test_a_page_tells_what_the_values_of_a_record_mean() -> None:
+def test_a_page_has_the_meanings_of_a_records_values() -> None:
     meaning = "- `rim` (number [mm]): mm of film beyond the frame"
     assert meaning in node_page(find_node("read_calibration"))
     assert "- `null` (float32 K [1]): unit vector a" in node_page(find_node("write_calibration"))
 
 
 @each("name", shipped_nodes())
-def test_what_a_node_returns_is_told_to_its_end(name: str) -> None:
+def test_the_description_of_the_result_is_complete(name: str) -> None:
     doc = inspect.cleandoc(find_node(name).doc or "")
     told = find_node(name).about.returns
     if "\nReturns\n" not in doc:

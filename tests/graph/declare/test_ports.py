@@ -67,7 +67,7 @@ class Outer(NamedTuple):
 
 
 @pytest.mark.parametrize("made", [("x",), ("x", 1.0, 2.0, 3.0), {"a": 1, "b": 2}, None, "ab"])
-def test_what_is_no_record_is_told(made: Any) -> None:
+def test_a_wrong_record_is_named(made: Any) -> None:
     with pytest.raises(TypeError, match=rf"Outer\(.*\) is declared, but a {type(made).__name__}"):
         record_values(Outer, made)
 

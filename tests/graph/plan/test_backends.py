@@ -43,7 +43,7 @@ def test_a_node_with_a_kernel_runs_on_the_preferred_device(write: Write, device:
 
 
 @pytest.mark.slow
-def test_what_the_host_does_faster_than_a_cpu_device_stays_there_and_that_is_no_fallback(
+def test_work_that_the_host_does_faster_stays_there_without_a_fallback(
     write: Write, device: OpenCL, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Needs VkFFT, which 'make test-all' installs."""
@@ -73,7 +73,7 @@ def test_without_a_device_every_fallback_is_recorded_with_its_reason(write: Writ
 
 
 @pytest.mark.parametrize("graph", ["paper", "reconstruct"])
-def test_where_every_node_falls_back_for_one_reason_a_line_says_just_that(graph: str) -> None:
+def test_one_line_reports_that_every_node_falls_back(graph: str) -> None:
     plan = planned(graph, None)
     reason = f"numpy: opencl is preferred, but {ABSENT}"
     assert plan.fallbacks == [f"every node runs on {reason}"]
@@ -93,7 +93,7 @@ def test_of_many_nodes_that_fall_back_the_first_are_named_and_all_counted() -> N
     assert plan.fallbacks == [many, f"{fallen[-1]} runs on numpy: a part is missing"]
 
 
-def test_if_nothing_but_opencl_will_do_numpy_is_a_fallback_too(write: Write) -> None:
+def test_numpy_is_a_fallback_even_if_only_opencl_is_preferred(write: Write) -> None:
     plan = planned(write(SLOPES.replace("nodes:", "prefer: [opencl]\nnodes:", 1)), None)
     assert plan.fallbacks[0] == f"every node runs on numpy: opencl was asked for, but {ABSENT}"
 
@@ -118,9 +118,7 @@ def test_a_library_that_is_missing_is_named_with_its_remedy(
     ]
 
 
-def test_a_library_that_would_not_be_used_is_not_asked_for(
-    write: Write, device: OpenCL, without_vkfft: None
-) -> None:
+def test_an_unused_library_is_not_needed(write: Write, device: OpenCL, without_vkfft: None) -> None:
     """Neither where the kernels do it in lanes, nor where the host does it all."""
     assert device.lanes > 1
     other = write(SLOPES.replace("integrate_dct", "integrate_frankot_chellappa"), "other.yaml")
@@ -161,7 +159,7 @@ def test_a_bound_node_whose_library_is_missing_is_refused(
         planned(write(text), device)
 
 
-def test_a_constant_stands_where_its_readers_are(device: OpenCL) -> None:
+def test_a_constant_is_placed_with_its_readers(device: OpenCL) -> None:
     for name, placed in (("opencl", device), ("numpy", None)):
         placement = planned("paper_no_shadow", placed).placements["shadow"]
         assert placement.backend == name

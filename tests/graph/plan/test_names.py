@@ -100,7 +100,7 @@ def test_a_graph_that_means_nothing_is_refused(
     assert message in refusal(write(f"format: 1\nnodes:\n  {nodes}{outputs}"))
 
 
-def test_a_wrong_value_that_the_user_gave_is_told_by_the_param(write: Write) -> None:
+def test_a_wrong_value_from_the_user_is_reported_by_its_param(write: Write) -> None:
     """Not by the place in a file that the user has never seen."""
     text = SLOPES.replace("params:", "params:\n  mm: {kind: number}", 1)
     file = write(text.replace("{mm: 0.1}", "{mm: $mm}"))
@@ -127,7 +127,7 @@ outputs: {c: c}
     assert sorted(walk[1:]) == ["a", "b", "c"]
 
 
-def test_what_no_output_needs_is_not_run(write: Write) -> None:
+def test_nodes_that_no_output_needs_do_not_run(write: Write) -> None:
     draft = bound(write(SLOPES.replace("height: again", "height: height")))
     assert draft.unused == ["again"]
     assert "again" not in draft.tasks
@@ -139,7 +139,7 @@ def test_sinks_run_unless_they_are_left_out(toys: list[str], write: Write) -> No
     assert "save" not in bound(file, sinks=False).tasks
 
 
-def test_what_reads_the_stream_is_part_of_it_and_no_more_is(toys: list[str], write: Write) -> None:
+def test_exactly_the_readers_of_a_stream_are_part_of_it(toys: list[str], write: Write) -> None:
     tasks = bound(write(STREAM)).tasks
     assert {name for name, task in tasks.items() if task.stream} == {
         "frames", "light", "score", "save"
@@ -192,7 +192,7 @@ outputs: {{a: a}}
     assert message in said
 
 
-def test_a_record_is_read_whole() -> None:
+def test_an_input_may_read_an_entire_record() -> None:
     draft = bound("paper", sinks=False)
     reads = draft.tasks["look_up.coarse"].reads
     assert reads["index.axes"] == Value("look_up.index", "axes")
@@ -231,11 +231,11 @@ def test_a_value_for_a_param_that_is_not_there_is_refused(write: Write) -> None:
         bound(write(SLOPES), fiel="x")
 
 
-def test_a_value_that_is_needed_is_asked_for_with_its_help(write: Write) -> None:
+def test_a_missing_value_is_named_with_its_help(write: Write) -> None:
     with pytest.raises(InputError, match=r"graph needs file=... \(a height map\)"):
         bind(read_graph(write(SLOPES)), {}, sinks=True, stand_ins=frozenset())
 
 
-def test_only_a_source_can_be_stood_in_for(write: Write) -> None:
+def test_an_array_can_replace_only_a_source(write: Write) -> None:
     with pytest.raises(InputError, match=r"no source node 'slope'; it has: height$"):
         bound(write(SLOPES), stand_ins=frozenset({"slope"}))

@@ -20,7 +20,7 @@ def test_every_value_is_made_before_it_is_read(name: str, device: OpenCL) -> Non
         made |= set(step.writes)
 
 
-def test_sources_speak_first_so_that_sizes_clash_before_anything_is_computed(
+def test_sources_come_first_so_that_sizes_clash_before_anything_is_computed(
     write: Write, device: OpenCL
 ) -> None:
     source = "  cal:    {op: at_rest}\n"
@@ -46,7 +46,7 @@ def test_the_device_gets_work_before_the_host_begins_its_own(write: Write, devic
     assert places == sorted(places)
 
 
-def test_what_runs_once_comes_first_and_what_writes_last(write: Write, device: OpenCL) -> None:
+def test_nodes_that_run_once_come_first_and_sinks_last(write: Write, device: OpenCL) -> None:
     """So that nothing is written if a computation fails."""
     steps = planned(write(STREAM), device).steps
     stream = [step.stream for step in steps]
@@ -62,7 +62,7 @@ def test_the_order_is_that_of_the_file_where_the_edges_leave_a_choice(write: Wri
     assert [step.name for step in planned(file, None).steps] == ["frames", "n9", "n3", "n7"]
 
 
-def test_a_device_value_is_let_go_after_its_last_reader(write: Write, device: OpenCL) -> None:
+def test_a_device_value_is_released_after_its_last_reader(write: Write, device: OpenCL) -> None:
     released = {
         value: step.name for step in planned(write(STREAM), device).steps for value in step.release
     }
@@ -73,7 +73,7 @@ def test_a_device_value_is_let_go_after_its_last_reader(write: Write, device: Op
 
 
 @each("name", shipped_names())
-def test_each_value_of_the_stream_is_let_go_exactly_once_and_never_read_again(
+def test_each_value_of_the_stream_is_released_exactly_once_and_never_read_again(
     name: str, device: OpenCL
 ) -> None:
     plan = planned(name, device)

@@ -53,7 +53,7 @@ outputs: {three: three}
         planned(write(text))
 
 
-def test_a_fixed_size_that_a_node_refuses_is_told_before_anything_runs(write: Write) -> None:
+def test_a_refused_fixed_size_is_reported_before_anything_runs(write: Write) -> None:
     text = SLOPES.replace(
         "outputs: {", "  more: {op: many_planes, in: {planes: slope.slope}}\noutputs: {more: more, "
     )
@@ -69,7 +69,7 @@ def test_a_fixed_size_that_a_node_refuses_is_told_before_anything_runs(write: Wr
         ((3, 4, 9), "9 columns", "neither cropped"),
     ],
 )
-def test_a_size_of_images_that_clashes_is_told_by_what_it_counts(
+def test_a_clash_of_image_sizes_names_what_they_count(
     write: Write, shape: tuple[int, int, int], words: str, asked: str
 ) -> None:
     plan = planned(write(STREAM))
@@ -87,7 +87,7 @@ def test_a_size_that_a_node_does_not_take_is_refused_unless_it_is_taken_out() ->
             plan.sizes.bind({}, plan.tasks["take.frames"], "image", (3, 4, 5))
 
 
-def test_sizes_of_a_node_are_known_as_soon_as_its_sources_have_spoken(write: Write) -> None:
+def test_sizes_of_a_node_are_known_once_its_sources_have_run(write: Write) -> None:
     plan = planned(write(SLOPES))
     known: dict[Symbol, Bound] = {}
     assert plan.sizes.sizes_of(plan.tasks["again"], known) == {}

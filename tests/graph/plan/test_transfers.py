@@ -22,7 +22,7 @@ def test_an_array_goes_up_where_a_kernel_reads_it_and_down_where_it_is_wanted(
     ]  # fmt: skip
 
 
-def test_on_numpy_nothing_is_moved_and_nowhere_a_number(write: Write, device: OpenCL) -> None:
+def test_nothing_is_moved_on_numpy_and_numbers_never_are(write: Write, device: OpenCL) -> None:
     assert transfers(planned(write(SLOPES), None)) == []
     assert not [name for name in transfers(planned(write(SLOPES), device)) if "pixel" in name]
 
@@ -38,13 +38,13 @@ def test_one_upload_is_shared_by_all_readers(write: Write, device: OpenCL) -> No
     assert upload.why == "shared by all readers"
 
 
-def test_what_stays_on_the_device_is_not_moved_between_two_kernels(device: OpenCL) -> None:
+def test_a_value_between_two_kernels_stays_on_the_device(device: OpenCL) -> None:
     moved = " ".join(transfers(planned("reconstruct", device)))
     for value in ("relight.light.", "relight.height_0.", "label.slope"):
         assert f" {value}" not in moved
 
 
-def test_what_does_not_depend_on_the_stream_goes_up_once(
+def test_a_value_outside_the_stream_is_uploaded_once(
     toys: list[str], write: Write, device: OpenCL
 ) -> None:
     stream = {s.name: s.stream for s in planned(write(STREAM), device).steps}
@@ -72,7 +72,7 @@ def test_every_step_reads_what_an_earlier_one_has_brought_there(device: OpenCL) 
 
 
 @pytest.mark.parametrize("bound", [None, "numpy"])
-def test_a_constant_that_stands_in_moves_nothing_but_itself(
+def test_a_neutral_constant_moves_only_itself(
     write: Write, device: OpenCL, bound: str | None
 ) -> None:
     change = f"\n  - {{backend: light, to: {bound}}}" if bound else ""

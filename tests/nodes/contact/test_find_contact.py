@@ -45,7 +45,7 @@ def test_a_touch_is_found_in_that_noise() -> None:
         assert not found[:8].any()
 
 
-def test_however_much_is_touched_the_film_at_rest_tells_the_noise() -> None:
+def test_the_noise_comes_from_the_film_at_rest_however_large_the_touch() -> None:
     grain = noise(np.random.default_rng(9), 0.001)
     found = find_contact(grain + bump(31.5, 23.5, 30, 0.5))
     assert found.mean() == pytest.approx(0.82, abs=0.06)
@@ -58,7 +58,7 @@ def test_two_touches_are_two_contacts_the_larger_first() -> None:
     assert set(np.unique(found)) == {0, 1, 2}
 
 
-def test_the_edge_goes_down_to_leave_but_only_where_enter_is_reached() -> None:
+def test_a_contact_extends_down_to_leave_if_it_reaches_enter() -> None:
     error = np.full(SHAPE, 0.01, np.float32)
     low, high = bump(14, 20, 8, 0.09), bump(44, 24, 12, 0.3)
     found = find_contact(low + high, error)
@@ -84,7 +84,7 @@ def test_specks_are_no_contact_nor_is_level_film() -> None:
     assert find_contact(height, least_px=18).sum() == 18
 
 
-def test_more_contacts_than_may_be_numbered_are_told() -> None:
+def test_a_warning_names_contacts_that_cannot_be_numbered() -> None:
     height = bump(12, 24, 8, 0.2) + bump(31, 24, 9, 0.2) + bump(50, 24, 7, 0.2)
     with collect_warnings([]) as notes:
         found = find_contact(height, most=2)
@@ -93,7 +93,7 @@ def test_more_contacts_than_may_be_numbered_are_told() -> None:
     assert note.startswith("3 contacts; the 2 largest are numbered (`most`")
 
 
-def test_a_pin_within_a_ring_is_a_contact_of_its_own() -> None:
+def test_a_pin_within_a_ring_is_a_separate_contact() -> None:
     ring = bump(31, 23, 20, 0.4) - 2 * bump(31, 23, 15, 0.4)
     found = find_contact(np.maximum(ring, 0) + bump(31, 23, 5, 0.2))
     assert found.max() == 2

@@ -15,7 +15,7 @@ for column, named in enumerate([*SMALL, *LARGE[:MAX_MEASURED]]):
 HEIGHT = np.where(CONTACT > 0, np.float32(0.1), np.float32(0))
 
 
-def test_the_largest_contacts_are_told_by_their_numbers() -> None:
+def test_the_largest_contacts_by_number() -> None:
     assert LargestContacts().numbers(CONTACT).tolist() == LARGE[:MAX_MEASURED]
     assert LargestContacts(254).numbers(CONTACT).tolist() == sorted([*SMALL, *LARGE[:MAX_MEASURED]])
     assert LargestContacts(254).numbers(np.zeros_like(CONTACT)).size == 0

@@ -78,7 +78,7 @@ def test_the_axes_of_a_tilted_ellipse(angle: float) -> None:
     assert -90 < figures["contact_angle_deg/c1"] <= 90
 
 
-def test_a_contact_at_the_corner_is_measured_as_far_as_it_is_seen() -> None:
+def test_of_a_contact_at_the_corner_the_visible_part_is_measured() -> None:
     height = np.zeros((ROWS, COLUMNS), np.float32)
     height[:10, :30] = 0.1
     figures = measure_contact(height, find_contact(height), PIXEL)
@@ -156,7 +156,7 @@ def test_places_and_areas_are_those_on_the_film(lens: list[float] | None, camera
         assert found[f"contact_{name}/c1"] == pytest.approx(true[f"contact_{name}/c1"], abs=0.03)
 
 
-def test_a_contact_on_a_film_that_is_no_plane_is_measured_along_it() -> None:
+def test_a_contact_on_a_curved_film_is_measured_along_it() -> None:
     """On a film that slopes by 0.75, seen from near: a plate of 0.1 mm along the camera's axis."""
     right, _ = places(0, 0)
     camera, slope = 1 / 50, 0.75

@@ -20,7 +20,7 @@ from tactograph.nodes.contact.touch_in_words import touch_in_words
         ({"trust": 0.5, "check_light": 0.5}, "trust 0.5"),
     ],
 )
-def test_a_touch_is_told_by_its_contacts_depth_and_trust(
+def test_a_touch_in_words_has_contacts_depth_and_trust(
     figures: dict[str, float], sentence: str
 ) -> None:
     assert touch_in_words(figures) == sentence

@@ -65,7 +65,7 @@ def test_a_ball_s_imprint_is_lit_evenly_by_its_own_area(depth: float) -> None:
     assert found[:, middle].std() < 0.04 * expected
 
 
-def test_under_a_near_led_what_is_lit_more_throws_more() -> None:
+def test_under_a_near_led_brighter_film_reflects_more() -> None:
     # Inside the sphere the sum still is the same everywhere, so that its share is not.
     height, middle = imprint(1.2)
     lights = np.float32([[-4, 0, 9]])
@@ -105,7 +105,7 @@ def test_film_behind_a_wall_lights_nothing() -> None:
     assert open_[0, 45, 57] > 3 * closed[0, 45, 57]
 
 
-def test_no_concave_film_throws_more_than_falls_on_it() -> None:
+def test_no_concave_film_reflects_more_than_it_receives() -> None:
     # Deep down a pit nearly all that is seen is film: the sum stays below the whole half-space.
     y, x = (np.indices((100, 100)) - 49.5) * PIXEL
     height = np.where(np.hypot(x, y) < 1.5, -6, 0).astype(np.float32)
@@ -141,7 +141,7 @@ def test_cells_hardly_matter() -> None:
     assert few.shape == many.shape == (3, 160, 160)
 
 
-def test_what_is_kept_holds_while_nothing_moves() -> None:
+def test_kept_light_holds_while_nothing_moves() -> None:
     height = bump()
     kept = np.full_like(ones(height), 0.1)
     moved, first, stays = (
@@ -159,13 +159,13 @@ def test_a_film_that_reflects_nothing_has_no_bounce() -> None:
 
 
 @pytest.mark.parametrize("albedo", [-0.1, 1.0, np.nan])
-def test_what_no_film_reflects_is_refused(albedo: float) -> None:
+def test_an_impossible_albedo_is_refused(albedo: float) -> None:
     height = bump(20)
     with pytest.raises(InputError, match="albedo is"):
         film_bounce(ones(height), height, film(albedo), PIXEL)
 
 
-def test_a_round_goes_a_share_of_the_way_from_the_one_before() -> None:
+def test_a_round_is_relaxed_by_its_share() -> None:
     height = bump()
     now = film_bounce(ones(height), height, film(0.7), PIXEL)
     before = np.random.default_rng(0).random(now.shape, np.float32)
@@ -184,7 +184,7 @@ def test_cells_twice_as_large_find_nearly_the_same_light(coat: dict[str, float])
     assert coarse == pytest.approx(fine, rel=0.025)
 
 
-def test_a_coat_that_does_not_refract_throws_as_a_matt_film() -> None:
+def test_a_coat_without_refraction_reflects_as_a_matt_film() -> None:
     (height, inside), lights = imprint(1.2), np.float32([[-6, 2, 20], [5, 5, 25]])
     light = ones(height)[:2]
     nearly = film(0.7, lights, base=0.7, roughness=0.3, refraction=1 + 1e-4)
@@ -241,7 +241,7 @@ def test_a_coat_mirrors_an_led_over_the_top_to_the_film_behind() -> None:
     assert behind > 1.5 > 1.1 > lit
 
 
-def test_less_light_of_a_coated_film_reaches_what_it_grazes() -> None:
+def test_less_light_of_a_coated_film_reaches_film_at_grazing_angles() -> None:
     # A mirror too rough to show: what is left is what the coat lets in and out.
     height = bump(120, rise=0.1)
     coat = {"base": 5.0, "roughness": 0.1, "refraction": 1.5}

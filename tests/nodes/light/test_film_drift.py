@@ -124,7 +124,7 @@ def test_a_drift_that_varies_over_the_film_is_followed_slowly() -> None:
     assert np.abs(shaped(found) - shaped(true)).max() < 2e-3
 
 
-def test_what_a_touch_hides_is_remembered() -> None:
+def test_the_drift_is_remembered_under_a_touch() -> None:
     true = np.zeros((4, 6), np.float32)
     true[:, 0], true[0, 3] = FADED, 0.02
     found = true

@@ -44,7 +44,7 @@ def test_a_known_shape_has_the_light_of_a_matt_film(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FILMS)
-def test_a_normal_that_is_ten_degrees_off_does_little_harm(name: str) -> None:
+def test_an_error_of_ten_degrees_of_the_normal_does_little_harm(name: str) -> None:
     light, height, slope, on = seen(FILMS[name])
     off = slope + np.float32(0.17)
     right = wanted(height, slope, FILMS[name])
@@ -76,7 +76,7 @@ def test_a_matt_film_that_is_seen_from_afar_keeps_its_light() -> None:
     assert found.sigma == pytest.approx(0.01)
 
 
-def test_diffused_and_bounced_light_is_taken_off() -> None:
+def test_diffused_and_bounced_light_is_subtracted() -> None:
     film = FILMS["diffuse"]
     shadow = np.broadcast_to(film.diffuse[:, None, None], (4, *SIZE)).astype(np.float32)
     assert matt(film, shadow, REST, REST[0]).light == pytest.approx(0, abs=1e-6)
@@ -88,7 +88,7 @@ def test_diffused_and_bounced_light_is_taken_off() -> None:
         assert with_it.light == pytest.approx(wanted(height, slope), abs=1e-5)
 
 
-def test_light_behind_a_soft_terminator_is_known_the_less_the_darker_it_is() -> None:
+def test_light_beyond_a_soft_terminator_is_less_certain_the_darker_it_is() -> None:
     film = FILMS["soft"]
     behind = np.array([0.0, -0.05, -0.1, -0.14, -0.17], np.float32)
     light = np.broadcast_to(0.4 + 0.6 * behind, (4, *SIZE[:1], 5)).astype(np.float32)

@@ -11,7 +11,7 @@ FILM = FILMS["all"]._replace(albedo=0.6, grain=0.01)
 
 
 @pytest.mark.parametrize("part", PART_FIELDS)
-def test_what_is_switched_off_is_that_of_a_matt_film(part: str) -> None:
+def test_a_part_that_is_switched_off_is_that_of_a_matt_film(part: str) -> None:
     found, matt = simplify_film(FILM, without=(part,)), Film.matt(FILM.lights)
     for name, value in found._asdict().items():
         kept = matt if name in PART_FIELDS[part] else FILM

@@ -38,7 +38,7 @@ def test_a_touch_like_the_presses_keeps_their_misfit(noise: float) -> None:
     assert not told
 
 
-def test_what_a_touch_leaves_beyond_the_presses_widens_the_band_and_is_told() -> None:
+def test_a_larger_misfit_than_the_presses_widens_the_band_with_a_warning() -> None:
     found, _, told = touch(0.04)
     left = 0.04 / 2
     beyond = (LEFT[0] / LEFT[2]) ** 2 * (left**2 - LEFT[2] ** 2)
@@ -56,13 +56,13 @@ def test_noise_alone_widens_no_band() -> None:
     assert found[0] == pytest.approx(0.004, rel=0.01)
 
 
-def test_presses_that_left_no_light_do_not_widen_the_band_without_bound() -> None:
+def test_presses_without_misfit_do_not_widen_the_band_without_bound() -> None:
     # What they left by chance is no measure of how normals err with the light.
     found, *_ = touch(0.04, left=np.float32([0.004, 1.0, 1e-5, 0.02, 0.001]))
     assert found[0] == pytest.approx(np.hypot(0.004, 1.5 * 0.04 / 2), rel=1e-3)
 
 
-def test_a_film_that_is_brighter_leaves_little_where_its_brightness_is_unknown() -> None:
+def test_a_brighter_film_has_little_misfit_if_its_brightness_is_unknown() -> None:
     brighter = np.full(SHAPE, 0.05, np.float32)
     known, unknown = (touch(brighter, uneven=u)[0] for u in (0.0, 0.1))
     assert known[0] > 0.03

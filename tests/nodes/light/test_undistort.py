@@ -71,13 +71,13 @@ def test_a_height_is_what_each_pixel_sees(lens: F4) -> None:
 
 
 @LENSES
-def test_there_and_back_is_where_it_began(lens: F4) -> None:
+def test_distortion_and_correction_cancel(lens: F4) -> None:
     height = surface(*places())
     back = distort_height(undistort(height[None], lens)[0], lens)
     assert np.abs(inner(back - height)).max() < 2e-4
 
 
-def test_a_quadratic_surface_comes_back_as_it_is() -> None:
+def test_a_quadratic_surface_comes_back_unchanged() -> None:
     """Cubic convolution is exact there; linear interpolation would err by an eighth of a px^2."""
     x, _ = places()
     shift = np.float32([0, 0, 0, 0, 0.02, 0, 0, 0])
@@ -85,7 +85,7 @@ def test_a_quadratic_surface_comes_back_as_it_is() -> None:
     assert np.abs(inner(found - (1.02 * x) ** 2 / 100)).max() < 1e-3
 
 
-def test_beyond_the_frame_its_border_goes_on() -> None:
+def test_beyond_the_frame_its_border_is_repeated() -> None:
     x, _ = places()
     found = undistort(x[None], PINCUSHION)[0]
     assert found[0, 0] == x[0, 0]
@@ -102,7 +102,7 @@ def test_labels_come_from_the_nearest_pixel(lens: F4) -> None:
 
 
 @LENSES
-def test_a_standard_deviation_comes_back_from_a_plane_as_it_is(lens: F4) -> None:
+def test_a_linear_standard_deviation_comes_back_unchanged(lens: F4) -> None:
     x, y = places()
     u, v = ideal_places(lens, (ROWS, COLUMNS))
     want = 3 + 0.01 * (u - (COLUMNS - 1) / 2) + 0.02 * (v - (ROWS - 1) / 2)
@@ -137,7 +137,7 @@ def test_no_graph_interpolates_an_error_or_a_confidence_as_a_height(name: str) -
     centre=st.tuples(*[st.floats(-0.1, 0.1)] * 2),
     tilt=st.tuples(*[st.floats(-0.05, 0.05)] * 4),
 )
-def test_the_two_ways_of_a_lens_undo_each_other(bend, centre, tilt) -> None:
+def test_the_two_directions_of_a_lens_are_inverse(bend, centre, tilt) -> None:
     """Where it bends by at most 12 % at a corner; at 20 % a lens is about to fold the image."""
     lens = (*bend, *centre, *tilt)
     v, u = np.mgrid[-0.6:0.6:7j, -0.8:0.8:9j]

@@ -21,14 +21,14 @@ def correlated(rng: np.random.Generator, count: int) -> F8:
 
 
 @pytest.mark.parametrize("share", [0.3, 0.1, 0.01])
-def test_right_touches_are_doubted_as_often_as_is_asked_for(share: float) -> None:
+def test_right_touches_are_doubted_at_the_chosen_rate(share: float) -> None:
     """However the checks depend on one another."""
     rng = np.random.default_rng(3)
     found = [(trusts(correlated(rng, 128), correlated(rng, 1000)) < share).mean() for _ in range(8)]
     assert 0.5 * share < np.mean(found) < 2 * share
 
 
-def test_what_no_right_touch_shows_is_rarer_the_larger_it_is() -> None:
+def test_beyond_all_right_touches_a_larger_figure_is_rarer() -> None:
     known = ranked(correlated(np.random.default_rng(4), 128))
     figures = np.median(known[:-1], axis=1)
     for place in range(COUNT):

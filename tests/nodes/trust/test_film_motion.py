@@ -72,6 +72,6 @@ def test_leds_that_drift_are_no_motion() -> None:
     assert max(found) < 0.03
 
 
-def test_a_film_that_is_lit_evenly_does_not_tell() -> None:
+def test_a_uniformly_lit_film_shows_no_motion() -> None:
     even = np.full((4, ROWS, COLUMNS), 0.5, np.float32)
     assert not film_motion(seen(about(0.9, 0.0)), fall_off(even)).any()

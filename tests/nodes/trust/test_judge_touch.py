@@ -35,7 +35,7 @@ def told(curl: float, rest: float = 1.0, light: float | None = None, **given: ob
     return notes
 
 
-def test_a_touch_that_nothing_speaks_against_is_trusted() -> None:
+def test_a_touch_without_findings_is_trusted() -> None:
     found = judged(0.1, light=0.3)
     assert list(found) == ["trust", "check_curl", "check_light", "check_rest"]
     assert min(found.values()) == found["trust"] > 0.3
@@ -83,7 +83,7 @@ def test_leds_that_dim_together_are_not_named_apart() -> None:
     assert notes[0].startswith("all LEDs are darker by 20% than in the calibration")
 
 
-def test_what_fails_all_checks_is_refused_unless_forced() -> None:
+def test_a_touch_that_fails_all_checks_is_refused_unless_forced() -> None:
     wrong = {"curl": 9.0, "rest": 0.7, "light": 20.0}
     with pytest.raises(InputError) as refused:
         judged(**wrong)
@@ -119,7 +119,7 @@ def share(made: dict[str, F4]) -> float:
     return film_on_rims(made["height"], rims_of(made), REST).share
 
 
-def test_what_rims_close_in_hangs_on_them() -> None:
+def test_film_enclosed_by_rims_depends_on_them() -> None:
     assert share(dome(3.0)) == 1
     assert share(dome(1.1)) == 0, "cells show slopes that turn so little"
     assert 0.2 < share(dome(3.0, gap=2)) < 0.5, "a way up beside the rim measures the top"
@@ -129,7 +129,7 @@ def test_what_rims_close_in_hangs_on_them() -> None:
     assert share(shaded | {"height": HEIGHT, "slope": 0 * SLOPE}) == 0, "nothing is touched"
 
 
-def test_what_hangs_on_rims_is_marked_on_the_pixels() -> None:
+def test_film_that_depends_on_rims_is_marked_on_the_pixels() -> None:
     like = np.zeros((1, 4 * SHAPE[0] - 1, 4 * SHAPE[1] - 1), np.float32)
     steep, gentle = dome(3.0), dome(1.1)
     marked = film_on_rims(steep["height"], rims_of(steep), like).film

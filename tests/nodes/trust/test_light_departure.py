@@ -83,7 +83,7 @@ def test_three_leds_and_a_brightness_that_may_be_any_test_nothing() -> None:
     assert (departure(light, sigma, SLOPE, lights, uneven=0.0) >= 0).all()
 
 
-def test_an_unknown_brightness_is_not_held_against_a_touch() -> None:
+def test_an_unknown_brightness_is_no_departure() -> None:
     lights, vectors = world(4)
     brighter = expected_light(vectors, SLOPE) * np.float32(1.05)
     sigma = np.full(brighter.shape, 0.002, np.float32)

@@ -106,7 +106,7 @@ def test_images_that_are_alike_are_film_that_is_dark_without_a_slope() -> None:
 
 
 @pytest.mark.parametrize("shape", [(1, 6), (6, 1), (1, 1)])
-def test_an_image_of_a_few_pixels_tells_nothing(shape: tuple[int, int]) -> None:
+def test_an_image_of_a_few_pixels_gives_no_evidence(shape: tuple[int, int]) -> None:
     departure, slope = np.full(shape, 25, np.float32), np.full((2, *shape), 0.5, np.float32)
     found = told({"departure": departure, "slope": slope})
     assert found.of_touch == found.at_rest == 0

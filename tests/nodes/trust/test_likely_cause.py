@@ -113,7 +113,7 @@ def test_a_touch_that_fits_but_for_its_brightness_names_none(share: float) -> No
     assert not cause(np.float32(share) * touch() / flat())
 
 
-def test_what_no_mistake_explains_names_none() -> None:
+def test_an_unexplained_touch_names_no_mistake() -> None:
     noise = np.random.default_rng(3).normal(1, 0.3, (4, ROWS, COLUMNS)).astype(np.float32)
     assert not cause(noise)
     assert not cause(np.ones((4, ROWS, COLUMNS), np.float32))

@@ -45,7 +45,7 @@ DEAD[:, 77] = 0.5
 
 
 @pytest.mark.parametrize("light", [TORN, INTERLACED, DEAD], ids=["torn", "interlaced", "dead row"])
-def test_rows_that_do_not_belong_together_are_told(light: F4) -> None:
+def test_rows_that_do_not_belong_together_are_found(light: F4) -> None:
     assert figure(light) > 2
     assert figure(light.swapaxes(1, 2), FILM.T) < 1.6, "cameras read rows"
 
@@ -64,7 +64,7 @@ def test_compression_draws_lines_both_ways() -> None:
     assert of_lines(image) < 1.6
 
 
-def test_what_shows_no_film_is_not_looked_at() -> None:
+def test_pixels_without_film_do_not_count() -> None:
     black = BALL.copy()
     black[:, 100:] = 0
     assert figure(black) > 3.6

@@ -55,7 +55,7 @@ def test_the_light_of_the_film_at_rest_is_that_of_the_calibration(found: bool) -
     assert alike["level"] == pytest.approx(0.12, abs=2e-3)
 
 
-def test_light_that_is_spread_otherwise_is_seen() -> None:
+def test_a_different_distribution_of_light_is_found() -> None:
     ramp = 1 + 0.06 * np.linspace(-1, 1, SHAPE[1], dtype=np.float32)
     seen = figures(pressed() * ramp, drifted(1.0001, 1, 1, 1, tilt=0.06))
     assert seen["shape"] == pytest.approx(0.06)
@@ -93,7 +93,9 @@ UNEVEN = np.stack([np.broadcast_to(f, SHAPE) for f in (FALLING, FALLING[::-1], 0
 
 
 @pytest.mark.parametrize("added", [0.015, -0.015])
-def test_light_that_was_added_everywhere_is_told_and_leds_that_faded_are_not(added: float) -> None:
+def test_uniformly_added_light_is_found_and_fading_leds_are_not_mistaken_for_it(
+    added: float,
+) -> None:
     faded = scaled(pressed()[:3], 0.98, 1.02, 0.99)
     assert abs(added_light(faded, UNEVEN)) < 0.005
     seen = added_light(faded + np.float32(added) / UNEVEN, UNEVEN)
@@ -101,7 +103,7 @@ def test_light_that_was_added_everywhere_is_told_and_leds_that_faded_are_not(add
     assert (seen > 0) == (added > 0)
 
 
-def test_film_that_is_equally_bright_everywhere_tells_no_added_light() -> None:
+def test_uniformly_bright_film_shows_no_added_light() -> None:
     """There light that was added is an LED that is brighter."""
     even = np.full_like(UNEVEN, 0.5)
     assert added_light(pressed()[:3] + np.float32(0.03), even) == 0

@@ -72,7 +72,7 @@ def test_slopes_of_wrong_images_curl(wrong: object, what: str) -> None:
     assert np.median(where_tested(slope_curl(wrong(right), EXACT))) > 4, what  # type: ignore[operator]
 
 
-def test_a_frame_whose_end_is_of_other_images_is_told() -> None:
+def test_a_frame_that_ends_with_other_images_is_found() -> None:
     torn = cap()
     torn[:, 48:] = np.stack([torn[1, 48:], -torn[0, 48:]])
     found = (slope_curl(slope, EXACT, factor=2) for slope in (cap(), torn))
@@ -94,7 +94,7 @@ def test_stated_noise_is_not_taken_for_curl(noise: float, factor: int, cell_px: 
     assert where_tested(slope_curl(slope, EXACT, **given)).mean() > 5 * stated
 
 
-def test_the_calibrations_misfit_widens_what_is_expected() -> None:
+def test_the_calibrations_misfit_raises_the_expected_curl() -> None:
     slope = 0.3 + np.random.default_rng(1).normal(0, 0.01, (2, *SHAPE)).astype(np.float32)
     loose = np.array([0.05, 1, 0, 0, 0], np.float32)
     exact, wide = (where_tested(slope_curl(slope, misfit)).mean() for misfit in (EXACT, loose))
