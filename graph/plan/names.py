@@ -42,21 +42,10 @@ def bind(
     """
     for name in arguments:
         graph.check_param(name)
-    errors = ErrorsTogether()
-    nodes: dict[str, Node] = {}
-    for node_id in graph.nodes:
-        with errors.gathered():
-            nodes[node_id] = _find(graph, node_id)
-    errors.raise_any()
-    names = _Names(graph, nodes, {})
+    names = _find_all(graph)
     _refuse_wrong_stand_ins(names, stand_ins)
     names.passed.update(_passed_through(names))
-    tasks: dict[str, Task] = {}
-    for name in graph.nodes:
-        if name not in names.passed:
-            with errors.gathered():
-                tasks[name] = _task(names, name)
-    errors.raise_any()
+    tasks = _tasks(names)
     before = {task.id: _read_by(task) for task in tasks.values()}
     _refuse_cycles(graph, before)
     references = graph.outputs if outputs is None else outputs
@@ -71,6 +60,7 @@ def bind(
     tasks = {name: task for name, task in tasks.items() if name in live}
     # The source of a stream yields all items itself, so no array can stand in beside it.
     has_stream = any(tasks[name].node.stream for name in live - stand_ins)
+    errors = ErrorsTogether()
     for task in tasks.values():
         task.stand_in = task.id in stand_ins and not has_stream
         with errors.gathered():
@@ -129,6 +119,28 @@ class _Names(NamedTuple):
                 + stands
             )
         return Value(source, port or next(iter(outputs)))
+
+
+def _find_all(graph: Graph) -> _Names:
+    errors = ErrorsTogether()
+    nodes: dict[str, Node] = {}
+    for node_id in graph.nodes:
+        with errors.gathered():
+            nodes[node_id] = _find(graph, node_id)
+    errors.raise_any()
+    return _Names(graph, nodes, {})
+
+
+def _tasks(names: _Names) -> dict[str, Task]:
+    """The task of every node that is not taken out."""
+    errors = ErrorsTogether()
+    tasks: dict[str, Task] = {}
+    for name in names.graph.nodes:
+        if name not in names.passed:
+            with errors.gathered():
+                tasks[name] = _task(names, name)
+    errors.raise_any()
+    return tasks
 
 
 def _find(graph: Graph, node_id: str) -> Node:

@@ -75,7 +75,7 @@ def check_exposed(
     counts = stack.dtype.kind == "u"
     full = white or int(np.iinfo(stack.dtype).max) if counts else 1
     brightest = [plane.max().item() for plane in stack]
-    shallow, has_warned = "", False
+    shallow, is_mosaic = "", False
     depths = [bits for bits in UNUSUAL_DEPTHS if max(brightest) < 2**bits]
     if counts and full > 4095 and depths:
         # Of 12 bits a dim image uses ten; of 8 bits in wider numbers any uses eight.
@@ -99,16 +99,7 @@ def check_exposed(
                     f"{name}: {saturated:.1%} of the pixels stand alone at the brightest value, as "
                     "hot pixels do: let the camera correct them, or cool it"
                 )
-        if not has_warned and (spread := _parity_spread(plane)):
-            has_warned = True
-            mosaic = (
-                f"{name}: is it a colour camera's raw mosaic, or of interlaced lines? Even and odd "
-                f"pixels differ by {spread:.0%}; give the colour image (`channel`=red takes one), "
-                "or whole frames"
-            )
-            if spread > SURE_PARITY_SPREAD:
-                raise InputError(mosaic)
-            warn(mosaic)
+        is_mosaic = is_mosaic or _check_mosaic(plane, name)
     if shallow and white is None:
         warn(
             f"{names[0]}: {bits_in(stack)} bit, but no value above {2 ** depths[0] - 1}; {shallow}"
@@ -209,6 +200,22 @@ def _dead_line(plane: NDArray[Any]) -> str:
             if stands_out and (lines[run] == value).all():
                 return f"{name} {run[0]}" if run.size == 1 else f"{name}s {run[0]} to {run[-1]}"
     return ""
+
+
+def _check_mosaic(plane: NDArray[Any], name: Path | str) -> bool:
+    """Refuse a certain mosaic; warn of a possible one and return True."""
+    spread = _parity_spread(plane)
+    if not spread:
+        return False
+    mosaic = (
+        f"{name}: is it a colour camera's raw mosaic, or of interlaced lines? Even and odd "
+        f"pixels differ by {spread:.0%}; give the colour image (`channel`=red takes one), "
+        "or whole frames"
+    )
+    if spread > SURE_PARITY_SPREAD:
+        raise InputError(mosaic)
+    warn(mosaic)
+    return True
 
 
 def _parity_spread(plane: NDArray[Any]) -> float:

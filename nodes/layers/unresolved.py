@@ -1,8 +1,8 @@
-"""Where light leaves the height open."""
+"""Where light does not determine the height."""
 
 from typing import Annotated
 
 from tactograph.nodes import Mask
 from tactograph.nodes.stream.touch import LayerKind
 
-KIND = LayerKind(Annotated[Mask, "1 where light leaves the height open"])
+KIND = LayerKind(Annotated[Mask, "1 where light does not determine the height"])

@@ -13,11 +13,11 @@ from tactograph.nodes.optics.lens import is_straight, nearest_ideal
 TOUCHED_SHARE = 0.1
 """Share of the greatest height above which film counts as touched."""
 RimShare = Annotated[float, Port(unit="1")]
-"""Share of the touched film that hangs on rims."""
+"""Share of the touched film whose height depends on rims."""
 
 
 class FilmOnRims(NamedTuple):
-    """Film that hangs on rims, as the camera sees it, and its share of the touch."""
+    """Film whose height depends on rims, as the camera sees it, and its share of the touch."""
 
     film: Annotated[U1, Port("r c", "flag", high=1)]
     share: RimShare

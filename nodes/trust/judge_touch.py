@@ -3,6 +3,7 @@
 Long because the mistakes that explain a doubted touch are tried one by one.
 """
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
@@ -96,13 +97,7 @@ def judge_touch(
         p = p_values(figures_of(evidence, lines, motion), quantiles[:-1])
         shares = [of_all_checks(each, quantiles) for each in p.tolist()]
         checks = ["curl", *["light"] * at_light, *["rest"] * (not filled)]
-        alone, causes = dict.fromkeys(checks, 1.0), dict[str, str]()
-        for share, figure in zip(shares, CHECK_FIGURES.values(), strict=True):
-            if figure.check in alone:
-                alone[figure.check] = min(alone[figure.check], share)
-                # Specific figures come first, so a figure with several causes is named last.
-                if share < false_alarms:
-                    causes.setdefault(figure.check, figure.cause)
+        alone, causes = _by_check(shares, checks, false_alarms)
         figures = {"trust": min(alone.values())} | {f"check_{c}": a for c, a in alone.items()}
         if causes:
             likely = ""
@@ -126,11 +121,25 @@ def judge_touch(
         figures["rim_share"] = rim_share
         if open_rims:
             warn(
-                f"{rim_share:.0%} of the touch hangs on rims that light does not measure: steeper "
-                "than a cell shows, or in the shadow of several LEDs. It may stand higher "
+                f"{rim_share:.0%} of the touch depends on rims that light does not measure: too "
+                "steep for a cell, or in the shadow of several LEDs. Its true height may be larger "
                 "(precise measures rims by their shadows)"
             )
     return figures
+
+
+def _by_check(
+    shares: Sequence[float], checks: Sequence[str], false_alarms: float
+) -> tuple[dict[str, float], dict[str, str]]:
+    """The least share of each check's figures, and the cause of a check whose share is too low."""
+    alone, causes = dict.fromkeys(checks, 1.0), dict[str, str]()
+    for share, figure in zip(shares, CHECK_FIGURES.values(), strict=True):
+        if figure.check in alone:
+            alone[figure.check] = min(alone[figure.check], share)
+            # Specific figures come first, so a figure with several causes is named last.
+            if share < false_alarms:
+                causes.setdefault(figure.check, figure.cause)
+    return alone, causes
 
 
 def _sentence(

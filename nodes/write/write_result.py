@@ -41,7 +41,7 @@ def write_result(
     ``NAME.png`` (whole numbers; flags as 0 and 255).  Numbers look black, so beside them is a
     picture for people, ``NAME_view.png``.  So ``shadow.png`` has bit k-1 set where LED k does not
     light the pixel, ``contact.png`` holds the contact's number (0: none), ``error.npy`` mm,
-    ``unresolved.png`` 255 where an edge leaves the height open.
+    ``unresolved.png`` 255 where light does not determine the height.
 
     ``result.json`` names these files, and a checksum of each but itself (CRC-32): a kill while
     files are moved leaves one that does not match them, and `read_height` tells.  Files that an

@@ -121,7 +121,7 @@ def _presses_of(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Li
 def _press_figures(
     graph: str, presses: list[Light], calibration: Path, more: dict[str, str] | None = None
 ) -> tuple[F8, F8]:
-    """The figures of the calibration's presses, P x 15, and each one's share that hangs on rims."""
+    """The figures of the calibration's presses, P x 15, and each one's share on rims."""
     figures, rims = [], []
     if presses:
         params = {"calibration": str(calibration), "accept_contradictions": True}

@@ -118,24 +118,31 @@ def rate_exposure(
                 f"{cure}"
             )
             continue
-        lies = (
-            f"beside the ball the film does not lie where the flat frame shows it: {moved} (take "
-            "both with the same camera, lens, zoom and crop)"
-        )
-        # Added light evens out the film's fall-off, as a zoom does.
         added = added_share(*(a[:, far] for a in cells))
-        is_lit = (
-            f"under all LEDs the film beside the ball is {abs(added):.1%} "
-            f"{'brighter' if added > 0 else 'darker'} than {compared}, the dimmer the more: keep "
-            "other light out, or take an image with all LEDs off as well"
-        )
-        if abs(added) <= MAX_ADDED:
-            doubts += [where + lies] * bool(moved)
-        elif moved and added < 0:  # other light brightens, unless only the flat frame had it
-            doubts.append(f"{where}{lies}, or {is_lit}")
-        else:
-            doubts.append(f"{where}{is_lit}; or is it another zoom or crop?")
+        if doubt := _of_motion_or_light(moved, added, compared):
+            doubts.append(where + doubt)
     return Judged({"rest_departure_percent": 100 * worst}, doubts)
+
+
+def _of_motion_or_light(moved: str, added: float, compared: str) -> str:
+    """A doubt if the film has moved, in words, or has added light; both look alike.
+
+    Added light evens out the film's fall-off, as a zoom does.
+    """
+    lies = (
+        f"beside the ball the film does not lie where the flat frame shows it: {moved} (take "
+        "both with the same camera, lens, zoom and crop)"
+    )
+    is_lit = (
+        f"under all LEDs the film beside the ball is {abs(added):.1%} "
+        f"{'brighter' if added > 0 else 'darker'} than {compared}, the dimmer the more: keep "
+        "other light out, or take an image with all LEDs off as well"
+    )
+    if abs(added) <= MAX_ADDED:
+        return lies if moved else ""
+    if moved and added < 0:  # other light brightens, unless only the flat frame had it
+        return f"{lies}, or {is_lit}"
+    return f"{is_lit}; or is it another zoom or crop?"
 
 
 def _free(press: F4, circles: F4) -> NDArray[np.bool_]:

@@ -184,7 +184,7 @@ def test_an_iterator_makes_a_stream() -> None:
     assert not single.stream
 
 
-def test_symbols_stand_in_the_order_in_which_they_first_appear() -> None:
+def test_symbols_are_in_order_of_first_appearance() -> None:
     @node
     def each(height: Height, light: Light) -> Annotated[F4, Port("N 2")]: ...
 

@@ -54,7 +54,7 @@ def test_a_page_states_units_ranges_and_defaults() -> None:
     assert "`flat` (float32 K x H x W [1]): Irradiance per LED" in page
     assert "; K x H x W, the untouched film" in page
     assert "`pixel` (number [mm/px]): Side of a pixel on" in node_page(find_node("find_ball"))
-    assert "`floor` (default 0.02, above 0): Smallest value" in page
+    assert "`floor` (default 0.02, above 0): lower bound" in page
 
 
 def test_a_page_explains_the_values_of_a_record() -> None:

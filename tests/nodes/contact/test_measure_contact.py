@@ -156,7 +156,7 @@ def test_places_and_areas_are_those_on_the_film(lens: list[float] | None, camera
         assert measured[f"contact_{name}/c1"] == pytest.approx(true[f"contact_{name}/c1"], abs=0.03)
 
 
-def test_a_contact_on_a_film_that_is_no_plane_is_measured_along_it() -> None:
+def test_a_contact_on_a_curved_film_is_measured_along_it() -> None:
     """On a film that slopes by 0.75, seen from near: a plate of 0.1 mm along the camera's axis."""
     right, _ = places(0, 0)
     camera, slope = 1 / 50, 0.75

@@ -184,7 +184,7 @@ def test_cells_twice_as_large_find_nearly_the_same_light(coat: dict[str, float])
     assert coarse == pytest.approx(fine, rel=0.025)
 
 
-def test_a_coat_that_does_not_refract_throws_as_a_matt_film() -> None:
+def test_a_coat_without_refraction_reflects_as_a_matt_film() -> None:
     (height, inside), lights = imprint(1.2), np.float32([[-6, 2, 20], [5, 5, 25]])
     light = ones(height)[:2]
     nearly = film(0.7, lights, base=0.7, roughness=0.3, refraction=1 + 1e-4)
