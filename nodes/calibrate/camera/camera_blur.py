@@ -125,7 +125,7 @@ def _edges(image: Light, flat: Light, middle: tuple[float, float], radius: float
     first, last = INNER_RADII * radius - REACH_PX, OUTER_RADII * radius + REACH_PX
     ring = (away > first) & (away < last)
     turn = np.arctan2(rows[ring] - middle[1], columns[ring] - middle[0]) / (2 * np.pi)
-    sector = (turn * SECTOR_COUNT).astype(int) % SECTOR_COUNT
+    sector = np.floor(turn * SECTOR_COUNT).astype(int) % SECTOR_COUNT
     away = away[ring]
     bins = sector * (int(last - first) + 1) + (away - first).astype(int)
     size = SECTOR_COUNT * (int(last - first) + 1)
