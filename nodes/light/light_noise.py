@@ -8,6 +8,9 @@ from annotated_types import Gt
 from tactograph.graph import Close, node
 from tactograph.nodes import Light, Noise
 
+SATURATED_LIGHT = 0.998
+"""Fraction of full scale that a camera of 8 bits rounds to full scale: 1 - 0.5 / 255."""
+
 
 @node(tolerance=Close(1e-6, 1e-5, why="rounding of a square root and a division"))
 def light_noise(
@@ -20,7 +23,8 @@ def light_noise(
     """Return the standard deviation of the light relative to the film at rest.
 
     It is sqrt(shot I + read) / I_flat: the shot noise of photons, and the read noise of the
-    camera's electronics.
+    camera's electronics.  A saturated pixel gives only a lower bound of its light, so its deviation
+    is full scale.
 
     Parameters
     ----------
@@ -32,7 +36,8 @@ def light_noise(
     shot, read = noise
     sigma = np.empty_like(image)
     for captured, rest, deviation in zip(image, flat, sigma, strict=True):
-        np.sqrt(shot * np.maximum(captured, np.float32(0)) + read, out=deviation)
+        saturated = captured >= np.float32(SATURATED_LIGHT)
+        np.sqrt(shot * np.maximum(captured, np.float32(0)) + (read + saturated), out=deviation)
         deviation /= np.maximum(rest, np.float32(floor))
     return sigma
 

@@ -18,7 +18,7 @@ from tactograph.nodes.optics.cache_blocks import in_blocks
             4,
             8,
             "the shadow test needs 4 to 8 LEDs, since three light directions are linearly "
-            "independent; with three use `paper_no_shadow`, or `reconstruct` and `precise`, which "
+            "independent; with three use paper_no_shadow, or reconstruct and precise, which "
             "find shadows of three LEDs by the length of the normal",
         )
     },

@@ -20,8 +20,7 @@ and added light; 0 elsewhere."""
 
 @node
 def fall_off(flat: CoarseLight) -> FallOff:
-    """Return how the light along the border changes with a motion of the camera, or with more light
-    (T7).
+    """Return how the light along the border changes with camera motion and added light (T7).
 
     If film that was at r + v is seen at r, log I_k(r) = log F_k(r) + v . grad log F_k(r) + g_k,
     with g_k the gain of LED k (optical flow: B. Horn and B. Schunck, "Determining optical flow",
@@ -40,7 +39,7 @@ def fall_off(flat: CoarseLight) -> FallOff:
     """
     count, rows, columns = flat.shape
     ring = border_cells((rows, columns), RING_CELLS)
-    # Neighbouring cells are redundant, and these suffice for four unknowns.
+    # Neighbouring cells are redundant, and these suffice for five unknowns.
     ring &= np.indices(ring.shape).sum(axis=0) % RING_CELLS == 0
     middle = np.array([rows - 1, columns - 1])[:, None, None] / 2
     y, x = (np.mgrid[:rows, :columns] - middle)[:, ring] / columns

@@ -69,8 +69,9 @@ def change_in_words(motion: FilmMotion) -> str:
 
 @node
 def film_motion(light: CoarseLight, fall_off: FallOff) -> FilmMotion:
-    """Return the shift, zoom and turn that explain the film at rest along the border, and the light
-    that does so if it was added everywhere (T7).
+    """Return the camera motion and the added light that explain the film's border at rest (T7).
+
+    The motion is a shift, a zoom and a turn; the light is added everywhere.
 
     Each is 0 if it explains too little of the light (`explained`).  Added light flattens the film's
     fall-off, as a zoom does, so that one may be mistaken for the other.

@@ -8,11 +8,12 @@ import pytest
 
 from tests.fixtures import (
     RIG_PIXEL_MM,
+    Calibration,
     MadeOnce,
     Raytraced,
     images_of,
 )
-from tests.pipelines.conftest import Image, Reconstruct, changed_rig, run
+from tests.pipelines.conftest import Image, Reconstruct, changed, changed_rig, run
 
 
 @pytest.mark.one_case
@@ -46,6 +47,22 @@ def test_reconstruct_reaches_its_error_on_soft_presses(
 ) -> None:
     metrics = reconstruct("reconstruct", rig, shape)["metrics"]
     assert metrics["rmse_px"] <= FILMS[rig, shape]
+
+
+@pytest.mark.parametrize("graph", ["reconstruct", "precise"])
+def test_saturated_light_of_an_led_does_not_bend_the_height(
+    raytraced: Raytraced, calibration: Calibration, tmp_path: Path, graph: str
+) -> None:
+    """Exposed 1.4 times as long, 8 % of the pixels are at full scale."""
+    touch, longer = raytraced / "near33" / "sphere_film", 1.4
+    changed(touch, tmp_path / "touch", lambda image: np.minimum(longer * image, 255))
+    with np.load(calibration("near33"), allow_pickle=False) as known:
+        noise = known["noise"] * np.float32([longer, longer**2])
+        flat = known["flat"] * np.float32(longer)
+        np.savez(tmp_path / "cal.npz", **{**known, "flat": flat, "noise": noise})
+    result = run(graph, capture=tmp_path / "touch", calibration=tmp_path / "cal.npz")
+    assert any("7.3% of the pixels are saturated" in line for line in result.warnings)
+    assert result["metrics"]["rmse_px"] < 0.015
 
 
 def as_a_colour_camera_sees(image: Image) -> Image:

@@ -52,7 +52,7 @@ def test_after_a_crash_programs_go_to_another_folder_and_a_warning_names_the_dam
     runs.die(number)
     place, warnings = runs.begin()
     assert place == str(runs.cache / "pocl")
-    assert f"an earlier run died of '{how}' while it used PoCL: what {runs.usual} holds" in warnings
+    assert f"an earlier run died of '{how}' while it used PoCL: files in {runs.usual}" in warnings
     assert runs.begin() == (place, ""), "one warning, and never again"
 
 
@@ -69,7 +69,7 @@ def test_a_folder_that_the_user_chose_is_named_and_not_emptied(runs: Runs, tmp_p
     runs.die(signal.SIGABRT)
     place, warnings = runs.begin(POCL_CACHE_DIR=str(tmp_path))
     assert place == str(tmp_path)
-    assert f"{tmp_path} holds may be damaged; empty that folder" in warnings
+    assert f"files in {tmp_path} may be damaged; empty that folder" in warnings
 
 
 def test_a_process_that_was_killed_is_no_crash(runs: Runs) -> None:

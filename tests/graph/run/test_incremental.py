@@ -218,7 +218,7 @@ def test_inspect_and_again_need_an_item() -> None:
     np.testing.assert_array_equal(pipeline.inspect("light"), STACK)
     other = load(graph_of(CHAIN), backend="numpy")
     other(frames=STACK)
-    with pytest.raises(InputError, match="no item has run since results are kept; run one now"):
+    with pytest.raises(InputError, match="no item has cached results; run one now"):
         other.again()
     other(frames=STACK)
     assert "light" in other.again().reused

@@ -136,7 +136,7 @@ def test_a_touch_that_fails_all_checks_is_refused_unless_forced() -> None:
         judged(**wrong)
     line = str(refused.value)
     assert all(cause in line for cause in ("has these slopes", "LED 2 is darker", "light of the"))
-    assert line.endswith("no height follows; `force`=true goes on all the same")
+    assert line.endswith("no height is computed; `force`=true continues anyway")
     assert len(warnings_of(**wrong, force=True)) == 1
     assert judged(**wrong, force=True)["trust"] < 1e-6
     assert len(warnings_of(9.0, rest=0.7, light=1.0)) == 1, "two of three are no refusal"
@@ -197,7 +197,7 @@ def test_rims_give_a_warning_unless_something_else_measures_them(
     with collect_warnings(notes):
         verdict = judged(0.1, rim_share=hanging, rims_measured=measured)
     assert verdict["rim_share"] == hanging
-    assert notes == [note for note in notes if "50% of the touch hangs on rims" in note]
+    assert notes == [note for note in notes if "50% of the touch depends on rims" in note]
     assert len(notes) == count
 
 

@@ -66,7 +66,7 @@ def judge_light_model(
             "this sensor's, with the same exposure?"
         )
     if is_sure and not force:
-        raise InputError(f"{doubts[0]} `force`=true goes on all the same")
+        raise InputError(f"{doubts[0]} `force`=true continues anyway")
     for doubt in doubts:
         warn(doubt)
     return {"model_residual": residual, "model_brightness": bright}

@@ -136,7 +136,7 @@ def test_saturated_highlights_are_left_out_of_a_press(calibrated) -> None:
 def test_a_picture_is_written_next_to_the_calibration(calibrated) -> None:
     _, out = calibrated
     picture = cv2.imread(str(out.with_suffix(".png")))
-    assert picture.shape == (800, 1600, 3)
+    assert picture.shape == (800, 1720, 3)
 
 
 @pytest.mark.slow
