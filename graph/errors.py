@@ -171,11 +171,11 @@ def missing(path: Path, what: str) -> str:
     """
     first = next((each for each in (path, *path.parents) if each.parent.is_dir()), path)
     where = "" if first == path else f", nor '{first}'"
-    if first.is_symlink():
-        return f"{path}: there is no such {what}; '{first}' is a link to '{first.readlink()}'"
     try:
+        if first.is_symlink():
+            return f"{path}: there is no such {what}; '{first}' is a link to '{first.readlink()}'"
         siblings = [each.name for each in first.parent.iterdir()]
-    except (OSError, ValueError):
+    except (OSError, ValueError):  # a name that no file can have
         siblings = []
     return f"{path}: there is no such {what}{where}{did_you_mean(first.name, siblings)}"
 

@@ -65,6 +65,6 @@ def run(graph: str, sinks: bool = True, **params: Any) -> Any:
     return result
 
 
-def said(result: Any) -> list[str]:
+def warnings_of(result: Any) -> list[str]:
     """The warnings of a result, except that of a missing device."""
     return [line for line in result.warnings if "OpenCL" not in line]

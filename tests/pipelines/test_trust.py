@@ -181,7 +181,7 @@ def test_precise_detects_wrong_images_too(raytraced: Raytraced, opened: Opened, 
         ("gamma 2.2", "gamma"),
         ("an LED of another touch", "LED 2 is not of the touch"),
         ("exposed too short", "exposure"),
-        ("half black", "parts of the image are without light"),
+        ("half black", "parts of the image are black"),
         ("other light", "other light is kept out"),
     ],
 )
@@ -243,7 +243,7 @@ def test_a_touch_that_every_check_contradicts_ends_a_run_that_is_not_forced(
 ) -> None:
     out = tmp_path / "out"
     params = [f"capture={stream}", f"calibration={calibration('far28')}", f"out={out}"]
-    with pytest.raises(InputError, match=f"^1: .*{REFUSAL}.*; 'tactograph batch' goes on"):
+    with pytest.raises(InputError, match=f"^1: .*{REFUSAL}.*; 'tactograph batch' continues"):
         run_command(["run", "reconstruct", *params])
     assert {path.parent.name for path in out.rglob("result.json")} == {"0"}
 
