@@ -10,9 +10,10 @@ rendered three times finer than the camera's pixels and averaged, so that edges 
 camera mixes them; the truth is the height in the middle of a pixel.  Of the ray-traced ones, those
 that constants were chosen on and those left out are summed up apart; teapots are left out, as their
 images are not those of the stated shape.  A new rig is one
-in the hand whose LEDs, coat, albedo, pupil and blur chance draws; two presses of a ball and the
-pupil's height calibrate it.  A kind of its touches is one row, the mean of their shares and the
-least, as the pixels of one touch err together.
+in the hand whose LEDs, coat, albedo, pupil and blur chance draws; its film has one albedo, and its
+exposure leaves no pixel of a press saturated, which `calibrate` warns of.  Two presses of a ball
+and the pupil's height calibrate it.  A kind of its touches is one row, the mean of their shares and
+the least, as the pixels of one touch err together.
 """
 
 import argparse
@@ -41,6 +42,8 @@ CHOSEN_ON = tuple(accuracy.PIXEL_MM)
 SOFT, RIGID = ("sphere_film", "corner_film", "cat_film", "teapot_film"), ("sphere", "cat")
 HERE = {"": Place("error_band", 0, 0, "shape")}
 NEW_BALL_MM = 6.0
+BRIGHTEST = 0.95
+"""Share of full scale of the brightest light of a press on a new rig, where it would be more."""
 
 
 class Rig(NamedTuple):
@@ -52,6 +55,8 @@ class Rig(NamedTuple):
     bits: int
     flaws: dict[str, float] | None = None
     """Params of `simulate_hand`; None: a matt film far from the camera."""
+    exposure: float = 1.0
+    """By which all light is multiplied."""
 
 
 RIGS = {
@@ -204,9 +209,13 @@ def bands_by_kind(rig: Rig, rng: np.random.Generator, folder: Path) -> dict[str,
         return int(rng.integers(2**31))
 
     presses, flat, calibration = (folder / part for part in ("presses", "flat", "cal.npz"))
+    rigid = {"reach_mm": 0, "skin_mm": 0}
     for number, place in enumerate(([0.0, 0.0], [-5.0, 3.0])):
         ball = {"radius_mm": NEW_BALL_MM, "rise_mm": 2.8, "offset_mm": place}
-        simulate(rig, "ball", ball, {"reach_mm": 0, "skin_mm": 0}, presses / str(number), seed())
+        if not number:
+            most = float(rendered(rig, "ball", ball, rigid)[0].max())
+            rig = rig._replace(exposure=min(1.0, BRIGHTEST / most))
+        simulate(rig, "ball", ball, rigid, presses / str(number), seed())
     simulate(rig, "flat", {}, {}, flat, seed())
     given: dict[str, Any] = {"capture": presses, "flat": flat, "out": calibration}
     if camera := (rig.flaws or {}).get("camera_mm"):
@@ -250,7 +259,20 @@ def simulate(
     out: Path,
     seed: int,
 ) -> None:
-    """Render a shape finely, average over the camera's pixels, expose and write."""
+    """Render a shape, expose and write."""
+    mean, scene = rendered(rig, shape, settings, press)
+    image = expose(mean * np.float32(rig.exposure), bits=rig.bits, seed=seed).image
+    middle = np.s_[FINE // 2 :: FINE, FINE // 2 :: FINE]
+    z, labels = (np.ascontiguousarray(scene[part][middle]) for part in ("height", "labels"))
+    slope = height_slopes(z, rig.pixel_mm).slope
+    given_to = image, z, slope, rig.pixel_mm, labels, scene["lights"]
+    write_capture(*given_to, folder=out, bits=rig.bits)
+
+
+def rendered(
+    rig: Rig, shape: str, settings: dict[str, Any], press: dict[str, Any] | None
+) -> tuple[Any, Any]:
+    """Render a shape finely; return its light averaged over the camera's pixels, and the scene."""
     hand = rig.flaws is not None
     name = "simulate_hand" if hand else "simulate" if press is None else "simulate_press"
     graph = read_graph(name)
@@ -269,7 +291,7 @@ def simulate(
         parts |= {"light": "lens", "labels": "view.labels", "height": "view.height"}
     width, rows = rig.size
     given = {
-        "out": out,
+        "out": None,
         "slant_deg": rig.slant_deg,
         "distance_mm": rig.distance_mm,
         "width_px": width * FINE,
@@ -278,14 +300,11 @@ def simulate(
     }
     if rig.flaws is not None:
         given |= {**rig.flaws, "blur_px": rig.flaws["blur_px"] * FINE, "lens_at_corner": 0.0}
+        if albedo := rig.flaws["bounce_albedo"]:
+            given["albedo"] = albedo
     (scene,) = open_pipeline(replace(graph, outputs=parts), given, sinks=False).items()
     mean = scene["light"].reshape(-1, rows, FINE, width, FINE).mean(axis=(2, 4))
-    image = expose(mean.astype(np.float32), bits=rig.bits, seed=seed).image
-    middle = np.s_[FINE // 2 :: FINE, FINE // 2 :: FINE]
-    z, labels = (np.ascontiguousarray(scene[part][middle]) for part in ("height", "labels"))
-    slope = height_slopes(z, rig.pixel_mm).slope
-    given_to = image, z, slope, rig.pixel_mm, labels, scene["lights"]
-    write_capture(*given_to, folder=out, bits=rig.bits)
+    return mean.astype(np.float32), scene
 
 
 if __name__ == "__main__":
