@@ -20,7 +20,7 @@ PIXEL, RADIUS = 0.05, 2.0
 BALL = shape_ball(
     radius_mm=RADIUS, rise_mm=1.2, width_px=200, height_px=200, pixel_size_mm=PIXEL
 ).height
-FLAT = np.ones((4, *BALL.shape), np.float32)
+FLAT = np.full((4, *BALL.shape), 0.5, np.float32)
 CONTACT_PX = float(np.sqrt((BALL > 0).sum() / np.pi))
 BALLS = BallPlaces(
     np.array([[99.5, 99.5, CONTACT_PX]], np.float32),
@@ -57,8 +57,8 @@ def judged(lights: F4 = LIGHTS, diffused: float = 0.4, wrap: float = 0.0) -> Lab
         matt = np.asarray(render(BALL, PIXEL, lights).light / render(level, PIXEL, lights).light)
     matt = np.maximum(matt, STRAY_LIGHT)
     light = np.float32(diffused) + np.float32(1 - diffused) * matt
-    noise = np.float32([0, 1e-6])
-    return judge_labels(light, light, matt, FLAT, BALL, film, BALLS, noise, PIXEL)
+    noise = np.float32([0, 0.25e-6])
+    return judge_labels(FLAT * light, light, matt, FLAT, BALL, film, BALLS, noise, PIXEL)
 
 
 def test_labels_of_shadows_that_follow_the_model_are_kept() -> None:
