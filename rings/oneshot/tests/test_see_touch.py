@@ -3,11 +3,13 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from tactograph.graph import Provenance, load
 from tactograph.rings.oneshot.nodes.file.write_press_calibration import write_press_calibration
 
 
+@pytest.mark.filterwarnings("ignore:this touch is not checked")
 def test_a_one_shot_sensor_forwards_and_back(tmp_path: Path) -> None:
     """From its map of light alone: a press and the film at rest."""
     rows, columns, pixel = 120, 160, 0.1

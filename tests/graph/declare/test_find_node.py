@@ -110,6 +110,7 @@ def test_a_node_of_another_package_is_found_by_its_name(install: Install) -> Non
     assert node.kernel_package == "acme_optics.kernels"
 
 
+@pytest.mark.filterwarnings("ignore:.*saturated")
 def test_a_node_of_another_package_runs_on_both_back_ends(
     install: Install, write: Write, device: OpenCL, backend: str
 ) -> None:

@@ -12,7 +12,10 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tests.fixtures import Calibration, Raytraced
 from tests.graph.conftest import STREAM, Write, graph_of
 
-pytestmark = pytest.mark.usefixtures("toys")
+pytestmark = [
+    pytest.mark.usefixtures("toys"),
+    pytest.mark.filterwarnings("ignore:a warning"),
+]
 
 CHAIN = """
 format: 1

@@ -186,6 +186,7 @@ def errors(graph: str, scene, calibration: Path) -> tuple[float, float]:
     return worst[False], worst[True]
 
 
+@pytest.mark.filterwarnings("ignore:this touch is not checked")
 def test_without_a_touch_there_is_no_height_although_leds_fade(scene, calibration: Path) -> None:
     """The film at rest stays at zero, and the touch is right, to a few microns."""
     rest, touch = errors("reconstruct_follow_drift", scene, calibration)

@@ -1,5 +1,6 @@
 """Levelled heights of scans, and the error that is stated: it grows with what the model misses."""
 
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -58,7 +59,8 @@ def test_a_fold_hides_no_noise() -> None:
 def levelled(file: Path, z: F4, level: str = "flat") -> tuple[F4, list[str]]:
     """The error of a reconstructed height, and the warnings."""
     light = seen(z, read_light_model(file=file).model)
-    found = load("reconstruct_scan", model=file, level=level, cell_px=4)(frames=light)
+    with warnings.catch_warnings(action="ignore"):
+        found = load("reconstruct_scan", model=file, level=level, cell_px=4)(frames=light)
     off = found["height"] - z
     return off - np.median(off), found.warnings
 
