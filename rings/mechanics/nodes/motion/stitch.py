@@ -142,7 +142,7 @@ def stitch(
     if lost:
         warn(
             "stitch: the shape, such as a ball's, leaves open how the object lay in these touches "
-            f"beside the others, so their places are not told: {', '.join(lost)}"
+            f"beside the others, so their places are not stated: {', '.join(lost)}"
         )
     stated = all(np.isfinite(errors[n][touched[n]]).all() for n in poses)
     deviations = np.nan_to_num(errors) if stated else np.ones_like(errors)

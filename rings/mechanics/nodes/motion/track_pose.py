@@ -108,9 +108,9 @@ def track_pose(
     The pose 6 and its covariance 6 x 6, and figures: ``pose_x_mm``, ``pose_turn_x_deg``,
     ``pose_sd_x_mm`` and so on; ``pose_open``, how many motions are open, and which, as
     ``pose_open/turn_x``; ``pose_overlap``; ``pose_sure``, 0 where frame and key frame differ by
-    more than both err, which is also told; ``pose_pressed``, the share of the raised film that
+    more than both err, with a warning; ``pose_pressed``, the share of the raised film that
     curves down, as film does that an object holds: below 0.25 the film is so tight that it hides
-    tilts, which is told; ``pose_frames`` since tracking began; ``pose_keys``.
+    tilts, with a warning; ``pose_frames`` since tracking began; ``pose_keys``.
     """
     if view is not None and view.camera:
         near, touched = View(camera=view.camera), (contact > 0).astype(np.float32)
@@ -201,7 +201,7 @@ def _begin(heights: F4, stated: float, pressed: float) -> TrackedPose:
 def _tracked(
     motion: F8, covariance: F8, key: F4, memory: F4, is_open: F8, further: Metrics
 ) -> TrackedPose:
-    """The pose in mm and degrees, what is told of it as figures, and a warning of open motions."""
+    """The pose in mm and degrees, its figures, and a warning of open motions."""
     pose = IN_DEGREES * six_numbers(motion)
     # The shift is that of the film's origin: a turn about it after the motion moves it on.
     at_pose = np.eye(6)

@@ -164,7 +164,7 @@ def test_places_that_the_shape_does_not_tell_are_named(shape: Shape) -> None:
     with collect_warnings([]) as messages:
         found = stitch(heights, np.full_like(heights, 0.002), PIXEL, ["a", "b", "c"])
     (line,) = messages
-    assert "places are not told" in line
+    assert "places are not stated" in line
     unsure = [found.figures[f"stitched_unsure_mm/{name}"] for name in "abc"]
     assert sorted(unsure)[1] > 4 * PIXEL
 
