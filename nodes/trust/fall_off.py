@@ -1,4 +1,4 @@
-"""How light at the border of the film at rest changes with a camera motion or with added light."""
+"""How light at the border of the film at rest changes with a motion of the camera."""
 
 from typing import Annotated
 
@@ -8,26 +8,24 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, CoarseLight
-from tactograph.nodes.trust.checked_cells import DARK_LIGHT, MIN_LIGHT
+from tactograph.nodes.trust.checked_cells import MIN_LIGHT
 
 RING_CELLS = 4
 """Width of the border at which film should be at rest, and (as two standard deviations) of the
 Gaussian by which the fall-off of the light is smoothed."""
-FallOff = Annotated[F4, Port("5 K h w", "1")]
-"""Derivative of the logarithm of the light at the border by a shift along x and y, a zoom, a turn
-and added light; 0 elsewhere."""
+FallOff = Annotated[F4, Port("4 K h w", "1")]
+"""Derivative of the logarithm of the light at the border by a shift along x and y, a zoom and a
+turn; 0 elsewhere."""
 
 
 @node
 def fall_off(flat: CoarseLight) -> FallOff:
-    """Return how the light along the border changes with camera motion and added light (T7).
+    """Return how the light along the border changes with a motion of the camera (T7).
 
     If film that was at r + v is seen at r, log I_k(r) = log F_k(r) + v . grad log F_k(r) + g_k,
     with g_k the gain of LED k (optical flow: B. Horn and B. Schunck, "Determining optical flow",
     1981).  The motion v is a shift, a zoom and a turn about the middle, the same under all LEDs;
-    each LED falls off in a different direction.  Light that is added everywhere changes I_k / F_k
-    in proportion to 1 / F_k, so that dim film changes most; the unit of added light is the
-    (harmonic) mean of the film's.
+    each LED falls off in a different direction.
 
     Parameters
     ----------
@@ -35,11 +33,11 @@ def fall_off(flat: CoarseLight) -> FallOff:
 
     Returns
     -------
-    5 x K x h x w, of mean 0 along the border of each LED; lengths are shares of the image's width.
+    4 x K x h x w, of mean 0 along the border of each LED; lengths are shares of the image's width.
     """
     count, rows, columns = flat.shape
     ring = border_cells((rows, columns), RING_CELLS)
-    # Neighbouring cells are redundant, and these suffice for five unknowns.
+    # Neighbouring cells are redundant, and these suffice for four unknowns.
     ring &= np.indices(ring.shape).sum(axis=0) % RING_CELLS == 0
     middle = np.array([rows - 1, columns - 1])[:, None, None] / 2
     y, x = (np.mgrid[:rows, :columns] - middle)[:, ring] / columns
@@ -48,10 +46,7 @@ def fall_off(flat: CoarseLight) -> FallOff:
         for plane in flat
     ]
     down, along = (columns * slope[:, ring] for slope in np.gradient(np.stack(smooth), axis=(1, 2)))
-    added = 1 / np.maximum(flat[:, ring], DARK_LIGHT)
-    changes = np.stack(
-        [along, down, x * along + y * down, x * down - y * along, added / added.mean()]
-    )
+    changes = np.stack([along, down, x * along + y * down, x * down - y * along])
     out = np.zeros((len(changes), count, rows, columns), np.float32)
     out[:, :, ring] = changes - changes.mean(axis=2, keepdims=True)
     return out

@@ -11,7 +11,7 @@ import numpy as np
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, CoarseLight
 from tactograph.nodes.trust.checked_cells import MIN_LIGHT
-from tactograph.nodes.trust.explained import explained
+from tactograph.nodes.trust.explained import added_share, explained
 from tactograph.nodes.trust.fall_off import FallOff
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 
@@ -68,22 +68,22 @@ def change_in_words(motion: FilmMotion) -> str:
 
 
 @node
-def film_motion(light: CoarseLight, fall_off: FallOff) -> FilmMotion:
+def film_motion(light: CoarseLight, fall_off: FallOff, flat: CoarseLight) -> FilmMotion:
     """Return the camera motion and the added light that explain the film's border at rest (T7).
 
-    The motion is a shift, a zoom and a turn; the light is added everywhere.
-
-    Each is 0 if it explains too little of the light (`explained`).  Added light flattens the film's
+    The motion is a shift, a zoom and a turn; the light is added everywhere (`added_share`).  Motion
+    and light are 0 if they explain too little (`explained`).  Added light flattens the film's
     fall-off, as a zoom does, so that one may be mistaken for the other.
 
     Parameters
     ----------
     light : K x h x w on cells, relative to the flat frame, before drift is removed
-    fall_off : 5 x K x h x w, from the node `fall_off`
+    fall_off : 4 x K x h x w, from the node `fall_off`
+    flat : K x h x w, the film at rest on the same cells
     """
     ring = fall_off.any(axis=(0, 1))
     if not ring.any():
-        return np.zeros(len(fall_off), np.float32)
-    seen, causes = light[:, ring], fall_off[:, :, ring]
-    moved = explained(np.log(np.maximum(seen, MIN_LIGHT)), causes[:-1])
-    return np.concatenate([moved, explained(seen, causes[-1:])]).astype(np.float32)
+        return np.zeros(len(fall_off) + 1, np.float32)
+    border = light[:, ring]
+    moved = explained(np.log(np.maximum(border, MIN_LIGHT)), fall_off[:, :, ring])
+    return np.array([*moved, added_share(border, flat[:, ring])], np.float32)

@@ -96,7 +96,7 @@ def rate_exposure(
         # A single press has no name.
         where = f"{names[number]}: " if names[number] else ""
         cells = coarsen(press, factor=CELL_PX), coarsen(flat, factor=CELL_PX)
-        motion = film_motion(cells[0], fall_off(cells[1]))
+        motion = film_motion(cells[0], fall_off(cells[1]), cells[1])
         moved = motion_in_words(motion) if motion_size(motion) > MAX_MOTION else ""
         if not moved and is_banded(cells[0]):
             doubts.append(where + BANDS_WARNING)

@@ -52,7 +52,7 @@ MOTIONS = {
 @pytest.mark.parametrize("words", MOTIONS)
 def test_a_motion_is_found_and_named(words: str) -> None:
     matrix, true = MOTIONS[words]
-    motion = film_motion(light_from(matrix), fall_off(rest()))
+    motion = film_motion(light_from(matrix), fall_off(rest()), rest())
     np.testing.assert_allclose(motion[:4], true, atol=0.02)
     assert words in motion_in_words(motion)
     assert motion_size(motion) > 0.02
@@ -63,7 +63,7 @@ def test_a_motion_is_found_and_named(words: str) -> None:
 def test_added_light_is_found_whatever_the_exposure(added: float, gain: float) -> None:
     """Beside a touch that changes the film, and one that leaves the frame."""
     light = np.float32(gain) * light_from([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    motion = film_motion(light + np.float32(gain * added) / rest(), fall_off(rest()))
+    motion = film_motion(light + np.float32(gain * added) / rest(), fall_off(rest()), rest())
     ring = fall_off(rest()).any(axis=(0, 1))
     share = gain * added * float((1 / rest()[:, ring]).mean())
     assert motion[4] == pytest.approx(share, rel=0.15)
@@ -71,19 +71,21 @@ def test_added_light_is_found_whatever_the_exposure(added: float, gain: float) -
 
 def test_leds_that_drift_are_no_motion() -> None:
     right = light_from([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    assert not film_motion(right, fall_off(rest())).any()
+    assert not film_motion(right, fall_off(rest()), rest()).any()
     y, x = np.mgrid[-1 : 1 : ROWS * 1j, -1 : 1 : COLUMNS * 1j]
     rng = np.random.default_rng(3)
     sizes = []
     for _ in range(20):
         level, along, down = rng.normal(0, [[0.03], [0.01], [0.01]], (3, 4))
         drift = 1 + level[:, None, None] + along[:, None, None] * x + down[:, None, None] * y
-        sizes.append(motion_size(film_motion((right * drift).astype(np.float32), fall_off(rest()))))
+        sizes.append(
+            motion_size(film_motion((right * drift).astype(np.float32), fall_off(rest()), rest()))
+        )
     assert np.median(sizes) == 0
     assert max(sizes) < 0.03
 
 
 def test_a_film_that_is_lit_evenly_shows_no_motion() -> None:
     even = np.full((4, ROWS, COLUMNS), 0.5, np.float32)
-    assert not film_motion(light_from(about(0.9, 0.0)), fall_off(even)).any()
-    assert not film_motion(np.full_like(even, 1.1), fall_off(even)).any()
+    assert not film_motion(light_from(about(0.9, 0.0)), fall_off(even), even).any()
+    assert not film_motion(np.full_like(even, 1.1), fall_off(even), even).any()

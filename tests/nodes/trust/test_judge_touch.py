@@ -116,7 +116,7 @@ def near_light(away: float) -> F4:
 def warnings_at_rest(rest: F4, added: float, shift: int) -> list[str]:
     light = (np.roll(rest, shift, 2) + np.float32(added)) / rest
     light[:, :, :shift] = 1
-    motion = film_motion(light, fall_off(rest))
+    motion = film_motion(light, fall_off(rest), rest)
     evidence = touch_evidence(HEIGHT, light, HEIGHT)
     with collect_warnings([]) as notes:
         judge_touch(evidence, RANKS, motion=motion, light=light, flat=rest, force=True)
