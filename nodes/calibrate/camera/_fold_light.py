@@ -14,14 +14,15 @@ from numpy.typing import NDArray
 
 from tactograph.nodes import BAND_DEVIATIONS, F4, F8, Film, Light, Noise
 from tactograph.nodes.calibrate import MIN_FLAT_LIGHT
+from tactograph.nodes.calibrate.camera._ball_ring import BallRing
 from tactograph.nodes.calibrate.film.film_misfit import BRIGHTENING_FACTOR
+from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.film import FULL_MATT_LIGHT, direct_share, emitted, touch_gain
-from tactograph.nodes.optics.near_light import vectors_at
+from tactograph.nodes.optics.near_light import places, vectors_at
+from tactograph.nodes.trust.checked_cells import MIN_LEDS
 
 HEIGHT_ROUNDS = 3
 """Rounds of slopes and of the height that follows from them, from which LEDs are seen elsewhere."""
-MIN_LEDS = 3
-"""LEDs that tell a normal and how bright it is."""
 BIN_VARIANCE = 1 / 12
 """Variance in px^2 of the places within a bin, whose mean slope stands for all of them."""
 MIN_FOLD_PIXELS = 100
@@ -58,99 +59,57 @@ class Folds(NamedTuple):
         return float(np.sqrt(max(most, 0)))
 
 
-class _Around(NamedTuple):
-    """Pixels around a ball, N: places in mm, directions from the ball, cells of sector and bin."""
-
-    x: F8
-    y: F8
-    outward: F8
-    cell: NDArray[np.intp]
-    size: tuple[int, int]
-
-    def mean(self, values: F8) -> F8:
-        """The mean of each cell, sectors x bins."""
-        count = np.bincount(self.cell, minlength=self.size[0] * self.size[1])
-        sums = np.bincount(self.cell, values, count.size)
-        return (sums / np.maximum(count, 1)).reshape(self.size)
-
-
 def tells_folds(film: Film) -> bool:
     """Return whether a fold's brightness is known: no coat mirrors, no film throws light on it."""
     return film.refraction == 1 and film.albedo == 0 and not film.harmonics.any()
 
 
 def folds(
-    image: Light,
-    flat: Light,
-    middle: tuple[float, float],
-    rims: tuple[float, float],
-    reach: int,
-    sectors: int,
-    film: Film,
-    noise: Noise,
-    pixel: float,
+    image: Light, flat: Light, ring: BallRing, reach: int, film: Film, noise: Noise, pixel: float
 ) -> Folds:
-    """Return what the sharpest fold in every sector around a ball tells, `reach` px on either side.
+    """Return what the sharpest fold in every sector of a ring tells, `reach` px on either side.
 
     Parameters
     ----------
     image, flat : K x H x W, as captured
-    middle, rims : of the ball, and distances between which its rim is, in px
     film : a plain one (`tells_folds`)
+    pixel : mm per px
     """
-    _, rows, columns = image.shape
-    y, x = np.mgrid[:rows, :columns]
-    away = np.hypot(x - middle[0], y - middle[1])
-    at = (away > rims[0] - reach) & (away < rims[1] + reach)
-    if not at.any():
+    if not ring.inside.any():
         return Folds(*np.zeros((3, 0)))
-    turn, away = np.arctan2(y[at] - middle[1], x[at] - middle[0]), away[at]
-    sector = np.floor(turn / (2 * np.pi) * sectors).astype(int) % sectors
-    bins = away.astype(int) - int(away.min())
-    size = sectors, int(bins.max()) + 1
-    around = _Around(
-        (x[at] - (columns - 1) / 2) * pixel,
-        (y[at] - (rows - 1) / 2) * pixel,
-        np.stack([np.cos(turn), np.sin(turn)]),
-        sector * size[1] + bins,
-        size,
-    )
-    lit = _lit(around, image[:, at], flat[:, at], film)
-    bent = _bent(around, lit, image[:, at], flat[:, at], film, noise, pixel)
-    angle, variance, brightness, weight = bent
-    square, tells = np.zeros(size), np.zeros(size, bool)
+    image, flat = image[:, ring.inside], flat[:, ring.inside]
+    lit = _lit(ring, image, flat, film)
+    angle, variance, brightness, weight = _bent(ring, lit, image, flat, film, noise, pixel)
+    square, tells = np.zeros(angle.shape), np.zeros(angle.shape, bool)
     square[:, 1:-1] = np.square(angle[:, 2:] - angle[:, :-2]) / 8
     # Slants by other LEDs differ, which would look like a fold.
     alike = (lit[..., 1:] == lit[..., :-1]).all(axis=0)
     sure = variance < MAX_VARIANCE_RATIO * np.median(variance[variance > 0])
     tells[:, 1:-1] = alike[:, 1:] & alike[:, :-1] & sure[:, 2:] & sure[:, :-2]
     square *= tells
-    weight = weight * tells.ravel()[around.cell]
+    weight = weight * tells.ravel()[ring.cell]
     found = []
-    for number in range(sectors):
-        inner = square[number, reach:-reach]
-        if inner.size == 0:
-            continue
-        far = (bins - reach - int(np.argmax(inner))) / reach
-        near = (sector == number) & (np.abs(far) <= 1) & (weight > 0)
+    for number, inner in enumerate(square[:, reach:-reach]):
+        far = (ring.bin - reach - int(np.argmax(inner))) / reach
+        near = (ring.sector == number) & (np.abs(far) <= 1) & (weight > 0)
         if near.sum() < MIN_FOLD_PIXELS:
             continue
         root, far = np.sqrt(weight[near]), far[near]
         smooth = np.stack([np.ones_like(far), far, far * far], axis=1) * root[:, None]
-        both = np.stack([brightness[near], square[number, bins[near]]], axis=1) * root[:, None]
+        both = np.stack([brightness[near], square[number, ring.bin[near]]], axis=1) * root[:, None]
         both -= smooth @ np.linalg.lstsq(smooth, both, rcond=None)[0]
         found.append((-both[:, 0] @ both[:, 1], both[:, 1] @ both[:, 1], inner.max()))
     return Folds(*np.asarray(found).reshape(-1, 3).T)
 
 
-def _lit(around: _Around, image: F4, flat: F4, film: Film) -> NDArray[np.bool_]:
+def _lit(ring: BallRing, image: F4, flat: F4, film: Film) -> NDArray[np.bool_]:
     """Return the LEDs whose light reaches all pixels of a cell, K x sectors x bins."""
     dark = image < (FULL_MATT_LIGHT + film.diffuse[:, None]) * flat
-    return np.stack([around.mean(plane) == 0 for plane in dark])
+    return np.stack([ring.mean(plane) == 0 for plane in dark])
 
 
 def _bent(
-    around: _Around,
+    ring: BallRing,
     lit: NDArray[np.bool_],
     image: F4,
     flat: F4,
@@ -163,28 +122,31 @@ def _bent(
     The height, by which LEDs are nearer, follows from the slants, from without.
     """
     flat = np.maximum(flat, MIN_FLAT_LIGHT)
-    seen = image / flat
-    deviation = np.sqrt(noise[0] * np.maximum(image, 0) + noise[1]) / flat
+    seen, deviation = image / flat, light_noise(image, flat, noise)
     b, direct = film.diffuse[:, None], direct_share(film)[:, None]
-    counts = lit.reshape(len(lit), -1)[:, around.cell]
+    counts = lit.reshape(len(lit), -1)[:, ring.cell]
+    y, x = (
+        places(count, np.float32(pixel))[at]
+        for count, at in zip(ring.inside.shape, np.nonzero(ring.inside), strict=True)
+    )
     z = np.zeros(seen.shape[1])
     for _ in range(HEIGHT_ROUNDS):
-        place = around.x.astype(np.float32), around.y.astype(np.float32), z.astype(np.float32)
+        place = x, y, z.astype(np.float32)
         light = (seen / touch_gain(film, z) - b) / direct * counts / deviation
         shine = np.stack([emitted(film, k, place) + 0 * z for k in range(len(seen))])
         vectors = vectors_at(film.lights, *place) * (shine * counts / deviation)[:, None]
         by_normal = np.einsum("kin,kjn->nij", vectors, vectors) + MIN_WEIGHT * np.eye(3)
         normal = np.linalg.solve(by_normal, np.einsum("kin,kn->ni", vectors, light)[..., None])
         nx, ny, nz = normal[..., 0].T
-        outward = around.mean(nx * around.outward[0] + ny * around.outward[1])
-        angle = np.arctan2(outward, np.maximum(around.mean(nz), MIN_WEIGHT))
+        outward = ring.mean(nx * ring.outward[0] + ny * ring.outward[1])
+        angle = np.arctan2(outward, np.maximum(ring.mean(nz), MIN_WEIGHT))
         rise = np.tan(angle) * pixel
-        z = (np.cumsum(rise[:, ::-1], axis=1)[:, ::-1] - rise / 2).ravel()[around.cell]
-    slant = angle.ravel()[around.cell]
-    tilted = np.stack([*(np.sin(slant) * around.outward), np.cos(slant)])
-    turned = np.stack([*(np.cos(slant) * around.outward), -np.sin(slant)])
+        z = (np.cumsum(rise[:, ::-1], axis=1)[:, ::-1] - rise / 2).ravel()[ring.cell]
+    slant = angle.ravel()[ring.cell]
+    tilted = np.stack([*(np.sin(slant) * ring.outward), np.cos(slant)])
+    turned = np.stack([*(np.cos(slant) * ring.outward), -np.sin(slant)])
     spread = np.linalg.solve(by_normal, turned.T[..., None])[..., 0]
-    variance = around.mean((spread * turned.T).sum(axis=1))
+    variance = ring.mean((spread * turned.T).sum(axis=1))
     expected = np.einsum("kin,in->kn", vectors, tilted)
     weight = np.square(expected).sum(axis=0)
     brightness = (expected * light).sum(axis=0) / np.maximum(weight, MIN_WEIGHT)

@@ -12,13 +12,12 @@ from scipy.special import ndtr
 from tactograph.graph import node
 from tactograph.nodes import F8, Blur, Film, Light, Metrics, Noise, PixelSize
 from tactograph.nodes.calibrate import MIN_FLAT_LIGHT, BallCircles, BallPress
+from tactograph.nodes.calibrate.camera._ball_ring import BallRing
 from tactograph.nodes.calibrate.camera._fold_light import Folds, folds, tells_folds
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 MAX_BALLS = 8
 """Largest number of balls to use, spread over all."""
-SECTOR_COUNT = 24
-"""Number of sectors around a ball; an edge within one is a piece of a circle."""
 INNER_RADII, OUTER_RADII = 0.8, 1.35
 """Range in which a rim is searched for, in radii of the ball's circle."""
 REACH_PX = 6
@@ -99,48 +98,40 @@ def camera_blur(
     scale = np.float32(binned / pixel)
     used = np.flatnonzero(circle[:, 2] > 0)
     presses, edges, bent = cut(image, flat.shape[1]), list[Edge](), list[Folds]()
+    plain = film if film is not None and tells_folds(film) else None
     for ball in used[:: -(-used.size // MAX_BALLS) or 1]:
         x, y, radius = circle[ball] * scale
         middle = float(x + (scale - 1) / 2), float(y + (scale - 1) / 2)
         edges += _edges(presses[of[ball]], flat, middle, float(radius))
-        if film is not None and noise is not None and tells_folds(film):
-            rims = float(INNER_RADII * radius), float(OUTER_RADII * radius)
-            about = FOLD_REACH_PX, SECTOR_COUNT, film, noise, float(pixel)
-            bent.append(folds(presses[of[ball]], flat, middle, rims, *about))
+        if plain is not None and noise is not None:
+            first, last = INNER_RADII * radius - FOLD_REACH_PX, OUTER_RADII * radius + FOLD_REACH_PX
+            ring = BallRing.of(flat.shape[1:], middle, float(first), float(last))
+            bent.append(folds(presses[of[ball]], flat, ring, FOLD_REACH_PX, plain, noise, pixel))
     edges = sorted(edges, key=lambda edge: -edge.step)[:MAX_EDGES]
     blur = 0.0
     if len(edges) >= MIN_EDGES:
         width = float(np.quantile([_width(edge) for edge in edges], SHARP_SHARE))
         wider = float(np.sqrt(max(width * width - PIXEL_VARIANCE, 0)))
-        if film is not None and bent:
-            wider = min(wider, Folds(*np.concatenate(bent, axis=1)).most_blur(film.uneven))
+        if plain is not None and bent:
+            wider = min(wider, Folds(*np.concatenate(bent, axis=1)).most_blur(plain.uneven))
         blur = wider if wider >= MIN_BLUR_PX else 0.0
     return CameraBlur(blur, {"camera_blur_px": blur})
 
 
 def _edges(image: Light, flat: Light, middle: tuple[float, float], radius: float) -> list[Edge]:
     """The strongest edge in each sector around a ball, under each LED."""
-    rows, columns = np.mgrid[: image.shape[1], : image.shape[2]]
-    away = np.hypot(columns - middle[0], rows - middle[1])
     first, last = INNER_RADII * radius - REACH_PX, OUTER_RADII * radius + REACH_PX
-    ring = (away > first) & (away < last)
-    turn = np.arctan2(rows[ring] - middle[1], columns[ring] - middle[0]) / (2 * np.pi)
-    sector = np.floor(turn * SECTOR_COUNT).astype(int) % SECTOR_COUNT
-    away = away[ring]
-    bins = sector * (int(last - first) + 1) + (away - first).astype(int)
-    size = SECTOR_COUNT * (int(last - first) + 1)
-    counts = np.bincount(bins, minlength=size)
-    edges = []
+    ring = BallRing.of(image.shape[1:], middle, first, last)
+    whole, edges = np.flatnonzero((ring.counts > 0).all(axis=1)), []
     for plane, rest in zip(image, flat, strict=True):
-        light = (plane[ring] / np.maximum(rest[ring], MIN_FLAT_LIGHT)).astype(np.float64)
-        sums = np.bincount(bins, light, minlength=size)
-        profiles = (sums / np.maximum(counts, 1)).reshape(SECTOR_COUNT, -1)
-        whole = (counts.reshape(SECTOR_COUNT, -1) > 0).all(axis=1)
-        for number in np.flatnonzero(whole):
+        light = plane[ring.inside] / np.maximum(rest[ring.inside], MIN_FLAT_LIGHT)
+        profiles = ring.mean(light.astype(np.float64))
+        for number in whole:
             step, at = _strongest_step(profiles[number])
-            in_sector = (sector == number) & (np.abs(away - first - at) < REACH_PX)
+            away = ring.distance - at
+            near = (ring.sector == number) & (np.abs(away) < REACH_PX)
             if step > MIN_STEP:
-                edges.append(Edge(step, away[in_sector] - first - at, light[in_sector]))
+                edges.append(Edge(step, away[near], light[near].astype(np.float64)))
     return edges
 
 
