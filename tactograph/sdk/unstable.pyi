@@ -164,6 +164,9 @@ from tactograph.nodes.files.sensor_preset import (
 from tactograph.nodes.light.film_drift import (
     terms as terms,
 )
+from tactograph.nodes.light.light_noise import (
+    SATURATED_LIGHT as SATURATED_LIGHT,
+)
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
 )

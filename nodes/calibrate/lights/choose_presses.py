@@ -17,6 +17,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     presses_of,
     unreached,
 )
+from tactograph.nodes.light.light_noise import SATURATED_LIGHT
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import (
     SheetHeight,
@@ -27,8 +28,6 @@ from tactograph.nodes.optics.sheet import (
     cut,
 )
 
-SATURATED_LIGHT = 0.998
-"""Captured light that counts as saturated."""
 MAX_SATURATED_SHARE, MAX_LOST_SHARE = 0.02, 0.5
 """Share of saturated pixels in a contact above which they are left out: fewer are outliers of the
 fits, as dirt is. Share above which the press is rejected: most of it is lost."""

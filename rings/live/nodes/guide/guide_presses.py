@@ -21,11 +21,11 @@ from tactograph.rings.live.nodes.touches.sensor import open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
 from tactograph.sdk import F4, Dark, InputError, Light, atomic_file, atomic_files, node, write_image
 from tactograph.sdk.nodes import find_ball, flat_field, pixel_size, read_balls, read_flat
-from tactograph.sdk.unstable import BallPresses, CaptureFile
+from tactograph.sdk.unstable import SATURATED_LIGHT, BallPresses, CaptureFile
 
 USUAL_LEDS = 4
-SATURATED_LIGHT, MAX_PRESS_SATURATED = 0.998, 0.01
-"""Light that counts as saturated, and the largest share of saturated pixels."""
+MAX_PRESS_SATURATED = 0.01
+"""Largest share of saturated pixels in a press."""
 MIN_CONTACT_PX = 10.0
 """Smallest radius of a contact with enough pixels to fit an LED's light."""
 
