@@ -261,8 +261,8 @@ def _summary(number: int, result: Result, *, figures: bool) -> str:
     head = " ".join(filter(None, [str(number), _name_of(result)]))
     first = _times(result) or "done"
     # One of several that says nothing of the others stands with its name.
-    for name in texts if len(texts) == 1 else texts.keys() & HEADLINE_NAMES:
-        first = f"{rows.pop(name)} ({first})"
+    if headline := next((n for n in texts if n in HEADLINE_NAMES or len(texts) == 1), None):
+        first = f"{rows.pop(headline)} ({first})"
     width = max(map(len, rows), default=0)
     return "\n".join([f"{head}: {first}", *(f"  {name:<{width}}  {t}" for name, t in rows.items())])
 

@@ -29,7 +29,7 @@ LIBRARY_VARIABLES = (
 """The variables that limit the threads of libraries and of PoCL."""
 
 LOADER_VARIABLE = "PYOPENCL_HOME"
-"""Where `pyopencl` says, once it is imported, what its loader cannot do without."""
+"""Set by `pyopencl` when it is imported; its loader crashes without it."""
 
 
 class Terminated(SystemExit):
@@ -145,8 +145,8 @@ def stop_processes() -> None:
 
 def _begin(share: Mapping[str, str], set_up: Callable[[], object]) -> None:
     """Set up a process; what it is forked from has imported `pyopencl`."""
-    imported = {name: os.environ[name] for name in {LOADER_VARIABLE} & {*os.environ}}
-    take_over({**imported, **share})
+    home = os.environ.get(LOADER_VARIABLE)
+    take_over({**({} if home is None else {LOADER_VARIABLE: home}), **share})
     threading.Thread(target=_end_with_parent, daemon=True).start()
     set_up()
     # On the way out half-written files are removed.  Set last: until then there are none.

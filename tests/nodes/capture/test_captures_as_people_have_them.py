@@ -233,8 +233,8 @@ LINES = {
 
 @pytest.mark.parametrize("value", [0, 16, 255])
 @pytest.mark.parametrize("line", LINES)
-def test_a_dead_line_is_told(tmp_path: Path, line: str, value: int) -> None:
-    """`reconstruct` was 9 um off by one dead row across a touch, and said nothing."""
+def test_a_dead_line_is_reported(tmp_path: Path, line: str, value: int) -> None:
+    """One dead row across a touch puts `reconstruct` 9 um off."""
     images = RNG.normal(120, 3, (4, 60, 80)).astype(np.uint8)
     images[:, 15:24, 30:40] = 0  # a shadow
     images[LINES[line]] = value
