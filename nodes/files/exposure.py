@@ -106,7 +106,7 @@ def check_exposed(
         )
     if line := _dead_line(stack[0]):
         warn(
-            f"{names[0]}: {line} of one value, unlike those beside: dead pixels? Let the camera "
+            f"{names[0]}: {line} of one value, unlike its neighbours: dead pixels? Let the camera "
             "correct them, or crop the images (precise is harmed least)"
         )
     if _has_jpeg_blocks(stack[0]):
@@ -170,9 +170,9 @@ def _saturated(plane: NDArray[Any], most: float, full: float) -> float:
 
 
 def _share_alone(plane: NDArray[Any], most: float) -> float:
-    """The share of the pixels that are cut off while their neighbours are far from it.
+    """The share of the pixels that are saturated while their neighbours are not.
 
-    A lens spreads light over its neighbours.
+    A lens spreads light over neighbouring pixels, so these are hot pixels.
     """
     values = plane if plane.dtype in (np.uint8, np.uint16) else plane.astype(np.float32)
     around = cv2.medianBlur(values, 3)
@@ -181,7 +181,7 @@ def _share_alone(plane: NDArray[Any], most: float) -> float:
 
 
 def _dead_line(plane: NDArray[Any]) -> str:
-    """The rows or columns of one value, outside most of those on both sides; "": none."""
+    """The rows or columns of one value that differs from most of their neighbours'; "": none."""
     if plane.ndim > 2:
         return ""
     for name, lines in ("row", plane), ("column", plane.T):

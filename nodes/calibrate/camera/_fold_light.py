@@ -1,10 +1,10 @@
-"""How wide a blur can be, by the light of the folds where film leaves a ball.
+"""An upper bound on the camera's blur from the brightness of folds, where film leaves a ball.
 
-What bends within some pixels may be film, or the camera.  Film that bends is everywhere as bright
-as its slopes make it.  A camera that blurs sees a mean of normals that differ, and a mean of unit
-vectors is short: to second order by half of the blur's variance times the square of the normal's
-turn per pixel.  So what a fold lacks of its brightness, in proportion to that square, is the
-variance of the blur, however the film bends.
+A fold a few pixels wide may be bent film or a blurred edge.  Bent film is as bright as its slopes
+predict.  A blurred fold is darker: each pixel averages unit normals that differ, and their mean is
+shorter than 1, to second order by half of the blur's variance times the square of the normal's turn
+per pixel.  So the missing brightness, in proportion to that square, is the variance of the blur,
+for any shape of the film.
 """
 
 from typing import NamedTuple
@@ -22,31 +22,34 @@ from tactograph.nodes.optics.near_light import places, vectors_at
 from tactograph.nodes.trust.checked_cells import MIN_LEDS
 
 HEIGHT_ROUNDS = 3
-"""Rounds of slopes and of the height that follows from them, from which LEDs are seen elsewhere."""
+"""Alternations between slopes and the height, on which the direction of an LED depends."""
 BIN_VARIANCE = 1 / 12
-"""Variance in px^2 of the places within a bin, whose mean slope stands for all of them."""
+"""Variance in px^2 of the places within a bin; all have the bin's mean slope."""
 MIN_FOLD_PIXELS = 100
-"""Fewest pixels around a fold that tell of it."""
+"""Minimum number of pixels around a fold for an estimate."""
 MAX_VARIANCE_RATIO = 4.0
-"""Variance of a slant, over the median one around a ball, up to which it counts: LEDs nearly in
-line tell no turn."""
+"""Largest variance of a slant that counts, relative to the median around a ball; it is larger if
+the LEDs are nearly in line."""
 MIN_WEIGHT = 1e-9
-"""Added to normal equations, which too few LEDs leave open."""
+"""Regularisation of the normal equations, which are singular with too few LEDs."""
 
 
 class Folds(NamedTuple):
-    """By fold, sums over its pixels: half squares of the turn times the brightness that is lacking,
-    and times themselves; and the largest half square.  What is smooth along a fold is taken off."""
+    """Sums over the pixels of each fold, after a smooth trend is removed.
+
+    With s half the square of the normal's turn per pixel: `lacking` is the sum of s times the
+    missing brightness, `square` the sum of s squared, `largest` the largest s.
+    """
 
     lacking: F8
     square: F8
     largest: F8
 
     def most_blur(self, uneven: float) -> float:
-        """Return the largest blur in px that the brightness allows; infinity where no fold tells.
+        """Return the largest blur in px that the brightness allows; infinity without a fold.
 
-        It is uncertain by the scatter of the folds, by what the brightness of touched film departs
-        by anyway, and, where folds are brighter than without a blur, by how much they are.
+        The uncertainty includes the scatter of the folds, the unevenness of touched film, and, if
+        folds are brighter than without a blur, that excess.
         """
         whole = self.square.sum()
         if whole == 0:
@@ -60,14 +63,14 @@ class Folds(NamedTuple):
 
 
 def tells_folds(film: Film) -> bool:
-    """Return whether a fold's brightness is known: no coat mirrors, no film throws light on it."""
+    """Return whether slopes predict the brightness: no coat, and no light from film to film."""
     return film.refraction == 1 and film.albedo == 0 and not film.harmonics.any()
 
 
 def folds(
     image: Light, flat: Light, ring: BallRing, reach: int, film: Film, noise: Noise, pixel: float
 ) -> Folds:
-    """Return what the sharpest fold in every sector of a ring tells, `reach` px on either side.
+    """Return the sums of the sharpest fold in each sector, over `reach` px on either side.
 
     Parameters
     ----------
@@ -82,7 +85,7 @@ def folds(
     angle, variance, brightness, weight = _bent(ring, lit, image, flat, film, noise, pixel)
     square, tells = np.zeros(angle.shape), np.zeros(angle.shape, bool)
     square[:, 1:-1] = np.square(angle[:, 2:] - angle[:, :-2]) / 8
-    # Slants by other LEDs differ, which would look like a fold.
+    # A change of the LEDs in use changes the slant, which would look like a fold.
     alike = (lit[..., 1:] == lit[..., :-1]).all(axis=0)
     sure = variance < MAX_VARIANCE_RATIO * np.median(variance[variance > 0])
     tells[:, 1:-1] = alike[:, 1:] & alike[:, :-1] & sure[:, 2:] & sure[:, :-2]
@@ -117,9 +120,9 @@ def _bent(
     noise: Noise,
     pixel: float,
 ) -> tuple[F8, F8, F8, F8]:
-    """Return each cell's slant from the ball, a pixel's variance of it, its brightness and weight.
+    """Return slant and its variance by cell, relative brightness and its weight by pixel.
 
-    The height, by which LEDs are nearer, follows from the slants, from without.
+    The height is the sum of the slopes from the outside inwards.
     """
     flat = np.maximum(flat, MIN_FLAT_LIGHT)
     seen, deviation = image / flat, light_noise(image, flat, noise)

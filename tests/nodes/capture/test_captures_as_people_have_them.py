@@ -241,7 +241,7 @@ def test_a_dead_line_is_reported(tmp_path: Path, line: str, value: int) -> None:
     _, notes = read_one(write(tmp_path, LEDS, images))
     notes = [note for note in notes if "of the pixels" not in note]
     assert len(notes) == 1, "once, not for each image"
-    assert f"led1.png: {line} of one value, unlike those beside" in notes[0]
+    assert f"led1.png: {line} of one value, unlike its neighbours" in notes[0]
 
 
 def test_lines_of_even_light_and_black_frames_are_not_dead(tmp_path: Path) -> None:
