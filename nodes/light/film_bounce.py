@@ -30,8 +30,8 @@ from tactograph.nodes.optics.sweep import arriving, matt, steps_in_table
 MAX_ALBEDO = 0.95
 CELL_ITEMS, GROUP_CELLS = 8, 32
 """On a GPU, the work-items that share a cell's azimuths, and the cells of a work-group."""
-DEFAULT_MAX_CELLS = 4800
-"""Default of the largest number of cells in a frame."""
+DEFAULT_CELLS = 4800
+"""Default number of cells in a frame."""
 
 
 @node(
@@ -48,7 +48,7 @@ def film_bounce(
     recall: Light | None = None,
     still: Still | None = None,
     *,
-    cells: Annotated[int, Interval(ge=1, le=100000)] = DEFAULT_MAX_CELLS,
+    cells: Annotated[int, Interval(ge=1, le=100000)] = DEFAULT_CELLS,
     azimuths: Annotated[int, Interval(ge=2, le=64)] = COATED_AZIMUTHS,
     share: Annotated[float, Interval(gt=0, le=3)] = 0.5,
     from_above: bool = False,
@@ -82,8 +82,8 @@ def film_bounce(
         K x H x W, this node's result for the previous item (``previous.NODE``), and 1 if it still
         holds because nothing has moved (`light_stays`).
     cells
-        Largest number of cells, which are squares of pixels.  The result is interpolated between
-        them.  A quarter of the number makes them twice as wide.
+        About how many cells a frame has.  They are squares of pixels, and the result is
+        interpolated between them.  A quarter of the number makes them twice as wide.
     azimuths : number of azimuths that a cell looks along under a coat; half as many on a matt film
     share
         Relaxation factor: result = before + share (new - before).  Below 1 it damps

@@ -8,7 +8,7 @@ from annotated_types import Ge
 
 from tactograph.graph import node
 from tactograph.nodes import Slope
-from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS
+from tactograph.nodes.light.film_bounce import DEFAULT_CELLS
 
 MIN_SLOPE = np.float32(0.1)
 """Slope below which film is taken to be at rest."""
@@ -44,7 +44,7 @@ def folded_film(
         `film_bounce`, every n-th row and column is used.
     least, narrow : ratios from which on film is folded, and narrowly folded
     """
-    step = max(round(math.sqrt(slope[0].size / DEFAULT_MAX_CELLS)), 1)
+    step = max(round(math.sqrt(slope[0].size / DEFAULT_CELLS)), 1)
     slope = slope[:, ::step, ::step]
     squared = np.square(slope).sum(axis=0)
     steep = squared > MIN_SLOPE * MIN_SLOPE

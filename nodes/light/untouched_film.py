@@ -6,7 +6,7 @@ import numpy as np
 
 from tactograph.graph import InputError, NodeCall, Port, node
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
-from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
+from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
 from tactograph.nodes.optics.near_light import matt_film_light
 from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, REST_ROUNDS, RestShape
 
@@ -76,7 +76,7 @@ def untouched_film(
 
 
 def light_at_rest(
-    shape: RestShape, film: Film, bounce: NodeCall, cells: int = DEFAULT_MAX_CELLS
+    shape: RestShape, film: Film, bounce: NodeCall, cells: int = DEFAULT_CELLS
 ) -> tuple[F4, F4]:
     """Return the two parts of r of F5, K x H x W each: from the LEDs, and from film to film."""
     direct = shape.light(film)

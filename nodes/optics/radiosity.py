@@ -69,18 +69,18 @@ class Cells(NamedTuple):
 def cell_grid(
     size: tuple[int, ...],
     pixel: float,
-    most: int,
+    cells: int,
     rim_mm: float,
     refraction: float = 1.0,
     azimuths: int = COATED_AZIMUTHS,
 ) -> Grid:
-    """Return the finest grid with at most `most` cells in the frame.
+    """Return the grid of about `cells` cells in the frame, by the nearest side in pixels.
 
-    Cells look along `azimuths` under a coat, and along half as many on a matt film.
+    If sides were rounded up, cells of small frames would be up to twice as large, and the light in
+    a fold, which the coat's fit depends on, would be wrong by up to a tenth.  Cells look along
+    `azimuths` under a coat, and along half as many on a matt film.
     """
-    factor = max(1, math.isqrt(math.prod(size) // most))
-    while math.prod(-(-side // factor) for side in size) > most:
-        factor += 1
+    factor = max(1, round(math.sqrt(math.prod(size) / cells)))
     rows, columns = (-(-side // factor) for side in size)
     width = factor * float(pixel)
     film = min(rim_mm / width, float(MAX_RIM_CELLS))

@@ -45,7 +45,7 @@ def interreflect(
     pixel : mm per px
     albedo : share of the light that the film reflects; 0 is a film that does not light itself
     bounces : most bounces; at an albedo of 0.7 the light has converged to a thousandth after 5
-    cells : largest number of cells, which are squares of pixels
+    cells : about how many cells a frame has, which are squares of pixels
     rim_mm : how far the film extends beyond the frame, flat and at rest
     coat_alpha, refractive_index, camera_mm
         As for `render`: roughness of a coat (0 for none), its index, and height of the pupil.

@@ -38,7 +38,7 @@ from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contac
 from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.light.coarsen import coarsen
-from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
+from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain, film_drift
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.light.untouched_film import light_at_rest
@@ -47,7 +47,7 @@ from tactograph.nodes.optics.sheet import SheetLight, cut
 
 FITTED_RADIUS_SHARE = 0.95
 """Share of a contact's radius that is fitted, because the film leaves the ball before the rim."""
-FINE_CELLS = 4 * DEFAULT_MAX_CELLS
+FINE_CELLS = 4 * DEFAULT_CELLS
 """Cells of `film_bounce` on a matt film, and in the last fit on one with a coat, which takes seven
 times as long.  With coarser cells the light changes in steps with a ball's height or the rim."""
 LIFT_SHARE = 0.02
@@ -156,7 +156,7 @@ class _Scene(NamedTuple):
     @property
     def cells(self) -> int:
         """How fine the light from film to film is found that samples get."""
-        return FINE_CELLS if self.fine or self.film.refraction == 1 else DEFAULT_MAX_CELLS
+        return FINE_CELLS if self.fine or self.film.refraction == 1 else DEFAULT_CELLS
 
     @property
     def resting(self) -> _AtRest:
@@ -202,7 +202,7 @@ class FilmEvidence(NamedTuple):
         glow = None
         if bounce is not None and self.shape is not None:
             kind = (film or Film.matt(self.first_lights))._replace(rim=0.0)
-            glow = _rest_of(self.shape, kind, DEFAULT_MAX_CELLS, False, bounce).bounced
+            glow = _rest_of(self.shape, kind, DEFAULT_CELLS, False, bounce).bounced
         return Rest.of(self.flat, self.pixel, self.shape, glow)
 
     def sample(
@@ -396,7 +396,7 @@ def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene
     wider = film._replace(rim=film.rim + RIM_STEP_MM)
     # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
     matt = film._replace(refraction=1.0)
-    rough = FINE_CELLS if film.refraction == 1 else DEFAULT_MAX_CELLS
+    rough = FINE_CELLS if film.refraction == 1 else DEFAULT_CELLS
     on_matt = thrown(matt, FINE_CELLS)
     bounced = on_matt if rough == FINE_CELLS else thrown(film, rough)
     more = bounced.remaining.mean() / (on_matt.remaining.mean() or 1) / lift

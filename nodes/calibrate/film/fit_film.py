@@ -32,7 +32,7 @@ from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
 from tactograph.nodes.calibrate.film.film_fit import Fitting
 from tactograph.nodes.calibrate.film.film_misfit import Held
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.light.film_bounce import DEFAULT_MAX_CELLS, film_bounce
+from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
 from tactograph.nodes.optics.film import FilmPart
 from tactograph.nodes.optics.radiosity import cell_grid
 from tactograph.nodes.optics.rest_shape import RestShape
@@ -125,7 +125,7 @@ def fit_film(
     start = start._replace(film=start.film._replace(camera=1 / (camera_mm or math.inf)))
     if camera_mm is not None or len(balls.rim) < 2:
         closed.add("camera")
-    cell = cell_grid(flat.shape[1:], pixel, DEFAULT_MAX_CELLS, 0).factor * pixel
+    cell = cell_grid(flat.shape[1:], pixel, DEFAULT_CELLS, 0).factor * pixel
     if np.median(balls.rim) < MIN_CONTACT_CELLS * cell:
         closed.add("bounce")
     best, balls, folds = choose(trial, start, {*get_args(FilmPart)} - closed)

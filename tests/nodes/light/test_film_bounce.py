@@ -13,6 +13,7 @@ from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.ball.ball_surface import ball_height
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.coat import let_in
+from tactograph.nodes.optics.radiosity import cell_grid
 
 RAYTRACED = Path(__file__).resolve().parents[3].parent / "shared/data/raytraced"
 PIXEL = 0.1
@@ -139,6 +140,12 @@ def test_the_number_of_cells_hardly_matters() -> None:
     few, many = (film_bounce(ones(height), height, film(0.7), PIXEL, cells=c) for c in (1600, 6400))
     assert np.abs(few - many).mean() < 0.1 * many.mean()
     assert few.shape == many.shape == (3, 160, 160)
+
+
+@pytest.mark.parametrize("columns", [100, 120, 200, 320, 500, 2464])
+def test_cells_are_as_fine_on_frames_of_any_size(columns: int) -> None:
+    grid = cell_grid((columns * 3 // 4, columns), 1 / columns, cells=80 * 60, rim_mm=0.0)
+    assert 2 / 3 <= 80 * grid.width <= 4 / 3
 
 
 def test_the_previous_bounce_is_kept_while_nothing_moves() -> None:
