@@ -278,7 +278,7 @@ def print_summary(rows: list[Row]) -> None:
     share("wrong touches that do harm, warned of or refused", touches, "told")
     share("wrong calibrations that do harm, told when made", recipes, "told_at_calibration")
     share("wrong calibrations that do harm, told when used", recipes, "told")
-    share("kinds that no light can tell, which do harm", unseen, "told")
+    share("errors that do not show in the light, which do harm", unseen, "told")
     gross = [row for row in wrong if row["rmse_um"] > GROSS_UM and not row["told"]]
     print(f"silent and more than {GROSS_UM / 1e3:g} mm off: {len(gross)}")
     for row in gross:
