@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "constants.md"
 ROOMS = {
     "The trust in a touch": ("nodes/trust/*.py",),
-    "Right touches that are drawn": ("nodes/calibrate/ranks/*.py",),
+    "Valid touches that are drawn": ("nodes/calibrate/ranks/*.py",),
     "Stated errors": ("nodes/error/*.py", "rings/*/nodes/**/doubt_*.py"),
     "Doubts of a calibration": (
         "nodes/**/judge_*.py",

@@ -30,7 +30,7 @@ from tactograph.nodes.trust.touch_evidence import TouchEvidence
 MAX_RIM_SHARE = 0.25
 """Share above which a warning is given; soft presses and a real sensor's balls stay below it."""
 NOT_CHECKED = (
-    "this touch is not checked, because the calibration lacks the figures of right touches "
+    "this touch is not checked, because the calibration lacks the figures of valid touches "
     "('tactograph run rank_checks calibration=FILE' adds them)"
 )
 
@@ -54,13 +54,13 @@ def judge_touch(
     """Return how far a touch can be trusted, and warn of what contradicts it.
 
     Three checks need no truth: the *light* against the prediction of the slopes, the *curl* of the
-    slopes, and the film at *rest* against the flat frame.  The trust is the share of right touches
+    slopes, and the film at *rest* against the flat frame.  The trust is the share of valid touches
     of this sensor that look at least as suspicious as this one (`check_ranks`).
 
     Parameters
     ----------
     evidence : the figures of `touch_evidence`
-    ranks : the figures of right touches of this sensor, from the calibration
+    ranks : the figures of valid touches of this sensor, from the calibration
     rim_share : the share of `film_on_rims`
     lines : the result of `line_changes`, a part of the check of the light
     motion : the result of `film_motion`
@@ -68,7 +68,7 @@ def judge_touch(
         The light relative to the film at rest, the film at rest, and the LEDs, to find out whether
         the images of a doubted touch are in another order, mirrored, and so on.  Without LEDs, as
         on one-shot sensors, only the film at rest is used.
-    false_alarms : share of right touches that may be doubted
+    false_alarms : share of valid touches that may be doubted
     force : whether to go on if all checks fail
     filled : whether an object fills the frame, so that there is no film at rest
     rims_measured : whether shadows measure the height of rims, so that rims give no warning

@@ -1,4 +1,4 @@
-"""Draw random right touches of a calibrated sensor, within the calibration's uncertainty.
+"""Draw random valid touches of a calibrated sensor, within the calibration's uncertainty.
 
 For each touch everything that a calibration leaves uncertain is drawn: the object, the LEDs' places
 and the light from film to film within their errors, the errors of the film's model as on held-out
@@ -36,7 +36,7 @@ def draw_touches(
     seed: Annotated[int, Interval(ge=0)] = 0,
     rigid: bool = False,
 ) -> Iterator[DrawnTouch]:
-    """Yield right touches: balls, edges, folds, grooves, dents and none, shallow and steep.
+    """Yield valid touches: balls, edges, folds, grooves, dents and none, shallow and steep.
 
     Parameters
     ----------
