@@ -47,7 +47,7 @@ def judge_touch(
     lights: LightPositions | None = None,
     *,
     false_alarms: Annotated[float, Interval(gt=0, lt=1)] = FALSE_ALARMS,
-    force: bool = False,
+    only_warn: bool = False,
     filled: bool = False,
     rims_measured: bool = False,
 ) -> Metrics:
@@ -69,7 +69,7 @@ def judge_touch(
         the images of a doubted touch are in another order, mirrored, and so on.  Without LEDs, as
         on one-shot sensors, only the film at rest is used.
     false_alarms : share of valid touches that may be doubted
-    force : whether to go on if all checks fail
+    only_warn : whether to go on if all checks fail
     filled : whether an object fills the frame, so that there is no film at rest
     rims_measured : whether shadows measure the height of rims, so that rims give no warning
 
@@ -83,7 +83,7 @@ def judge_touch(
     Raises
     ------
     InputError
-        If all checks fail, unless `force`.
+        If all checks fail, unless `only_warn`.
     """
     at_light = evidence.read().dirty >= 0
     on_rims = rim_share is not None and rim_share > MAX_RIM_SHARE
@@ -114,8 +114,8 @@ def judge_touch(
             elif light is not None and flat is not None:
                 likely = other_colours(light * flat, flat)
             doubt = likely or _sentence([*causes.values()], evidence, motion, open_rims)
-            if len(causes) == len(alone) and not force:
-                raise InputError(f"{doubt}: no height is computed; `force`=true continues anyway")
+            if len(causes) == len(alone) and not only_warn:
+                raise InputError(f"{doubt}: no height is computed; `only_warn`=true continues")
             warn(f"{doubt}; the height may be wrong")
     if rim_share is not None:
         figures["rim_share"] = rim_share

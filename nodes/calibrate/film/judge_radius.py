@@ -43,7 +43,7 @@ SAME_SIZE = 0.02
 """Relative difference up to which two radii count as equal."""
 RULER_ERROR = 0.04
 """Relative standard error of the LEDs' distance by a ruler, and of that which one ball shows."""
-FORCE_ADVICE = "; `force`=true writes the calibration nevertheless, marked as doubtful"
+FORCE_ADVICE = "; `only_warn`=true writes the calibration nevertheless, marked as doubtful"
 RADIUS_INPUTS = " (`evidence.radius`, `evidence.pixel`)"
 
 OTHER_SIZE, OTHER_POWER = STATED_UNKNOWNS
@@ -329,7 +329,7 @@ def judge_radius(
     rest_error: ScaleError | None = None,
     *,
     led_distance_mm: Annotated[float, Gt(0)] | None = None,
-    force: bool = False,
+    only_warn: bool = False,
 ) -> JudgedRadius:
     """Fit a plain film with other values than those given; doubt these if others are likelier.
 
@@ -349,7 +349,7 @@ def judge_radius(
     led_distance_mm
         Mean distance of the LEDs from the middle of the film, by a ruler or a drawing of the
         sensor.
-    force : whether a radius that the light contradicts is doubted instead of refused
+    only_warn : whether a radius that the light contradicts is doubted instead of refused
 
     Returns
     -------
@@ -362,7 +362,7 @@ def judge_radius(
     Raises
     ------
     InputError
-        If the light contradicts the values given and `force` is not set.
+        If the light contradicts the values given and `only_warn` is not set.
     """
     used = evidence.used()
     balls = used.sample(Film.matt(evidence.first_lights), most=None, fine=True)
@@ -378,7 +378,7 @@ def judge_radius(
     fits.by_name[AS_STATED] = fits.stated._replace(distance=mean)
     fits = fits._replace(ruler_mm=led_distance_mm)
     doubts, is_clear = fits.doubts(first, percent, RADIUS_INPUTS)
-    if is_clear and not (force or of_pixels):
+    if is_clear and not (only_warn or of_pixels):
         raise InputError([*(others or []), *doubts][0] + FORCE_ADVICE)
     doubts += _of_distance(fits, first)
     is_open = "" if doubts else fits.unconfirmed(first, percent, "`led_distance_mm`")

@@ -74,7 +74,7 @@ def rate_calibration(
     radius: Judged | None = None,
     others: list[str] | None = None,
     *,
-    force: bool = False,
+    only_warn: bool = False,
 ) -> Rating:
     """Return the figures that distinguish a good calibration from a bad one; doubt a bad one.
 
@@ -95,7 +95,7 @@ def rate_calibration(
     pixel : mm per px
     radius : `judge_radius`: figures (including those of the fit), doubts, and what is unconfirmed
     others : the doubts of other nodes
-    force
+    only_warn
         Whether to accept a ball's radius and a pixel size that contradict each other, with a doubt.
 
     Returns
@@ -112,7 +112,7 @@ def rate_calibration(
     ------
     InputError
         If the ball's radius and the pixel size contradict each other: LEDs at infinity, or a film
-        that returns all light; unless `force` is set.
+        that returns all light; unless `only_warn` is set.
     """
     count = len(residual)
     lights, mismatch, albedo, refraction = model
@@ -157,7 +157,7 @@ def rate_calibration(
         is_explained = not radius_doubts and not is_poor
         scale = pixel * mask.shape[1], 0.0 if is_open else albedo
         contradiction = _of_scale(lights, *scale, is_explained)
-        if contradiction and not force:
+        if contradiction and not only_warn:
             raise InputError((others or contradiction)[0] + FORCE_ADVICE)
         doubts += contradiction
     for doubt in doubts:
