@@ -325,7 +325,7 @@ def judge_radius(
     film: Film,
     fitted: Metrics,
     of_pixels: list[str] | None = None,
-    others: list[str] | None = None,
+    other_doubts: list[str] | None = None,
     rest_error: ScaleError | None = None,
     *,
     led_distance_mm: Annotated[float, Gt(0)] | None = None,
@@ -341,7 +341,7 @@ def judge_radius(
         only if this film is not surely likelier than the plain one with other values.
     of_pixels
         Doubts of the pixels' sides.  They may be the cause, so that the radius is not refused.
-    others
+    other_doubts
         Doubts of images, flat frame and the film's shape; named in place of the radius, which they
         spoil.
     rest_error
@@ -379,7 +379,7 @@ def judge_radius(
     fits = fits._replace(ruler_mm=led_distance_mm)
     doubts, is_clear = fits.doubts(first, percent, RADIUS_INPUTS)
     if is_clear and not (only_warn or of_pixels):
-        raise InputError([*(others or []), *doubts][0] + FORCE_ADVICE)
+        raise InputError([*(other_doubts or []), *doubts][0] + FORCE_ADVICE)
     doubts += _of_distance(fits, first)
     is_open = "" if doubts else fits.unconfirmed(first, percent, "`led_distance_mm`")
     # The small balls of a grid throw no shadow, however deep they are pressed.

@@ -28,7 +28,7 @@ def notes_of(
     flat: F4 = FLAT,
     pixel: float | None = None,
     radius: Judged | None = None,
-    others: list[str] | None = None,
+    other_doubts: list[str] | None = None,
     only_warn: bool = False,
     **film: Any,
 ) -> list[str]:
@@ -36,7 +36,7 @@ def notes_of(
     with collect_warnings([]) as notes:
         rated = rate_calibration(
             residual, 0.01, SLOPES, MASK, 15 * MASK, LedFit(lights, residual, **film), None, flat,
-            variance, pixel, radius, others, only_warn=only_warn,
+            variance, pixel, radius, other_doubts, only_warn=only_warn,
         )  # fmt: skip
     assert set(rated.doubts) <= set(notes)
     assert rated.verdict.startswith("doubtful" if rated.doubts else "nothing speaks against it")
@@ -79,8 +79,8 @@ def test_leds_of_a_ring_in_another_order_are_reported_without_a_doubt() -> None:
 
 
 def test_doubts_of_other_nodes_are_repeated() -> None:
-    others = join_doubts(["the balls are oval"], [], ["the film is brighter"])
-    assert notes_of(GOOD, others=others) == others
+    doubts = join_doubts(["the balls are oval"], [], ["the film is brighter"])
+    assert notes_of(GOOD, other_doubts=doubts) == doubts
 
 
 def test_an_ordinary_film_raises_no_warning() -> None:
