@@ -25,7 +25,7 @@ def within_film(image: Light, area: Mask, flat: Light, dark: Dark) -> Light:
     return np.where(area != 0, image, flat + dark)
 
 
-within_film.opencl(grid="H W", lanes="grid", whole="image")
+within_film.opencl(grid="H W", lanes="grid", integers="image")
 
 
 @within_film.idle
