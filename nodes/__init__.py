@@ -170,7 +170,7 @@ class Film(NamedTuple):
         Stored(-1e8, 1e8),
         "mm, x y z per LED, from the middle of the image on the film at rest",
     ]
-    others: Annotated[
+    other_lights: Annotated[
         LightPlaces,
         Stored(-1e8, 1e8, plain="lights"),
         "mm, other places of the LEDs that the fit allows",

@@ -50,8 +50,8 @@ def draw_touches(
     doubts = Doubts(level, width, light, film.uneven, film.contact)
     for number in range(count):
         # The mean square of the alternatives' deviations is the variance (`LedPlaces.sampled`).
-        chance = rng.normal(size=len(film.others)) / np.sqrt(len(film.others))
-        moved = film.lights + np.tensordot(chance, film.others - film.lights, axes=1)
+        chance = rng.normal(size=len(film.other_lights)) / np.sqrt(len(film.other_lights))
+        moved = film.lights + np.tensordot(chance, film.other_lights - film.lights, axes=1)
         albedo = float(np.clip(film.albedo * (1 + bounce * rng.normal()), 0, MAX_ALBEDO))
         possible = film._replace(lights=np.asarray(moved, np.float32), albedo=albedo)
         touch = doubts.touch(rng, number, sensor.flat, float(sensor.pixel_size), rigid)
