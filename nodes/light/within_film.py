@@ -30,7 +30,7 @@ within_film.opencl(grid="H W", lanes="grid", integers="image")
 
 @within_film.idle
 def fills_frame(area: U1) -> bool:
-    """Return whether the frame shows nothing but film."""
+    """Return whether `area`, H x W, is film everywhere, so that nothing has to be filled."""
     return bool(area.all())
 
 
