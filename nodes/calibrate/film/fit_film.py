@@ -138,8 +138,8 @@ def fit_film(
         # A matt film under points keeps the LED positions that were fitted to all pixels.
         film = film._replace(lights=lights)
     else:
-        others = sure.other_places()
-    film = film._replace(other_lights=others)
+        other_lights = sure.other_places()
+    film = film._replace(other_lights=other_lights)
     residual = balls.light - best.fitted.predicted(balls)
     held_out = Held(folds, pixel)
     uneven = held_out.unevenness()
