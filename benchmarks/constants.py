@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "constants.md"
 ROOMS = {
     "The trust in a touch": ("nodes/trust/*.py",),
-    "Right touches that are drawn": ("nodes/calibrate/ranks/*.py",),
+    "Valid touches that are drawn": ("nodes/calibrate/ranks/*.py",),
     "Stated errors": ("nodes/error/*.py", "rings/*/nodes/**/doubt_*.py"),
     "Doubts of a calibration": (
         "nodes/**/judge_*.py",
@@ -29,11 +29,12 @@ ROOMS = {
         "rings/*/nodes/refit_film.py",
     ),
 }
-HEAD = """# Numbers that are set
+HEAD = """# Constants
 
-Physics, the statistics of a sensor's own presses, and touches that are drawn from its calibration
-give nearly all that judges. What is set by hand in the rooms that judge stands here, with its
-reason. `python benchmarks/constants.py --write` makes this page of the code.
+Nearly all limits follow from physics, from the statistics of a sensor's own presses, or from
+touches drawn from its calibration. This page lists the numbers that are set by hand in the rooms
+that judge touches and calibrations, with their reasons. `python benchmarks/constants.py --write`
+writes it from the code.
 """
 
 

@@ -1,8 +1,8 @@
-"""Print how many right touches are doubted, family by family of rigs.
+"""Print how many valid touches are doubted, family by family of rigs.
 
-    python benchmarks/doubts.py [--family rings traced new] [--new 4] [--seed 7000] [--right 40]
+    python benchmarks/doubts.py [--family rings traced new] [--new 4] [--seed 7000] [--valid 40]
 
-Nothing that judges a touch is chosen on any of them: a calibration draws its own right touches.
+Nothing that judges a touch is chosen on any of them: a calibration draws its own valid touches.
 `new` are rings of LEDs of any number, slant, distance and turn, made anew of the seed.  A touch is
 right where its height is within 20 um.  Doubts of others are counted apart.
 """
@@ -23,7 +23,7 @@ from silent.rigs import MIDDLE, RINGS, SHARED, Rig, Ring, Touch, images, simulat
 
 from tactograph.graph import InputError
 
-RIGHT_UM, FALSE_ALARMS = 20.0, 0.01
+VALID_UM, FALSE_ALARMS = 20.0, 0.01
 TRACED = (
     "far28", "near33", "hand", "hand_ideal", "hand_discs", "hand_perspective", "hand_bounce",
     "hand_gloss",
@@ -36,12 +36,12 @@ def main() -> None:
     parser.add_argument("--family", nargs="+", default=["rings", "traced", "new"])
     parser.add_argument("--new", type=int, default=4, help="new rigs")
     parser.add_argument("--seed", type=int, default=7000, help="of the new rigs and their touches")
-    parser.add_argument("--right", type=int, default=40, help="touches of each simulated rig")
+    parser.add_argument("--valid", type=int, default=40, help="touches of each simulated rig")
     parser.add_argument("--cache", type=Path, help="folder for renderings and calibrations",
                         default=Path(tempfile.gettempdir()) / "tactograph_silent")  # fmt: skip
     options = parser.parse_args()
     warnings.simplefilter("ignore")  # A machine without an OpenCL device says so at every load.
-    print("| family | rig | right touches doubted | others doubted |")
+    print("| family | rig | valid touches doubted | others doubted |")
     print("| --- | --- | --- | --- |")
     for family in options.family:
         total = np.zeros(4, int)
@@ -60,7 +60,7 @@ def print_row(family: str, name: str, counts: Any) -> None:
 def rigs(family: str, options: argparse.Namespace) -> Iterator[Rig]:
     if family == "rings":
         for name in ("far", "near", "six"):
-            yield simulated(name, options.cache, options.right)
+            yield simulated(name, options.cache, options.valid)
     elif family == "traced":
         for name in TRACED:
             if (SHARED / "raytraced" / name).is_dir():
@@ -70,7 +70,7 @@ def rigs(family: str, options: argparse.Namespace) -> Iterator[Rig]:
             name = f"new{options.seed + number}"
             RINGS[name] = new_ring(options.seed + number)
             first = 1000 * (options.seed + number)
-            yield simulated(name, options.cache, options.right, first)
+            yield simulated(name, options.cache, options.valid, first)
 
 
 def new_ring(seed: int) -> Ring:
@@ -99,17 +99,17 @@ def traced(name: str) -> Rig:
 
 
 def judged(rig: Rig, cache: Path) -> list[int]:
-    """Right touches doubted, right touches, others doubted, others."""
+    """Valid touches doubted, valid touches, others doubted, others."""
     file, _ = calibrated(rig.recipe, rig.colour, cache)
     counts = [0, 0, 0, 0]
-    for touch in (*rig.touches, *rig.right):
+    for touch in (*rig.touches, *rig.valid):
         frames = bytes_of(rig.photograph(touch.light, touch))
         try:
             result = pipeline("reconstruct", file, forced=True)(frames=frames)
         except InputError:
             continue
         off = 1e3 * np.sqrt(np.mean(np.square(result["height"] - touch.height)))
-        which = 0 if off < RIGHT_UM else 2
+        which = 0 if off < VALID_UM else 2
         counts[which] += bool(result["metrics"]["trust"] < FALSE_ALARMS)
         counts[which + 1] += 1
     return counts

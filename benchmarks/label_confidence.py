@@ -29,7 +29,7 @@ from tactograph.nodes.shadow.shadow_confidence import shadow_confidence
 
 BOUNDS = (0, 0.5, 0.7, 0.8, 0.9, 0.95, 0.99, 0.999, 1.0)
 SHADOWED = ("ball", "hemisphere", "teapot", "cone", "teapot, pressed")
-COEFFICIENTS = ("sure", "by_light", "at_edge", "near_edge", "by_light_contradicted")
+COEFFICIENTS = ("base_odds", "light_odds", "edge_odds", "near_edge_odds", "contradicted_odds")
 
 
 def main() -> None:
@@ -71,7 +71,7 @@ def reliability(stated: NDArray[Any], right: NDArray[Any]) -> None:
 def fit(folder: Path) -> None:
     """The likeliest coefficients on simulated captures."""
     graph = read_graph("precise")
-    inputs = graph.nodes["sure"].inputs
+    inputs = graph.nodes["relabel.label_confidence"].inputs
     graph = replace(graph, outputs=inputs)
     known, right = [], []
     for name, rig in RIGS.items():

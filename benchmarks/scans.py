@@ -244,7 +244,7 @@ def show_models(_: Path | None) -> None:
 
 def judged(how: str, by: str, light: Light, model: LightModel) -> None:
     found = light_model_slope(np.ascontiguousarray(light, np.float32), model)
-    figures = judge_light_model(found, force=True)
+    figures = judge_light_model(found, only_warn=True)
     left, brightness = figures["model_residual"], figures["model_brightness"]
     row(how, by, f"{left:.1%}", f"{brightness:.2f}")
 

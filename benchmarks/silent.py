@@ -1,12 +1,12 @@
-"""Print which wrong inputs give a height without a word, and which right ones a warning.
+"""Print which wrong inputs give a height without a word, and which valid ones a warning.
 
-    python benchmarks/silent.py [--rig far near] [--kind gamma right] [--csv rows.csv] [--small]
+    python benchmarks/silent.py [--rig far near] [--kind gamma valid] [--csv rows.csv] [--small]
 
-Each kind of wrong input (`benchmarks/silent/wrong.py`) is made of right touches, at up to three
+Each kind of wrong input (`benchmarks/silent/wrong.py`) is made of valid touches, at up to three
 strengths, on simulated, ray-traced and, where they are present, real sensors; of a sensor that
 takes long to calibrate, wrong calibrations at the last strength.  A wrong input does harm where its
-RMSE is above 20 um, and above 5 times the right input's or 5 times the stated error.  Of a real
-sensor no true height is known: the right input's height stands for it.  A touch counts as right
+RMSE is above 20 um, and above 5 times the valid input's or 5 times the stated error.  Of a real
+sensor no true height is known: the valid input's height stands for it.  A touch counts as valid
 where its height is right within 20 um or its stated error; doubts of others are counted apart.
 """
 
@@ -35,9 +35,9 @@ LEVELS = ("weak", "middle", "strong")
 NOT_OF_LIGHT = "find_contact:"
 """How a warning begins that doubts neither light nor height."""
 FIGURES = ("trust", "check")
-COLUMNS = ("rig", "graph", "touch", "kind", "strength", "value", "rmse_um", "right_um",
-           "stated_um", "harm", "told", "check", "told_at_calibration")  # fmt: skip
-SMALL = ("right", "swapped_neighbours", "order_rotated", "gamma", "another_gel", "led_twice",
+COLUMNS = ("rig", "graph", "touch", "kind", "strength", "value", "rmse_um", "valid_um",
+           "stated_um", "harm", "reported", "check", "reported_at_calibration")  # fmt: skip
+SMALL = ("valid", "swapped_neighbours", "order_rotated", "gamma", "another_gel", "led_twice",
          "ambient", "two_touches", "wave", "another_sensor", "radius")  # fmt: skip
 Row = dict[str, Any]
 
@@ -46,10 +46,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--rig", nargs="+", choices=[*makers(0)], metavar="RIG",
                         help=f"of {', '.join(makers(0))}")  # fmt: skip
-    parser.add_argument("--kind", nargs="+", choices=["right", *KINDS], metavar="KIND",
-                        help=f"right, or of {', '.join(KINDS)}")  # fmt: skip
+    parser.add_argument("--kind", nargs="+", choices=["valid", *KINDS], metavar="KIND",
+                        help=f"valid, or of {', '.join(KINDS)}")  # fmt: skip
     parser.add_argument("--graph", nargs="+", default=["reconstruct"], help="also: precise, paper")
-    parser.add_argument("--right", type=int, default=75, help="right touches per simulated rig")
+    parser.add_argument("--valid", type=int, default=75, help="valid touches per simulated rig")
     parser.add_argument("--touches", type=int, default=2, help="touches that each kind spoils")
     parser.add_argument("--small", action="store_true", help="one rig, a few kinds: a minute")
     parser.add_argument("--csv", type=Path, help="write all rows, with warnings and figures")
@@ -58,7 +58,7 @@ def main() -> None:
     options = parser.parse_args()
     if options.small:
         options.rig, options.kind = options.rig or ["near"], options.kind or SMALL
-        options.right, options.touches = 10, 1
+        options.valid, options.touches = 10, 1
     warnings.simplefilter("ignore")  # A machine without an OpenCL device says so at every load.
     print_row([*COLUMNS, "figures"])
     print_row(["---"] * (len(COLUMNS) + 1))
@@ -74,7 +74,7 @@ def main() -> None:
 
 def trials(options: argparse.Namespace) -> Iterator[Trial]:
     """Each sensor with each graph."""
-    made = makers(options.right)
+    made = makers(options.valid)
     rigs: dict[str, Rig | None] = {}
 
     def named(name: str) -> Rig | None:
@@ -107,7 +107,7 @@ class Trial:
         self.base = [self.reference(touch) for touch in rig.touches[: options.touches]]
 
     def reference(self, touch: Touch) -> tuple[Touch, F4, float]:
-        """A touch, the height that counts as true, and the right input's RMSE in um."""
+        """A touch, the height that counts as true, and the valid input's RMSE in um."""
         found = self.measure(self.file, self.rig.photograph(touch.light, touch), touch.height)
         height = found["height"] if touch.height is None else touch.height
         return touch, height, found["rmse_um"]
@@ -136,14 +136,14 @@ class Trial:
 
     def rows(self) -> Iterator[Row]:
         wanted = self.options.kind
-        if wanted is None or "right" in wanted:
-            for touch in (*self.rig.touches, *self.rig.right):
+        if wanted is None or "valid" in wanted:
+            for touch in (*self.rig.touches, *self.rig.valid):
                 images = self.rig.photograph(touch.light, touch)
                 found = self.measure(self.file, images, touch.height)
-                yield self.row("right", touch.name, "", "", found, found["rmse_um"])
+                yield self.row("valid", touch.name, "", "", found, found["rmse_um"])
             found = refused("") | {"height": None, "calibration": self.said}
             found["said"] = self.said["warnings"]
-            yield self.row("right calibration", "", "", "", found, np.nan)
+            yield self.row("valid calibration", "", "", "", found, np.nan)
         for name, kind in KINDS.items():
             fits = kind.sensors in ("all", "colour" if self.rig.colour else "leds")
             if fits and (wanted is None or name in wanted):
@@ -168,7 +168,7 @@ class Trial:
 
     def scene(self, i: int, kind: Kind) -> Scene:
         rig, (touch, truth, _) = self.rig, self.base[i]
-        others = [other for other in (*rig.touches, *rig.right) if other is not touch]
+        others = [other for other in (*rig.touches, *rig.valid) if other is not touch]
         rest, other = rig.rest, others[0].light
         if kind.spoils != "light":
             rest = rig.photograph(rest, touch._replace(seed=60 + i))
@@ -177,7 +177,7 @@ class Trial:
         return Scene(rest, other, truth, rig, rng)
 
     def spoilt(self, kind: Kind, value: Any, scene: Scene, touch: Touch) -> Row | None:
-        """A wrong touch under the right calibration."""
+        """A wrong touch under the valid calibration."""
         simulate, truth = self.rig.simulate, scene.height
         if kind.spoils in ("surface", "leds"):
             if simulate is None:
@@ -197,7 +197,7 @@ class Trial:
         return self.measure(self.file, images, truth)
 
     def calibrated_wrong(self, kind: Kind, value: Any, scene: Scene, touch: Touch) -> Row | None:
-        """A right touch under a wrong calibration."""
+        """A valid touch under a wrong calibration."""
         rig, images, truth = self.rig, self.rig.photograph(touch.light, touch), scene.height
         recipe = kind.make(rig.recipe, value, scene)
         if kind.spoils == "sensor":
@@ -226,12 +226,12 @@ class Trial:
             "strength": level,
             "value": value,
             "rmse_um": off,
-            "right_um": right,
+            "valid_um": right,
             "stated_um": stated,
             "harm": "height" not in found or bool(off > max(HARM_UM, TIMES * min(floors))),
-            "told": bool(said),
+            "reported": bool(said),
             "check": "; ".join(" ".join(s.split()[:5]) for s in said),
-            "told_at_calibration": not self.usual >= forms(made["warnings"]),
+            "reported_at_calibration": not self.usual >= forms(made["warnings"]),
             "warnings": " / ".join(said),
             "calibration_warnings": " / ".join(made["warnings"]),
             "figures": found["figures"]
@@ -245,7 +245,7 @@ def forms(warnings: list[str]) -> set[str]:
 
 
 def refused(error: object) -> Row:
-    """No height: it does harm to nobody, and counts as told."""
+    """No height: it does harm to nobody, and counts as reported."""
     return {"rmse_um": np.nan, "stated_um": np.nan, "said": [f"refused: {error}"], "figures": {}}
 
 
@@ -271,24 +271,25 @@ def print_summary(rows: list[Row]) -> None:
     touches = [row for row in wrong if KINDS[row["kind"]].spoils != "recipe"]
     unseen = [row for row in harmful if not KINDS[row["kind"]].detectable]
     print()
-    right = [row for row in rows if row["kind"] == "right"]
-    off = [row for row in right if row["rmse_um"] > np.nanmax([HARM_UM, row["stated_um"]])]
-    share("right touches with a warning", [row for row in right if row not in off], "told")
-    share(f"right inputs whose height is more than {HARM_UM:g} um off, told", off, "told")
-    share("wrong touches that do harm, warned of or refused", touches, "told")
-    share("wrong calibrations that do harm, told when made", recipes, "told_at_calibration")
-    share("wrong calibrations that do harm, told when used", recipes, "told")
-    share("kinds that no light can tell, which do harm", unseen, "told")
-    gross = [row for row in wrong if row["rmse_um"] > GROSS_UM and not row["told"]]
+    valid = [row for row in rows if row["kind"] == "valid"]
+    off = [row for row in valid if row["rmse_um"] > np.nanmax([HARM_UM, row["stated_um"]])]
+    share("valid touches with a warning", [row for row in valid if row not in off])
+    share(f"valid inputs whose height is more than {HARM_UM:g} um off, reported", off)
+    share("wrong touches that do harm, warned of or refused", touches)
+    name = "reported_at_calibration"
+    share("wrong calibrations that do harm, reported after calibrating", recipes, name)
+    share("wrong calibrations that do harm, reported in use", recipes)
+    share("errors that do not show in the light, which do harm", unseen)
+    gross = [row for row in wrong if row["rmse_um"] > GROSS_UM and not row["reported"]]
     print(f"silent and more than {GROSS_UM / 1e3:g} mm off: {len(gross)}")
     for row in gross:
         name = f"{row['kind']} {cell(row['value'])}, {row['rig']} {row['graph']} {row['touch']}"
         print(f"- {name}: {row['rmse_um'] / 1e3:.2f} mm")
 
 
-def share(what: str, rows: list[Row], name: str) -> None:
-    told = sum(row[name] for row in rows)
-    print(f"- {what}: {told} of {len(rows)}" + (f", {told / len(rows):.1%}" if rows else ""))
+def share(what: str, rows: list[Row], name: str = "reported") -> None:
+    count = sum(row[name] for row in rows)
+    print(f"- {what}: {count} of {len(rows)}" + (f", {count / len(rows):.1%}" if rows else ""))
 
 
 def cell(value: Any) -> str:

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 from tactograph.graph.declare.declare_node import node
 from tactograph.graph.declare.engine_arguments import (
     EVERYTHING,
+    KeepIntegers,
     NodeCall,
     Session,
     Wanted,
-    Whole,
 )
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.ports import NamedPorts, Port
@@ -49,6 +49,7 @@ __all__ = [
     "Flips",
     "GraphError",
     "InputError",
+    "KeepIntegers",
     "NamedPorts",
     "Node",
     "NodeCall",
@@ -61,7 +62,6 @@ __all__ = [
     "SizeRule",
     "TactographError",
     "Wanted",
-    "Whole",
     "load",
     "node",
     "parity",

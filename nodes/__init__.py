@@ -43,7 +43,7 @@ DEVIATIONS_PER_MAD = 1.4826
 BAND_DEVIATIONS = 1.645
 """Half-width, in standard deviations, of the band that holds 90 % of a normal distribution."""
 FALSE_ALARMS = 0.01
-"""Share of right input that may be doubted."""
+"""Share of valid input that may be doubted."""
 UM_PER_MM = 1e3
 METRES_PER_MM = 1e-3
 Labels = Annotated[
@@ -170,7 +170,7 @@ class Film(NamedTuple):
         Stored(-1e8, 1e8),
         "mm, x y z per LED, from the middle of the image on the film at rest",
     ]
-    others: Annotated[
+    other_lights: Annotated[
         LightPlaces,
         Stored(-1e8, 1e8, plain="lights"),
         "mm, other places of the LEDs that the fit allows",

@@ -1,4 +1,4 @@
-"""Sensors: simulated, ray-traced and real, with their right touches and what calibrates them."""
+"""Sensors: simulated, ray-traced and real, with their valid touches and what calibrates them."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ class Touch(NamedTuple):
 
 @dataclass
 class Rig:
-    """A sensor: what calibrates it, touches to be spoilt, the untouched film, right touches."""
+    """A sensor: what calibrates it, touches to be spoilt, the untouched film, valid touches."""
 
     name: str
     recipe: Recipe
     touches: list[Touch]
     azimuth_deg: NDArray[Any]
     rest: F4
-    right: list[Touch]
+    valid: list[Touch]
     colour: bool = False
     simulate: Simulator | None = None
     slow: bool = False
@@ -180,8 +180,8 @@ class Simulator:
         return np.stack([expose(light, seed=90 + i).image for i, light in enumerate(lights)])
 
 
-def simulated(name: str, folder: Path, right: int, first: int = 0) -> Rig:
-    """A simulated sensor and `right` right touches, by their numbers from `first` on."""
+def simulated(name: str, folder: Path, valid: int, first: int = 0) -> Rig:
+    """A simulated sensor and `valid` valid touches, by their numbers from `first` on."""
     ring, folder = RINGS[name], folder / name
     folder.mkdir(parents=True, exist_ok=True)
     make = Simulator(ring, folder)
@@ -196,11 +196,11 @@ def simulated(name: str, folder: Path, right: int, first: int = 0) -> Rig:
     touches = [Touch(n, *make(o.height), seed=7 + i) for i, (n, o) in enumerate(objects)]
     azimuth = np.degrees(np.arctan2(make.lights[:, 1], make.lights[:, 0]))
     recipe = Recipe(balls, flat, BALL_MM, ring.pixel_mm, more)
-    chosen = [right_touch(make, first + i) for i in range(right)]
+    chosen = [valid_touch(make, first + i) for i in range(valid)]
     return Rig(name, recipe, touches, azimuth, rest, chosen, ring.colour, make, make.hand)
 
 
-def right_touch(make: Simulator, number: int) -> Touch:
+def valid_touch(make: Simulator, number: int) -> Touch:
     """A touch as it may be: shape, depth, place, noise, drift and dust by the number's chance."""
     rng = np.random.default_rng(1000 + number)
     name, object = right_object(number, rng, make.canvas)
@@ -296,9 +296,9 @@ def mini(_: Path) -> Rig | None:
     )
     others = [Touch(f"press {n}", p, None) for n, p in enumerate(presses) if n % 3 == 0]
     recipe = Recipe(balls, flat, 6.31 / 2, 0.0634, {})
-    right = [*others, Touch("untouched", flat, None)]
+    valid = [*others, Touch("untouched", flat, None)]
     base = [others[3], others[12]]
-    return Rig("mini", recipe, base, np.zeros(3), flat, right, colour=True, slow=True)
+    return Rig("mini", recipe, base, np.zeros(3), flat, valid, colour=True, slow=True)
 
 
 def six_real(_: Path) -> Rig | None:
@@ -309,15 +309,15 @@ def six_real(_: Path) -> Rig | None:
     flat, one, two = (images(folder / n, scale) for n in ("flat", "balls_1", "balls_2"))
     recipe = Recipe(one[None], flat, 0.2475, 0.003404 * scale, {"ball_pitch_mm": 1.0})
     azimuth = np.array([-88, -152, 147, 89, 33, -26])
-    right = [Touch("balls_1", one, None), Touch("untouched", flat, None)]
+    valid = [Touch("balls_1", one, None), Touch("untouched", flat, None)]
     base = [Touch("balls_2", two, None)]
-    return Rig("six_real", recipe, base, azimuth, flat, right, slow=True)
+    return Rig("six_real", recipe, base, azimuth, flat, valid, slow=True)
 
 
-def makers(right: int) -> dict[str, Callable[[Path], Rig | None]]:
+def makers(valid: int) -> dict[str, Callable[[Path], Rig | None]]:
     """All sensors by name, each made or read when it is called with a folder to keep files in."""
     return {
-        **{name: partial(simulated, name, right=right) for name in RINGS},
+        **{name: partial(simulated, name, valid=valid) for name in RINGS},
         **{f"raytraced_{n}": partial(raytraced, n) for n in ("far28", "near33", "hand")},
         "mini": mini,
         "six_real": six_real,

@@ -1,5 +1,5 @@
 # ruff: noqa: E501  (a row of the table is a line)
-"""Wrong inputs: `KINDS`, a row a kind, each made of a right input by a small function.
+"""Wrong inputs: `KINDS`, a row a kind, each made of a valid input by a small function.
 
 The function takes what is spoilt, how strongly, and the scene.  What is spoilt are the camera's
 `images` (K x H x W, 0..1), the `light` before the camera adds its noise, the places of the `leds`

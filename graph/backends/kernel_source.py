@@ -106,7 +106,7 @@ def expected_arguments(node: Node) -> list[Argument]:
     for port in node.inputs.values():
         name = port.name.replace(".", "_")
         if port.kind == "array":
-            c_type = "PIXEL" if port.name == node.kernels.whole else _c_type(port.dtype)
+            c_type = "PIXEL" if port.name == node.kernels.integers else _c_type(port.dtype)
             arguments.append((f"{c_type}*", name))
         elif port.kind == "number":
             arguments.append(("float", name))

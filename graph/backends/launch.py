@@ -184,7 +184,7 @@ class Launch:
         arguments += (sizes[symbol] for symbol in node.symbols)
         for name, parameter in node.parameters.items():
             arguments += scalar_values(parameter.annotation, self.settings[name])
-        dtype = None if declared.whole is None else self.inputs[declared.whole].dtype
+        dtype = None if declared.integers is None else self.inputs[declared.integers].dtype
         whole = dtype is not None and dtype.kind != "f"
         constants = {"FULL": int(np.iinfo(dtype).max)} if whole else None
         self.kernel(node.name, grid, *arguments, constants=constants)

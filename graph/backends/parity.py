@@ -124,7 +124,7 @@ def _on_device(
     node: Node, device: DeviceBackend, case: Case, inputs: Mapping[str, Any], wanted: Wanted
 ) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
     """The outputs, and the inputs after the launch."""
-    whole = node.kernels.whole if case.fill in INTEGER_FILLS else None
+    whole = node.kernels.integers if case.fill in INTEGER_FILLS else None
     if whole is not None:
         dtype, full = INTEGER_FILLS[case.fill]
         inputs = {**inputs, whole: np.rint(inputs[whole] * full).astype(dtype)}

@@ -112,7 +112,7 @@ def _drawn(port: PortType, case: Case, rng: np.random.Generator) -> Any:
 
 def _fills(node: Node) -> list[str]:
     fills = [f for f in CASE_FILLS if f != "nan" or any(p.port.nan for p in node.inputs.values())]
-    return fills if node.kernels.whole is None else [*fills, *INTEGER_FILLS]
+    return fills if node.kernels.integers is None else [*fills, *INTEGER_FILLS]
 
 
 def _middle(shapes: tuple[tuple[int, int], ...]) -> tuple[int, int]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any
 
-from tactograph.graph.declare.engine_arguments import NodeCall, Session, Wanted, Whole
+from tactograph.graph.declare.engine_arguments import KeepIntegers, NodeCall, Session, Wanted
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.declare.ports import (
@@ -25,7 +25,7 @@ from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
 from tactograph.graph.declare.tolerance import Tolerance
 
 _ENGINE_ARGUMENTS = (
-    ("provenance", Provenance), ("session", Session), ("wanted", Wanted), ("whole", Whole)
+    ("provenance", Provenance), ("session", Session), ("wanted", Wanted), ("integers", KeepIntegers)
 )  # fmt: skip
 """Arguments that the engine supplies: the `Node` field that names each, and its type."""
 

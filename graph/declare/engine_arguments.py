@@ -59,7 +59,7 @@ class NodeCall(Protocol):
     def __call__(self, *inputs: Any, **settings: Any) -> Any: ...
 
 
-Whole = Annotated[bool, "only a device reads the images"]
+KeepIntegers = Annotated[bool, "only a device reads the images"]
 """The type of a source's keyword-only argument that is true if only a device reads the images.
 
 The source may then yield K x H x W unsigned integers; kernels read them as fractions of full scale.

@@ -47,7 +47,7 @@ class Kernels:
 
     grid: tuple[str, ...] | None = None
     lanes: Lanes | None = None
-    whole: str | None = None
+    integers: str | None = None
     launch: LaunchFunction | None = None
     can_run: CanRun = can_run_anywhere
     source: str | os.PathLike[str] | None = None

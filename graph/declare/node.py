@@ -69,7 +69,7 @@ class Node:
     provenance: str | None = None
     session: str | None = None
     wanted: str | None = None
-    whole: str | None = None
+    integers: str | None = None
     calls: Mapping[str, Node] = field(default_factory=dict)
     endless: bool = False
     ahead: bool = False
@@ -193,7 +193,7 @@ class Node:
     def reads_integers(self, name: str, backend: str) -> bool:
         """Return whether the kernel reads an input's images as the camera's integers."""
         kernels = self.implementations.get(backend)
-        return kernels is not None and kernels.whole == name
+        return kernels is not None and kernels.integers == name
 
     def in_order(self, inputs: Mapping[str, Any]) -> list[Any]:
         """Turn inputs by port into positional arguments: records assembled, None if absent."""
@@ -287,7 +287,7 @@ class Node:
         *,
         grid: str,
         lanes: Lanes | None = None,
-        whole: str | None = None,
+        integers: str | None = None,
         source: str | os.PathLike[str] | None = None,
     ) -> Node: ...
 
@@ -311,7 +311,7 @@ class Node:
             "grid" if a work-item computes LANES consecutive elements of the flattened grid: 16 on
             CPUs, 1 elsewhere; see ``lanes.clh``.  "rows" if it stays within a row of the grid's
             last axis.
-        whole
+        integers
             An input of images that the kernel reads either as fractions of full scale or as the
             camera's unsigned integers; see ``pixels.clh``.
         can_run
@@ -369,7 +369,7 @@ class Node:
 
         The graph runs on it once, without sinks, before the source starts: kernels are compiled
         before a camera opens.  The function is called with the node's settings, and with the
-        node's argument of type `Whole` if it has one.
+        node's argument of type `KeepIntegers` if it has one.
         """
         self.make_rehearsal = function
         return function

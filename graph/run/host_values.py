@@ -149,12 +149,12 @@ class HostValues:
 
     def source_keywords(self, source: Task) -> dict[str, Any]:
         """The keyword arguments of a source in addition to its settings."""
-        return {**self.whole_keyword(source), **self.session(source)}
+        return {**self.integer_keyword(source), **self.session(source)}
 
-    def whole_keyword(self, source: Task) -> dict[str, bool]:
+    def integer_keyword(self, source: Task) -> dict[str, bool]:
         """The keyword argument that tells a source whether its images may stay integers."""
-        whole = source.node.whole
-        return {} if whole is None else {whole: self._only_on_device[source.id]}
+        keyword = source.node.integers
+        return {} if keyword is None else {keyword: self._only_on_device[source.id]}
 
     def remember(self) -> None:
         """Keep the values that the next item recalls."""

@@ -24,7 +24,7 @@ def integer_values(plan: Plan) -> set[Value]:
 
 def may_give_integers(task: Task) -> bool:
     """Return whether a caller or a source may yield images as integers."""
-    return task.stand_in or task.node.whole is not None
+    return task.stand_in or task.node.integers is not None
 
 
 def only_device_reads(plan: Plan, task: Task) -> bool:

@@ -255,7 +255,7 @@ class Pipeline:
         if make is None or any(t.node.session for t in others if t is not source):
             return
         with self._turn, Blaming(self.plan, source):
-            item = make(**source.settings, **self._runner.host.whole_keyword(source))
+            item = make(**source.settings, **self._runner.host.integer_keyword(source))
         with self._turn:
             self._items.rehearse({source.id: item})
 

@@ -7,7 +7,7 @@ LANED __kernel void add_rest(
     __global const float *restrict rest,
     __global float *restrict out,
     const int H, const int W,
-    const int away)
+    const int inverse)
 {
     GRID_LANES(i, count, H * W)
     const floats own = load_floats(height + i, count);
@@ -16,5 +16,5 @@ LANED __kernel void add_rest(
         return;
     }
     const floats low = load_floats(rest + i, count);
-    store_floats(away ? own - low : own + low, out + i, count);
+    store_floats(inverse ? own - low : own + low, out + i, count);
 }

@@ -6,11 +6,11 @@
 #define MIN_EXPECTED_LIGHT 0.02f
 
 // The share of the expected light that is present, minus a half; noisy light counts less.
-static floats share_of(const floats light, const floats sigma, const floats shown, const float noisy)
+static floats share_of(const floats light, const floats sigma, const floats shown, const float half_weight_sigmas)
 {
     const floats none = 0.0f, one = 1.0f, faintest = MIN_EXPECTED_LIGHT;
     const floats expected = MORE_OF(shown, faintest);
-    const floats square = expected * expected, doubt = noisy * sigma, there = light / expected;
+    const floats square = expected * expected, doubt = half_weight_sigmas * sigma, there = light / expected;
     return (LESS_OF(MORE_OF(there, none), one) - 0.5f) * (square / (square + doubt * doubt));
 }
 
@@ -26,12 +26,12 @@ LANED __kernel void shadow_confidence(
     const float pixel,
     __global float *restrict out,
     const int H, const int W, const int K,
-    const float sure,
-    const float by_light,
-    const float at_edge,
-    const float near_edge,
-    const float by_light_contradicted,
-    const float noisy)
+    const float base_odds,
+    const float light_odds,
+    const float edge_odds,
+    const float near_edge_odds,
+    const float contradicted_odds,
+    const float half_weight_sigmas)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     const int size = H * W, i = row * W + column;
@@ -43,18 +43,18 @@ LANED __kernel void shadow_confidence(
     const ints near = edges(shadow, row, column, count, H, W, 2);
     ints edge = 0;
     if (ANY(near != 0)) edge = edges(shadow, row, column, count, H, W, 1);
-    const floats none = 0.0f, by_image = by_light, contradicted = by_light_contradicted;
-    const floats lost_at_edge = at_edge, lost_near_edge = near_edge;
+    const floats none = 0.0f, by_image = light_odds, contradicted = contradicted_odds;
+    const floats lost_at_edge = edge_odds, lost_near_edge = near_edge_odds;
     floats sure_of_all = 1.0f;
     for (int k = 0; k < K; ++k) {
         const Vector v = light_vector(lights + 3 * k, x, y, z);
         const floats shown = (v.z - v.x * p - v.y * q) * nz;
         const floats lit = share_of(
             load_floats(light + k * size + i, count), load_floats(sigma + k * size + i, count),
-            shown, noisy);
+            shown, half_weight_sigmas);
         const ints led = 1 << k;
         const floats favour = (label & led) != 0 ? -lit : lit;
-        floats odds = sure + favour * ((differs & led) != 0 ? contradicted : by_image);
+        floats odds = base_odds + favour * ((differs & led) != 0 ? contradicted : by_image);
         const floats beside = (near & led) != 0 ? lost_near_edge : none;
         odds -= (edge & led) != 0 ? lost_at_edge : beside;
         sure_of_all *= 1.0f / (1.0f + exp(-odds));

@@ -7,7 +7,7 @@ LANED __kernel void slope_from_rest(
     __global const float *restrict tilt,
     __global float *restrict out,
     const int H, const int W,
-    const int back)
+    const int inverse)
 {
     GRID_LANES(at, count, H * W)
     for (int axis = 0; axis < 2; ++axis) {
@@ -15,7 +15,7 @@ LANED __kernel void slope_from_rest(
         floats result = load_floats(slope + i, count);
         if (tilt) {
             const floats rest = load_floats(tilt + i, count);
-            result = back ? result + rest : result - rest;
+            result = inverse ? result + rest : result - rest;
         }
         store_floats(result, out + i, count);
     }

@@ -13,7 +13,7 @@ from annotated_types import Interval, Len
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
-from tactograph.graph import InputError, Whole, node, warn
+from tactograph.graph import InputError, KeepIntegers, node, warn
 from tactograph.graph.disk.strict_yaml import Document, EmptyFileError
 from tactograph.graph.errors import missing
 from tactograph.nodes import F4, Height, Labels, Light, PixelSize, Slope
@@ -167,10 +167,10 @@ class Layout(NamedTuple):
         light = np.asarray(plane / np.float32(full), np.float32)
         return light if light.ndim == 2 else np.asarray(light.mean(axis=-1), np.float32)
 
-    def images(self, folder: Path, whole: Whole = False) -> NDArray[Any]:
+    def images(self, folder: Path, integers: KeepIntegers = False) -> NDArray[Any]:
         """Read the K images of one folder as K x H x W, fractions of full scale.
 
-        If `whole` allows it and the images use all bits of their type, they remain integers.
+        If `integers` allows it and the images use all bits of their type, they remain integers.
 
         Raises
         ------
@@ -199,7 +199,7 @@ class Layout(NamedTuple):
         if stack.ndim > 3:
             warn(f"colour images: {MEAN_OF_CHANNELS}")
             return np.asarray(normalised(stack, files, white).mean(axis=-1), np.float32)
-        if whole and white in (None, np.iinfo(stack.dtype).max):
+        if integers and white in (None, np.iinfo(stack.dtype).max):
             check_exposed(stack, files, white)
             return stack
         return normalised(stack, files, white)
@@ -233,7 +233,7 @@ def read_capture(
     single: bool = False,
     calibration: Path | None = None,
     another_sensor: bool = False,
-    whole: Whole = False,
+    integers: KeepIntegers = False,
 ) -> Iterator[Capture]:
     """Yield every capture below `folder`, its light as a fraction of full scale.
 
@@ -248,7 +248,7 @@ def read_capture(
     calibration, another_sensor
         A capture whose ``capture.yaml``, or that of its parent folder, names another `sensor` or
         `serial` than this calibration is refused, or accepted with a warning.
-    whole : whether images may remain the camera's integers
+    integers : whether images may remain the camera's integers
 
     Returns
     -------
@@ -268,7 +268,7 @@ def read_capture(
     frames = colour_frames(folder) if _lights(folder, layout) != "leds" else []
     if not frames and _is_capture(folder, layout):
         _check_sensor(folder, calibration, another_sensor)
-        yield _read(folder, layout, "", whole)
+        yield _read(folder, layout, "", integers)
         return
     folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not is_hidden(d))
     inside = frames or [d for d in folders if _is_capture(d, layout)]
@@ -281,7 +281,7 @@ def read_capture(
         )
     for one in inside:
         _check_sensor(one, calibration, another_sensor)
-        yield _read(one, layout, one.stem if one.is_file() else one.name, whole)
+        yield _read(one, layout, one.stem if one.is_file() else one.name, integers)
 
 
 read_capture.handed_in(check_handed_in)
@@ -307,8 +307,8 @@ def _check_sensor(folder: Path, calibration: Path | None, another_sensor: bool) 
             return
 
 
-def _read(folder: Path, layout: Layout, name: str, whole: Whole) -> Capture:
-    image = layout._replace(lights=_lights(folder, layout)).images(folder, whole)
+def _read(folder: Path, layout: Layout, name: str, integers: KeepIntegers) -> Capture:
+    image = layout._replace(lights=_lights(folder, layout)).images(folder, integers)
     return Capture(
         image,
         name,

@@ -104,7 +104,7 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
         by_apparent = by_light / sharper[part]
         root = _root_of_noise(by_apparent * (causes.shared * inside.sigma))
         mean = inside.averaged - (by_apparent * gathered[:, part]).sum(axis=1)
-        for number, other in enumerate(film.others):
+        for number, other in enumerate(film.other_lights):
             elsewhere = (other - film.lights)[:, :, None, None]
             wrong = (by_place * elsewhere).sum(axis=1)
             wrong += causes.misfit[2] * LED_SIGNS[number, : len(wrong), None, None]

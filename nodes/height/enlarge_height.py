@@ -24,4 +24,4 @@ def enlarge_height(
     return large if onto is None else large + onto
 
 
-enlarge_height.opencl(grid="H W", lanes="rows", whole="like")
+enlarge_height.opencl(grid="H W", lanes="rows", integers="like")

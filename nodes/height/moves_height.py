@@ -10,7 +10,7 @@ from tactograph.nodes import Height
 
 
 @node
-def moves_height(height: Height, before: Height, *, um: Annotated[float, Ge(0)]) -> bool:
+def moves_height(height: Height, before: Height, *, settled_um: Annotated[float, Ge(0)]) -> bool:
     """Return whether the RMS difference of two heights exceeds a limit.
 
     The host decides, from float64 sums, so that all back ends decide alike.
@@ -18,7 +18,7 @@ def moves_height(height: Height, before: Height, *, um: Annotated[float, Ge(0)])
     Parameters
     ----------
     height, before : H x W in mm, the height of this pass and of the previous one
-    um : largest RMS difference, in um, of a height that counts as settled
+    settled_um : largest RMS difference, in um, of a height that counts as settled
     """
     moved = np.asarray(height, np.float64) - before
-    return bool(1e3 * np.sqrt(np.mean(np.square(moved))) > um)
+    return bool(1e3 * np.sqrt(np.mean(np.square(moved))) > settled_um)

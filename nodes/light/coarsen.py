@@ -49,4 +49,4 @@ def coarsen(
     return total * np.float32(1 / factor**2)
 
 
-coarsen.opencl(grid="K h w", lanes="rows", whole="light")
+coarsen.opencl(grid="K h w", lanes="rows", integers="light")

@@ -43,4 +43,4 @@ def flat_field(
     return light
 
 
-flat_field.opencl(grid="H W", lanes="grid", whole="image")
+flat_field.opencl(grid="H W", lanes="grid", integers="image")

@@ -27,8 +27,8 @@ class FoldWidths(NamedTuple):
 def folded_film(
     slope: Slope,
     *,
-    least: Annotated[float, Ge(0)] = 0.16,
-    narrow: Annotated[float, Ge(0)] = 0.5,
+    folded_ratio: Annotated[float, Ge(0)] = 0.16,
+    narrow_ratio: Annotated[float, Ge(0)] = 0.5,
 ) -> FoldWidths:
     """Return whether film is folded, and how narrowly.
 
@@ -42,7 +42,7 @@ def folded_film(
     slope
         2 x H x W in mm per mm, on the cells of a rough pass.  If these are more cells than those of
         `film_bounce`, every n-th row and column is used.
-    least, narrow : ratios from which on film is folded, and narrowly folded
+    folded_ratio, narrow_ratio : ratios from which on film is folded, and narrowly folded
     """
     step = max(round(math.sqrt(slope[0].size / DEFAULT_CELLS)), 1)
     slope = slope[:, ::step, ::step]
@@ -52,4 +52,4 @@ def folded_film(
         return FoldWidths(False, False)
     across, down = (np.square(np.diff(slope, 2, axis)).sum(axis=0) for axis in (2, 1))
     bend = (across[steep[:, 1:-1]].sum() + down[steep[1:-1]].sum()) / squared[steep].sum()
-    return FoldWidths(wide=bool(least <= bend < narrow), narrow=bool(bend >= narrow))
+    return FoldWidths(bool(folded_ratio <= bend < narrow_ratio), bool(bend >= narrow_ratio))

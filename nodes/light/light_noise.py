@@ -42,4 +42,4 @@ def light_noise(
     return sigma
 
 
-light_noise.opencl(grid="H W", lanes="grid", whole="image")
+light_noise.opencl(grid="H W", lanes="grid", integers="image")

@@ -9,18 +9,18 @@ from tactograph.nodes import Light
 
 
 @node(neutral="light", tolerance=Close(1e-6, 1e-5, why="division"))
-def light_on_plane(light: Light, share: Light | None = None, *, away: bool = False) -> Light:
+def light_on_plane(light: Light, share: Light | None = None, *, inverse: bool = False) -> Light:
     """Multiply light relative to the film at rest by r, that film's light over a plane's (F5).
 
     Parameters
     ----------
     light : K x H x W
     share : K x H x W, r from `untouched_film`; None: the film at rest is a plane
-    away : whether to make light relative to the film at rest instead, by division
+    inverse : whether to make light relative to the film at rest instead, by division
     """
     if share is None:
         return light
-    return light / share if away else light * share
+    return light / share if inverse else light * share
 
 
 light_on_plane.opencl(grid="K H W", lanes="grid")

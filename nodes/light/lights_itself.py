@@ -6,5 +6,5 @@ from tactograph.nodes import Albedo
 
 @node
 def lights_itself(albedo: Albedo) -> bool:
-    """Return whether light from film to film matters: whether the albedo is not zero."""
+    """Return whether light from film to film matters: `albedo`, a share of light, is not zero."""
     return albedo > 0

@@ -31,5 +31,5 @@ def undistort(image: Light, lens: Lens) -> Light:
     return np.stack([between_pixels(plane, x, y) for plane in image])
 
 
-undistort.opencl(grid="H W", lanes="rows", whole="image")
+undistort.opencl(grid="H W", lanes="rows", integers="image")
 undistort.idle(is_straight)

@@ -25,12 +25,12 @@ def within_film(image: Light, area: Mask, flat: Light, dark: Dark) -> Light:
     return np.where(area != 0, image, flat + dark)
 
 
-within_film.opencl(grid="H W", lanes="grid", whole="image")
+within_film.opencl(grid="H W", lanes="grid", integers="image")
 
 
 @within_film.idle
 def fills_frame(area: U1) -> bool:
-    """Return whether the frame shows nothing but film."""
+    """Return whether `area`, H x W, is film everywhere, so that nothing has to be filled."""
     return bool(area.all())
 
 

@@ -37,17 +37,17 @@ def shadow_confidence(
     lights: LightPositions,
     pixel: PixelSize,
     *,
-    sure: Annotated[float, Gt(0)] = 7.2,
-    by_light: Annotated[float, Ge(0)] = 5.3,
-    at_edge: Annotated[float, Ge(0)] = 5.5,
-    near_edge: Annotated[float, Ge(0)] = 4.2,
-    by_light_contradicted: Annotated[float, Ge(0)] = 1.0,
-    noisy: Annotated[float, Gt(0)] = 4.0,
+    base_odds: Annotated[float, Gt(0)] = 7.2,
+    light_odds: Annotated[float, Ge(0)] = 5.3,
+    edge_odds: Annotated[float, Ge(0)] = 5.5,
+    near_edge_odds: Annotated[float, Ge(0)] = 4.2,
+    contradicted_odds: Annotated[float, Ge(0)] = 1.0,
+    half_weight_sigmas: Annotated[float, Gt(0)] = 4.0,
 ) -> Confidence:
     """Return the probability that the labels of all LEDs are right.
 
     The log odds that an LED's label is right are a sum.  Far from the edges of its shadows they
-    are `sure`; near an edge, which may be off by a pixel, they are lower.  The share of the
+    are `base_odds`; near an edge, which may be off by a pixel, they are lower.  The share of the
     expected light that is present, counted from -1/2 to 1/2 in favour of the label, raises or
     lowers them.  It counts less where the light is noisy, and where the image alone gives another
     label.  The probabilities of the LEDs are multiplied.
@@ -63,12 +63,13 @@ def shadow_confidence(
     slope, height : 2 x H x W, and H x W in mm; they determine the expected light
     lights : K x 3 in mm
     pixel : mm per px
-    sure : log odds of a label far from edges, if half of the expected light is present
-    by_light : log odds per share of the light in the label's favour
-    at_edge, near_edge : log odds lost at one and at two pixels from another label of the same LED
-    by_light_contradicted
-        Replaces `by_light` where `image_labels` differs, since that label has used the light.
-    noisy : expected light, in standard deviations, at which its share counts half
+    base_odds : log odds of a label far from edges, if half of the expected light is present
+    light_odds : log odds per share of the light in the label's favour
+    edge_odds, near_edge_odds
+        Log odds lost at one and at two pixels from another label of the same LED.
+    contradicted_odds
+        Replaces `light_odds` where `image_labels` differs, since that label has used the light.
+    half_weight_sigmas : expected light, in standard deviations, at which its share counts half
 
     Returns
     -------
@@ -77,7 +78,7 @@ def shadow_confidence(
     vectors = light_vectors(lights, height, pixel)
     expected = np.maximum(expected_light(vectors, slope), MIN_EXPECTED_LIGHT)
     share = np.clip(light / expected, 0, 1) - 0.5
-    square, doubt = expected * expected, np.float32(noisy) * sigma
+    square, doubt = expected * expected, np.float32(half_weight_sigmas) * sigma
     share *= square / (square + doubt * doubt)
     edge, near = _edges(shadow, 1), _edges(shadow, 2)
     differs = shadow ^ image_labels
@@ -85,11 +86,11 @@ def shadow_confidence(
     for k, towards_lit in enumerate(share):
         favour = np.where(shadow >> k & 1, -towards_lit, towards_lit)
         other = differs >> k & 1 > 0
-        odds = np.float32(sure) + favour * np.where(
-            other, np.float32(by_light_contradicted), np.float32(by_light)
+        odds = np.float32(base_odds) + favour * np.where(
+            other, np.float32(contradicted_odds), np.float32(light_odds)
         )
-        lost = np.where(near >> k & 1, np.float32(near_edge), np.float32(0))
-        odds -= np.where(edge >> k & 1, np.float32(at_edge), lost)
+        lost = np.where(near >> k & 1, np.float32(near_edge_odds), np.float32(0))
+        odds -= np.where(edge >> k & 1, np.float32(edge_odds), lost)
         sure_of_all *= 1 / (1 + np.exp(-odds))
     return np.asarray(sure_of_all, np.float32)
 

@@ -13,7 +13,7 @@ def shape_ball(
     rise_mm: Length | None = None,
     image: ShapeImage,
 ) -> Shape:
-    """Return the height of a ball seen from above.
+    """Return the height of a ball seen from above, H x W in mm above the plane.
 
     The default is the paper's calibration ball (7 mm) as a hemisphere on the plane; radius
     5 mm is its "unknown" ball (section 4.1).

@@ -16,7 +16,7 @@ from tactograph.nodes.optics.shape import (
 def shape_flat(
     *, width_px: Side = 320, height_px: Side = 240, pixel_size_mm: PixelSide = PAPER_PIXEL_MM
 ) -> Shape:
-    """Return a film that nothing touches: the flat frame of a calibration.
+    """Return a film that nothing touches, H x W of zeros in mm: the flat frame of a calibration.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""The law of all checks (T6): how rare a figure is among right touches of the same sensor.
+"""The law of all checks (T6): how rare a figure is among valid touches of the same sensor.
 
-A calibration keeps quantiles of the figures of right touches that were drawn from it
-(`draw_touches`).  The p-value of a figure is the share of right touches whose figure is as large or
+A calibration keeps quantiles of the figures of valid touches that were drawn from it
+(`draw_touches`).  The p-value of a figure is the share of valid touches whose figure is as large or
 larger.  Within the largest fifth it falls exponentially, by the mean excess of that fifth: the
 generalised Pareto law of shape 0, to which the tails of normal, chi and exponential figures tend
 (J. Pickands, "Statistical inference using extreme order statistics", 1975).
@@ -28,7 +28,7 @@ from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 TAIL_SHARE = 0.2
-"""Share of right touches, the most extreme, that determine a tail."""
+"""Share of valid touches, the most extreme, that determine a tail."""
 RANK_COUNT = 100
 """Number of quantiles: at 0.5 %, 1.5 %, ..."""
 SHARE_ERROR = FALSE_ALARMS
@@ -133,12 +133,12 @@ CHECK_FIGURES = {
 no check: it separates mistakes that explain a doubted touch from others (`likely_cause`)."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
 CheckRanks = Annotated[F4, Port("3 16 100", "1", low=0, high=3)]
-"""For each `Ranked`, ascending quantiles of the figures of right touches, and in the last row of
+"""For each `Ranked`, ascending quantiles of the figures of valid touches, and in the last row of
 their smallest p-values.  Below 0: none were drawn."""
 StoredRanks = Annotated[
     CheckRanks,
     Stored(-1, 1e6, plain=-1.0),
-    "quantiles of the figures of right touches, which a touch is compared with; -1: not known",
+    "quantiles of the figures of valid touches, which a touch is compared with; -1: not known",
 ]
 """The ranks that a calibration's file keeps."""
 
@@ -182,7 +182,7 @@ def _worst_line(lines: LineChanges) -> float:
 
 
 def ranked(drawn: F8, own: F8 | None = None) -> F8:
-    """Return the quantiles of right touches' figures that a calibration keeps.
+    """Return the quantiles of valid touches' figures that a calibration keeps.
 
     Drawn touches have only the model's errors, and a real film has others.  So the calibration's
     presses count as well, with the weight of a tail: their excess over the drawn touches sets its
@@ -208,7 +208,7 @@ def ranked(drawn: F8, own: F8 | None = None) -> F8:
 
 
 def p_values(figures: F8, quantiles: F8) -> F8:
-    """Return for each figure the share of right touches whose figure is as large or larger."""
+    """Return for each figure the share of valid touches whose figure is as large or larger."""
     start = quantiles[:, TAIL_START - 1]
     scale = np.maximum((quantiles[:, TAIL_START:] - start[:, None]).mean(axis=1), FIGURE_ERRORS)
     beyond = TAIL_SHARE * np.exp(-np.maximum(figures - start, 0) / scale)
@@ -222,7 +222,7 @@ def residual_share(ranks: F8, residual: float) -> float:
 
 
 def of_all_checks(least: float, ranks: F8) -> float:
-    """Return the share of right touches whose smallest p-value is as small or smaller."""
+    """Return the share of valid touches whose smallest p-value is as small or smaller."""
     drawn = ranks[-1]
     tail = drawn[RANK_COUNT - TAIL_START - 1]
     if least < tail:

@@ -30,7 +30,7 @@ from tactograph.nodes.trust.touch_evidence import TouchEvidence
 MAX_RIM_SHARE = 0.25
 """Share above which a warning is given; soft presses and a real sensor's balls stay below it."""
 NOT_CHECKED = (
-    "this touch is not checked, because the calibration lacks the figures of right touches "
+    "this touch is not checked, because the calibration lacks the figures of valid touches "
     "('tactograph run rank_checks calibration=FILE' adds them)"
 )
 
@@ -47,20 +47,20 @@ def judge_touch(
     lights: LightPositions | None = None,
     *,
     false_alarms: Annotated[float, Interval(gt=0, lt=1)] = FALSE_ALARMS,
-    force: bool = False,
+    only_warn: bool = False,
     filled: bool = False,
     rims_measured: bool = False,
 ) -> Metrics:
     """Return how far a touch can be trusted, and warn of what contradicts it.
 
     Three checks need no truth: the *light* against the prediction of the slopes, the *curl* of the
-    slopes, and the film at *rest* against the flat frame.  The trust is the share of right touches
+    slopes, and the film at *rest* against the flat frame.  The trust is the share of valid touches
     of this sensor that look at least as suspicious as this one (`check_ranks`).
 
     Parameters
     ----------
     evidence : the figures of `touch_evidence`
-    ranks : the figures of right touches of this sensor, from the calibration
+    ranks : the figures of valid touches of this sensor, from the calibration
     rim_share : the share of `film_on_rims`
     lines : the result of `line_changes`, a part of the check of the light
     motion : the result of `film_motion`
@@ -68,8 +68,8 @@ def judge_touch(
         The light relative to the film at rest, the film at rest, and the LEDs, to find out whether
         the images of a doubted touch are in another order, mirrored, and so on.  Without LEDs, as
         on one-shot sensors, only the film at rest is used.
-    false_alarms : share of right touches that may be doubted
-    force : whether to go on if all checks fail
+    false_alarms : share of valid touches that may be doubted
+    only_warn : whether to go on if all checks fail
     filled : whether an object fills the frame, so that there is no film at rest
     rims_measured : whether shadows measure the height of rims, so that rims give no warning
 
@@ -83,7 +83,7 @@ def judge_touch(
     Raises
     ------
     InputError
-        If all checks fail, unless `force`.
+        If all checks fail, unless `only_warn`.
     """
     at_light = evidence.read().dirty >= 0
     on_rims = rim_share is not None and rim_share > MAX_RIM_SHARE
@@ -114,8 +114,8 @@ def judge_touch(
             elif light is not None and flat is not None:
                 likely = other_colours(light * flat, flat)
             doubt = likely or _sentence([*causes.values()], evidence, motion, open_rims)
-            if len(causes) == len(alone) and not force:
-                raise InputError(f"{doubt}: no height is computed; `force`=true continues anyway")
+            if len(causes) == len(alone) and not only_warn:
+                raise InputError(f"{doubt}: no height is computed; `only_warn`=true continues")
             warn(f"{doubt}; the height may be wrong")
     if rim_share is not None:
         figures["rim_share"] = rim_share

@@ -3,7 +3,7 @@
 The images are reordered, mirrored, turned, or freed of a gamma, and solved as a matt film under far
 LEDs: I_k = n . L_k / L_kz, relative to the flat frame.  The calibration knows the residual of right
 touches.  The mistake is named whose undoing leaves the smallest residual; of equals, the simplest.
-None is named if even that residual is rare among right touches, or if the residual of the images as
+None is named if even that residual is rare among valid touches, or if the residual of the images as
 they are is not.
 """
 
@@ -73,7 +73,7 @@ def likely_cause(
     light : K x h x w, relative to the film at rest
     flat : K x h x w, the film at rest
     lights : K x 3, in mm
-    fits : whether a residual is usual among right touches (`matt_residual`)
+    fits : whether a residual is usual among valid touches (`matt_residual`)
     has_moved : whether the camera has moved (`film_motion`)
     has_walls : whether rims alone may explain the light
     """

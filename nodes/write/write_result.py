@@ -44,12 +44,12 @@ def write_result(
     ``unresolved.png`` 255 where light does not determine the height.
 
     ``result.json`` names these files, and a checksum of each but itself (CRC-32): a kill while
-    files are moved leaves one that does not match them, and `read_height` tells.  Files that an
-    earlier ``result.json`` in the folder names, and that this result lacks, are removed.
+    files are moved leaves one that does not match them, and `read_height` refuses it.  Files of an
+    earlier ``result.json`` in the folder that this result lacks are removed.
 
     Parameters
     ----------
-    touch : from `join_touch`
+    touch : from `join_touch`; its height is H x W in mm
     metrics : further figures for ``result.json``, such as errors against a truth
     folder : created if needed
     grid
@@ -58,8 +58,8 @@ def write_result(
         size and about its middle; NaN at the border where no pixel sees the film.  Other layers
         stay those of the pixels.
     ply
-        Whether to write ``height.ply``, a mesh in mm (x right, y up, z to the camera), of some ten
-        times the size of ``height.npy``.
+        Whether to write ``height.ply``, a mesh in mm (x right, y up, z to the camera), about ten
+        times as large as ``height.npy``.
     pictures : whether to write these; they take longer than all the rest
 
     Raises

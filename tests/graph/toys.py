@@ -15,6 +15,7 @@ from tactograph.graph import (
     EVERYTHING,
     EndOfStream,
     InputError,
+    KeepIntegers,
     Node,
     NodeCall,
     Port,
@@ -22,7 +23,6 @@ from tactograph.graph import (
     SizeLimit,
     SizeRule,
     Wanted,
-    Whole,
     node,
     warn,
 )
@@ -66,9 +66,9 @@ WHOLE = np.arange(60, dtype=np.uint8).reshape(3, 4, 5) * np.uint8(4)
 
 
 @node
-def whole_touches(*, whole: Whole = False) -> Iterator[Touch]:
+def whole_touches(*, integers: KeepIntegers = False) -> Iterator[Touch]:
     """A camera's integers where they are allowed, else fractions."""
-    image: Any = WHOLE if whole else WHOLE / np.float32(255)
+    image: Any = WHOLE if integers else WHOLE / np.float32(255)
     yield Touch(image, "touch")
 
 

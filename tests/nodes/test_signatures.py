@@ -11,7 +11,7 @@ MAX_INPUTS, MAX_PARAMS = 14, 11
 def arguments(name: str) -> tuple[int, int]:
     """The inputs and the parameters of a node's function, a record counted as one."""
     node = find_node(name)
-    engine = {node.provenance, node.session, node.wanted, node.whole, *node.calls}
+    engine = {node.provenance, node.session, node.wanted, node.integers, *node.calls}
     signature = inspect.signature(node.function).parameters.values()
     keyword_only = [p.kind is p.KEYWORD_ONLY for p in signature if p.name not in engine]
     return keyword_only.count(False), keyword_only.count(True)

@@ -99,10 +99,10 @@ def test_both_back_ends_find_the_same_height_above_a_dome(curved: Curved, truth:
     np.testing.assert_allclose(*heights, atol=2e-4)
 
 
-def test_right_touches_of_a_dome_are_trusted_and_wrong_ones_are_not(
+def test_valid_touches_of_a_dome_are_trusted_and_wrong_ones_are_not(
     curved: Curved, truth: F4, tmp_path: Path
 ) -> None:
-    """The ranks are those of right touches that are drawn above the film at rest."""
+    """The ranks are those of valid touches that are drawn above the film at rest."""
     file = tmp_path / "cal.npz"
     shutil.copy(curved("dome"), file)
     rank_checks(file=file, count=64)

@@ -19,7 +19,7 @@ Row = dict[str, str]
 def rows(once: Path) -> list[Row]:
     """The rows of some kinds on a sensor with near LEDs."""
     script, table = ROOT / "benchmarks" / "silent.py", once / "silent.csv"
-    kinds = ["--kind", "right", *REPORTED, *UNREPORTED]
+    kinds = ["--kind", "valid", *REPORTED, *UNREPORTED]
     files = ["--csv", str(table), "--cache", str(once / "silent")]
     python(script, "--small", *kinds, *files)
     with table.open(newline="") as file:
@@ -31,10 +31,10 @@ def of(rows: list[Row], *kinds: str) -> list[Row]:
 
 
 @pytest.mark.slow
-def test_right_touches_are_right(rows: list[Row]) -> None:
-    right = of(rows, "right")
-    assert len(right) == 13
-    assert [row["touch"] for row in right if float(row["rmse_um"]) > 20] == []
+def test_valid_touches_give_the_height(rows: list[Row]) -> None:
+    valid = of(rows, "valid")
+    assert len(valid) == 13
+    assert [row["touch"] for row in valid if float(row["rmse_um"]) > 20] == []
 
 
 @pytest.mark.slow
@@ -42,7 +42,7 @@ def test_right_touches_are_right(rows: list[Row]) -> None:
 def test_a_wrong_input_is_reported(rows: list[Row], kind: str) -> None:
     wrong = of(rows, kind)
     assert wrong
-    assert all(row["harm"] == "True" and row["told"] == "True" for row in wrong)
+    assert all(row["harm"] == "True" and row["reported"] == "True" for row in wrong)
 
 
 @pytest.mark.slow
@@ -54,6 +54,6 @@ def test_other_wrong_inputs_do_harm(rows: list[Row], kind: str) -> None:
 @pytest.mark.slow
 def test_a_wrong_radius_is_reported_at_calibration(rows: list[Row]) -> None:
     reported = [
-        row["told_at_calibration"] for row in of(rows, "radius") if float(row["value"]) > 1.05
+        row["reported_at_calibration"] for row in of(rows, "radius") if float(row["value"]) > 1.05
     ]
     assert reported == ["True", "True"]

@@ -1,4 +1,4 @@
-"""Wrong input that looks plausible is warned of or refused; right touches are not."""
+"""Wrong input that looks plausible is warned of or refused; valid touches are not."""
 
 import warnings
 from collections.abc import Callable
@@ -130,7 +130,7 @@ def verdict(pipeline: Pipeline, stack: Images) -> str:
 @pytest.mark.parametrize("graph", ["reconstruct", "reconstruct_full", "paper", "precise"])
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("rig", ["far28", "near33"])
-def test_right_touches_are_trusted(
+def test_valid_touches_are_trusted(
     raytraced: Raytraced, opened: Opened, graph: str, rig: str, shape: str
 ) -> None:
     """`reconstruct` does not find a rigid ball under near LEDs, and warns; `precise` does."""
@@ -215,7 +215,7 @@ def test_labels_that_cost_nothing_are_not_computed_twice(
 
 @pytest.fixture
 def stream(raytraced: Raytraced, tmp_path: Path) -> Path:
-    """Captures: a right touch, one whose LEDs are swapped, one that is turned, a right one."""
+    """Captures: a valid touch, one whose LEDs are swapped, one that is turned, a valid one."""
     right = raytraced / "far28" / "sphere_film"
     for number, what in enumerate((None, "two LEDs swapped", "turned", None)):
         folder = tmp_path / "touches" / str(number)

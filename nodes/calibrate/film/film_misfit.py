@@ -72,7 +72,7 @@ class Held(NamedTuple):
         reach = float(np.interp(-falling[0] / 2, -falling, lags)) * pixel
         near = int(np.argmin(np.abs(lags - reach / pixel / 4)))
         sure = _root(normal[0] - chance[0])
-        away = LedPlaces.of(film.others).values - LedPlaces.of(film.lights).values
+        away = LedPlaces.of(film.other_lights).values - LedPlaces.of(film.lights).values
         common = np.mean([_led_tilt(*fold, away, uneven) for fold in held_out])
         tilt = _root(
             float(np.square(tilts).mean() - common * len(held_out) / max(len(held_out) - 1, 1))

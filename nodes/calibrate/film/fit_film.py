@@ -63,7 +63,7 @@ def fit_film(
     selection: Annotated[NDArray[np.uint8], Port("P", "flag", high=1)],
     lights: LightPositions,
     strength: Annotated[F4, Port("K", "1")],
-    others: LightPlaces,
+    other_lights: LightPlaces,
     noise: Noise,
     pixel: PixelSize,
     bare: SheetMask | None = None,
@@ -90,7 +90,7 @@ def fit_film(
     flat : K x H x W, the film at rest; uniform where there was none
     circle, radius, of : B x 3 in px, B in mm, and the press that each ball is in
     selection : 1 for each of the P presses that is used
-    lights, strength, others
+    lights, strength, other_lights
         K x 3 in mm, K and 8 x K x 3 in mm, as `calibrate_lights` returns them.
     noise : (shot, read), a captured light I has the variance shot * I + read
     pixel : mm per px
@@ -138,8 +138,8 @@ def fit_film(
         # A matt film under points keeps the LED positions that were fitted to all pixels.
         film = film._replace(lights=lights)
     else:
-        others = sure.other_places()
-    film = film._replace(others=others)
+        other_lights = sure.other_places()
+    film = film._replace(other_lights=other_lights)
     residual = balls.light - best.fitted.predicted(balls)
     held_out = Held(folds, pixel)
     uneven = held_out.unevenness()

@@ -43,7 +43,7 @@ SAME_SIZE = 0.02
 """Relative difference up to which two radii count as equal."""
 RULER_ERROR = 0.04
 """Relative standard error of the LEDs' distance by a ruler, and of that which one ball shows."""
-FORCE_ADVICE = "; `force`=true writes the calibration nevertheless, marked as doubtful"
+FORCE_ADVICE = "; `only_warn`=true writes the calibration nevertheless, marked as doubtful"
 RADIUS_INPUTS = " (`evidence.radius`, `evidence.pixel`)"
 
 OTHER_SIZE, OTHER_POWER = STATED_UNKNOWNS
@@ -325,11 +325,11 @@ def judge_radius(
     film: Film,
     fitted: Metrics,
     of_pixels: list[str] | None = None,
-    others: list[str] | None = None,
+    other_doubts: list[str] | None = None,
     rest_error: ScaleError | None = None,
     *,
     led_distance_mm: Annotated[float, Gt(0)] | None = None,
-    force: bool = False,
+    only_warn: bool = False,
 ) -> JudgedRadius:
     """Fit a plain film with other values than those given; doubt these if others are likelier.
 
@@ -341,7 +341,7 @@ def judge_radius(
         only if this film is not surely likelier than the plain one with other values.
     of_pixels
         Doubts of the pixels' sides.  They may be the cause, so that the radius is not refused.
-    others
+    other_doubts
         Doubts of images, flat frame and the film's shape; named in place of the radius, which they
         spoil.
     rest_error
@@ -349,7 +349,7 @@ def judge_radius(
     led_distance_mm
         Mean distance of the LEDs from the middle of the film, by a ruler or a drawing of the
         sensor.
-    force : whether a radius that the light contradicts is doubted instead of refused
+    only_warn : whether a radius that the light contradicts is doubted instead of refused
 
     Returns
     -------
@@ -362,7 +362,7 @@ def judge_radius(
     Raises
     ------
     InputError
-        If the light contradicts the values given and `force` is not set.
+        If the light contradicts the values given and `only_warn` is not set.
     """
     used = evidence.used()
     balls = used.sample(Film.matt(evidence.first_lights), most=None, fine=True)
@@ -378,8 +378,8 @@ def judge_radius(
     fits.by_name[AS_STATED] = fits.stated._replace(distance=mean)
     fits = fits._replace(ruler_mm=led_distance_mm)
     doubts, is_clear = fits.doubts(first, percent, RADIUS_INPUTS)
-    if is_clear and not (force or of_pixels):
-        raise InputError([*(others or []), *doubts][0] + FORCE_ADVICE)
+    if is_clear and not (only_warn or of_pixels):
+        raise InputError([*(other_doubts or []), *doubts][0] + FORCE_ADVICE)
     doubts += _of_distance(fits, first)
     is_open = "" if doubts else fits.unconfirmed(first, percent, "`led_distance_mm`")
     # The small balls of a grid throw no shadow, however deep they are pressed.

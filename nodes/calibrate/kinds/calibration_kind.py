@@ -23,7 +23,7 @@ def read(file: Path) -> Calibration:
 
 def draw(part: Any, arrays: Mapping[str, Any]) -> None:
     """Draw the LEDs, the alternative places within their error, and the film."""
-    lights, others = arrays["lights"], arrays["others"]
+    lights, others = arrays["lights"], arrays["other_lights"]
     width, height = arrays["pixel_size"] * np.array(arrays["flat"].shape[:0:-1])
     above, side = part.subplots(1, 2)
     _dots(above, lights[:, 0], lights[:, 1], others[..., 0], others[..., 1])

@@ -25,7 +25,7 @@ class LightsFit(NamedTuple):
     lights: LightPositions
     strength: Annotated[F4, Port("K", "1")]
     residual: Annotated[F4, Port("K", "1")]
-    others: LightPlaces
+    other_lights: LightPlaces
 
 
 @node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})

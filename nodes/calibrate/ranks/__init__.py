@@ -1,1 +1,1 @@
-"""Draw right touches of a sensor from its calibration, and rank the checks of a touch by them."""
+"""Draw valid touches of a sensor from its calibration, and rank the checks of a touch by them."""

@@ -1,4 +1,4 @@
-"""Draw random right touches of a calibrated sensor, within the calibration's uncertainty.
+"""Draw random valid touches of a calibrated sensor, within the calibration's uncertainty.
 
 For each touch everything that a calibration leaves uncertain is drawn: the object, the LEDs' places
 and the light from film to film within their errors, the errors of the film's model as on held-out
@@ -36,7 +36,7 @@ def draw_touches(
     seed: Annotated[int, Interval(ge=0)] = 0,
     rigid: bool = False,
 ) -> Iterator[DrawnTouch]:
-    """Yield right touches: balls, edges, folds, grooves, dents and none, shallow and steep.
+    """Yield valid touches: balls, edges, folds, grooves, dents and none, shallow and steep.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ def draw_touches(
     doubts = Doubts(level, width, light, film.uneven, film.contact)
     for number in range(count):
         # The mean square of the alternatives' deviations is the variance (`LedPlaces.sampled`).
-        chance = rng.normal(size=len(film.others)) / np.sqrt(len(film.others))
-        moved = film.lights + np.tensordot(chance, film.others - film.lights, axes=1)
+        chance = rng.normal(size=len(film.other_lights)) / np.sqrt(len(film.other_lights))
+        moved = film.lights + np.tensordot(chance, film.other_lights - film.lights, axes=1)
         albedo = float(np.clip(film.albedo * (1 + bounce * rng.normal()), 0, MAX_ALBEDO))
         possible = film._replace(lights=np.asarray(moved, np.float32), albedo=albedo)
         touch = doubts.touch(rng, number, sensor.flat, float(sensor.pixel_size), rigid)

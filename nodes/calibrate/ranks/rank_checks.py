@@ -1,4 +1,4 @@
-"""Apply the checks of a touch to right touches of a sensor: its presses, and drawn touches."""
+"""Apply the checks of a touch to valid touches of a sensor: its presses, and drawn touches."""
 
 import math
 import tempfile
@@ -46,11 +46,11 @@ def rank_checks(
     count: Annotated[int, Interval(ge=10, le=100000)] = 128,
     seed: Annotated[int, Interval(ge=0)] = 0,
 ) -> None:
-    """Draw right touches of a calibrated sensor, check them, and write the ranks into its file.
+    """Draw valid touches of a calibrated sensor, check them, and write the ranks into its file.
 
     The touches are rendered by the calibration's model within its uncertainty (`draw_touches`), and
     reconstructed by the graphs.  Touches whose height is wrong are left out.  The presses of the
-    calibration are right touches as well, and show errors that the model lacks (`ranked`).
+    calibration are valid touches as well, and show errors that the model lacks (`ranked`).
 
     Parameters
     ----------

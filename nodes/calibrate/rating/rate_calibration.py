@@ -72,9 +72,9 @@ def rate_calibration(
     noise: Noise | None = None,
     pixel: PixelSize | None = None,
     radius: Judged | None = None,
-    others: list[str] | None = None,
+    other_doubts: list[str] | None = None,
     *,
-    force: bool = False,
+    only_warn: bool = False,
 ) -> Rating:
     """Return the figures that distinguish a good calibration from a bad one; doubt a bad one.
 
@@ -94,8 +94,8 @@ def rate_calibration(
         Residuals within the noise give no warning of a poor fit.
     pixel : mm per px
     radius : `judge_radius`: figures (including those of the fit), doubts, and what is unconfirmed
-    others : the doubts of other nodes
-    force
+    other_doubts : the doubts of other nodes
+    only_warn
         Whether to accept a ball's radius and a pixel size that contradict each other, with a doubt.
 
     Returns
@@ -112,13 +112,13 @@ def rate_calibration(
     ------
     InputError
         If the ball's radius and the pixel size contradict each other: LEDs at infinity, or a film
-        that returns all light; unless `force` is set.
+        that returns all light; unless `only_warn` is set.
     """
     count = len(residual)
     lights, mismatch, albedo, refraction = model
     figures, radius_doubts, unconfirmed = radius or Judged({}, [])
     heldout = Judged.of_heldout(HELDOUT_FIGURE, figures.get(HELDOUT_FIGURE))
-    doubts = (others or []) + heldout.doubts + radius_doubts
+    doubts = (other_doubts or []) + heldout.doubts + radius_doubts
     steepest = _covered_everywhere(lut_slope)
     worst = int(np.argmax(residual))
     grain = _grain(flat, noise, count)
@@ -157,8 +157,8 @@ def rate_calibration(
         is_explained = not radius_doubts and not is_poor
         scale = pixel * mask.shape[1], 0.0 if is_open else albedo
         contradiction = _of_scale(lights, *scale, is_explained)
-        if contradiction and not force:
-            raise InputError((others or contradiction)[0] + FORCE_ADVICE)
+        if contradiction and not only_warn:
+            raise InputError((other_doubts or contradiction)[0] + FORCE_ADVICE)
         doubts += contradiction
     for doubt in doubts:
         warn(doubt)

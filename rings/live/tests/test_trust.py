@@ -1,4 +1,4 @@
-"""Wrong input of streams and one-shot sensors is warned of or refused; right touches are not."""
+"""Wrong input of streams and one-shot sensors is warned of or refused; valid touches are not."""
 
 from pathlib import Path
 

@@ -172,8 +172,9 @@ def refit_film(
 
 def _result(new: Film, old: Film, residual: F4, pixel: float, figures: Metrics) -> FilmRefit:
     film = new.stored()
-    others = np.asarray(old.others + (film.lights - old.lights), np.float32)
-    return FilmRefit(film._replace(others=others), np.asarray(residual, np.float32), pixel, figures)
+    moved = np.asarray(old.other_lights + (film.lights - old.lights), np.float32)
+    film = film._replace(other_lights=moved)
+    return FilmRefit(film, np.asarray(residual, np.float32), pixel, figures)
 
 
 def _changes(old: Film, new: Film, thicker: float) -> Metrics:

@@ -32,4 +32,4 @@ def test_the_light_between_the_walls_of_a_groove(
         return 1e3 * float(np.mean(line(x[bottom]) - row[bottom]))
 
     assert depth_um() == pytest.approx(500, abs=4)
-    assert depth_um(changes={"folded.least": 100.0, "folded.narrow": 100.0}) < 495
+    assert depth_um(changes={"folded.folded_ratio": 100.0, "folded.narrow_ratio": 100.0}) < 495

@@ -16,13 +16,13 @@ class MattFilm(NamedTuple):
 
 
 @node
-def assume_matt(lights: LightPositions, others: LightPlaces) -> MattFilm:
+def assume_matt(lights: LightPositions, other_lights: LightPlaces) -> MattFilm:
     """Return the film of equation N1 (`optics/near_light`): matt, seen from far away.
 
     Parameters
     ----------
-    lights, others : K x 3 and 8 x K x 3 in mm, as `calibrate_lights` gives them
+    lights, other_lights : K x 3 and 8 x K x 3 in mm, as `calibrate_lights` gives them
     """
     # Level and its width, light, light from film to film, and tilt: only noise remains.
     misfit = np.array([0, 1, 0, 0, 0], np.float32)
-    return MattFilm(Film.matt(lights)._replace(others=others), misfit)
+    return MattFilm(Film.matt(lights)._replace(other_lights=other_lights), misfit)

@@ -325,5 +325,5 @@ def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
         figures |= {"film_albedo": film.albedo, "coat_roughness": film.roughness}
         figures |= {"coat_index": film.refraction}
     misfit = np.array([level, 4 * scene.pixel, LIGHT_ERROR, MIN_BOUNCE_ERROR, 0], np.float32)
-    film = film.stored()._replace(others=others)
+    film = film.stored()._replace(other_lights=others)
     return FilmOfObjects(film, misfit, scale, figures, doubts)

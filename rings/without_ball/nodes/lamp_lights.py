@@ -20,7 +20,7 @@ class LampLights(NamedTuple):
     """The lamps, other places that they may have, figures, and what speaks against the lamps."""
 
     lights: LightPositions
-    others: LightPlaces
+    other_lights: LightPlaces
     quality: Metrics
     doubts: list[str]
 

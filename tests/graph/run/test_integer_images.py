@@ -74,7 +74,7 @@ def test_a_source_yields_integers_only_if_the_device_alone_reads_them(
 def test_a_source_that_is_not_asked_for_integers_may_still_yield_them(
     monkeypatch: pytest.MonkeyPatch, backend: str
 ) -> None:
-    monkeypatch.setattr(HostValues, "whole_keyword", lambda *_: {"whole": True})
+    monkeypatch.setattr(HostValues, "integer_keyword", lambda *_: {"integers": True})
     (result,) = load(graph_of(READ_BY_THE_HOST), backend=backend).items()
     np.testing.assert_array_equal(result["more"], 2 * (WHOLE / np.float32(255)))
 

@@ -123,7 +123,7 @@ LEDS = [f"led{k}.png" for k in range(1, 5)]
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_a_colour_camera_s_light_is_the_mean_of_its_channels(tmp_path: Path, dtype: type) -> None:
     colours = COLOURS.astype(dtype) * dtype(1 if dtype is np.uint8 else 257)
-    capture, notes = read_one(write(tmp_path, LEDS, colours), whole=True)
+    capture, notes = read_one(write(tmp_path, LEDS, colours), integers=True)
     assert np.allclose(capture.image, COLOURS.mean(axis=-1) / 255, atol=1e-6)
     assert len(notes) == 1
     assert "the mean of the three channels; `channel`=red, green or blue" in notes[0]
@@ -181,7 +181,7 @@ def test_the_white_of_a_pgm_is_full_scale(tmp_path: Path, bits: int) -> None:
     for name, image in zip(LEDS, images, strict=True):
         head = f"P5\n# a camera\n16 12\n{2**bits - 1}\n".encode()
         (tmp_path / name).with_suffix(".pgm").write_bytes(head + image.astype(">u2").tobytes())
-    capture, notes = read_one(tmp_path, whole=True)
+    capture, notes = read_one(tmp_path, integers=True)
     assert np.allclose(capture.image, images / (2**bits - 1), atol=1e-6)
     assert notes == []
     (tmp_path / "capture.yaml").write_text(f"bits: {bits}\n")

@@ -46,7 +46,7 @@ def test_bits_are_fractions_of_full_scale(tmp_path: Path, suffix: str, dtype: ty
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_images_stay_integers_where_that_is_allowed(tmp_path: Path, dtype: type) -> None:
     images = IMAGES.astype(dtype) * dtype(1 if dtype is np.uint8 else 257)
-    whole = read_one(write(tmp_path, images), whole=True).image
+    whole = read_one(write(tmp_path, images), integers=True).image
     assert whole.dtype == dtype
     assert np.array_equal(whole, images)
 
@@ -57,7 +57,7 @@ def test_twelve_bits_in_sixteen_are_fractions_of_their_full_scale(
 ) -> None:
     write(tmp_path, IMAGES.astype(np.uint16) * factor)
     (tmp_path / "capture.yaml").write_text("bits: 12\n")
-    image = read_one(tmp_path, whole=True).image
+    image = read_one(tmp_path, integers=True).image
     assert image.dtype == np.float32, "integers that do not fill their bits are fractions"
     assert image.max() == pytest.approx(int(IMAGES.max()) * factor / 4095)
 
@@ -309,10 +309,10 @@ def dark(counts: int, depth: type = np.uint8):
 
 
 @pytest.mark.parametrize("images", [dark(3), dark(300, np.uint16)], ids=["8 bit", "16 bit"])
-@pytest.mark.parametrize("whole", [False, True])
-def test_darkness_with_its_noise_is_no_measurement(tmp_path: Path, images, whole: bool) -> None:
+@pytest.mark.parametrize("integers", [False, True])
+def test_darkness_with_its_noise_is_no_measurement(tmp_path: Path, images, integers: bool) -> None:
     with pytest.raises(InputError, match=r"led1\.png: too dark to measure"):
-        read_one(write(tmp_path, images), whole=whole)
+        read_one(write(tmp_path, images), integers=integers)
 
 
 @pytest.mark.parametrize(("counts", "bits"), [(250, 8), (320, 12)])

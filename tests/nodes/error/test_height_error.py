@@ -44,7 +44,7 @@ def stated_error(
     """The stated error of a height whose slopes come from four LEDs of this noise."""
     lights = np.concatenate([distant_led(60, azimuth) for azimuth in (0, 90, 180, 270)])
     film = Film.matt(lights)._replace(
-        others=exact(lights) if others is None else others,
+        other_lights=exact(lights) if others is None else others,
         uneven=UNEVEN,
         refraction=refraction,
         diffuse=np.full(4, diffuse, np.float32),

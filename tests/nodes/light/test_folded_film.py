@@ -23,7 +23,7 @@ def test_narrow_walls_are_folds(cells: int, folded: bool) -> None:
     """In either direction, and on as many smaller cells of a larger image."""
     slope = walls(cells)
     assert any(folded_film(slope)) == folded
-    assert not folded_film(slope, narrow=0.15).wide
+    assert not folded_film(slope, narrow_ratio=0.15).wide
     assert any(folded_film(slope[::-1].transpose(0, 2, 1))) == folded
     assert any(folded_film(slope.repeat(2, axis=1).repeat(2, axis=2))) == folded
 

@@ -1,4 +1,4 @@
-"""A law of checks for tests: right touches whose figures are normal, each of its own size."""
+"""A law of checks for tests: valid touches whose figures are normal, each of its own size."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ SIZES = dict.fromkeys(CHECK_FIGURES, 0.0) | {
 
 
 def ranks() -> F4:
-    """The ranks of 400 right touches, for every kind of touch."""
+    """The ranks of 400 valid touches, for every kind of touch."""
     drawn = np.abs(np.random.default_rng(1).normal(size=(400, len(SIZES)))) * [*SIZES.values()]
     return np.asarray(np.stack([ranked(drawn)] * 3), np.float32)
 

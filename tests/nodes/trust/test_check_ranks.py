@@ -1,4 +1,4 @@
-"""How rare the figures of a touch are among those of right ones."""
+"""How rare the figures of a touch are among those of valid ones."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def correlated(rng: np.random.Generator, count: int) -> F8:
 
 
 @pytest.mark.parametrize("share", [0.3, 0.1, 0.01])
-def test_right_touches_are_doubted_as_often_as_stated(share: float) -> None:
+def test_valid_touches_are_doubted_as_often_as_stated(share: float) -> None:
     """This holds for any dependence between the checks."""
     rng = np.random.default_rng(3)
     shares = [
@@ -30,7 +30,7 @@ def test_right_touches_are_doubted_as_often_as_stated(share: float) -> None:
     assert 0.5 * share < np.mean(shares) < 2 * share
 
 
-def test_a_figure_beyond_all_right_touches_is_rarer_the_larger_it_is() -> None:
+def test_a_figure_beyond_all_valid_touches_is_rarer_the_larger_it_is() -> None:
     known = ranked(correlated(np.random.default_rng(4), 128))
     figures = np.median(known[:-1], axis=1)
     for place in range(COUNT):
@@ -38,7 +38,7 @@ def test_a_figure_beyond_all_right_touches_is_rarer_the_larger_it_is() -> None:
         assert rarer[1][place] < rarer[0][place] < 0.2
 
 
-def test_a_figure_that_no_right_touch_has_is_known_to_its_resolution() -> None:
+def test_a_figure_that_no_valid_touch_has_is_known_to_its_resolution() -> None:
     known = ranked(np.zeros((128, COUNT)))
     half = np.array([figure.resolution for figure in CHECK_FIGURES.values()]) / 2
     assert (p_values(half, known[:-1]) > 0.1).all()

@@ -62,7 +62,7 @@ def test_trust_falls_with_contradictions_and_false_alarms_limits_it() -> None:
 
 def test_a_calibration_without_ranks_warns_that_nothing_is_checked() -> None:
     for known in (None, np.full_like(RANKS, -1)):
-        assert judged(9.0, ranks=known, force=True) == {}
+        assert judged(9.0, ranks=known, only_warn=True) == {}
         (line,) = warnings_of(9.0, ranks=known)
         assert line.startswith("this touch is not checked")
         assert "rank_checks calibration=FILE" in line
@@ -119,7 +119,7 @@ def warnings_at_rest(rest: F4, added: float, shift: int) -> list[str]:
     motion = film_motion(light, fall_off(rest), rest)
     evidence = touch_evidence(HEIGHT, light, HEIGHT)
     with collect_warnings([]) as notes:
-        judge_touch(evidence, RANKS, motion=motion, light=light, flat=rest, force=True)
+        judge_touch(evidence, RANKS, motion=motion, light=light, flat=rest, only_warn=True)
     return notes
 
 
@@ -136,9 +136,9 @@ def test_a_touch_that_fails_all_checks_is_refused_unless_forced() -> None:
         judged(**wrong)
     line = str(refused.value)
     assert all(cause in line for cause in ("has these slopes", "LED 2 is darker", "light of the"))
-    assert line.endswith("no height is computed; `force`=true continues anyway")
-    assert len(warnings_of(**wrong, force=True)) == 1
-    assert judged(**wrong, force=True)["trust"] < 1e-6
+    assert line.endswith("no height is computed; `only_warn`=true continues")
+    assert len(warnings_of(**wrong, only_warn=True)) == 1
+    assert judged(**wrong, only_warn=True)["trust"] < 1e-6
     assert len(warnings_of(9.0, rest=0.7, light=1.0)) == 1, "two of three are no refusal"
 
 
@@ -203,6 +203,6 @@ def test_rims_give_a_warning_unless_something_else_measures_them(
 
 @pytest.mark.parametrize(("measured", "is_advised"), [(False, True), (True, False)])
 def test_precise_is_not_advised_where_it_ran(measured: bool, is_advised: bool) -> None:
-    (line, *_) = warnings_of(0.1, light=9.0, rim_share=0.5, rims_measured=measured, force=True)
+    (line, *_) = warnings_of(0.1, light=9.0, rim_share=0.5, rims_measured=measured, only_warn=True)
     assert line.startswith("no surface explains the light of the touch")
     assert ("walls and rims need the graph precise" in line) == is_advised

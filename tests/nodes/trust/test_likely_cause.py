@@ -85,7 +85,7 @@ MISTAKES: dict[str, Change] = {
 
 
 def cause(light: F4, *, has_walls: bool = False) -> str:
-    """The cause of a touch, where right touches leave up to 1.5 times the residual of this one."""
+    """The cause of a touch, where valid touches leave up to 1.5 times the residual of this one."""
     usual = 1.5 * matt_residual(touch() / flat(), flat(), LIGHTS)
     return likely_cause(light, flat(), LIGHTS, lambda res: res < usual, has_walls=has_walls)
 

@@ -18,7 +18,7 @@ from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream
 from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor, open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
-from tactograph.sdk import InputError, LiveState, Whole, node
+from tactograph.sdk import InputError, KeepIntegers, LiveState, node
 
 
 @node(endless=True)
@@ -35,7 +35,7 @@ def read_camera(
     queue: Annotated[int, Interval(ge=1, le=64)] = 8,
     seconds: Annotated[float, Gt(0)] | None = None,
     items: Annotated[int, Ge(1)] | None = None,
-    whole: Whole = False,
+    integers: KeepIntegers = False,
 ) -> Iterator[LiveFrames]:
     """Yield a touch with every camera frame, for as long as the camera runs.
 
@@ -65,7 +65,7 @@ def read_camera(
         Most frames that wait; when the reconstruction is slower than the camera, the oldest
         are dropped.
     seconds, items : time, or number of touches, after which to end; None: never
-    whole : whether frames may remain the camera's integers
+    integers : whether frames may remain the camera's integers
 
     Returns
     -------
@@ -106,7 +106,7 @@ def read_camera(
             dark,
             refresh,
             driver.full_scale,
-            whole,
+            integers,
             motion_limit,
             motion == "skip",
             LiveState(settings=driver.stored | cycle),
@@ -144,13 +144,13 @@ def _rehearsal(
     lights: Order | None,
     ambient: bool,
     bits: int | None,
-    whole: bool,
+    integers: bool,
     **_: Any,
 ) -> LiveFrames:
     """Return the film at rest, in the pixel type that most cameras deliver."""
     film = calibrated_film(calibration)
     touch, is_colour = film.touch, film.one_shot or lights is not None
-    if not whole or ambient or bits is not None or is_colour:
+    if not integers or ambient or bits is not None or is_colour:
         return touch
     image: Any = np.rint(np.clip(touch.image, 0, 1) * 255).astype(np.uint8)
     return touch._replace(image=image)

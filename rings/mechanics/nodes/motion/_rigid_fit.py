@@ -51,7 +51,7 @@ MIN_PAIRS = 30
 OPEN_SHARE = 0.25
 """Share of the information on a motion above which noise alone gives it: the motion is open."""
 OPEN_MM = 100.0
-"""Standard deviation of an open motion."""
+"""Standard deviation of an unobservable motion."""
 TURN_COST = 30.0
 """Weight of a turn against a shift; among motions that differ by an open one the least is taken."""
 ZERO_MM = 0.007
@@ -221,7 +221,7 @@ def fit_motion(
     first, second : on cells of one size
     guesses
         4 x 4, the likeliest first: tried until one leads to a sure fit; else the most alike is
-        taken, or the first where none is alike.  An open motion stays as in the guess.
+        taken, or the first where none is alike.  An unobservable motion stays as in the guess.
     pressed : share of the raised film that curves down (`held_film`)
     rings : whether rings along the contacts' rims count by what they err
 

@@ -46,7 +46,7 @@ MAX_JUMP_DEG, MIN_JUMP_OVERLAP = 15.0, 0.3
 TIGHT_SHARE = 0.25
 """Share of the raised film that curves down below which the film hides a tilt."""
 OPEN_SHARE = 0.3
-"""Share of an axis that lies in the open motions."""
+"""Share of an axis that lies in the unobservable motions."""
 
 
 class TrackedPose(NamedTuple):
@@ -201,7 +201,7 @@ def _begin(heights: F4, stated: float, pressed: float) -> TrackedPose:
 def _tracked(
     motion: F8, covariance: F8, key: F4, memory: F4, is_open: F8, further: Metrics
 ) -> TrackedPose:
-    """The pose in mm and degrees, its figures, and a warning of open motions."""
+    """The pose in mm and degrees, its figures, and a warning of unobservable motions."""
     pose = IN_DEGREES * six_numbers(motion)
     # The shift is that of the film's origin: a turn about it after the motion moves it on.
     at_pose = np.eye(6)

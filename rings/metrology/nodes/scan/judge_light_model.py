@@ -24,7 +24,7 @@ def judge_light_model(
     light: Light | None = None,
     model: LightModel | None = None,
     *,
-    force: bool = False,
+    only_warn: bool = False,
 ) -> Metrics:
     """Warn where the light contradicts the model, and refuse a model that is clearly another's.
 
@@ -34,7 +34,7 @@ def judge_light_model(
     light, model
         K x H x W of the same cells: then other orders of the LEDs, turned or reversed, are tried:
         slopes by a wrong one are those of no surface.
-    force : warn at most
+    only_warn : warn at most
 
     Returns
     -------
@@ -46,7 +46,7 @@ def judge_light_model(
     ------
     InputError
         If the residual is above `REFUSED_RESIDUAL`, or above `MAX_RESIDUAL` at a brightness out of
-        its range, or if the LEDs in another order explain the light, unless `force`.
+        its range, or if the LEDs in another order explain the light, unless `only_warn`.
     """
     bright = float(np.median(fit.brightness))
     residual = _unexplained(fit)
@@ -65,8 +65,8 @@ def judge_light_model(
             f"the film is {bright:.2g} times as bright as when the light model was made: is it "
             "this sensor's, with the same exposure?"
         )
-    if is_sure and not force:
-        raise InputError(f"{doubts[0]} `force`=true continues anyway")
+    if is_sure and not only_warn:
+        raise InputError(f"{doubts[0]} `only_warn`=true continues anyway")
     for doubt in doubts:
         warn(doubt)
     return {"model_residual": residual, "model_brightness": bright}

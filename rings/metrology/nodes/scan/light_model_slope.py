@@ -130,4 +130,4 @@ def _start(image: F4, rows: F4) -> tuple[F4, F4]:
     return -x / z, -y / z
 
 
-light_model_slope.opencl(grid="H W", lanes="rows", whole="light")
+light_model_slope.opencl(grid="H W", lanes="rows", integers="light")

@@ -80,7 +80,7 @@ def read_start(
     if len(image) > PIXEL_UNKNOWNS:
         on_coarse_cells = coarsen(image, factor=CELL_PX), on_cells(model, CELL_PX)
         solved = light_model_slope(*on_coarse_cells)
-        figures = judge_light_model(solved, *on_coarse_cells, force=True)
+        figures = judge_light_model(solved, *on_coarse_cells, only_warn=True)
         figures |= judge_untouched(model, folder=flat, crop=crop, cell=CELL_PX)
     rest = rest if model.gain is None else rest / model.gain
     return Start(figures, rest, slants, scan_pixel_size(of_model, stated))

@@ -1,4 +1,4 @@
-"""Right presses of a one-shot sensor, drawn by chance: what its calibration allows them to be."""
+"""Valid presses of a one-shot sensor, drawn by chance: what its calibration allows them to be."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -33,7 +33,7 @@ def draw_presses(
     count: Annotated[int, Interval(ge=1, le=100000)] = 128,
     seed: Annotated[int, Interval(ge=0)] = 0,
 ) -> Iterator[DrawnPress]:
-    """Yield right presses: balls, edges, folds, grooves, dents and none, shallow and steep.
+    """Yield valid presses: balls, edges, folds, grooves, dents and none, shallow and steep.
 
     Parameters
     ----------

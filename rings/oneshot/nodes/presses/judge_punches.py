@@ -50,7 +50,7 @@ def judge_punches(
     -------
     ``punches``; ``punch_um``, root mean square distance of plateaus from their depths, held out
     from two punches on, and ``punch_percent``, the same of the depth; ``wall_gain`` if it is kept.
-    A doubt if a plateau is farther off than chance takes the worst of right ones, normally
+    A doubt if a plateau is farther off than chance takes the worst of valid ones, normally
     distributed by their stated deviations.
 
     Raises

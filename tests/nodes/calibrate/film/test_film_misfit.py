@@ -14,7 +14,7 @@ from tests.nodes.scenes import LIGHTS
 PIXEL, RADIUS, RIM = 0.1, 6.0, 5.0
 LEDS = 60 * LIGHTS
 """In mm."""
-SURE = Film.matt(cast(F4, LEDS))._replace(others=cast(F4, np.stack([LEDS] * 8)))
+SURE = Film.matt(cast(F4, LEDS))._replace(other_lights=cast(F4, np.stack([LEDS] * 8)))
 """A film whose LEDs' places are certain."""
 
 
@@ -64,9 +64,9 @@ def test_presses_state_an_error_of_the_albedo_even_where_they_agree(
 
 
 def test_another_place_of_an_led_stays_above_the_film() -> None:
-    others = 5 * SURE.others
+    others = 5 * SURE.other_lights
     others[:, 0, 2] -= 2 * LEDS[0, 2]
-    film = SURE._replace(lights=5 * SURE.lights, others=others)
+    film = SURE._replace(lights=5 * SURE.lights, other_lights=others)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         misfit = Held([held(0.01, diffuse=np.zeros(len(LIGHTS)))], PIXEL).misfit(film, 0.0)

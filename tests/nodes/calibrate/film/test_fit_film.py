@@ -163,7 +163,7 @@ def test_a_glossy_coat_is_found() -> None:
     assert fit.film.refraction > 1
     assert fit.quality["film_heldout_deg"] < 0.3
     # The LEDs lie where the fit says that they may lie, which is less far than a matt film's would.
-    spread = np.sqrt(np.square(fit.film.others - fit.film.lights).mean(axis=0))
+    spread = np.sqrt(np.square(fit.film.other_lights - fit.film.lights).mean(axis=0))
     assert (np.abs(fit.film.lights - LEDS) < 4 * spread).all()
     assert spread.max() < 0.3
 

@@ -64,7 +64,7 @@ def test_the_error_of_the_leds_is_as_large_as_the_fit_states() -> None:
     for seed in range(4):
         fit = calibrate(*images(RING, seed, noise=0.01), known())
         off_by.append(np.square(fit.lights - RING).mean())
-        stated.append(np.square(fit.others - fit.lights).mean())
+        stated.append(np.square(fit.other_lights - fit.lights).mean())
     assert 0.5 < np.sqrt(np.mean(off_by) / np.mean(stated)) < 2
 
 

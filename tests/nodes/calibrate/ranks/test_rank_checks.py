@@ -1,4 +1,4 @@
-"""The checks' figures for right touches that are simulated from a calibration."""
+"""The checks' figures for valid touches that are simulated from a calibration."""
 
 import shutil
 from pathlib import Path

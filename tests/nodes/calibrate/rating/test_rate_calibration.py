@@ -28,15 +28,15 @@ def notes_of(
     flat: F4 = FLAT,
     pixel: float | None = None,
     radius: Judged | None = None,
-    others: list[str] | None = None,
-    force: bool = False,
+    other_doubts: list[str] | None = None,
+    only_warn: bool = False,
     **film: Any,
 ) -> list[str]:
     variance = np.array([0, noise**2], np.float32)
     with collect_warnings([]) as notes:
         rated = rate_calibration(
             residual, 0.01, SLOPES, MASK, 15 * MASK, LedFit(lights, residual, **film), None, flat,
-            variance, pixel, radius, others, force=force,
+            variance, pixel, radius, other_doubts, only_warn=only_warn,
         )  # fmt: skip
     assert set(rated.doubts) <= set(notes)
     assert rated.verdict.startswith("doubtful" if rated.doubts else "nothing speaks against it")
@@ -79,8 +79,8 @@ def test_leds_of_a_ring_in_another_order_are_reported_without_a_doubt() -> None:
 
 
 def test_doubts_of_other_nodes_are_repeated() -> None:
-    others = join_doubts(["the balls are oval"], [], ["the film is brighter"])
-    assert notes_of(GOOD, others=others) == others
+    doubts = join_doubts(["the balls are oval"], [], ["the film is brighter"])
+    assert notes_of(GOOD, other_doubts=doubts) == doubts
 
 
 def test_an_ordinary_film_raises_no_warning() -> None:
@@ -111,12 +111,12 @@ def test_parallel_light_that_explains_the_ball_is_accepted() -> None:
 
 
 def test_a_film_that_returns_all_light_is_blamed_on_the_radius_and_refused() -> None:
-    with pytest.raises(InputError, match=r"albedo is found as 0\.95.*`force`=true"):
+    with pytest.raises(InputError, match=r"albedo is found as 0\.95.*`only_warn`=true"):
         notes_of(GOOD, pixel=3.0, albedo=0.95)
 
 
 def test_a_forced_calibration_is_doubtful() -> None:
-    notes = notes_of(GOOD, FAR_AWAY, pixel=3.0, albedo=0.0, force=True, radius=OTHER_RADIUS)
+    notes = notes_of(GOOD, FAR_AWAY, pixel=3.0, albedo=0.0, only_warn=True, radius=OTHER_RADIUS)
     assert "LED 1 is found 800 m from the film" in notes[-1]
 
 
