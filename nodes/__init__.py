@@ -57,13 +57,13 @@ Contacts = Annotated[U1, Port("H W", "contact number", high=2)]
 """The number of the contact that a pixel belongs to, from 1; 0: none."""
 Mask = Annotated[U1, Port("H W", "flag", high=1), "1 where a pixel counts, else 0"]
 MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1.0
-"""Range of pixel sizes; a size outside is in another unit, such as um."""
+"""Range of pixel sizes of heights in files; a size outside is in another unit, such as um."""
 MIN_OPTICAL_MM = 1e-4
 """Side of a pixel, in mm, below which no lens resolves it: a fifth of the wavelength of light."""
 PixelSize = Annotated[
     float,
     Port(unit="mm/px", low=0.01, high=0.2),
-    Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM),
+    Interval(ge=MIN_OPTICAL_MM, le=MAX_PIXEL_MM),
     Stored(MIN_OPTICAL_MM, 1e3),
     "Side of a pixel on the film",
 ]

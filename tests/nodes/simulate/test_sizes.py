@@ -57,3 +57,9 @@ def test_absurd_numbers_are_refused_before_anything_runs(numbers, tmp_path: Path
         open_pipeline(
             with_changes(read_graph(graph), changes), {**known, **numbers}, backend="numpy"
         )
+
+
+def test_a_pixel_in_metres_is_refused_before_anything_runs() -> None:
+    known = {"capture": "none", "ball_radius_mm": 7, "pixel_size_mm": 0.00005}
+    with pytest.raises(InputError, match=r"pixel_size_mm.*or equal to 0.0001, not 5e-05"):
+        open_pipeline("calibrate", known, backend="numpy")
