@@ -169,6 +169,15 @@ def test_words_are_explained_and_found(talk: Callable[[Talk], None]) -> None:
     talk(read)
 
 
+def test_a_file_that_is_not_there_has_no_words(talk: Callable[[Talk], None]) -> None:
+    async def about(editor: Editor) -> None:
+        nowhere = types.Position(0, 0)
+        params = types.HoverParams(types.TextDocumentIdentifier(editor.uri), nowhere)
+        assert await editor.client.text_document_hover_async(params) is None
+
+    talk(about)
+
+
 def test_mistakes_are_shown_while_typing_and_mended(talk: Callable[[Talk], None]) -> None:
     async def mistaken(editor: Editor) -> None:
         text = HEAD + "  - {set: label, with: {steepst: 4}}\n  - {set: level, with: {cel: 2}}\n"
