@@ -128,7 +128,7 @@ def test_reset_takes_the_file_s_word(tuning: Tuning) -> None:
 
 def test_a_missing_capture_is_refused_before_a_page_opens(tmp_path: Path) -> None:
     (tmp_path / "touches").mkdir()
-    with pytest.raises(InputError, match="capture=.*there is no such folder.*mean 'touches'"):
+    with pytest.raises(InputError, match=r"capture=.*there is no such folder.*mean 'touches'"):
         Tuning("reconstruct", {"capture": str(tmp_path / "touchs"), "calibration": "cal.npz"})
 
 
