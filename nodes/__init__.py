@@ -71,6 +71,8 @@ Albedo = Annotated[float, Port(unit="1", high=0.95), "Share of the light that th
 Still = Annotated[float, Port(unit="1", low=0, high=1), "1 where nothing has moved, else 0"]
 Vergence = Annotated[float, Port(unit="1/mm", high=0.02)]
 """1 / D, with D the height of the camera's pupil above the film; 0 for an orthographic camera."""
+MIN_CAMERA_MM = 5.0
+"""Least height of a camera's pupil above the film, in mm; one below is stated in another unit."""
 LightPlaces = Annotated[F4, Port("8 K 3", "mm")]
 """Eight sets of LED positions that span the calibration's uncertainty: the mean square of their
 effects is the variance that it causes."""
@@ -250,7 +252,9 @@ class Film(NamedTuple):
         "mm of film beyond the frame",
     ]
     camera: Annotated[
-        Vergence, Stored(0, 0.2, plain=0.0), "1/mm, one over the pupil's height; 0: far"
+        Vergence,
+        Stored(0, 1 / MIN_CAMERA_MM, plain=0.0),
+        "1/mm, one over the pupil's height; 0: far",
     ]
     emission: Annotated[
         float,

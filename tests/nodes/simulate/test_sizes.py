@@ -59,7 +59,10 @@ def test_absurd_numbers_are_refused_before_anything_runs(numbers, tmp_path: Path
         )
 
 
-def test_a_pixel_in_metres_is_refused_before_anything_runs() -> None:
-    known = {"capture": "none", "ball_radius_mm": 7, "pixel_size_mm": 0.00005}
-    with pytest.raises(InputError, match=r"pixel_size_mm.*or equal to 0.0001, not 5e-05"):
+@pytest.mark.parametrize(
+    ("param", "value", "least"), [("pixel_size_mm", 0.00005, "0.0001"), ("camera_mm", 0.065, "5")]
+)
+def test_metres_are_refused_before_anything_runs(param: str, value: float, least: str) -> None:
+    known = {"capture": "none", "ball_radius_mm": 7, "pixel_size_mm": 0.07, param: value}
+    with pytest.raises(InputError, match=f"{param}.*or equal to {least}, not {value}"):
         open_pipeline("calibrate", known, backend="numpy")
