@@ -212,11 +212,11 @@ def bands_by_kind(rig: Rig, rng: np.random.Generator, folder: Path) -> dict[str,
     rigid = {"reach_mm": 0, "skin_mm": 0}
     for number, place in enumerate(([0.0, 0.0], [-5.0, 3.0])):
         ball = {"radius_mm": NEW_BALL_MM, "rise_mm": 2.8, "offset_mm": place}
+        press = rendered(rig, "ball", ball, rigid)
         if not number:
-            most = float(rendered(rig, "ball", ball, rigid)[0].max())
-            rig = rig._replace(exposure=min(1.0, BRIGHTEST / most))
-        simulate(rig, "ball", ball, rigid, presses / str(number), seed())
-    simulate(rig, "flat", {}, {}, flat, seed())
+            rig = rig._replace(exposure=min(1.0, BRIGHTEST / float(press[0].max())))
+        simulate(rig, press, presses / str(number), seed())
+    simulate(rig, rendered(rig, "flat", {}, {}), flat, seed())
     given: dict[str, Any] = {"capture": presses, "flat": flat, "out": calibration}
     if camera := (rig.flaws or {}).get("camera_mm"):
         given["camera_mm"] = camera
@@ -225,7 +225,7 @@ def bands_by_kind(rig: Rig, rng: np.random.Generator, folder: Path) -> dict[str,
     for kind, touches in drawn_touches(rng).items():
         for number, touch in enumerate(touches):
             capture = folder / f"{kind} {number}"
-            simulate(rig, *touch, capture, seed())
+            simulate(rig, rendered(rig, *touch), capture, seed())
             found = run("precise", capture=capture, calibration=calibration)["metrics"]
             bands.setdefault(kind, []).append(found["in_90_percent_band"])
     return bands
@@ -234,13 +234,13 @@ def bands_by_kind(rig: Rig, rng: np.random.Generator, folder: Path) -> dict[str,
 def report(name: str, rig: Rig, folder: Path) -> None:
     """Calibrate a rig with a ball, and measure every shape."""
     ball, flat, calibration = (folder / part for part in ("ball", "flat", "cal.npz"))
-    simulate(rig, "ball", BALL, None, ball, seed=1)
-    simulate(rig, "flat", {}, None, flat, seed=2)
+    simulate(rig, rendered(rig, "ball", BALL, None), ball, seed=1)
+    simulate(rig, rendered(rig, "flat", {}, None), flat, seed=2)
     given = {"capture": ball, "flat": flat, "out": calibration}
     run("calibrate", **given, ball_radius_mm=7.0, pixel_size_mm=rig.pixel_mm)
     for seed, (title, shape) in enumerate(SHAPES.items(), start=3):
         capture = folder / title
-        simulate(rig, *shape, capture, seed)
+        simulate(rig, rendered(rig, *shape), capture, seed)
         found = run("precise", capture=capture, calibration=calibration)["metrics"]
         row = f"{found['rmse_px']:.3g} | {found['in_90_percent_band']:.1f}"
         print(f"| {name} | {title} | {row} |", flush=True)
@@ -251,16 +251,9 @@ def run(graph: str, **given: Any) -> Any:
     return result
 
 
-def simulate(
-    rig: Rig,
-    shape: str,
-    settings: dict[str, Any],
-    press: dict[str, Any] | None,
-    out: Path,
-    seed: int,
-) -> None:
-    """Render a shape, expose and write."""
-    mean, scene = rendered(rig, shape, settings, press)
+def simulate(rig: Rig, drawn: tuple[Any, Any], out: Path, seed: int) -> None:
+    """Expose and write what `rendered` returned."""
+    mean, scene = drawn
     image = expose(mean * np.float32(rig.exposure), bits=rig.bits, seed=seed).image
     middle = np.s_[FINE // 2 :: FINE, FINE // 2 :: FINE]
     z, labels = (np.ascontiguousarray(scene[part][middle]) for part in ("height", "labels"))

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from accuracy import DATA, SHAPES, calibrate, rigs_in, row, true_shadows
-from error_band import BALL, RIGS, SHAPES as SIMULATED, run, simulate
+from error_band import BALL, RIGS, SHAPES as SIMULATED, rendered, run, simulate
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
@@ -76,13 +76,13 @@ def fit(folder: Path) -> None:
     known, right = [], []
     for name, rig in RIGS.items():
         ball, flat, calibration = (folder / name / part for part in ("press", "flat", "cal.npz"))
-        simulate(rig, "ball", BALL, None, ball, seed=1)
-        simulate(rig, "flat", {}, None, flat, seed=2)
+        simulate(rig, rendered(rig, "ball", BALL, None), ball, seed=1)
+        simulate(rig, rendered(rig, "flat", {}, None), flat, seed=2)
         given = {"capture": ball, "flat": flat, "out": calibration}
         run("calibrate", **given, ball_radius_mm=7.0, pixel_size_mm=rig.pixel_mm)
         for seed, title in enumerate(SHADOWED, start=3):
             capture = folder / name / "captures" / title
-            simulate(rig, *SIMULATED[title], capture, seed)
+            simulate(rig, rendered(rig, *SIMULATED[title]), capture, seed)
             here = {"capture": capture, "calibration": calibration}
             (found,) = open_pipeline(graph, here, sinks=False).items()
             leds = json.loads((capture / "scene.json").read_text())["lights_mm"]

@@ -57,13 +57,13 @@ Contacts = Annotated[U1, Port("H W", "contact number", high=2)]
 """The number of the contact that a pixel belongs to, from 1; 0: none."""
 Mask = Annotated[U1, Port("H W", "flag", high=1), "1 where a pixel counts, else 0"]
 MIN_PIXEL_MM, MAX_PIXEL_MM = 1e-6, 1.0
-"""Range of pixel sizes; a size outside is in another unit, such as um."""
+"""Range of pixel sizes of heights in files; a size outside is in another unit, such as um."""
 MIN_OPTICAL_MM = 1e-4
 """Side of a pixel, in mm, below which no lens resolves it: a fifth of the wavelength of light."""
 PixelSize = Annotated[
     float,
     Port(unit="mm/px", low=0.01, high=0.2),
-    Interval(ge=MIN_PIXEL_MM, le=MAX_PIXEL_MM),
+    Interval(ge=MIN_OPTICAL_MM, le=MAX_PIXEL_MM),
     Stored(MIN_OPTICAL_MM, 1e3),
     "Side of a pixel on the film",
 ]
@@ -71,6 +71,8 @@ Albedo = Annotated[float, Port(unit="1", high=0.95), "Share of the light that th
 Still = Annotated[float, Port(unit="1", low=0, high=1), "1 where nothing has moved, else 0"]
 Vergence = Annotated[float, Port(unit="1/mm", high=0.02)]
 """1 / D, with D the height of the camera's pupil above the film; 0 for an orthographic camera."""
+MIN_CAMERA_MM = 5.0
+"""Least height of a camera's pupil above the film, in mm; one below is stated in another unit."""
 LightPlaces = Annotated[F4, Port("8 K 3", "mm")]
 """Eight sets of LED positions that span the calibration's uncertainty: the mean square of their
 effects is the variance that it causes."""
@@ -250,7 +252,9 @@ class Film(NamedTuple):
         "mm of film beyond the frame",
     ]
     camera: Annotated[
-        Vergence, Stored(0, 0.2, plain=0.0), "1/mm, one over the pupil's height; 0: far"
+        Vergence,
+        Stored(0, 1 / MIN_CAMERA_MM, plain=0.0),
+        "1/mm, one over the pupil's height; 0: far",
     ]
     emission: Annotated[
         float,

@@ -53,7 +53,8 @@ def command(words: tuple[str, ...], out: Path, columns: str | None, **choices: A
     """Run every GRAPH on every capture on every back end; of a STUDY, its base and variants.
 
     NAME=VALUE and --with apply to every graph.  Folders among the words, as a shell expands DIR/*,
-    are further captures.  Runs that were finished earlier are not repeated.
+    are further captures.  Runs that were finished earlier are not repeated.  If a run fails, the
+    others go on, and the exit code is 1.
     """
     _compare(_read_study(words, out, **choices), out, columns)
 
@@ -126,6 +127,8 @@ def _compare(study: Study, out: Path, columns: str | None) -> None:
     say(f"tables: {out / 'table.csv'}, .json, .md, .tex; report: {page}")
     if all(row.error for row in rows):
         raise InputError("every run failed; the reasons are above")
+    if any(row.error for row in rows):
+        raise SystemExit(1)
 
 
 def _run_all(study: Study, out: Path) -> list[Row]:

@@ -170,7 +170,9 @@ class _Report:
         if endless:
             self._news(result.warnings)
         else:
-            self.warnings(result.warnings)
+            name = _name_of(result)
+            self.warnings(result.warnings[: result.lasting])
+            self.warnings(result.warnings[result.lasting :], f"{name}: " if name else "")
         kind = warning_kind(" ".join(v for v in result.outputs.values() if isinstance(v, str)))
         news, self._last_kind = number == 1 or kind != self._last_kind, kind
         if not self._quiet and (not endless or news):
@@ -178,9 +180,9 @@ class _Report:
         if endless:
             self._line.end()
 
-    def warnings(self, warnings: Iterable[str]) -> None:
-        """Print new warnings."""
-        for warning in warnings:
+    def warnings(self, warnings: Iterable[str], of: str = "") -> None:
+        """Print new warnings, `of` a named item."""
+        for warning in (f"{of}{each}" for each in warnings):
             if warning not in self.last_due:
                 self._line.say(f"warning: {warning}", err=True)
                 self.last_due[warning] = 0.0

@@ -16,7 +16,7 @@ from tactograph.graph.errors import GraphError, InputError, did_you_mean, shorte
 PARAM_PLACEHOLDER = object()
 """Stands for a param's value where only the plan matters, not the data."""
 MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-12, 1e12
-"""The range of a float parameter's magnitude: float32 holds its square and its inverse."""
+"""Range of a float parameter's magnitude, whose square and inverse float32 holds; below it: 0."""
 
 
 def check_settings(
@@ -33,6 +33,7 @@ def check_settings(
                 f"{where(name)}: node '{node.name}' has no parameter '{name}'"
                 f"{did_you_mean(name, node.parameters)}"
             )
+    settings = {name: _without_traces(value) for name, value in settings.items()}
     defaults = {name: p.default for name, p in node.parameters.items()}
     if not settings and not any(p.required for p in node.parameters.values()):
         return defaults  # without a model, which takes as long to build as a node to import
@@ -54,15 +55,20 @@ def check_settings(
     return checked
 
 
+def _without_traces(value: Any) -> Any:
+    """A value whose numbers below `MIN_MAGNITUDE` are 0: a right angle's cosine is no zero."""
+    if type(value) in (list, tuple):
+        return type(value)(map(_without_traces, value))
+    return 0.0 if isinstance(value, float) and abs(value) < MIN_MAGNITUDE else value
+
+
 def _beyond_numbers(value: Any) -> str:
-    """Why a value is too large or too small for float32 or a 64-bit integer; "" if it is not."""
+    """Why a value is too large for float32 or a 64-bit integer; "" if it is not."""
     for part in value if isinstance(value, list | tuple) else ():
         if reason := _beyond_numbers(part):
             return reason
-    if isinstance(value, float) and value and not MIN_MAGNITUDE <= abs(value) <= MAX_MAGNITUDE:
-        return (
-            f"a number from {MIN_MAGNITUDE:g} to {MAX_MAGNITUDE:g} (or 0) is needed, not {value:g}"
-        )
+    if isinstance(value, float) and abs(value) > MAX_MAGNITUDE:
+        return f"a number of at most {MAX_MAGNITUDE:g} is needed, not {value:g}"
     if isinstance(value, int) and abs(value) >= 2**63:
         return "the whole number is too large"
     return ""
@@ -151,7 +157,7 @@ def _split(are_numbers: bool, lengths: Collection[int], names: str, value: Any) 
 def _scalar_of(text: str) -> Any:
     """Read one part of ``a,b`` as a scalar."""
     try:
-        return _refuse_bool(parse_scalar(text))
+        return _without_traces(_refuse_bool(parse_scalar(text)))
     except InputError:
         return text
 

@@ -66,6 +66,8 @@ def read_graph(source: Source) -> Graph:
         return _graph_of(
             Layer(validate(document, GraphModel), document, "graph", Path("graph")), ()
         )
+    if not isinstance(source, str | os.PathLike):
+        raise InputError(f"{source!r}: a graph's name, its file, or plain data is needed")
     return _named(os.fspath(source), None, ())
 
 

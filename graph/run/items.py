@@ -161,6 +161,7 @@ class Items:
             item={value: host[value] for value in yielded},
             total=total,
             reused=executor.reused,
+            lasting=self._lasting,
         )
         executor.end()
         return result

@@ -84,6 +84,16 @@ def load(
     >>> pipeline(frames=stack)["height"].shape  # doctest: +SKIP
     (480, 640)
     """
+    for word, value, kind, needed in (
+        ("params", params, Mapping, "a mapping"),
+        ("changes", changes, Mapping, "a mapping of 'NODE.PARAM' to values"),
+        ("device", device, str, "a part of its name"),
+        ("outputs", outputs, Collection, "a list of names"),
+        ("cache", cache, Cache, "a `tactograph.sdk.Cache`"),
+        ("nodes", nodes, Iterable, "a list of functions decorated with @node"),
+    ):
+        if value is not None and not isinstance(value, kind):
+            raise InputError(f"{word}={value!r}: {needed} is needed")
     for word in arguments.keys() & (params or {}).keys():
         raise InputError(f"{word} is given twice")
     arguments = {**(params or {}), **arguments}
@@ -91,7 +101,7 @@ def load(
         raise InputError(f"to={to!r}: 'host' or 'device'")
     read = read_graph(graph)
     read = replace(read, own={**read.own, **own_nodes(nodes)})
-    graph = with_changes(read, changes or {})
+    graph = with_changes(read, {str(name): value for name, value in (changes or {}).items()})
     _check_archives(graph, arguments)
     pipeline = open_pipeline(
         graph,
@@ -101,7 +111,7 @@ def load(
         strict=strict,
         sinks=False,
         cache=cache,
-        stand_ins=_ungiven_sources(graph, arguments),
+        stand_ins=_stand_ins(graph, arguments),
         outputs=None if outputs is None else _chosen_outputs(graph, outputs),
         stays=to == "device",
     )
@@ -199,8 +209,11 @@ def _chosen_outputs(graph: Graph, chosen: Collection[str]) -> dict[str, str]:
     return {name: graph.outputs[name] for name in chosen}
 
 
-def _ungiven_sources(graph: Graph, arguments: Mapping[str, Any]) -> frozenset[str]:
-    """The sources, of a stream or an array, that need a param which was not given."""
+def _stand_ins(graph: Graph, arguments: Mapping[str, Any]) -> frozenset[str]:
+    """The sources, of a stream or an array, that need a param which was not given.
+
+    Raises InputError if one that is given changes nothing but what these sources would read.
+    """
 
     def is_missing(setting: Any) -> bool:
         if not isinstance(setting, str) or not setting.startswith("$"):
@@ -208,9 +221,20 @@ def _ungiven_sources(graph: Graph, arguments: Mapping[str, Any]) -> frozenset[st
         param = graph.params.get(setting[1:])
         return param is not None and param.required and setting[1:] not in arguments
 
-    return frozenset(
+    ungiven = frozenset(
         node_id
         for node_id, entry in graph.nodes.items()
         if any(map(is_missing, entry.settings.values()))
         and find_node(entry.op, graph.own).may_be_handed_in
     )
+    read_by = {
+        name: [n for n, entry in graph.nodes.items() if f"${name}" in entry.settings.values()]
+        for name in arguments
+    }
+    for name, readers in read_by.items():
+        if readers and ungiven.issuperset(readers):
+            raise InputError(
+                f"{graph.name}: only {readers[0]} reads {name}=, and it is not run, as its images "
+                "are handed in: leave it out, and prepare the images alike"
+            )
+    return ungiven

@@ -72,7 +72,7 @@ class FileKind(NamedTuple):
         if file.suffix != ".npz":
             raise ValueError("a calibration file is called something.npz")
         try:
-            is_free = not file.exists() or self._is_in(about_in(_load(file, self)))
+            is_free = not file.exists() or self._is_in(about_in(_load(file, self.maker)))
         except InputError:
             is_free = False
         if not is_free:
@@ -129,7 +129,7 @@ class FileKind(NamedTuple):
             As `read`, or if the file cannot be written.
         """
         typed = {n: np.asarray(array, self.values[n].dtype) for n, array in arrays.items()}
-        every = _load(file, self) | typed
+        every = _load(file, self.maker) | typed
         _check_head(file, self, about_in(every))
         try:
             _check_arrays(self, every)
@@ -148,7 +148,7 @@ class FileKind(NamedTuple):
             under an LED; if the arrays cannot be of one sensor; if the header's figures are not
             numbers by name, or its doubts not sentences.
         """
-        arrays = _load(file, self)
+        arrays = _load(file, self.maker)
         head = about_in(arrays)
         _check_head(file, self, head)
         try:
@@ -172,10 +172,7 @@ class FileKind(NamedTuple):
         InputError
             If there is no such file, or it is damaged.
         """
-        try:
-            name = about_in(load_arrays(file, only=ABOUT_ARRAY)).get("kind")
-        except (OSError, ValueError) as error:
-            raise InputError(f"{file}: {one_line(str(error))}") from None
+        name = about_in(_load(file, "run calibrate", ABOUT_ARRAY)).get("kind")
         kind = str(name).removeprefix("tactograph ").replace(" ", "_")
         return bring("calibrations", f"{kind}_kind")
 
@@ -285,14 +282,14 @@ def _is_number(value: object) -> bool:
     return isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**63)
 
 
-def _load(file: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
+def _load(file: Path, maker: str, only: str | None = None) -> dict[str, NDArray[Any]]:
     if not file.is_file():
-        maker = f"'{kind.maker}' makes one"
+        maker = f"'{maker}' makes one"
         if file.is_dir():
             raise InputError(f"{file}: is a folder, and no calibration file; {maker}")
         raise InputError(missing(file, f"calibration file ({maker})"))
     try:
-        return load_arrays(file)
+        return load_arrays(file, only)
     except (OSError, ValueError) as error:
         why = "it holds a pickle" if "pickle" in str(error) else f"damaged, or no .npz: {error}"
         raise InputError(f"{file}: this calibration cannot be used: {why}") from None

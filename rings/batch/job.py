@@ -72,6 +72,11 @@ def make_job(
     place = absolute(out)
     if place.endswith(".zarr"):
         return Job(graph, arguments, options, place, None if maps is None else tuple(maps))
+    if maps is not None:
+        raise InputError(
+            f"--maps {','.join(maps)}: what a store keeps (--out NAME.zarr); a folder of results "
+            "has all layers: leave it out"
+        )
     if "out" not in graph.params:
         raise InputError(
             f"--out {out}: folders are written by the graph's sinks, through its parameter 'out'; "

@@ -13,6 +13,7 @@ the graph puts out a pixel size, arrays of these names are its coordinates in mm
 import json
 import math
 import os
+import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
@@ -292,6 +293,8 @@ def create_store(
     Raises InputError if it cannot be written, or something is there: other than a store, or a store
     and `overwrite` is False.
     """
+    place = Path(job.place)
+    there = {*place.glob("*")}
     try:
         group = zarr.create_group(LocalStore(job.place), zarr_format=3, overwrite=overwrite)
         for name, (dtype, fill, _) in {"capture": (str, "", None), **_CAPTURE_COLUMNS}.items():
@@ -314,7 +317,10 @@ def create_store(
         }
         group.attrs["tactograph"] = json.loads(json.dumps(about))
     except _OPEN_ERRORS as error:
-        raise InputError(f"{job.place}: cannot be made: {error}") from None
+        for part in {*place.glob("*")} - there:  # half a store would be taken for a foreign one
+            shutil.rmtree(part) if part.is_dir() else part.unlink()
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{job.place}: cannot be made: {reason}") from None
     store = Store(job.place, group)
     store._add_maps()
     return store

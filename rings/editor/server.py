@@ -100,7 +100,11 @@ def _file(uri: str) -> Path:
 
 def _cursor(params: Asked) -> Cursor | None:
     document = server.workspace.get_text_document(params.text_document.uri)
-    return find_cursor(document.source, params.position.line, params.position.character)
+    try:
+        text = document.source
+    except (OSError, ValueError):  # not open in the editor, and no text on the disk
+        return None
+    return find_cursor(text, params.position.line, params.position.character)
 
 
 def _range(line: int, start: int, end: int) -> types.Range:

@@ -6,13 +6,20 @@ from pathlib import Path
 from typing import Any
 
 from tactograph.sdk import Cache, Graph, InputError, Pipeline, Result, load
-from tactograph.sdk.unstable import captures_in
+from tactograph.sdk.unstable import captures_in, missing
 
 
 def captures_of(graph: Graph, params: Mapping[str, Any]) -> list[Path]:
-    """The captures that a user can step through; empty where the stream goes one way."""
+    """The captures that a user can step through; empty where the stream goes one way.
+
+    Raises InputError if there is no such folder.
+    """
     folder = params.get(graph.capture_param or "")
-    return captures_in(Path(folder)) if isinstance(folder, str) and Path(folder).is_dir() else []
+    if not isinstance(folder, str):
+        return []
+    if not Path(folder).exists():
+        raise InputError(f"{graph.capture_param}={missing(Path(folder), 'folder')}")
+    return captures_in(Path(folder)) if Path(folder).is_dir() else []
 
 
 class Runner:

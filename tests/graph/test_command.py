@@ -231,10 +231,13 @@ def test_of_several_sentences_each_stands_with_its_name(about: Command, height_f
     assert re.search(r"^1: .* ms .*\n  leds +nothing of .*\n  film +nothing of", told, re.MULTILINE)
 
 
-def test_a_warning_is_printed_once_and_counted_at_the_end(about: Command) -> None:
+def test_a_warning_names_its_item_unless_it_holds_for_all_and_is_counted(about: Command) -> None:
     done = about("run", lit_by("noticed"))
+    assert done.err == "".join(f"warning: touch{n}: a warning\n" for n in (1, 2, 3))
+    assert done.out.endswith("\n3 warnings, see above\n")
+    at_rest = "  dark:   {op: noticed, in: {image: cal.flat}}\n  light:"
+    done = about("run", STREAM.replace("  light:", at_rest).replace("flat: cal.flat", "flat: dark"))
     assert done.err == "warning: a warning\n"
-    assert done.out.endswith("\n1 warning, see above\n")
     assert about("run", STREAM, "--quiet") == Outcome(0, "", "")
 
 

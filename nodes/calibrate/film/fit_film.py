@@ -10,12 +10,13 @@ import math
 from typing import Annotated, Any, NamedTuple, get_args
 
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.graph import NodeCall, Port, SizeLimit, node
 from tactograph.nodes import (
     F4,
+    MIN_CAMERA_MM,
     Film,
     Light,
     LightPlaces,
@@ -69,7 +70,7 @@ def fit_film(
     bare: SheetMask | None = None,
     shape: RestShape | None = None,
     *,
-    camera_mm: Annotated[float, Gt(0)] | None = None,
+    camera_mm: Annotated[float, Ge(MIN_CAMERA_MM)] | None = None,
     without: tuple[FilmPart, ...] = (),
     bounce: NodeCall = film_bounce,
 ) -> FilmFit:

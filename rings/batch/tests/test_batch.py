@@ -581,6 +581,7 @@ def test_a_batch_does_not_take_its_own_store_for_a_capture(batch: Batch, tmp_pat
         (["--over", ""], "--over is empty"),
         (["--over", "none*"], "--over none*: nothing is there"),
         (["--out", " "], "--out is empty"),
+        (["--out", "results", "--maps", "lit"], "--maps lit: what a store keeps (--out NAME.zarr)"),
     ],
 )
 def test_contradictory_options_are_refused_before_a_store_exists(

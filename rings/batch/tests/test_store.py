@@ -1,5 +1,6 @@
 """The layout of maps in a store: large ones alone, small ones several together."""
 
+import errno
 import json
 import pickle
 from pathlib import Path
@@ -40,6 +41,27 @@ def test_small_maps_are_compressed_together(
     assert isinstance(array, zarr.Array)
     assert array.shards == (chunk, *shape)
     assert array.chunks == (together, *shape)
+
+
+@pytest.mark.parametrize("failing", [1, 3])
+def test_a_full_disk_leaves_no_half_store(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: int
+) -> None:
+    place, ordinary, made = tmp_path / "out.zarr", zarr.Group.create_array, []
+
+    def fails(*words: Any, **options: Any) -> Any:
+        made.append(words)
+        if len(made) == failing:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return ordinary(*words, **options)
+
+    (place / "mine").mkdir(parents=True)
+    with monkeypatch.context() as patch:
+        patch.setattr(zarr.Group, "create_array", fails)
+        with pytest.raises(InputError, match="cannot be made: No space left on device"):
+            new_store(place, HEIGHT)
+    assert [*place.iterdir()] == [place / "mine"]
+    new_store(place, HEIGHT)
 
 
 class Touching:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from tactograph.rings.editor.language.cursor import Cursor
+from tactograph.rings.editor.language.cursor import Cursor, mapping
 from tactograph.rings.editor.language.scope import PATCH_VERBS, Scope, scope_at, taken_by
 from tactograph.sdk import Graph, nodes
 from tactograph.sdk.unstable import shipped_names
@@ -26,7 +26,7 @@ def offers_at(cursor: Cursor, file: Path, graph: Graph | None) -> Offers:
             return _plain(dir(nodes))
         case ("group",):
             names = (name.removesuffix(".group") for name in shipped_names("groups"))
-            return _plain([*(cursor.data.get("groups") or {}), *names])
+            return _plain([*mapping(cursor.data.get("groups")), *names])
         case (verb,) if verb in CHANGE_VERBS and not cursor.is_key:
             return _changeable(scope)
         case ("after",):

@@ -47,6 +47,11 @@ class Cursor(NamedTuple):
         return {} if value is None else value
 
 
+def mapping(value: Any) -> dict[str, Any]:
+    """A mapping as it is; an empty one where something else stands, as while typing."""
+    return value if isinstance(value, dict) else {}
+
+
 def find_cursor(text: str, line: int, column: int) -> Cursor | None:
     """The word at a place, counted from 0; None in a text that cannot be read as YAML at all."""
     start = sum(len(each) for each in text.splitlines(keepends=True)[:line]) + column

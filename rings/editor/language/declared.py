@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
+from tactograph.rings.editor.language.cursor import mapping
 from tactograph.sdk import Graph, GraphError, find_node, node_page
 
 _PAGE_SECTION = re.compile(r"^## (\w+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
@@ -59,7 +60,10 @@ def of_group(graph: Graph, name: str) -> Declared:
 def of_data(data: Mapping[str, Any]) -> Declared:
     """What a group takes whose text is not whole yet."""
     helps = {
-        key: {name: (each or {}).get("help", "") for name, each in (data.get(key) or {}).items()}
+        key: {
+            name: str(mapping(each).get("help", ""))
+            for name, each in mapping(data.get(key)).items()
+        }
         for key in ("inputs", "params")
     }
-    return Declared("", helps["inputs"], helps["params"], data.get("outputs") or {})
+    return Declared("", helps["inputs"], helps["params"], mapping(data.get("outputs")))

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tactograph.rings.editor.language.complete import CHANGE_VERBS
-from tactograph.rings.editor.language.cursor import Cursor
+from tactograph.rings.editor.language.cursor import Cursor, mapping
 from tactograph.rings.editor.language.declared import of_node
 from tactograph.rings.editor.language.scope import Scope, scope_at, taken_by
 from tactograph.sdk import Graph, InputError, find_node, read_graph
@@ -48,7 +48,7 @@ def definition_at(cursor: Cursor, file: Path, graph: Graph | None) -> Spot | Non
         if cursor.inside == ("op",):
             function = inspect.unwrap(find_node(word).function)
             return Spot(Path(inspect.getfile(function)), inspect.getsourcelines(function)[1] - 1)
-        if cursor.inside == ("group",) and word not in (cursor.data.get("groups") or {}):
+        if cursor.inside == ("group",) and word not in mapping(cursor.data.get("groups")):
             group_file = find_file(f"{word}.group.yaml", file.parent, "groups")
             return Spot(group_file) if group_file else None
     except InputError:

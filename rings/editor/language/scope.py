@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tactograph.rings.editor.language.cursor import Cursor
+from tactograph.rings.editor.language.cursor import Cursor, mapping
 from tactograph.rings.editor.language.declared import (
     NO_DECLARATION,
     Declared,
@@ -64,9 +64,9 @@ def scope_at(cursor: Cursor, file: Path, graph: Graph | None) -> Scope:
     """
     body = _body_around(cursor)
     if body is not None:
-        inputs = dict.fromkeys(body.get("inputs") or {}, NO_DECLARATION)
-        nodes = (body.get("nodes") or {}).items()
-        uses = {name: taken_by(node or {}, Scope(), cursor, file) for name, node in nodes}
+        inputs = dict.fromkeys(mapping(body.get("inputs")), NO_DECLARATION)
+        nodes = mapping(body.get("nodes")).items()
+        uses = {name: taken_by(node, Scope(), cursor, file) for name, node in nodes}
         return Scope(inputs | uses, of_data(body).params)
     if graph is None:
         base = cursor.data.get("base") or cursor.data.get("extends") or BASE_OF_OVERLAYS
@@ -87,8 +87,9 @@ def of_graph(graph: Graph) -> Scope:
     return Scope(names, params, graph)
 
 
-def taken_by(entry: Mapping[str, Any], scope: Scope, cursor: Cursor, file: Path) -> Declared:
+def taken_by(entry: Any, scope: Scope, cursor: Cursor, file: Path) -> Declared:
     """What the node or group takes that an entry of `nodes` or `patch` speaks of."""
+    entry = mapping(entry)
     if "op" in entry:
         return of_node(str(entry["op"]))
     if "group" in entry:
@@ -99,12 +100,12 @@ def taken_by(entry: Mapping[str, Any], scope: Scope, cursor: Cursor, file: Path)
 
 def _group(name: str, data: Mapping[str, Any], file: Path) -> Declared:
     """What a group of this file takes, or one of a file of its own."""
-    stated = (data.get("groups") or {}).get(name) or {"extends": f"{name}.group.yaml"}
+    stated = mapping(mapping(data.get("groups")).get(name)) or {"extends": f"{name}.group.yaml"}
     if "extends" not in stated:
         return of_data(stated)
     try:
-        place = find_file(stated["extends"], file.parent, "groups")
-        return of_data(Document.read(place).data) if place else NO_DECLARATION
+        place = find_file(str(stated["extends"]), file.parent, "groups")
+        return of_data(mapping(Document.read(place).data)) if place else NO_DECLARATION
     except InputError:
         return NO_DECLARATION
 
@@ -114,6 +115,5 @@ def _body_around(cursor: Cursor) -> dict[str, Any] | None:
     if "inputs" in cursor.data:
         return cursor.data
     if cursor.path[0] == "groups" and len(cursor.path) > 2 and cursor.path[2] != "patch":
-        body: dict[str, Any] = cursor.at(cursor.path[:2])
-        return body
+        return mapping(cursor.at(cursor.path[:2]))
     return None

@@ -9,6 +9,10 @@ import pytest
 from lsprotocol import types
 from pygls.lsp.client import LanguageClient
 
+from tactograph.rings.editor.language.complete import offers_at
+from tactograph.rings.editor.language.cursor import find_cursor
+from tactograph.rings.editor.language.explain import definition_at, words_at
+
 HEAD = "format: 1\nextends: reconstruct\ntitle: mine\npatch:\n"
 WAIT_S = 60.0
 
@@ -167,6 +171,36 @@ def test_words_are_explained_and_found(talk: Callable[[Talk], None]) -> None:
         assert code[0] == "coarsen.py"
 
     talk(read)
+
+
+def test_a_file_that_is_not_there_has_no_words(talk: Callable[[Talk], None]) -> None:
+    async def about(editor: Editor) -> None:
+        nowhere = types.Position(0, 0)
+        params = types.HoverParams(types.TextDocumentIdentifier(editor.uri), nowhere)
+        assert await editor.client.text_document_hover_async(params) is None
+
+    talk(about)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "format: 1\ninputs: {}\nnodes: soon\nparams: {a: |}\n",
+        "format: 1\ninputs: none\nparams: soon\noutputs: 3\nnodes: {a: {op: |}}\n",
+        "format: 1\ninputs: {}\nparams: {a: soon}\nnodes: {b: soon, c: {in: {|}}}\n",
+        "format: 1\ngroups: {g: soon}\nnodes: {u: {group: g, with: {|}}}\n",
+        "format: 1\ngroups: soon\nnodes: {u: {group: |}}\n",
+        "format: 1\ngroups: {g: {nodes: [|]}}\n",
+        "format: 1\ngroups: {g: [{in: |}]}\n",
+    ],
+)
+def test_a_text_of_another_shape_is_no_failure(text: str, tmp_path: Path) -> None:
+    before, _, after = text.partition("|")
+    lines = before.split("\n")
+    cursor = find_cursor(before + after, len(lines) - 1, len(lines[-1]))
+    assert cursor is not None
+    for answer in (offers_at, words_at, definition_at):
+        answer(cursor, tmp_path / "mine.yaml", None)
 
 
 def test_mistakes_are_shown_while_typing_and_mended(talk: Callable[[Talk], None]) -> None:

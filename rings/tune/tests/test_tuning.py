@@ -126,6 +126,12 @@ def test_reset_takes_the_file_s_word(tuning: Tuning) -> None:
     assert tuning.changes() == []
 
 
+def test_a_missing_capture_is_refused_before_a_page_opens(tmp_path: Path) -> None:
+    (tmp_path / "touches").mkdir()
+    with pytest.raises(InputError, match=r"capture=.*there is no such folder.*mean 'touches'"):
+        Tuning("reconstruct", {"capture": str(tmp_path / "touchs"), "calibration": "cal.npz"})
+
+
 def test_a_stream_continues_and_ends(tuning: Tuning) -> None:
     for level in (2, 4, 6):
         assert settled(tuning).result["light"][0, 0, 0] == level

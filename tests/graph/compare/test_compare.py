@@ -155,7 +155,7 @@ def test_a_run_that_fails_does_not_stop_the_others(
 
         monkeypatch.setattr(compare, "open_pipeline", broken)
     done = compared(graphs=[compared.graphs[2], compared.graphs[0]])
-    assert done.code == 0, done.err
+    assert done.code == 1, done.err
     assert "failed: third on a: " in done.out
     assert ("too dark" if failure == "the input" else "a careless node") in done.out
     assert "failed: " in (compared.out / "report.html").read_text()

@@ -55,7 +55,7 @@ def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
         ("slope: slope.slope", "slope: slope.slop",
          "nodes.again.in.slope: node 'slope' has no output 'slop'; did you mean 'slope'?"),
         ("{mm: 0.1}", "{mm: 0}",
-             "nodes.pixel.with.mm: input should be greater than or equal to 0.000001, not 0"),
+             "nodes.pixel.with.mm: input should be greater than or equal to 0.0001, not 0"),
         ("{mm: 0.1}", "{mmm: 0.1}", "node 'pixel_size' has no parameter 'mmm'; did you mean 'mm'?"),
         (", with: {file: $file}", "",
          "nodes.height.with.file: node 'read_height' needs the parameter"),

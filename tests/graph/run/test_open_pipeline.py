@@ -107,6 +107,26 @@ def test_a_wrong_change_is_reported_with_the_change(target: str, value: Any, mes
     assert str(caught.value).startswith(message)
 
 
+@pytest.mark.parametrize(
+    "word", ["params", "changes", "device", "outputs", "cache", "nodes", "graph", "key of changes"]
+)
+def test_a_value_of_another_type_is_refused_by_name(word: str) -> None:
+    graph, params, options = graph_of(WAITING), None, {word: 3}
+    if word == "graph":
+        graph, options = 3, {}
+    elif word == "params":
+        params, options = 3, {}
+    elif word == "key of changes":
+        options = {"changes": {3: 4}}
+    with pytest.raises(InputError, match=r"^\w*=?3: .*needed|--set 3: write it"):
+        load(graph, params, backend="numpy", **options)
+
+
+def test_a_param_of_a_source_whose_images_are_handed_in_is_refused(unread: str) -> None:
+    with pytest.raises(InputError, match=r"only take\.frames reads crop="):
+        load("reconstruct", backend="numpy", calibration=unread, crop=[0, 0, 9, 9])
+
+
 OWN_NAMES = """
 format: 1
 params:

@@ -17,6 +17,7 @@ from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Film
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.file.write_calibration import write_calibration
+from tactograph.nodes.files.calibration_file import FileKind
 from tactograph.nodes.stored import Value, stored_values
 
 RNG = np.random.default_rng(0)
@@ -238,6 +239,20 @@ def test_a_spoilt_file_is_refused_with_the_reason(file: Path, message: str) -> N
         read_calibration(file=file)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("cal.np", r"there is no such .*did you mean 'cal\.npz'\?"),
+        (".", "is a folder, and no calibration file"),
+        ("text.npz", r"cannot be used: damaged, or no \.npz"),
+    ],
+)
+def test_what_is_no_file_of_any_sensor_is_refused_alike(file: Path, name: str, why: str) -> None:
+    (file.parent / "text.npz").write_text("no archive")
+    with pytest.raises(InputError, match=why):
+        FileKind.read_sensor(file.parent / name)
 
 
 @pytest.mark.parametrize(

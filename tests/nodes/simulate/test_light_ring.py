@@ -45,9 +45,12 @@ def test_explicit_positions_replace_the_ring_and_impossible_ones_are_refused(
 ) -> None:
     places = [(1.0, 2.0, 3.0), (-1.0, 2.0, 3.0), (0.0, -2.0, 4.0)]
     np.testing.assert_array_equal(light_ring(positions_mm=places), np.float32(places))
+    turned = [(1.2e-15, 2.0, 3.0), (-1.0, 2.0, 3.0), (0.0, -2.0, 4.0)]  # 20 * cos(pi / 2) is no 0
     graph = {"format": 1, "extends": "simulate", "outputs": {"light": "scene.light"}}
     pipeline = load(graph, out=tmp_path)
+    pipeline.set("lights", positions_mm=turned, slant_deg=-1.2e-15)
     for wrong, message in (
+        ([*places, (1.0, 2.0, 1e-300)], "positions_mm: .* greater than 0, not 0"),
         ([*places, (1.0, 2.0, -3.0)], "positions_mm: .* greater than 0, not -3"),
         (places[:2], "at least 3 items"),
         (3 * places, "at most 8 items"),

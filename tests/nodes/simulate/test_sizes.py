@@ -57,3 +57,12 @@ def test_absurd_numbers_are_refused_before_anything_runs(numbers, tmp_path: Path
         open_pipeline(
             with_changes(read_graph(graph), changes), {**known, **numbers}, backend="numpy"
         )
+
+
+@pytest.mark.parametrize(
+    ("param", "value", "least"), [("pixel_size_mm", 0.00005, "0.0001"), ("camera_mm", 0.065, "5")]
+)
+def test_metres_are_refused_before_anything_runs(param: str, value: float, least: str) -> None:
+    known = {"capture": "none", "ball_radius_mm": 7, "pixel_size_mm": 0.07, param: value}
+    with pytest.raises(InputError, match=f"{param}.*or equal to {least}, not {value}"):
+        open_pipeline("calibrate", known, backend="numpy")
