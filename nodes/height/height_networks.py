@@ -197,8 +197,8 @@ class HeightNetworks:
         run, square, unit = self._run, float(np.float32(scale * scale)), self._unit
         if self._ties:
             run.kernel(
-                "stiffen_rises", (self._ties,), height, self.wants.rise, self.finest_ends,
-                self._finest, self._ties, self._rise_variance, unit, square,
+                "stiffen_rises", (run.group,), height, self.wants.rise, self.finest_ends,
+                self._finest, self._ties, self._rise_variance, unit, square, local=(run.group,),
             )  # fmt: skip
             entries = self._knots[-1]
             run.kernel(
