@@ -31,7 +31,8 @@ class HeightSystem(NamedTuple):
     """Weighted equations inside a window of the frame: steps, rises by shadows, film at rest.
 
     The height minimises the sum of rho(r^2 / variance), with r the residual of an equation, z = 0
-    on the film at rest, and rho as given by `scales`.
+    on the film at rest, and rho as given by `scales`; of rises that it would mostly reject, the sum
+    of r^2 / variance.
     """
 
     right: Annotated[F4, Port("h w", "mm")]
@@ -95,6 +96,8 @@ class HeightSystem(NamedTuple):
         """The network of springs, with the stiffness of Cauchy's weights.
 
         They are 1 / (variance (1 + r^2 / (scale^2 variance))), in units of the surest step's.
+        Where they reject more than half of the rises (r^2 > scale^2 variance), a robust fit has
+        broken down, and all rises pull in full.
         """
         unit, square = surest(self.scales), np.float32(scale * scale)
 
@@ -103,6 +106,8 @@ class HeightSystem(NamedTuple):
 
         right, down, rise = self.residuals(height)
         top, foot = self.top.astype(np.int64), self.foot.astype(np.int64)
+        kept = np.count_nonzero(rise * rise / square <= rise_variance(self.scales))
+        rise *= 2 * kept >= rise.size
         return Springs(
             stiffness(right, self.right_variance[:, :-1]),
             stiffness(down, self.down_variance[:-1]),

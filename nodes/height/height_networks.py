@@ -148,9 +148,10 @@ class HeightNetworks:
         """Upload the rises as ties of every level, with their places in the planes."""
         run = self._run
         levels = tie_levels(ties, self.levels)
-        self._ties, self._all_ties = ties.top.size, len(levels.member_start) - 1
+        # The rises with both ends in the window, and the ties that they make on all levels.
+        self.rises, self._all_ties = ties.top.size, len(levels.member_start) - 1
         self.finest_ends = run.put(np.stack(ties[:2], axis=1).astype(np.int32))
-        self._finest = run.scratch((self._ties,))
+        self._finest = run.scratch((self.rises,))
         self._members = run.put(levels.member_start), run.put(levels.members)
         runs = total // run.lanes
         marks, starts = run.scratch((runs,), np.uint8), run.scratch((runs + 1,), np.int32)
@@ -159,11 +160,6 @@ class HeightNetworks:
         items = -(-starts.shape[0] // STARTS_PER_ITEM)
         run.kernel("find_knots", (items,), own, starts, *starts.shape, *own.shape)
         self._knots = marks, starts, own, other, stiffness
-
-    @property
-    def rises(self) -> int:
-        """The number of rises with both ends in the window."""
-        return self._ties
 
     def is_small(self, level: Level) -> bool:
         """Return whether one work-group computes the level."""
@@ -188,17 +184,17 @@ class HeightNetworks:
         run, parts = self._run, self.parts
         run.kernel(
             "cost_parts", (SUM_PARTS,), height, *self.wants, *self._variances, self.finest_ends,
-            parts, *self.shape, self._ties, self._rise_variance, float(np.float32(scale * scale)),
+            parts, *self.shape, self.rises, self._rise_variance, float(np.float32(scale * scale)),
         )  # fmt: skip
         return float(run.download(parts).sum(dtype=float))
 
     def weigh(self, height: DeviceArray, scale: float) -> None:
         """Compute the stiffness of all levels from Cauchy's weights of `height`."""
         run, square, unit = self._run, float(np.float32(scale * scale)), self._unit
-        if self._ties:
+        if self.rises:
             run.kernel(
-                "stiffen_rises", (self._ties,), height, self.wants.rise, self.finest_ends,
-                self._finest, self._ties, self._rise_variance, unit, square,
+                "stiffen_rises", (run.group,), height, self.wants.rise, self.finest_ends,
+                self._finest, self.rises, self._rise_variance, unit, square, local=(run.group,),
             )  # fmt: skip
             entries = self._knots[-1]
             run.kernel(
@@ -240,7 +236,7 @@ class HeightNetworks:
 
     def room(self, stack: Stack, loads: int) -> Wants:
         """Allocate the springs' targets for several loads."""
-        run, ties = self._run, self._ties if stack is self.pixels else self._all_ties
+        run, ties = self._run, self.rises if stack is self.pixels else self._all_ties
         right, down = (run.scratch((loads, *stack.shape)) for _ in range(2))
         return Wants(right, down, run.scratch((loads, ties)))
 

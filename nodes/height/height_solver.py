@@ -7,6 +7,7 @@ ignores them conjugate gradients do not converge.
 """
 
 import math
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -142,15 +143,15 @@ class HeightSolver:
         """Run one multigrid cycle: from the force on the (large) first level to its height."""
         run, (*steps, _) = self._run, stack.steps
         at = 0
-        while at < len(steps):
-            end = at + 1
-            if not self._is_small(steps[at]):
-                self._large_step(stack, steps[at], gain)
+        for are_small, group in groupby(steps, self._is_small):
+            together = [*group]
+            if are_small:
+                there, end = self._cycle_there(stack, self._planes), at + len(together)
+                run.kernel("small_levels", (run.group,), *there, at, end, gain, local=(run.group,))
             else:
-                while end < len(steps) and self._is_small(steps[end]):
-                    end += 1
-                self._small_steps(stack, at, end, gain)
-            at = end
+                for step in together:
+                    self._large_step(stack, step, gain)
+            at += len(together)
         run.kernel(
             "smooth_and_sum", self._by_parts, *self._networks.arguments(stack),
             *self._planes[:3], self._parts, *stack.top.place, gain, local=run.part,
@@ -164,11 +165,6 @@ class HeightSolver:
         networks = self._networks
         there = networks.levels_there, stack.steps_there
         return *networks.arguments(stack), *planes[:4], *there
-
-    def _small_steps(self, stack: Stack, first: int, end: int, gain: DeviceArray) -> None:
-        run = self._run
-        there = self._cycle_there(stack, self._planes)
-        run.kernel("small_levels", (run.group,), *there, first, end, gain, local=(run.group,))
 
     def _large_step(self, stack: Stack, step: Step, gain: DeviceArray) -> None:
         run, level, network = self._run, self._levels[step.level], self._networks.arguments(stack)

@@ -36,9 +36,10 @@ def integrate_weighted(
     It minimises the sum of rho(r^2 / variance) (H1) over the steps to the right and downwards
     (r = z_next - z - step) and over the shadows (r = z_top - z_foot - rise), with z = 0 on
     the film at rest and Cauchy's rho(s) = c^2 log(1 + s / c^2), which limits the influence of
-    outliers: across an edge no slope is right.  Each round updates the weights from the last
-    height (iteratively reweighted least squares) and improves the height by conjugate
-    gradients, preconditioned by multigrid (`springs`).
+    outliers: across an edge no slope is right.  Shadows are outliers only while they are few
+    (`HeightSystem.springs`).  Each round updates the weights from the last height (iteratively
+    reweighted least squares) and improves the height by conjugate gradients, preconditioned by
+    multigrid (`springs`).
 
     Parameters
     ----------

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import trimesh
 
 from tactograph.graph import InputError, Provenance, load
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.nodes import BAND_DEVIATIONS, F4
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
@@ -21,7 +23,7 @@ from tests.fixtures import RIG_PIXEL_MM, Calibration, MadeOnce, Raytraced
 from tests.pipelines.conftest import run
 
 RIG = "near33"
-Curved = Callable[[str], Path]
+Curved = Callable[..., Path]
 
 
 def shape_of(form: str, size: tuple[int, int]) -> F4:
@@ -37,10 +39,11 @@ def shape_of(form: str, size: tuple[int, int]) -> F4:
 def curved(calibration: Calibration, made_once: MadeOnce) -> Curved:
     """The calibration of a rig whose film is no plane."""
 
-    def make(form: str) -> Path:
+    def make(form: str, camera: float = 0) -> Path:
         def write(file: Path) -> None:
             with np.load(calibration(RIG)) as known:
                 arrays = dict(known)
+            arrays["camera"] = np.float32(camera)
             arrays["rest"] = shape_of(form, arrays["flat"].shape[1:])
             np.savez(file, **arrays)
             cal = read_calibration(file=file)
@@ -49,7 +52,7 @@ def curved(calibration: Calibration, made_once: MadeOnce) -> Curved:
             arrays["flat"] = cal.flat * share
             np.savez(file, **arrays)
 
-        return made_once(f"{form}.npz", write)
+        return made_once(f"{form}_{camera:.3f}.npz", write)
 
     return make
 
@@ -88,6 +91,17 @@ def test_the_truth_is_compared_above_the_film_at_rest(
     off = np.sqrt(np.mean((result["height"] - truth) ** 2))
     assert result["metrics"]["rmse_um"] == pytest.approx(1e3 * off, rel=1e-3)
     assert result["metrics"]["in_90_percent_band"] > 80
+
+
+def test_film_at_rest_that_a_near_pupil_sees_departs_from_no_model(
+    curved: Curved, truth: F4
+) -> None:
+    """Its light is that of its own slopes, which are not those that the camera sees."""
+    near = curved("dome", camera=1 / 60)
+    images = load("see_touch", calibration=near)(height=truth)["image"]
+    graph = replace(read_graph("precise"), outputs={"misfit": "misfit"})
+    _, _, departs, *_ = load(graph, calibration=near)(frames=images)["misfit"]
+    assert departs < 1e-3
 
 
 def test_both_back_ends_find_the_same_height_above_a_dome(curved: Curved, truth: F4) -> None:
