@@ -281,10 +281,10 @@ static void solve(const float *a, const float *b, float *x, const int n)
 }
 
 // The drift of LED k from the sums: its shape follows by `rate`, its level at once.  It stays the old
-// one where too few cells count, or the change explains no more than `doubt` times the noise.
+// one where too few cells count, or the change explains no more than `chance`.
 static ONCE void settle(
     SHARED const float *sums, __global const float *old, __global float *next, const int k,
-    const int used, const int too_few, const float held, const float rate, const float doubt)
+    const int used, const int too_few, const float held, const float rate, const float chance)
 {
     float a[TERM_PAIRS], b[DRIFT_TERMS], change[DRIFT_TERMS], explained = 0.0f;
     for (int j = 0; j < used * (used + 1) / 2; ++j) a[j] = sums[j];
@@ -300,7 +300,7 @@ static ONCE void settle(
         if (j > 0) level -= change[j] * a[j * (j + 1) / 2];
     }
     change[0] = level / a[0];
-    const int significant = !too_few && explained > doubt * sums[CHANCE + k] / a[0];
+    const int significant = !too_few && explained > chance;
     for (int j = 0; j < DRIFT_TERMS; ++j)
         next[DRIFT_TERMS * k + j] =
             old[DRIFT_TERMS * k + j] + (significant && j < used ? change[j] : 0.0f);
@@ -347,7 +347,8 @@ LANED __kernel ONE_GROUP void begin(
     for (int i = me; i < DRIFT_TERMS * K; i += GROUP) drift[i] = better ? drift[i] : old[i];
 }
 
-// The next drift, from the cells that count; the old one once too few did.
+// The next drift, from the cells that count; the old one once too few did.  `doubt` is above 0 in the
+// last round: where few cells are clear, skirts may depart alike by noise and `alike`, a square.
 LANED __kernel ONE_GROUP void fit(
     __global const float *restrict light,
     __global const float *restrict sigma,
@@ -360,7 +361,8 @@ LANED __kernel ONE_GROUP void fit(
     const int used,
     const float share,
     const float rate,
-    const float doubt)
+    const float doubt,
+    const float alike)
 {
     SHARED float sums[FIT_SUMS];
     const int me = PLACE_IN_GROUP, before = counts[TOO_FEW], furthest = counts[FURTHEST];
@@ -369,7 +371,12 @@ LANED __kernel ONE_GROUP void fit(
     const float size = (float)(H * W), counted = sums[COUNTED];
     const int too_few = before || counted < MIN_CALM_SHARE * size;
     const float held = SHAPE_REGULARISATION * size * sums[0] / fmax(counted, 1.0f);
-    for (int k = me; k < K; k += GROUP)
-        settle(sums, old, next, k, used, too_few, held, rate, doubt * (float)(furthest * furthest));
+    const int on_skirts = (float)counts[CLEAR] < MIN_CALM_SHARE * size;
+    const float averaged = (float)(furthest * furthest) / fmax(sums[0], MIN_WEIGHT);
+    for (int k = me; k < K; k += GROUP) {
+        const float noise = sums[CHANCE + k];
+        const float chance = on_skirts ? noise + alike * sums[0] : noise * averaged;
+        settle(sums, old, next, k, used, too_few, held, rate, doubt * chance);
+    }
     if (me == 0) counts[TOO_FEW] = too_few;
 }

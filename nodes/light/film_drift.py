@@ -70,14 +70,15 @@ def film_drift(
     from the previous drift, or from that drift scaled to the medians of the frame's border if
     this makes more cells calm.  A single cell on the skirt of a touch looks like film at rest.  So
     the last round also requires the mean of 5 x 5 cells to be calm, and reduces the weight within
-    five cells of a cell whose mean departs by a further 0.3 %.  It does so only if a twentieth of
-    the frame remains.
+    five cells of a cell whose mean departs by a further 0.3 %.  If less than a twentieth of the
+    frame remains, cells that are calm alone count.
 
     The level (the term 1) follows at once, because LEDs flicker.  The shape (all other terms)
     follows by `rate`, and is regularised where a touch hides it.  An LED keeps its previous
     drift if the change explains no more than noise would (`level` standard deviations of the
-    touch and the flat frame together).  All LEDs keep it if less than a twentieth of the frame is
-    calm.
+    touch and the flat frame together).  Cells that are calm alone may all lie on a skirt, where
+    they depart alike: there the change must exceed what a single calm cell may depart by.  All LEDs
+    keep it if less than a twentieth of the frame is calm.
 
     Parameters
     ----------
@@ -142,7 +143,11 @@ def film_drift(
         drift, explained = _fit(cells, weight, basis, before, used)
     drift[:, 1:used] = before[:, 1:used] + np.float32(rate) * (drift - before)[:, 1:used]
     drift[:, 0] += (cells - _gain(drift, basis)) @ weight / weight.sum()
-    chance = np.float32(1 + flat_noise**2) * (np.square(noise) @ weight) / weight.sum()
+    total = weight.sum()
+    chance = np.square(noise) @ weight / total
+    if weight is calm:
+        chance = total * (chance + np.float32(rough * rough))
+    explained /= np.float32(1 + flat_noise**2)
     return np.where((explained > chance)[:, None], drift, before)
 
 
@@ -278,12 +283,12 @@ def _launch(run: Launch) -> None:
     for beyond in CALM_DEPARTURES[:-1]:
         calm = light, noisy, drift, weights
         run.kernel("weigh_calm", cells, *calm, *sizes, share, rough + beyond)
-        fit(spare, 1.0, 0.0)
+        fit(spare, 1.0, 0.0, 0.0)
         drift, spare = spare, drift
     judged = light, around, noisy, drift, clear, still, counts
     run.kernel("find_clear", cells, *judged, *sizes, share, rough + CALM_DEPARTURES[-1])
     run.kernel("weigh_clear", rows, clear, still, counts, weights, height, width)
-    fit(out, rate, doubt)
+    fit(out, rate, doubt, rough * rough)
 
 
 def _launch_halved(run: Launch, light: DeviceArray, height: int, width: int) -> DeviceArray:
@@ -295,7 +300,7 @@ def _launch_halved(run: Launch, light: DeviceArray, height: int, width: int) -> 
 
 @film_drift.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """A film at rest whose LEDs have drifted, with a touch in a quarter of it."""
+    """A film whose LEDs have drifted, with a touch in a quarter of it; perhaps skirts all over."""
     before = np.zeros((K, DRIFT_TERMS))
     before[:, 0] = rng.uniform(0.95, 1.05, K)
     before[:, 1:] = rng.uniform(-0.02, 0.02, (K, DRIFT_TERMS - 1))
@@ -306,6 +311,9 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     light += 0.7 * bounced
     light[:, : H // 2, : W // 2] *= rng.uniform(0.3, 1.5, (K, H // 2, W // 2))
     sigma = np.full((K, H, W), 0.002)
+    if rng.random() < 0.5:
+        sigma *= 10
+        light += np.float32(0.015) * np.sin(np.arange(W) / 3)
     return {
         "light": light.astype(np.float32),
         "sigma": sigma.astype(np.float32),

@@ -6,7 +6,6 @@ import numpy as np
 
 from tactograph.graph import InputError, Port, SizeLimit, node
 from tactograph.nodes import F4, Light, LightPlaces, LightPositions, PixelSize
-from tactograph.nodes.calibrate import MIN_PIXELS
 from tactograph.nodes.calibrate.lights.light_fit import LedFit, other_places, residual_of
 from tactograph.nodes.calibrate.lights.light_samples import Rest, presses_of, samples_for, unreached
 from tactograph.nodes.optics.rest_shape import RestShape
@@ -83,12 +82,8 @@ def calibrate_lights(
         raise InputError("no pixel of the calibration object is known: is it in the frame?")
     most = samples_for(len(presses))
     objects = [press.samples(pixel, most, shape) for press in presses]
-    dark = unreached(objects)
-    if dark:
-        raise InputError(
-            f"LED {dark[0]} reaches only {dark[1]} pixels of the calibration object "
-            f"({MIN_PIXELS} are needed): is it on?"
-        )
+    if why := unreached(objects, "the calibration object"):
+        raise InputError(why)
     rest, width = Rest.of(flat, pixel, shape), pixel * light.shape[2]
     placed = LedFit.of(objects, rest, width, slants=slants)
     residual = [

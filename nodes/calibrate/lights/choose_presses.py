@@ -118,7 +118,7 @@ def choose_presses(
     if len(presses) > 1:
         judged = [i for i in pressed if i not in why]
         objects = {i: presses[i].samples(pixel, MAX_SAMPLES_EACH, shape) for i in judged}
-        why |= {i: reason for i in judged if (reason := _unlit(objects[i]))}
+        why |= {i: few for i in judged if (few := unreached([objects[i]], "its contact"))}
         usable = [i for i in pressed if i not in why]
         if not usable:
             raise InputError(
@@ -151,14 +151,6 @@ def _saturated(image: F4, mask: U1, rows: int) -> tuple[list[float], NDArray[np.
         for f, inside in zip(cut(full, rows), cut(mask, rows), strict=True)
     ]
     return lost, full & np.repeat(np.array(lost) > MAX_SATURATED_SHARE, rows)[:, None]
-
-
-def _unlit(press: Object) -> str | None:
-    """The reason why the light of a press cannot be used; None if it can."""
-    dark = unreached([press])
-    if dark:
-        return f"LED {dark[0]} reaches only {dark[1]} pixels of its contact; is it on?"
-    return None
 
 
 def _consensus(objects: list[Object], rest: Rest | None, width_mm: float) -> _Agreement:

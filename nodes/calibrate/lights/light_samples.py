@@ -156,11 +156,21 @@ def samples_for(presses: int) -> float:
     return max(MAX_SAMPLES_EACH, MAX_SAMPLES / presses)
 
 
-def unreached(objects: list[Object]) -> tuple[int, int] | None:
-    """Return an LED (from 1) that reaches too few pixels of the objects, and their number."""
+def unreached(objects: list[Object], where: str = "the objects") -> str | None:
+    """Return why too few pixels of the objects, here `where`, are lit; None if enough are."""
     reach = np.sum([press.reach for press in objects], axis=0)
-    weakest = int(reach.argmin())
-    return (weakest + 1, int(reach[weakest])) if reach[weakest] < MIN_PIXELS else None
+    weakest, most = int(reach.argmin()), int(reach.max())
+    if reach[weakest] >= MIN_PIXELS:
+        return None
+    if most < MIN_PIXELS:
+        return (
+            f"only {most} pixels of {where} tell a slope ({MIN_PIXELS} are needed): press deeper, "
+            "or with a larger ball"
+        )
+    return (
+        f"LED {weakest + 1} reaches only {int(reach[weakest])} pixels of {where} ({MIN_PIXELS} are "
+        "needed): is it on?"
+    )
 
 
 def is_uniform(flat: Light) -> bool:

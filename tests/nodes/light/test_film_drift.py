@@ -99,6 +99,24 @@ def test_the_skirt_of_a_large_press_is_no_drift_that_varies() -> None:
     assert np.abs(np.tensordot(fitted, basis, axes=1) - 1).max() < 2e-4
 
 
+def test_skirts_all_over_the_frame_are_no_drift() -> None:
+    """Film hangs between pins: cells that are calm alone depart alike, so no mean helps."""
+    y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(np.float32)
+    p, q = (0.016 * np.sin(2 * np.pi * along / 16) for along in (x + 0.3 * y, y))
+    towards = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    hanging = 1 + np.stack([a * (p + 0.004 * x / SIZE[1]) + b * q for a, b in towards])
+    noise = np.full((4, *SIZE), 0.02, np.float32)
+    kept = film_drift(hanging.astype(np.float32), noise, degree=2)
+    assert kept[:, 0].tolist() == [1, 1, 1, 1]
+    assert not kept[:, 1:].any()
+    # A change that no calm cell departs by is followed nevertheless.
+    faded = FADED.copy()
+    faded[1] = 0.9
+    found = film_drift((hanging * faded[:, None, None]).astype(np.float32), noise, degree=2)
+    assert found[:2, 0] == pytest.approx(faded[:2], abs=0.005)
+    assert found[2:, 0].tolist() == [1, 1]
+
+
 def test_the_flat_frames_noise_makes_a_drift_doubtful_too() -> None:
     light = np.full((4, *SIZE), 1 - 5.5 * SIGMA / np.sqrt(np.prod(SIZE)), np.float32)
     assert (drift(light, flat_noise=0.0)[:, 0] < 1).all()

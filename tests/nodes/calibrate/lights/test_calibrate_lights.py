@@ -102,6 +102,14 @@ def test_an_led_that_is_off_is_named() -> None:
         calibrate(ball, flat, known())
 
 
+def test_a_contact_that_is_too_small_is_named_not_an_led() -> None:
+    ball, flat = images(RING)
+    y, x = np.mgrid[: SIZE[0], : SIZE[1]]
+    inside = (np.hypot(x - CENTER[0], y - CENTER[1]) < 7).astype(np.uint8)
+    with pytest.raises(InputError, match="only 57 pixels of the calibration object tell"):
+        calibrate(ball, flat, known()._replace(mask=inside))
+
+
 @pytest.mark.parametrize(("shot", "read"), [(0.0, 4e-6), (2e-5, 0.0), (1e-5, 4e-6)])
 def test_shot_and_read_noise_are_separated(shot: float, read: float) -> None:
     rng = np.random.default_rng(3)
