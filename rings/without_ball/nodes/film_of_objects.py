@@ -38,7 +38,6 @@ from tactograph.sdk.unstable import (
     ScaleError,
     SheetLight,
     Unknown,
-    cut,
 )
 
 CELLS_ACROSS = 40
@@ -146,7 +145,8 @@ def film_of_objects(
     rest = Rest.of(flat, pixel)
     if rest is None:
         raise InputError("`flat` is needed: the untouched film's light tells how far LEDs are")
-    presses = [_cells(press, factor) for press in cut(light, flat.shape[1])]
+    sheets = np.split(light, light.shape[1] // flat.shape[1], axis=1)
+    presses = [_cells(press, factor) for press in sheets]
     camera = 0.0 if camera_mm is None else 1 / camera_mm
     scene = _Scene(presses, rest, pixel * factor, camera, bounce)
     matt = _solved(scene, _start(scene), coated=False)
