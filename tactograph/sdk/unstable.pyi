@@ -48,9 +48,6 @@ from tactograph.nodes import (
     MAX_PIXEL_MM as MAX_PIXEL_MM,
     UM_PER_MM as UM_PER_MM,
     LightPlaces as LightPlaces,
-    Misfit as Misfit,
-    Noise as Noise,
-    ScaleError as ScaleError,
     SlopeVariance as SlopeVariance,
     Tables as Tables,
 )
@@ -65,14 +62,8 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
     Balls as Balls,
     Fitted as Fitted,
 )
-from tactograph.nodes.calibrate.ball.find_balls import (
-    FoundBalls as FoundBalls,
-)
 from tactograph.nodes.calibrate.file.camera_lens import (
     CAMERA_KIND as CAMERA_KIND,
-)
-from tactograph.nodes.calibrate.film.ball_samples import (
-    FilmEvidence as FilmEvidence,
 )
 from tactograph.nodes.calibrate.film.film_misfit import (
     Held as Held,
@@ -83,9 +74,6 @@ from tactograph.nodes.calibrate.film.film_unknowns import (
 )
 from tactograph.nodes.calibrate.film.judge_radius import (
     Alternatives as Alternatives,
-)
-from tactograph.nodes.calibrate.film.shape_fit import (
-    ShapeFit as ShapeFit,
 )
 from tactograph.nodes.calibrate.lights.descend import (
     least_squares as least_squares,
@@ -110,7 +98,6 @@ from tactograph.nodes.calibrate.rating.pressed_ball import (
     PressedBall as PressedBall,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
-    Judged as Judged,
     Odds as Odds,
     pays as pays,
 )
@@ -119,7 +106,6 @@ from tactograph.nodes.calibrate.tables.build_lut import (
 )
 from tactograph.nodes.capture.read_balls import (
     BallPresses as BallPresses,
-    StatedCircles as StatedCircles,
 )
 from tactograph.nodes.capture.read_capture import (
     CaptureFile as CaptureFile,
@@ -161,12 +147,6 @@ from tactograph.nodes.optics.near_light import (
 )
 from tactograph.nodes.optics.normals import (
     cofactors as cofactors,
-)
-from tactograph.nodes.optics.rest_shape import (
-    RestShape as RestShape,
-)
-from tactograph.nodes.optics.sheet import (
-    SheetLight as SheetLight,
 )
 from tactograph.nodes.simulate.expose import (
     lens_share as lens_share,

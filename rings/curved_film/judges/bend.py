@@ -5,8 +5,7 @@ import math
 import numpy as np
 
 from tactograph.rings.curved_film.nodes.find_rest import BALL_BENDS, MIN_PRESSES, Bending
-from tactograph.sdk import Film, Metrics
-from tactograph.sdk.unstable import FilmEvidence, Judged
+from tactograph.sdk import Film, FilmEvidence, Judged, Metrics
 
 
 def doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]:

@@ -10,26 +10,24 @@ from tactograph.rings.curved_film.nodes.read_rest import by_rays
 from tactograph.sdk import (
     F4,
     F8,
+    FilmEvidence,
     InputError,
     Light,
     Metrics,
     NodeCall,
+    Noise,
     PixelSize,
     Port,
-    node,
-    places,
-)
-from tactograph.sdk.nodes import calibrate_lights, film_bounce, find_balls, label_lit, press_slopes
-from tactograph.sdk.unstable import (
-    UM_PER_MM,
-    FilmEvidence,
-    Noise,
     RestShape,
     ScaleError,
     ShapeFit,
     SheetLight,
     StatedCircles,
+    node,
+    places,
 )
+from tactograph.sdk.nodes import calibrate_lights, film_bounce, find_balls, label_lit, press_slopes
+from tactograph.sdk.unstable import UM_PER_MM
 
 COATED_PARTS = ("lobe",), ("lobe", "bounce")
 """Parts of a film with a coat, and of one that lights itself as well."""

@@ -5,8 +5,18 @@ from matplotlib.patches import Circle
 
 from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
 from tactograph.rings.recheck.nodes.film_change import FilmChange
-from tactograph.sdk import F4, ORANGE, Light, Metrics, NewPicture, node, write_picture
-from tactograph.sdk.unstable import FoundBalls, SheetLight, list_figures
+from tactograph.sdk import (
+    F4,
+    ORANGE,
+    FoundBalls,
+    Light,
+    Metrics,
+    NewPicture,
+    SheetLight,
+    node,
+    write_picture,
+)
+from tactograph.sdk.unstable import list_figures
 
 
 @node

@@ -22,23 +22,17 @@ from tactograph.sdk import (
     InputError,
     Light,
     Metrics,
+    Misfit,
     NodeCall,
     PixelSize,
+    ScaleError,
+    SheetLight,
     SizeLimit,
     node,
     places,
 )
 from tactograph.sdk.nodes import film_bounce, film_light, integrate_dct
-from tactograph.sdk.unstable import (
-    MIN_BOUNCE_ERROR,
-    Fitted,
-    LedPlaces,
-    Misfit,
-    Rest,
-    ScaleError,
-    SheetLight,
-    Unknown,
-)
+from tactograph.sdk.unstable import MIN_BOUNCE_ERROR, Fitted, LedPlaces, Rest, Unknown
 
 CELLS_ACROSS = 40
 """Cells along the image: twenty unknowns need no more."""
