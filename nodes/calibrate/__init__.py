@@ -25,6 +25,8 @@ MAX_SAMPLE_SLOPE = 3.0
 """Steepest slope of a sample; a shape is least certain where it is steep."""
 SHIFT_DEVIATION_PX = 0.5
 """Standard deviation of an object's position along x and along y."""
+MAX_LED_WIDTHS = 100.0
+"""Distance of an LED, in widths of the image, beyond which its light is parallel."""
 MIN_PIXELS = 100
 """Smallest number of pixels to which tables, a reflectance or LEDs are fitted."""
 FOLD_COUNT = 4

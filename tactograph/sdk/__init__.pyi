@@ -70,12 +70,30 @@ from tactograph.nodes import (
     LightPositions as LightPositions,
     Mask as Mask,
     Metrics as Metrics,
+    Misfit as Misfit,
+    Noise as Noise,
     PixelSize as PixelSize,
+    ScaleError as ScaleError,
     Slope as Slope,
+)
+from tactograph.nodes.calibrate.ball.find_balls import (
+    FoundBalls as FoundBalls,
+)
+from tactograph.nodes.calibrate.film.ball_samples import (
+    FilmEvidence as FilmEvidence,
+)
+from tactograph.nodes.calibrate.film.shape_fit import (
+    ShapeFit as ShapeFit,
+)
+from tactograph.nodes.calibrate.rating.verdict import (
+    Judged as Judged,
 )
 from tactograph.nodes.capture.listed_capture import (
     ListedCapture as ListedCapture,
     MarkedBall as MarkedBall,
+)
+from tactograph.nodes.capture.read_balls import (
+    StatedCircles as StatedCircles,
 )
 from tactograph.nodes.capture.read_capture import (
     Layout as Layout,
@@ -119,10 +137,16 @@ from tactograph.nodes.optics.camera_view import (
 from tactograph.nodes.optics.near_light import (
     places as places,
 )
+from tactograph.nodes.optics.rest_shape import (
+    RestShape as RestShape,
+)
 from tactograph.nodes.optics.shape import (
     Length as Length,
     Shape as Shape,
     ShapeImage as ShapeImage,
+)
+from tactograph.nodes.optics.sheet import (
+    SheetLight as SheetLight,
 )
 from tactograph.nodes.stored import (
     Stored as Stored,

@@ -48,9 +48,6 @@ from tactograph.nodes import (
     MAX_PIXEL_MM as MAX_PIXEL_MM,
     UM_PER_MM as UM_PER_MM,
     LightPlaces as LightPlaces,
-    Misfit as Misfit,
-    Noise as Noise,
-    ScaleError as ScaleError,
     SlopeVariance as SlopeVariance,
     Tables as Tables,
 )
@@ -61,31 +58,12 @@ from tactograph.nodes.calibrate import (
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
     SHIFT_DEVIATION_PX as SHIFT_DEVIATION_PX,
 )
-from tactograph.nodes.calibrate.ball.ball_on_shape import (
-    BallOnShape as BallOnShape,
-)
-from tactograph.nodes.calibrate.ball.ball_search import (
-    Circle as Circle,
-)
 from tactograph.nodes.calibrate.ball.balls_on_film import (
-    MAX_ROUNDS as MAX_ROUNDS,
     Balls as Balls,
     Fitted as Fitted,
 )
-from tactograph.nodes.calibrate.ball.find_ball import (
-    refined as refined,
-)
-from tactograph.nodes.calibrate.ball.find_balls import (
-    FoundBalls as FoundBalls,
-)
 from tactograph.nodes.calibrate.file.camera_lens import (
     CAMERA_KIND as CAMERA_KIND,
-)
-from tactograph.nodes.calibrate.film.ball_samples import (
-    FilmEvidence as FilmEvidence,
-)
-from tactograph.nodes.calibrate.film.film_fit import (
-    Fitting as Fitting,
 )
 from tactograph.nodes.calibrate.film.film_misfit import (
     Held as Held,
@@ -98,18 +76,12 @@ from tactograph.nodes.calibrate.film.judge_radius import (
     Alternatives as Alternatives,
 )
 from tactograph.nodes.calibrate.lights.descend import (
-    DERIVATIVE_STEP as DERIVATIVE_STEP,
-    descend as descend,
-    huber_weight as huber_weight,
     least_squares as least_squares,
 )
 from tactograph.nodes.calibrate.lights.light_fit import (
-    LedFit as LedFit,
     LedPlaces as LedPlaces,
 )
 from tactograph.nodes.calibrate.lights.light_samples import (
-    Object as Object,
-    Press as Press,
     Rest as Rest,
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
@@ -125,11 +97,7 @@ from tactograph.nodes.calibrate.rating.judge_labels import (
 from tactograph.nodes.calibrate.rating.pressed_ball import (
     PressedBall as PressedBall,
 )
-from tactograph.nodes.calibrate.rating.rate_calibration import (
-    MAX_LED_WIDTHS as MAX_LED_WIDTHS,
-)
 from tactograph.nodes.calibrate.rating.verdict import (
-    Judged as Judged,
     Odds as Odds,
     pays as pays,
 )
@@ -138,8 +106,6 @@ from tactograph.nodes.calibrate.tables.build_lut import (
 )
 from tactograph.nodes.capture.read_balls import (
     BallPresses as BallPresses,
-    Radii as Radii,
-    StatedCircles as StatedCircles,
 )
 from tactograph.nodes.capture.read_capture import (
     CaptureFile as CaptureFile,
@@ -181,13 +147,6 @@ from tactograph.nodes.optics.near_light import (
 )
 from tactograph.nodes.optics.normals import (
     cofactors as cofactors,
-)
-from tactograph.nodes.optics.rest_shape import (
-    RestShape as RestShape,
-)
-from tactograph.nodes.optics.sheet import (
-    SheetLight as SheetLight,
-    cut as cut,
 )
 from tactograph.nodes.simulate.expose import (
     lens_share as lens_share,

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.nodes import F4, F8, U1
+from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.ball.ball_search import Circle
 from tactograph.nodes.calibrate.ball.ball_slopes import BallSlopes
 from tactograph.nodes.calibrate.ball.ball_surface import away_on, ball_height
@@ -50,15 +50,14 @@ class BallOnShape(NamedTuple):
         normal = [part / self.radius for part in (dx, dy, np.maximum(z - at.z, 0))]
         return normal, away * circle.radius / max(at.rim, 1e-9)
 
-    def slopes(self, circle: Circle, mask: U1 | None = None) -> BallSlopes:
-        """Return the slope and height of a ball within its contact, or where a mask is not 0."""
+    def slopes(self, circle: Circle) -> BallSlopes:
+        """Return the slope and height of a ball within its contact."""
         rows, columns = self.shape.height.shape
         y, x = np.mgrid[:rows, :columns].astype(np.float64)
         (nx, ny, nz), away = self.normals_at(
             x.ravel(), y.ravel(), circle, self.radius / self.shape.pixel
         )
-        within = away < circle.radius - MARGIN_PX if mask is None else mask.ravel() > 0
-        inside = within & (nz > MIN_FACING)
+        inside = (away < circle.radius - MARGIN_PX) & (nz > MIN_FACING)
         up = np.where(inside, nz, 1)
         at = place_on(self.shape, circle, self.radius)
         slope = np.stack([-nx / up, -ny / up]) * inside

@@ -30,7 +30,7 @@ FINAL_SAMPLES = 15000
 a ball's height, the coat's index and the albedo uncertain by some per cent."""
 MAX_ROUNDS = 4
 """Most rounds in which what depends on one another is found in turn: harmonics or light from film
-to film and the balls' positions, a bend and the film, or a normal and the light about it."""
+to film and the balls' positions, or a normal and the light about it."""
 BALL_SECTORS = 8
 """Parts of a ball in azimuth over which errors of the normal are averaged, to suppress noise."""
 BALL_RINGS = math.ceil(BALL_SECTORS / math.pi)

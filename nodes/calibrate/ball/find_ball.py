@@ -237,12 +237,8 @@ def refined(
     center: tuple[float, float] | None,
     contact: float | None,
     beneath: BallOnShape | None,
-    near: bool = False,
 ) -> Circle:
-    """Return the circle near `seed` that explains the light best, with subpixel accuracy.
-
-    A seed that is `near` needs the last descent alone.
-    """
+    """Return the circle near `seed` that explains the light best, with subpixel accuracy."""
     reduced, shrink = reduced_to(light, REFINE_WIDTH_PX)
     circle = seed.on(shrink)
     limit = radius / shrink
@@ -252,8 +248,6 @@ def refined(
         return seed
     place = [] if center is not None else [0, 1]
     size = [] if contact is not None else [2]
-    if near:
-        return _descend(samples, circle, limit, place + size, 0.03).on(1 / shrink)
     # The search finds the centre to about a tenth of the contact radius.
     circle = _descend(samples, circle, limit, place, 0.1)
     if size:

@@ -16,6 +16,7 @@ from tactograph.nodes import F4, F8, U1, Film, Light, LightPositions, Noise, Pix
 from tactograph.nodes.calibrate import (
     DRIFT_DEGREE,
     FILM_ROUGHNESS,
+    MAX_LED_WIDTHS,
     MAX_SAMPLE_SLOPE,
     SHIFT_DEVIATION_PX,
     BallCircles,
@@ -189,6 +190,11 @@ class FilmEvidence(NamedTuple):
         """Return the evidence of the balls alone that were found, in presses that are used."""
         used = np.flatnonzero((self.selection[self.of] > 0) & (self.circle[:, 2] > 0))
         return self._replace(circle=self.circle[used], radius=self.radius[used], of=self.of[used])
+
+    def is_parallel(self, film: Film) -> bool:
+        """Return whether an LED of a film is so far that its light is parallel."""
+        width = self.pixel * self.flat.shape[2]
+        return bool(np.linalg.norm(film.lights, axis=1).max() > MAX_LED_WIDTHS * width)
 
     def start(self) -> Fitted:
         """Return the matt film under the LEDs as placed, from which a fit starts."""

@@ -19,6 +19,7 @@ from tactograph.nodes import (
     PixelSize,
     Spread,
 )
+from tactograph.nodes.calibrate import MAX_LED_WIDTHS
 from tactograph.nodes.calibrate.film.judge_radius import FORCE_ADVICE
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
 from tactograph.nodes.calibrate.rating.verdict import Judged
@@ -36,8 +37,6 @@ MIN_ANGLE_DEG = 5.0
 RING_SLANT_DEG = 15.0
 """Range of the slants of LEDs in one ring."""
 HELDOUT_FIGURE = "film_heldout_deg"
-MAX_LED_WIDTHS = 100.0
-"""Distance of an LED, in widths of the image, beyond which its light is parallel."""
 MAX_ALBEDO, MAX_REFRACTION = 0.94, 1.59
 """Albedo and refraction of a coat just below the largest that `fit_film` allows."""
 

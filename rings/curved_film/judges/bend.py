@@ -4,42 +4,32 @@ import math
 
 import numpy as np
 
-from tactograph.rings.curved_film.nodes.find_rest import (
-    MIN_PRESSES,
-    BallPresses,
-    fitted_bend,
-    tried_bends,
-)
-from tactograph.sdk import Film, Metrics
-from tactograph.sdk.unstable import MAX_LED_WIDTHS, FilmEvidence, Judged, Odds
+from tactograph.rings.curved_film.nodes.find_rest import BALL_BENDS, MIN_PRESSES, Bending
+from tactograph.sdk import Film, FilmEvidence, Judged, Metrics
 
 
 def doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]:
     """Return a doubt if one bend over the frame explains the light better than a plane.
 
     It is looked for only where something is wrong: LEDs at infinity, or normals of held-out presses
-    that are far off.  The odds are `Odds`, for as many independent samples as they count as.
+    that are far off.
 
     Parameters
     ----------
     evidence, film, fitted : the inputs of `fit_film`, its film and its figures
     """
     heldout = Judged.of_heldout("film_heldout_deg", fitted.get("film_heldout_deg"))
-    width = evidence.pixel * evidence.flat.shape[2]
-    far = float(np.linalg.norm(film.lights, axis=1).max()) > MAX_LED_WIDTHS * width
-    wrong = far or bool(heldout.doubts)
     presses = np.count_nonzero(evidence.circle[:, 2])
     if (
         evidence.shape is not None
-        or not wrong
+        or not (evidence.is_parallel(film) or heldout.doubts)
         or not MIN_PRESSES <= presses == len(evidence.selection)
     ):
         return []
-    known = evidence.noise, evidence.pixel, film.camera
-    balls = BallPresses.of(evidence, evidence.light, evidence.flat, *known)
-    bent, plane = tried_bends(balls)
-    bend = fitted_bend(balls, bent, only_ball=True)
-    odds = Odds.of(math.sqrt(plane.cost), math.sqrt(bend.cost), 1, bend.samples)
+    unknown = np.full((presses, 3), np.nan, np.float32)
+    bending = Bending(evidence, unknown, film.camera, BALL_BENDS)
+    bend = bending.found()
+    odds = bend.fit.odds(bending.fit(np.zeros(5)), further=1)
     if not odds.are_sure:
         return []
     radius = 1 / float(bend.unknowns[0])

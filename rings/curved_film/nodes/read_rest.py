@@ -21,12 +21,12 @@ from tactograph.sdk import (
     Light,
     Mask,
     PixelSize,
+    RestShape,
     node,
     places,
     warn,
 )
 from tactograph.sdk.nodes import undistort
-from tactograph.sdk.unstable import RestShape
 
 MESH_SUFFIXES = (".stl", ".ply", ".obj", ".off", ".glb")
 SEARCH_NAME = "find"

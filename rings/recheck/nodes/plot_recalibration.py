@@ -5,8 +5,18 @@ from matplotlib.patches import Circle
 
 from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
 from tactograph.rings.recheck.nodes.film_change import FilmChange
-from tactograph.sdk import F4, ORANGE, Light, Metrics, NewPicture, node, write_picture
-from tactograph.sdk.unstable import FoundBalls, SheetLight, cut, list_figures
+from tactograph.sdk import (
+    F4,
+    ORANGE,
+    FoundBalls,
+    Light,
+    Metrics,
+    NewPicture,
+    SheetLight,
+    node,
+    write_picture,
+)
+from tactograph.sdk.unstable import list_figures
 
 
 @node
@@ -35,7 +45,7 @@ def plot_recalibration(
     films = {"old film at rest": then, "new film at rest": now}
     words = "new against old"
     figure, (upper, lower) = draw_films(films, change, words, width=18)
-    _draw_press(upper, cut(image, now.shape[1])[0], balls.circle[balls.of == 0])
+    _draw_press(upper, image[:, : now.shape[1]], balls.circle[balls.of == 0])
     draw_light(lower, change.strength, words)
     figure.suptitle(advice, x=0.02, ha="left", fontsize=11)
     # Those of single LEDs are drawn.

@@ -9,20 +9,31 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
-from tactograph.sdk import F4, F8, Film, Light, Metrics, NodeCall, PixelSize, SizeLimit, node, warn
+from tactograph.sdk import (
+    F4,
+    F8,
+    Film,
+    FilmEvidence,
+    FoundBalls,
+    Light,
+    Metrics,
+    Misfit,
+    NodeCall,
+    Noise,
+    PixelSize,
+    SheetLight,
+    SizeLimit,
+    node,
+    warn,
+)
 from tactograph.sdk.nodes import film_bounce
 from tactograph.sdk.unstable import (
     PART_UNKNOWNS,
     Balls,
-    FilmEvidence,
     Fitted,
-    FoundBalls,
     Held,
-    Misfit,
-    Noise,
     Odds,
     Rest,
-    SheetLight,
     Unknown,
     least_squares,
     pays,

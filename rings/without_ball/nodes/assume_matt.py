@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import Film, LightPositions, node
-from tactograph.sdk.unstable import LightPlaces, Misfit
+from tactograph.sdk import Film, LightPositions, Misfit, node
+from tactograph.sdk.unstable import LightPlaces
 
 
 class MattFilm(NamedTuple):

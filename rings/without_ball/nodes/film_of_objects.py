@@ -22,24 +22,17 @@ from tactograph.sdk import (
     InputError,
     Light,
     Metrics,
+    Misfit,
     NodeCall,
     PixelSize,
+    ScaleError,
+    SheetLight,
     SizeLimit,
     node,
     places,
 )
 from tactograph.sdk.nodes import film_bounce, film_light, integrate_dct
-from tactograph.sdk.unstable import (
-    MIN_BOUNCE_ERROR,
-    Fitted,
-    LedPlaces,
-    Misfit,
-    Rest,
-    ScaleError,
-    SheetLight,
-    Unknown,
-    cut,
-)
+from tactograph.sdk.unstable import MIN_BOUNCE_ERROR, Fitted, LedPlaces, Rest, Unknown
 
 CELLS_ACROSS = 40
 """Cells along the image: twenty unknowns need no more."""
@@ -146,7 +139,8 @@ def film_of_objects(
     rest = Rest.of(flat, pixel)
     if rest is None:
         raise InputError("`flat` is needed: the untouched film's light tells how far LEDs are")
-    presses = [_cells(press, factor) for press in cut(light, flat.shape[1])]
+    sheets = np.split(light, light.shape[1] // flat.shape[1], axis=1)
+    presses = [_cells(press, factor) for press in sheets]
     camera = 0.0 if camera_mm is None else 1 / camera_mm
     scene = _Scene(presses, rest, pixel * factor, camera, bounce)
     matt = _solved(scene, _start(scene), coated=False)

@@ -4,9 +4,9 @@ from typing import Annotated
 
 import numpy as np
 
-from tactograph.sdk import F4, Film, Port, node
+from tactograph.sdk import F4, Film, Noise, Port, node
 from tactograph.sdk.nodes import film_light, light_noise
-from tactograph.sdk.unstable import Noise, TablePixels
+from tactograph.sdk.unstable import TablePixels
 
 TABLE_SIDE = 121
 """Rows and columns of the hemisphere of normals."""

@@ -5,8 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import Layout, Light, node
-from tactograph.sdk.unstable import SheetLight, StatedCircles
+from tactograph.sdk import Layout, Light, SheetLight, StatedCircles, node
 
 
 class ObjectPresses(NamedTuple):

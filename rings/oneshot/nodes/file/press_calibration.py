@@ -8,8 +8,8 @@ from pydantic import AfterValidator
 from tactograph.rings.oneshot.nodes.map.raise_walls import WallGain
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import MattDeviation
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.sdk import Dark, FileKind, Lens, Light, Mask, Metrics, PixelSize, Stored
-from tactograph.sdk.unstable import Misfit, StoredRanks
+from tactograph.sdk import Dark, FileKind, Lens, Light, Mask, Metrics, Misfit, PixelSize, Stored
+from tactograph.sdk.unstable import StoredRanks
 
 
 class PressCalibration(NamedTuple):

@@ -10,14 +10,9 @@ from tactograph.rings.oneshot.nodes.map.map_departure import MIN_MAP_ERROR
 from tactograph.rings.oneshot.nodes.map.raise_walls import BLUR_PX, MIN_SLOPE, uphill
 from tactograph.rings.oneshot.nodes.map.reflectance_map import maps_over_film, shading
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.sdk import F4, Height, HeightError, PixelSize, Port, Slope, node
+from tactograph.sdk import F4, Height, HeightError, Misfit, PixelSize, Port, Slope, node
 from tactograph.sdk.nodes import edge_variance, integrate_dct, rest_at_border, rest_mask
-from tactograph.sdk.unstable import (
-    DEVIATIONS_PER_MAD,
-    FILM_ROUGHNESS,
-    Misfit,
-    SlopeNormal,
-)
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, FILM_ROUGHNESS, SlopeNormal
 
 WINDOW_CELLS = 5
 """Side in cells over which light at rest is averaged."""

@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
-from tactograph.sdk import Lens, Light, View, node
+from tactograph.sdk import Lens, Light, StatedCircles, View, node
 from tactograph.sdk.nodes import undistort
-from tactograph.sdk.unstable import StatedCircles
 
 
 class EvenPresses(NamedTuple):

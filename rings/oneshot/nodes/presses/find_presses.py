@@ -7,9 +7,9 @@ from annotated_types import Ge, Gt
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.rings.oneshot.nodes.presses.sheet_presses import sheet_presses
-from tactograph.sdk import InputError, Light, PixelSize, node, warn
+from tactograph.sdk import FoundBalls, InputError, Light, PixelSize, StatedCircles, node, warn
 from tactograph.sdk.nodes import find_ball, find_balls
-from tactograph.sdk.unstable import MIN_FLAT_LIGHT, FoundBalls, StatedCircles
+from tactograph.sdk.unstable import MIN_FLAT_LIGHT
 
 MIN_PRESSES = 4
 

@@ -7,7 +7,18 @@ from annotated_types import Gt
 from scipy.special import chdtri
 
 from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
-from tactograph.sdk import F4, U1, Film, Light, PixelSize, Port, node
+from tactograph.sdk import (
+    F4,
+    U1,
+    Film,
+    FilmEvidence,
+    FoundBalls,
+    Judged,
+    Light,
+    PixelSize,
+    Port,
+    node,
+)
 from tactograph.sdk.unstable import (
     DEVIATIONS_PER_MAD,
     FALSE_ALARMS,
@@ -15,9 +26,6 @@ from tactograph.sdk.unstable import (
     MIN_FLAT_LIGHT,
     Alternatives,
     Balls,
-    FilmEvidence,
-    FoundBalls,
-    Judged,
 )
 
 RADIUS_INPUTS = " (`radius_mm`, `pixel`)"

@@ -14,9 +14,9 @@ from tactograph.rings.oneshot.nodes.map.slope_in_shadow import matt_deviation
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import make_bench, reconstruct
-from tactograph.sdk import F4, F8, Height, InputError, Light, PixelSize, Port, node
+from tactograph.sdk import F4, F8, Height, InputError, Judged, Light, PixelSize, Port, node
 from tactograph.sdk.nodes import coarsen, find_contact, integrate_dct, rest_at_border
-from tactograph.sdk.unstable import FALSE_ALARMS, Judged
+from tactograph.sdk.unstable import FALSE_ALARMS
 
 
 @node

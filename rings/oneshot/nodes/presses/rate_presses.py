@@ -13,8 +13,8 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     reconstruct,
     refine_center,
 )
-from tactograph.sdk import F4, U1, Light, Metrics, PixelSize, Port, node, warn
-from tactograph.sdk.unstable import FILM_REGIONS, FoundBalls, Judged, PressedBall
+from tactograph.sdk import F4, U1, FoundBalls, Judged, Light, Metrics, PixelSize, Port, node, warn
+from tactograph.sdk.unstable import FILM_REGIONS, PressedBall
 
 COVERAGE_CELLS = (4, 6)
 """Rows and columns of cells into which the film is divided to measure coverage."""

@@ -3,8 +3,7 @@
 import numpy as np
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
-from tactograph.sdk import node
-from tactograph.sdk.unstable import SheetLight
+from tactograph.sdk import SheetLight, node
 
 
 @node
