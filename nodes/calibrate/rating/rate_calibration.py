@@ -80,14 +80,14 @@ def rate_calibration(
 
     Parameters
     ----------
-    residual : root mean square of the reflectance fit per LED; the film at rest is 1
+    residual : standard deviation of the reflectance fit per LED; the film at rest is 1
     spread : standard deviation of a.I on lit pixels
     lut_slope : N x 2, the slopes in the tables
     mask, lit : S x W, the pixels of known slope, and the LEDs that reach them
     model
-        `fit_film` or `calibrate_lights`: the LEDs, K x 3 in mm, the root mean square residual of
-        their fit, K, and the film's albedo and refraction.  Under a coat the light is not a smooth
-        function of the slope, so `residual` gives no warning.
+        `fit_film` or `calibrate_lights`: the LEDs, K x 3 in mm, the standard deviation of what
+        their fit leaves, K, and the film's albedo and refraction.  Under a coat the light is not a
+        smooth function of the slope, so `residual` gives no warning.
     goodness : of each ball, 0 to 1; 0 where none was found
     flat, noise
         K x H x W, the film at rest, and the camera's noise, from `estimate_noise`.
