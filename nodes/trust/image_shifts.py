@@ -31,7 +31,7 @@ def image_shifts(
     height, lights, pixel : h x w in mm, K x 3 in mm, mm per cell
     """
     count, rows, columns = light.shape
-    by_shift = np.stack(np.gradient(light, axis=(2, 1))) * columns
+    by_shift = np.asarray(np.gradient(light, axis=(2, 1))) * columns
     usable = used == (1 << count) - 1
     if count <= MIN_LEDS or np.count_nonzero(usable) < MIN_CELLS:
         return np.zeros((count, 2))

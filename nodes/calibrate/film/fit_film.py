@@ -151,7 +151,7 @@ def fit_film(
     return FilmFit(
         film.stored()._replace(uneven=uneven, grain=rough, pressed_slope=slope),
         misfit=held_out.misfit(film, uneven),
-        residual=np.float32(DEVIATIONS_PER_MAD * np.median(np.abs(residual), axis=1)),
+        residual=np.asarray(DEVIATIONS_PER_MAD * np.median(np.abs(residual), axis=1), np.float32),
         quality=trial.figures | _properties(best, film, rest),
         evidence=evidence,
     )
