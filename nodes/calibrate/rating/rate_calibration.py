@@ -41,6 +41,13 @@ MAX_LED_WIDTHS = 100.0
 MAX_ALBEDO, MAX_REFRACTION = 0.94, 1.59
 """Albedo and refraction of a coat just below the largest that `fit_film` allows."""
 
+SMOOTH_LIGHT = "a smooth function of the slope: check the ball's radius and the pixel size"
+MATT_LIGHT = (
+    "that of a point above a matt film: check the order of the images, the ball's radius, its "
+    "contact and the pixel size; a film that is glossy departs, too"
+)
+"""What an LED's light may depart from, and the advice."""
+
 
 class Rating(NamedTuple):
     """Figures, doubts about the calibration (one sentence each), and the verdict."""
@@ -118,43 +125,29 @@ def rate_calibration(
     lights, mismatch, albedo, refraction = model
     figures, radius_doubts, unconfirmed = radius or Judged({}, [])
     heldout = Judged.of_heldout(HELDOUT_FIGURE, figures.get(HELDOUT_FIGURE))
-    doubts = (others or []) + heldout.doubts + radius_doubts
-    steepest = _covered_everywhere(lut_slope)
-    worst = int(np.argmax(residual))
-    grain = _grain(flat, noise, count)
+    steepest, grain = _covered_everywhere(lut_slope), _grain(flat, noise, count)
     noisiest = int(np.argmax(grain))
     if MAX_NOISE_RATIO * grain[noisiest] > MAX_LIGHT_MISMATCH:
         warn(
             f"LED {noisiest + 1}'s images are noisy, by {grain[noisiest]:.1%} of the film's light: "
             "expose longer"
         )
-    is_coated = refraction is not None and refraction != 1
-    if residual[worst] > max(MAX_RESIDUAL, MAX_NOISE_RATIO * grain[worst]) and not is_coated:
-        is_missing = flat is None or is_uniform(flat)
-        doubts.append(
-            f"LED {worst + 1}'s light departs by {residual[worst]:.1%} from a smooth function "
-            "of the slope: check the ball's radius and the pixel size"
-            + (", or give `flat`=DIR" if is_missing else "")
-        )
     if steepest < MIN_STEEPEST_SLOPE:
         warn(
             f"the tables cover slopes up to {steepest:.2f} only; press deeper, or use a "
             "smaller ball"
         )
-    poorest = int(np.argmax(mismatch))
-    is_poor = mismatch[poorest] > max(MAX_LIGHT_MISMATCH, MAX_NOISE_RATIO * grain[poorest])
-    if is_poor:
-        doubts.append(
-            f"LED {poorest + 1}'s light departs by {mismatch[poorest]:.1%} from that of a point "
-            "above a matt film: check the order of the images, the ball's radius, its contact and "
-            "the pixel size; a film that is glossy departs, too"
-        )
+    is_coated = refraction is not None and refraction != 1
+    ask_flat = ", or give `flat`=DIR" * (flat is None or is_uniform(flat))
+    rough = _of_residual(residual, MAX_RESIDUAL, grain, SMOOTH_LIGHT + ask_flat)
+    poor = _of_residual(mismatch, MAX_LIGHT_MISMATCH, grain, MATT_LIGHT)
     twins = _of_twins(lights)
-    doubts += twins
+    doubts = [*(others or []), *heldout.doubts, *radius_doubts]
+    doubts += [*([] if is_coated else rough), *poor, *twins]
     if pixel is not None and albedo is not None:
         # At the largest index, coat and albedo trade off against each other at any radius.
         is_open = refraction is not None and refraction > MAX_REFRACTION
-        is_explained = not radius_doubts and not is_poor
+        is_explained = not radius_doubts and not poor
         scale = pixel * mask.shape[1], 0.0 if is_open else albedo
         contradiction = _of_scale(lights, *scale, is_explained)
         if contradiction and not force:
@@ -168,10 +161,10 @@ def rate_calibration(
     rated = {
         "entries": float(len(lut_slope)),
         "steepest_slope": steepest,
-        "residual_percent": float(100 * residual[worst]),
+        "residual_percent": float(100 * residual.max()),
         "spread_percent": 100 * spread,
         "fully_lit_percent": float(100 * (lit[in_contact] == (1 << count) - 1).mean()),
-        "near_light_residual_percent": float(100 * mismatch[poorest]),
+        "near_light_residual_percent": float(100 * mismatch.max()),
     }
     if goodness is not None:
         rated["ball_goodness"] = float(goodness[goodness > 0].min(initial=1))
@@ -180,6 +173,14 @@ def rate_calibration(
         doubts,
         heldout._replace(doubts=doubts, unconfirmed=unconfirmed).verdict(HELDOUT_FIGURE),
     )
+
+
+def _of_residual(residual: F4, most: float, grain: F4, model: str) -> list[str]:
+    """A doubt if the light of the LED that departs most does so by more than noise, and `most`."""
+    worst = int(np.argmax(residual))
+    if residual[worst] <= max(most, MAX_NOISE_RATIO * grain[worst]):
+        return []
+    return [f"LED {worst + 1}'s light departs by {residual[worst]:.1%} from {model}"]
 
 
 def _grain(flat: Light | None, noise: Noise | None, count: int) -> F4:
