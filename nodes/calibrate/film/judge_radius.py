@@ -58,27 +58,6 @@ FREE_PARTS[WITH_COAT] = frozenset({"plain", "lobe"})
 can hide a wrong radius."""
 
 
-STATED_VALUES = {
-    OTHER_SIZE: (
-        "a ball of {other_mm:.3g} mm radius",
-        "one of {stated_mm:.3g} mm",
-        "is the radius given {wrong}, or the pixel size too {pixel}, as by another zoom"
-        "{or_camera}? Measure radius and pixel size{which}",
-    ),
-    OTHER_CAMERA: (
-        "a camera {above_mm:.3g} mm above the film",
-        "one far away",
-        "give its height (`film.camera`=MM), or a lens",
-    ),
-    OTHER_POWER: (
-        "light that the camera raises to the power of {power:.3g}",
-        "linear light",
-        "the camera's values are not linear: switch its gamma and contrast off",
-    ),
-}
-"""What the light can contradict: another value, that given, and the cure, in words."""
-
-
 class Explained(NamedTuple):
     """What a plain film explains of the light where a value is free.
 
@@ -203,7 +182,7 @@ class Alternatives(NamedTuple):
         """
         likely = [
             name
-            for name in STATED_VALUES
+            for name in (OTHER_SIZE, OTHER_CAMERA, OTHER_POWER)
             if self.is_other(name)
             and self.odds(name) > SURE_ODDS
             and self.odds(name, misfit) > 1 / SURE_ODDS
@@ -225,27 +204,40 @@ class Alternatives(NamedTuple):
 
     def _contradiction(self, likely: list[str], radius: float, which: str) -> str:
         """What explains the light better than what was given, the likeliest first, and the cure."""
-        best, *rest = likely
-        size, camera = self.by_name[OTHER_SIZE].size, self.by_name.get(OTHER_CAMERA)
-        near = ", or the camera near the film, whose height you have not given (`film.camera`=MM)"
+        size, power = self.by_name[OTHER_SIZE].size, self.by_name[OTHER_POWER].power
+        camera = self.by_name.get(OTHER_CAMERA)
         wrong = "too large" if size < 1 else "too small"
-        facts = {
-            "other_mm": radius * size,
-            "stated_mm": radius,
-            "power": self.by_name[OTHER_POWER].power,
-            "above_mm": 1 / camera.camera if camera is not None and camera.camera else math.inf,
-            "wrong": "its diameter" if size < FIRST_SIZES[0] ** 0.5 else wrong,
-            "pixel": "small" if size < 1 else "large",
-            "or_camera": near * (camera is not None),
-            "which": which,
+        wrong = "its diameter" if size < FIRST_SIZES[0] ** 0.5 else wrong
+        near = ", or the camera near the film, whose height you have not given (`film.camera`=MM)"
+        # Another value, that given, and the cure.
+        words = {
+            OTHER_SIZE: (
+                f"a ball of {radius * size:.3g} mm radius",
+                f"one of {radius:.3g} mm",
+                f"is the radius given {wrong}, or the pixel size too "
+                f"{'small' if size < 1 else 'large'}, as by another zoom"
+                f"{near * (camera is not None)}? Measure radius and pixel size{which}",
+            ),
+            OTHER_POWER: (
+                f"light that the camera raises to the power of {power:.3g}",
+                "linear light",
+                "the camera's values are not linear: switch its gamma and contrast off",
+            ),
         }
-        other, as_stated, cure = (part.format(**facts) for part in STATED_VALUES[best])
+        if camera is not None and camera.camera:
+            words[OTHER_CAMERA] = (
+                f"a camera {1 / camera.camera:.3g} mm above the film",
+                "one far away",
+                "give its height (`film.camera`=MM), or a lens",
+            )
+        best, *rest = likely
+        other, as_stated, cure = words[best]
         least = self.by_name[best].departure
-        alike = [name for name in rest if self.odds(name, least) > 1 / REFUSED_ODDS]
+        alike = [words[name][0] for name in rest if self.odds(name, least) > 1 / REFUSED_ODDS]
         return (
             f"{other} explains the light better than {as_stated}, {_times(self.odds(best))} "
             f"likelier ({least:.1%} unexplained instead of {self.stated.departure:.1%})"
-            + "".join(f"; so does {STATED_VALUES[name][0].format(**facts)}" for name in alike)
+            + "".join(f"; so does {each}" for each in alike)
             + f": {cure}"
         )
 
