@@ -93,8 +93,8 @@ def rate_calibration(
     mask, lit : S x W, the pixels of known slope, and the LEDs that reach them
     model
         `fit_film` or `calibrate_lights`: the LEDs, K x 3 in mm, the standard deviation of what
-        their fit leaves, K, and the film's albedo and refraction.  Under a coat the light is not a
-        smooth function of the slope, so `residual` gives no warning.
+        their fit leaves, K, and the film's albedo and refraction.  Light that this fit explains,
+        or that of a coat, need not be a smooth function of the slope.
     goodness : of each ball, 0 to 1; 0 where none was found
     flat, noise
         K x H x W, the film at rest, and the camera's noise, from `estimate_noise`.
@@ -143,7 +143,8 @@ def rate_calibration(
     poor = _of_residual(mismatch, MAX_LIGHT_MISMATCH, grain, MATT_LIGHT)
     twins = _of_twins(lights)
     doubts = [*(others or []), *heldout.doubts, *radius_doubts]
-    doubts += [*([] if is_coated else rough), *poor, *twins]
+    # Light that the film's model explains is no evidence of a wrong radius.
+    doubts += [*(rough if poor and not is_coated else []), *poor, *twins]
     if pixel is not None and albedo is not None:
         # At the largest index, coat and albedo trade off against each other at any radius.
         is_open = refraction is not None and refraction > MAX_REFRACTION
