@@ -1,4 +1,4 @@
-"""Find how far the images of a touch lie apart, as when film creeps from flash to flash."""
+"""Find how far the images of a touch lie apart, as when film creeps from flash to flash (T7)."""
 
 import numpy as np
 
