@@ -6,8 +6,9 @@ from tactograph.nodes import F8, CoarseLight, Height, Labels, LightPositions
 from tactograph.nodes.optics.near_light import places, vectors_at
 from tactograph.nodes.trust.checked_cells import MIN_CELLS, MIN_LEDS
 from tactograph.nodes.trust.explained import explained
+from tactograph.nodes.trust.light_departure import MIN_ERROR
 
-MAX_CELLS_OF_SHIFT = 500
+MAX_CELLS_OF_SHIFT = 250
 """Cells that suffice for two unknowns of each LED: those whose light changes most."""
 
 
@@ -45,6 +46,8 @@ def image_shifts(
     square = v.transpose(0, 2, 1) @ v
     left = np.eye(count, dtype=np.float32) - v @ np.linalg.inv(square) @ v.transpose(0, 2, 1)
     residual = np.einsum("njk,kn->jn", left, light[:, y, x])
+    if np.square(residual).mean() < MIN_ERROR**2:
+        return np.zeros((count, 2))  # as of nearly all touches: no model is more exact
     causes = np.einsum("njk,akn->kajn", left, by_shift[:, :, y, x])
     shifts = explained(residual, causes.reshape(2 * count, count, -1)).reshape(count, 2)
     if not shifts.any():
