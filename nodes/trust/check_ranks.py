@@ -185,7 +185,7 @@ def _worst_line(lines: LineChanges) -> float:
     return worst / max(float(columns.max() / max(np.median(columns), MIN_LIGHT)), 1.0)
 
 
-def ranked(drawn: F8, own: F8 | None = None, shadows: F8 | None = None) -> F8:
+def ranked(drawn: F8, own: F8 | None = None, others: F8 | None = None) -> F8:
     """Return the quantiles of right touches' figures that a calibration keeps.
 
     Drawn touches have only the model's errors, and a real film has others.  So the calibration's
@@ -197,13 +197,14 @@ def ranked(drawn: F8, own: F8 | None = None, shadows: F8 | None = None) -> F8:
     ----------
     drawn : N x 15, the figures of touches drawn from the calibration
     own : P x 15, the figures of its presses; P may be 0
-    shadows
-        The light in shadow of right touches of any kind, by whose quantiles that of the drawn ones
-        is judged, since most of these show no shadow.
+    others
+        M x 15, those of right touches of another kind.  Light in shadow is ranked among all that
+        have shadows, since most soft touches show none.
     """
     levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
     quantiles, both = np.quantile(drawn, levels, axis=0), drawn
-    if shadows is not None and shadows.any():
+    shadows = np.concatenate([drawn, drawn[:0] if others is None else others])[:, SHADOW_FIGURE]
+    if shadows.any():
         quantiles[:, SHADOW_FIGURE] = np.maximum(np.quantile(shadows[shadows != 0], levels), 0)
     if own is not None and len(own):
         weight = round(TAIL_SHARE / (1 - TAIL_SHARE) * len(drawn))

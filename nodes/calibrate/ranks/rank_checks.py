@@ -23,7 +23,6 @@ from tactograph.nodes.stored import with_plain
 from tactograph.nodes.trust.check_ranks import (
     CHECK_FIGURES,
     REST_FIGURES,
-    SHADOW_FIGURE,
     Ranked,
     figures_of,
     ranked,
@@ -125,10 +124,9 @@ def _ranks_of_leds(
     pressed, rims = _press_figures("reconstruct", presses, even, RIM_PORTS | CAUSE_PORTS)
     of_tables = _press_figures(tables, presses, even)[0]
     on_rims = rims > MAX_RIM_SHARE
-    shadows = np.concatenate([soft, rigid])[:, SHADOW_FIGURE]
     return [
-        ranked(soft, _without_walls(pressed, on_rims, soft), shadows),
-        ranked(rigid, pressed[on_rims], shadows),
+        ranked(soft, _without_walls(pressed, on_rims, soft), rigid),
+        ranked(rigid, pressed[on_rims], soft),
         ranked(plain, _without_walls(of_tables, on_rims, plain)),
     ]
 

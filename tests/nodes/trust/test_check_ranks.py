@@ -80,8 +80,9 @@ def test_light_in_shadow_is_judged_by_the_touches_that_have_shadows() -> None:
     drawn[:, SHADOW_FIGURE] = 0
     figures, rows = np.median(drawn, axis=0), [ranked(drawn)[:-1]]
     figures[SHADOW_FIGURE] = 0.01
-    walls = np.random.default_rng(9).uniform(-0.01, 0.03, 50)
-    rows.append(ranked(drawn, shadows=np.r_[walls, np.zeros(200)])[:-1])
+    walls = drawn.copy()
+    walls[:50, SHADOW_FIGURE] = np.random.default_rng(9).uniform(-0.01, 0.03, 50)
+    rows.append(ranked(drawn, others=walls)[:-1])
     alone, with_walls = (p_values(figures, row)[SHADOW_FIGURE] for row in rows)
     assert alone < 0.01
     assert with_walls > 0.2
