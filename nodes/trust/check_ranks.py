@@ -131,6 +131,10 @@ CHECK_FIGURES = {
 }
 """All figures of a touch, by name; figures that have several causes come late.  The last belongs to
 no check: it separates mistakes that explain a doubted touch from others (`likely_cause`)."""
+REST_FIGURES = np.isin([*CHECK_FIGURES], ["level", "moved", "shape", "light_at_rest"])
+"""Which figures are of untouched film, which no wall of an object changes."""
+SHADOW_FIGURE = [*CHECK_FIGURES].index("lit_shadows")
+"""The place of a figure that few valid touches of soft film show; 0: it shows too few shadows."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
 CheckRanks = Annotated[F4, Port("3 16 100", "1", low=0, high=3)]
 """For each `Ranked`, ascending quantiles of the figures of valid touches, and in the last row of
@@ -181,7 +185,7 @@ def _worst_line(lines: LineChanges) -> float:
     return worst / max(float(columns.max() / max(np.median(columns), MIN_LIGHT)), 1.0)
 
 
-def ranked(drawn: F8, own: F8 | None = None) -> F8:
+def ranked(drawn: F8, own: F8 | None = None, others: F8 | None = None) -> F8:
     """Return the quantiles of valid touches' figures that a calibration keeps.
 
     Drawn touches have only the model's errors, and a real film has others.  So the calibration's
@@ -193,9 +197,15 @@ def ranked(drawn: F8, own: F8 | None = None) -> F8:
     ----------
     drawn : N x 15, the figures of touches drawn from the calibration
     own : P x 15, the figures of its presses; P may be 0
+    others
+        M x 15, those of valid touches of another kind.  Light in shadow is ranked among all that
+        have shadows, since most soft touches show none.
     """
     levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT
     quantiles, both = np.quantile(drawn, levels, axis=0), drawn
+    shadows = np.concatenate([drawn, drawn[:0] if others is None else others])[:, SHADOW_FIGURE]
+    if shadows.any():
+        quantiles[:, SHADOW_FIGURE] = np.maximum(np.quantile(shadows[shadows != 0], levels), 0)
     if own is not None and len(own):
         weight = round(TAIL_SHARE / (1 - TAIL_SHARE) * len(drawn))
         both = np.concatenate([drawn, own[np.arange(max(weight, len(own))) % len(own)]])

@@ -25,13 +25,8 @@ HEIGHT_ROUNDS = 3
 """Alternations between slopes and the height, on which the direction of an LED depends."""
 BIN_VARIANCE = 1 / 12
 """Variance in px^2 of the places within a bin; all have the bin's mean slope."""
-MIN_FOLD_PIXELS = 100
-"""Minimum number of pixels around a fold for an estimate."""
-MAX_VARIANCE_RATIO = 4.0
-"""Largest variance of a slant that counts, relative to the median around a ball; it is larger if
-the LEDs are nearly in line."""
 MIN_WEIGHT = 1e-9
-"""Regularisation of the normal equations, which are singular with too few LEDs."""
+"""Least sum of a cell's normals or weights that is divided by."""
 
 
 class Folds(NamedTuple):
@@ -83,20 +78,22 @@ def folds(
     image, flat = image[:, ring.inside], flat[:, ring.inside]
     lit = _lit(ring, image, flat, film)
     angle, variance, brightness, weight = _bent(ring, lit, image, flat, film, noise, pixel)
-    square, tells = np.zeros(angle.shape), np.zeros(angle.shape, bool)
+    square, noise_of, tells = *np.zeros((2, *angle.shape)), np.zeros(angle.shape, bool)
     square[:, 1:-1] = np.square(angle[:, 2:] - angle[:, :-2]) / 8
+    noise_of[:, 1:-1] = (variance[:, 2:] + variance[:, :-2]) / 8
     # A change of the LEDs in use changes the slant, which would look like a fold.
     alike = (lit[..., 1:] == lit[..., :-1]).all(axis=0)
-    sure = variance < MAX_VARIANCE_RATIO * np.median(variance[variance > 0])
-    tells[:, 1:-1] = alike[:, 1:] & alike[:, :-1] & sure[:, 2:] & sure[:, :-2]
-    square *= tells
+    tells[:, 1:-1] = alike[:, 1:] & alike[:, :-1]
+    # The slant is noisy where LEDs are nearly in line: a fold has to turn by more than its noise.
+    square *= tells & (square > noise_of)
+    tells &= noise_of < square.max(axis=1, keepdims=True)
     weight = weight * tells.ravel()[ring.cell]
     found = []
     for number, inner in enumerate(square[:, reach:-reach]):
+        if not inner.any():
+            continue
         far = (ring.bin - reach - int(np.argmax(inner))) / reach
         near = (ring.sector == number) & (np.abs(far) <= 1) & (weight > 0)
-        if near.sum() < MIN_FOLD_PIXELS:
-            continue
         root, far = np.sqrt(weight[near]), far[near]
         smooth = np.stack([np.ones_like(far), far, far * far], axis=1) * root[:, None]
         both = np.stack([brightness[near], square[number, ring.bin[near]]], axis=1) * root[:, None]
@@ -120,7 +117,7 @@ def _bent(
     noise: Noise,
     pixel: float,
 ) -> tuple[F8, F8, F8, F8]:
-    """Return slant and its variance by cell, relative brightness and its weight by pixel.
+    """Return the mean slant of a cell and its variance, a pixel's brightness and its weight.
 
     The height is the sum of the slopes from the outside inwards.
     """
@@ -138,7 +135,8 @@ def _bent(
         light = (seen / touch_gain(film, z) - b) / direct * counts / deviation
         shine = np.stack([emitted(film, k, place) + 0 * z for k in range(len(seen))])
         vectors = vectors_at(film.lights, *place) * (shine * counts / deviation)[:, None]
-        by_normal = np.einsum("kin,kjn->nij", vectors, vectors) + MIN_WEIGHT * np.eye(3)
+        # A normal is of length 1, which is all that too few LEDs leave known of it.
+        by_normal = np.einsum("kin,kjn->nij", vectors, vectors) + np.eye(3)
         normal = np.linalg.solve(by_normal, np.einsum("kin,kn->ni", vectors, light)[..., None])
         nx, ny, nz = normal[..., 0].T
         outward = ring.mean(nx * ring.outward[0] + ny * ring.outward[1])
@@ -149,7 +147,7 @@ def _bent(
     tilted = np.stack([*(np.sin(slant) * ring.outward), np.cos(slant)])
     turned = np.stack([*(np.cos(slant) * ring.outward), -np.sin(slant)])
     spread = np.linalg.solve(by_normal, turned.T[..., None])[..., 0]
-    variance = ring.mean((spread * turned.T).sum(axis=1))
+    variance = ring.mean((spread * turned.T).sum(axis=1)) / np.maximum(ring.counts, 1)
     expected = np.einsum("kin,in->kn", vectors, tilted)
     weight = np.square(expected).sum(axis=0)
     brightness = (expected * light).sum(axis=0) / np.maximum(weight, MIN_WEIGHT)

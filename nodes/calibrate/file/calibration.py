@@ -67,7 +67,7 @@ class Calibration(NamedTuple):
         F4,
         Port("K", "1"),
         Stored(0, 1e3),
-        "root mean square of the reflectance fit per LED",
+        "standard deviation of the reflectance fit's residual per LED",
     ]
     null: Annotated[NullVector, Stored(-1.001, 1.001), "unit vector a with a.I = 0"]
     spread: Annotated[Spread, Stored(0, 1e3), "standard deviation of a.I on lit pixels"]

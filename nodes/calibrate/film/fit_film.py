@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import NodeCall, Port, SizeLimit, node
 from tactograph.nodes import (
+    DEVIATIONS_PER_MAD,
     F4,
     MIN_CAMERA_MM,
     Film,
@@ -106,7 +107,7 @@ def fit_film(
     -------
     FilmFit
         The `Film`, with LED positions sampled from the uncertainty of the fit; its errors on
-        held-out samples, as a `Misfit`; the root mean square residual of each LED's light, K;
+        held-out samples, as a `Misfit`; the standard deviation of each LED's residual light, K;
         the figures: ``film_heldout_deg/...`` for each model tried and ``film_heldout_deg`` of
         the one chosen, in degrees between normals; and the inputs, for `judge_radius`.
     """
@@ -151,7 +152,7 @@ def fit_film(
     return FilmFit(
         film.stored()._replace(uneven=uneven, grain=rough, pressed_slope=slope),
         misfit=held_out.misfit(film, uneven),
-        residual=np.sqrt(np.square(residual).mean(axis=1)).astype(np.float32),
+        residual=np.asarray(DEVIATIONS_PER_MAD * np.median(np.abs(residual), axis=1), np.float32),
         quality=trial.figures | _properties(best, film, rest),
         evidence=evidence,
     )

@@ -58,27 +58,6 @@ FREE_PARTS[WITH_COAT] = frozenset({"plain", "lobe"})
 can hide a wrong radius."""
 
 
-STATED_VALUES = {
-    OTHER_SIZE: (
-        "a ball of {other_mm:.3g} mm radius",
-        "one of {stated_mm:.3g} mm",
-        "is the radius given {wrong}, or the pixel size too {pixel}, as by another zoom"
-        "{or_camera}? Measure radius and pixel size{which}",
-    ),
-    OTHER_CAMERA: (
-        "a camera {above_mm:.3g} mm above the film",
-        "one far away",
-        "give its height (`film.camera`=MM), or a lens",
-    ),
-    OTHER_POWER: (
-        "light that the camera raises to the power of {power:.3g}",
-        "linear light",
-        "the camera's values are not linear: switch its gamma and contrast off",
-    ),
-}
-"""What the light can contradict: another value, that given, and the cure, in words."""
-
-
 class Explained(NamedTuple):
     """What a plain film explains of the light where a value is free.
 
@@ -203,50 +182,64 @@ class Alternatives(NamedTuple):
         """
         likely = [
             name
-            for name in STATED_VALUES
+            for name in (OTHER_SIZE, OTHER_CAMERA, OTHER_POWER)
             if self.is_other(name)
             and self.odds(name) > SURE_ODDS
             and self.odds(name, misfit) > 1 / SURE_ODDS
         ]
-        stated = self.stated.departure
         if likely:
-            best, *rest = sorted(likely, key=lambda name: self.by_name[name].departure)
-            least, size = self.by_name[best].departure, self.by_name[OTHER_SIZE].size
-            near = (
-                ", or the camera near the film, whose height you have not given (`film.camera`=MM)"
-            )
-            wrong = "too large" if size < 1 else "too small"
-            facts = {
-                "other_mm": radius * size,
-                "stated_mm": radius,
-                "power": self.by_name[OTHER_POWER].power,
-                "above_mm": 1 / self.by_name[OTHER_CAMERA].camera
-                if OTHER_CAMERA in likely
-                else 0.0,
-                "wrong": "its diameter" if size < FIRST_SIZES[0] ** 0.5 else wrong,
-                "pixel": "small" if size < 1 else "large",
-                "or_camera": near * (OTHER_CAMERA in self.by_name),
-                "which": which,
-            }
-            other, as_stated, cure = (part.format(**facts) for part in STATED_VALUES[best])
-            alike = [name for name in rest if self.odds(name, least) > 1 / REFUSED_ODDS]
-            doubt = (
-                f"{other} explains the light better than {as_stated}, {_times(self.odds(best))} "
-                f"likelier ({least:.1%} unexplained instead of {stated:.1%})"
-                + "".join(f"; so does {STATED_VALUES[name][0].format(**facts)}" for name in alike)
-                + f": {cure}"
-            )
-            return [doubt], min(self.odds(best), self.odds(best, misfit)) > REFUSED_ODDS
+            likely.sort(key=lambda name: self.by_name[name].departure)
+            odds = min(self.odds(likely[0]), self.odds(likely[0], misfit))
+            return [self._contradiction(likely, radius, which)], odds > REFUSED_ODDS
         if misfit < math.inf and self.odds(AS_STATED, misfit) > REFUSED_ODDS:
             doubt = (
                 f"no model of the film explains balls and untouched film together: the best leaves "
-                f"{misfit:.1%} of the light unexplained, where a plain film leaves {stated:.1%}. "
-                "Check the order of the images, the focus, the ball's radius and the pixel "
-                f"size{which}; give the height of a near camera (`film.camera`=MM), and a lens "
-                "that distorts"
+                f"{misfit:.1%} of the light unexplained, where a plain film leaves "
+                f"{self.stated.departure:.1%}. Check the order of the images, the focus, the "
+                f"ball's radius and the pixel size{which}; give the height of a near camera "
+                "(`film.camera`=MM), and a lens that distorts"
             )
             return [doubt], False
         return [], False
+
+    def _contradiction(self, likely: list[str], radius: float, which: str) -> str:
+        """What explains the light better than what was given, the likeliest first, and the cure."""
+        size, power = self.by_name[OTHER_SIZE].size, self.by_name[OTHER_POWER].power
+        camera = self.by_name.get(OTHER_CAMERA)
+        wrong = "too large" if size < 1 else "too small"
+        wrong = "its diameter" if size < FIRST_SIZES[0] ** 0.5 else wrong
+        near = ", or the camera near the film, whose height you have not given (`film.camera`=MM)"
+        # Another value, that given, and the cure.
+        words = {
+            OTHER_SIZE: (
+                f"a ball of {radius * size:.3g} mm radius",
+                f"one of {radius:.3g} mm",
+                f"is the radius given {wrong}, or the pixel size too "
+                f"{'small' if size < 1 else 'large'}, as by another zoom"
+                f"{near * (camera is not None)}? Measure radius and pixel size{which}",
+            ),
+            OTHER_POWER: (
+                f"light that the camera raises to the power of {power:.3g}",
+                "linear light",
+                "the camera's values are not linear: switch its gamma and contrast off",
+            ),
+        }
+        if camera is not None and camera.camera:
+            words[OTHER_CAMERA] = (
+                f"a camera {1 / camera.camera:.3g} mm above the film",
+                "one far away",
+                "give its height (`film.camera`=MM), or a lens",
+            )
+        best, *rest = likely
+        other, as_stated, cure = words[best]
+        least = self.by_name[best].departure
+        alike = [words[name][0] for name in rest if self.odds(name, least) > 1 / REFUSED_ODDS]
+        return (
+            f"{other} explains the light better than {as_stated}, {_times(self.odds(best))} "
+            f"likelier ({least:.1%} unexplained instead of {self.stated.departure:.1%})"
+            + "".join(f"; so does {each}" for each in alike)
+            + f": {cure}"
+        )
 
     def unconfirmed(self, radius: float, misfit: float = math.inf, ruler: str = "") -> str:
         """Return what is open if a gel that diffuses no light is not excluded, with another radius.
@@ -257,19 +250,22 @@ class Alternatives(NamedTuple):
         open_ones, stated = self._open_ones(misfit), self.stated
         if not open_ones:
             return ""
-        others = []
+        shares = {name: f"{self.by_name[name].diffuse:.0%}" for name in (AS_STATED, *open_ones)}
+        # The radii differ in more than what the gel diffuses if that is the same.
+        has_shares = len(set(shares.values())) > 1
+        fits = f"{radius:.3g} mm fits"
+        fits += f" if the gel diffuses {shares[AS_STATED]} of the light" * has_shares
         for name in open_ones:
-            other, odds = self.by_name[name], self.odds(name)
-            likelier = f", {_times(odds)} likelier," if name == OTHER_SIZE else ""
-            diffused = f"{other.diffuse:.0%}" if name == OTHER_SIZE else "none"
-            others.append(f"{radius * other.size:.3g} mm{likelier} if it diffuses {diffused}")
+            likelier = f", {_times(self.odds(name))} likelier" * (name == OTHER_SIZE)
+            likelier += "," * bool(likelier and has_shares)
+            fits += f", and so does {radius * self.by_name[name].size:.3g} mm{likelier}"
+            fits += f" if it diffuses {shares[name]}" * has_shares
         advice = ""
         if ruler and all(self.is_excluded(name, stated.distance) for name in open_ones):
             apart = " or ".join(f"{self.by_name[n].distance:.3g}" for n in (AS_STATED, *open_ones))
             advice = f", or the LEDs' mean distance from the film's middle, {apart} mm ({ruler}=MM)"
         return (
-            f"the light does not confirm the ball's radius: {radius:.3g} mm fits if the gel "
-            f"diffuses {stated.diffuse:.0%} of the light, {', '.join(others)}. Heights may be "
+            f"the light does not confirm the ball's radius: {fits}. Heights may be "
             f"{self.scale_error(misfit):.0%} off. What settles it: a deeper press, with the ball's "
             f"shadow on itself{advice}"
         )

@@ -4,7 +4,6 @@ import math
 import tempfile
 import warnings
 from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,7 +20,13 @@ from tactograph.nodes.files.calibration_file import FileKind
 from tactograph.nodes.optics.cell_side import USUAL_SIDE
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask, cut
 from tactograph.nodes.stored import with_plain
-from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, Ranked, figures_of, ranked
+from tactograph.nodes.trust.check_ranks import (
+    CHECK_FIGURES,
+    REST_FIGURES,
+    Ranked,
+    figures_of,
+    ranked,
+)
 from tactograph.nodes.trust.checked_cells import MAX_CELLS, MIN_LEDS, few_cells
 from tactograph.nodes.trust.judge_touch import MAX_RIM_SHARE
 from tactograph.nodes.trust.light_departure import MIN_ERROR
@@ -80,18 +85,7 @@ def rank_checks(
         else:
             # Three lights are linearly independent, so the paper's shadow test needs four.
             tables = "paper" if len(arrays["flat"]) > MIN_LEDS else "paper_no_shadow"
-            walls = params | {"count": max(count // 2, 1), "rigid": True}
-            pressed, rims = _press_figures("reconstruct", presses, even, RIM_PORTS | CAUSE_PORTS)
-            on_rims = rims > MAX_RIM_SHARE
-            soft = [each for each, has_rims in zip(presses, on_rims, strict=True) if not has_rims]
-            drawn_of = partial(_drawn, "reconstruct", "drawn_touches", more=CAUSE_PORTS)
-            ranks = [
-                ranked(drawn_of(params), pressed[~on_rims]),
-                ranked(drawn_of(walls), pressed[on_rims]),
-                ranked(
-                    _drawn(tables, "drawn_touches", params), _press_figures(tables, soft, even)[0]
-                ),
-            ]
+            ranks = _ranks_of_leds(tables, params, presses, even)
     kind.replace(file, {"ranks": np.stack(ranks)})
 
 
@@ -116,6 +110,36 @@ def _presses_of(press: SheetLight, mask: SheetMask | None, rows: int) -> list[Li
     if mask is None:
         return presses
     return [p for p, used in zip(presses, cut(mask, rows), strict=True) if used.any()]
+
+
+def _ranks_of_leds(
+    tables: str, params: dict[str, Any], presses: list[Light], even: Path
+) -> list[F8]:
+    """The ranks of each `Ranked`, of a sensor with one image per LED."""
+    walls = params | {"count": max(params["count"] // 2, 1), "rigid": True}
+    soft, rigid = (
+        _drawn("reconstruct", "drawn_touches", each, CAUSE_PORTS) for each in (params, walls)
+    )
+    plain = _drawn(tables, "drawn_touches", params)
+    pressed, rims = _press_figures("reconstruct", presses, even, RIM_PORTS | CAUSE_PORTS)
+    of_tables = _press_figures(tables, presses, even)[0]
+    on_rims = rims > MAX_RIM_SHARE
+    return [
+        ranked(soft, _without_walls(pressed, on_rims, soft), rigid),
+        ranked(rigid, pressed[on_rims], soft),
+        ranked(plain, _without_walls(of_tables, on_rims, plain)),
+    ]
+
+
+def _without_walls(pressed: F8, on_rims: NDArray[np.bool_], drawn: F8) -> F8:
+    """The figures of presses as of soft touches.
+
+    Of a press with walls only the film at rest counts.  The other figures are those of presses
+    without walls, or, if there are none, usual ones.
+    """
+    usual = np.median(drawn, axis=0) if on_rims.all() else pressed[~on_rims]
+    walls = on_rims[:, None] & ~REST_FIGURES
+    return np.where(walls, np.resize(usual, pressed.shape), pressed)
 
 
 def _press_figures(

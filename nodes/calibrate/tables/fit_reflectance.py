@@ -5,13 +5,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError, Port, node
-from tactograph.nodes import F4, Labels, Light, Mask, Reflectance, Slope
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, Labels, Light, Mask, Reflectance, Slope
 from tactograph.nodes.calibrate import MIN_PIXELS
 from tactograph.nodes.optics.harmonics import harmonics
 
 
 class ReflectanceFit(NamedTuple):
-    """Nine coefficients per LED, and their root mean square residual."""
+    """Nine coefficients per LED, and the standard deviation of their residual."""
 
     reflectance: Reflectance
     residual: Annotated[F4, Port("K", "1")]
@@ -29,7 +29,8 @@ def fit_reflectance(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Refl
 
     Returns
     -------
-    Coefficients K x 9 in the order of `harmonics`, residual of length K.
+    Coefficients K x 9 in the order of `harmonics`; the standard deviation of the residual, K, by
+    its median, so that a few hot pixels do not spoil it.
 
     Raises
     ------
@@ -47,5 +48,6 @@ def fit_reflectance(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Refl
         basis = harmonics(slope[:, chosen]).T.astype(np.float64)
         harmonic, *_ = np.linalg.lstsq(basis, plane[chosen].astype(np.float64), rcond=None)
         coefficients.append(harmonic)
-        residuals.append(np.sqrt(np.mean((basis @ harmonic - plane[chosen]) ** 2)))
+        away = np.abs(basis @ harmonic - plane[chosen])
+        residuals.append(DEVIATIONS_PER_MAD * np.median(away))
     return ReflectanceFit(np.asarray(coefficients, np.float32), np.asarray(residuals, np.float32))

@@ -6,6 +6,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from tactograph.nodes import F4, Film
+from tactograph.nodes.calibrate.camera._ball_ring import BallRing
+from tactograph.nodes.calibrate.camera._fold_light import folds
 from tactograph.nodes.calibrate.camera.camera_blur import camera_blur
 from tactograph.nodes.optics.film import predict
 from tests.nodes.films import LEDS, MATT
@@ -91,3 +93,13 @@ def test_a_film_that_bends_gently_is_no_blur(diffuse: float) -> None:
         assert 0.9 * blur_px < width(blur_px, film=film, noise=NOISE) < np.hypot(blur_px, 0.9)
     # Where film lights itself, folds are brighter than their slopes make them.
     assert width(0.5, film=film._replace(albedo=0.5), noise=NOISE) > 1.5
+
+
+@pytest.mark.parametrize("lit", [1, 2])
+def test_folds_under_too_few_leds_tell_nothing(lit: int) -> None:
+    """Images without noise, as JPEG leaves them, ended the calibration by a singular matrix."""
+    flat, image = np.full((len(LEDS), ROWS, COLUMNS), 0.6, np.float32), soft_press(0.5, MATT)
+    image[lit:] = 0
+    ring = BallRing.of(flat.shape[1:], MIDDLE, 0.5 * RADIUS, 1.5 * RADIUS)
+    noise = np.full(2, 1e-8, np.float32)
+    assert folds(image, flat, ring, 6, MATT, noise, 0.1).most_blur(0.0) == np.inf

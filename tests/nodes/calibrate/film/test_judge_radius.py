@@ -124,7 +124,10 @@ def test_a_chosen_film_that_explains_less_than_a_plain_one_is_doubted() -> None:
 
 def test_a_radius_is_open_until_the_light_excludes_a_gel_that_diffuses_none() -> None:
     light = unexplained(stated=0.03, clear=0.031)
-    assert "6 mm fits if the gel diffuses 0% of the light, 3.6 mm if it" in light.unconfirmed(6.0)
+    assert "radius: 6 mm fits, and so does 3.6 mm. Heights" in light.unconfirmed(6.0)
+    light.by_name[AS_STATED] = light.stated._replace(diffuse=0.1)
+    unconfirmed = light.unconfirmed(6.0)
+    assert "6 mm fits if the gel diffuses 10% of the light, and so does 3.6 mm if" in unconfirmed
     # A ball of 0.6 times the radius is half as high; pixels of 1 / 0.6 times the size add that.
     assert light.scale_error() == pytest.approx(math.hypot(0.5, 1 - 0.5 / 0.6) / math.sqrt(2))
     excluded = unexplained(stated=0.03, clear=0.04)

@@ -8,8 +8,8 @@ import pytest
 
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.ranks.drawn import OBJECT_FORMS, Doubts
-from tactograph.nodes.calibrate.ranks.rank_checks import rank_checks
-from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, RANK_COUNT, Ranked
+from tactograph.nodes.calibrate.ranks.rank_checks import _without_walls, rank_checks
+from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, RANK_COUNT, REST_FIGURES, Ranked
 from tests.fixtures import Calibration
 
 EXACT = Doubts(level=0.0, width_mm=1.0, light=0.0, uneven=0.0, contact_mm=0.05)
@@ -58,3 +58,16 @@ def test_ranks_are_added_to_a_file_and_nothing_else_changes(
     assert (np.diff(after.ranks, axis=2) >= 0).all()
     rank_checks(file=file, count=24, seed=5)
     assert np.array_equal(after.ranks, read_calibration(file=file).ranks)
+
+
+def test_the_film_beside_a_rigid_ball_tells_of_film_at_rest() -> None:
+    """The grain that JPEG leaves in a press with walls was not known to soft touches."""
+    drawn = np.random.default_rng(1).uniform(0, 1, (64, len(CHECK_FIGURES)))
+    rigid, soft = np.full((2, 1, len(CHECK_FIGURES)), 5.0) * [[[1]], [[2]]]
+    at_rest = [*CHECK_FIGURES].index("light_at_rest")
+    for presses in (rigid, np.concatenate([rigid, soft])):
+        figures = _without_walls(presses, np.arange(len(presses)) == 0, drawn)
+        assert figures[0, at_rest] == 5
+        others = 10 if len(presses) > 1 else np.median(drawn, axis=0)
+        assert np.array_equal(figures[0], np.where(REST_FIGURES, 5, others))
+    assert not _without_walls(rigid[:0], np.zeros(0, bool), drawn).size

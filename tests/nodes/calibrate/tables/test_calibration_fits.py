@@ -60,6 +60,14 @@ def test_lambert_is_of_first_order_in_the_normal() -> None:
     assert fit.residual.max() < 1e-5
 
 
+def test_hot_pixels_do_not_spoil_the_residual() -> None:
+    rng = np.random.default_rng(1)
+    light = LIGHT + rng.normal(0, 0.01, LIGHT.shape).astype(np.float32)
+    light[:, rng.random(LIGHT.shape[1:]) < 0.0005] = 4
+    fit = fit_reflectance(light, SLOPE, MASK, LIT)
+    assert fit.residual == pytest.approx(np.full(4, 0.01), rel=0.1)
+
+
 def test_harmonics_of_the_film_at_rest() -> None:
     assert harmonics(np.zeros((2, 1), np.float32))[:, 0].tolist() == [1, 0, 0, 1, 0, 0, 0, 0, 2]
 
