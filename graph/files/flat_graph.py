@@ -15,6 +15,7 @@ from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
 from tactograph.graph.files.captures_in import CAPTURE_PARAM
 from tactograph.graph.files.graph_model import GRAPH_FORMAT
+from tactograph.graph.files.typed_values import read_words
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
@@ -180,6 +181,14 @@ class Graph:
     def at_capture(self, folder: str | Path) -> dict[str, str]:
         """That param with the capture's folder as its value; empty if the graph has none."""
         return {} if self.capture_param is None else {self.capture_param: str(folder)}
+
+    def read_words(self, words: Iterable[str]) -> dict[str, Any]:
+        """Read ``name=value`` words, as a user types them, for its params.
+
+        Raises InputError if a word is not of that form, names no param, or its value is of the
+        wrong kind.
+        """
+        return read_words(self, words)
 
     @property
     def file(self) -> Path:

@@ -1,26 +1,26 @@
 """Values as a user types them: ``name=value`` words, read for a graph's params."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.disk.strict_yaml import Document, parse_scalar
+from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import InputError, a_few
-from tactograph.graph.files.flat_graph import Graph, Param
 from tactograph.graph.files.graph_model import WANTED_BY_KIND, is_of_kind
 from tactograph.graph.files.graph_places import shipped
+
+if TYPE_CHECKING:
+    from tactograph.graph.files.flat_graph import Graph, Param
 
 MAX_NAMED_SETTINGS = 3
 """Largest number of nodes' parameters of one name that a message names."""
 
 
 def read_words(graph: Graph, words: Iterable[str]) -> dict[str, Any]:
-    """Read ``name=value`` words for the params of `graph`.
-
-    Raises InputError if a word is not of that form, names no param, or its value is of the wrong
-    kind.
-    """
+    """See `Graph.read_words`."""
     values: dict[str, Any] = {}
     for word in words:
         name, equals, text = word.partition("=")
@@ -97,7 +97,7 @@ def _read(name: str, text: str, param: Param) -> Any:
 
 def _scalar(name: str, text: str) -> Any:
     try:
-        return parse_scalar(text)
+        return Document.scalar(text)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
 

@@ -24,7 +24,6 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.files.layer_files import picture_file
-from tactograph.nodes.stream.layer_kinds import deviation_of, layers_of
 from tactograph.nodes.stream.touch import ColourMap, LedLabels, Regions, Touch
 
 # Fixed margins and `print_png` take half the time of a layout that measures every text, and of
@@ -36,9 +35,9 @@ OUTER_PERCENT = 0.1
 
 def draw_result(touch: Touch, folder: Path) -> None:
     """Draw the height, and every layer that is a map or drawn over the image."""
-    _once(folder / "height.png", draw_height, touch.height, deviation_of(touch), touch.pixel)
+    _once(folder / "height.png", draw_height, touch.height, touch.deviation, touch.pixel)
     count, grey = touch.image.shape[0], touch.image.mean(axis=0)
-    for layer in layers_of(touch):
+    for layer in touch.each_layer():
         match layer.kind.drawn:
             case ColourMap() as how:
                 _once(picture_file(layer, folder), draw_map, layer.value, how, touch.pixel)

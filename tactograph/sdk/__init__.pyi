@@ -2,7 +2,6 @@ from tactograph.graph import (
     Cache as Cache,
     Close as Close,
     EndOfStream as EndOfStream,
-    Exact as Exact,
     Flips as Flips,
     GraphError as GraphError,
     InputError as InputError,
@@ -27,15 +26,18 @@ from tactograph.graph.backends.launch import (
 from tactograph.graph.command import (
     command_line as command_line,
 )
+from tactograph.graph.cores import (
+    cores as cores,
+)
 from tactograph.graph.declare.find_node import (
     find_node as find_node,
-)
-from tactograph.graph.declare.node_page import (
-    node_page as node_page,
 )
 from tactograph.graph.disk.atomic_files import (
     atomic_file as atomic_file,
     atomic_files as atomic_files,
+)
+from tactograph.graph.disk.strict_yaml import (
+    Document as Document,
 )
 from tactograph.graph.errors import (
     did_you_mean as did_you_mean,
@@ -72,13 +74,18 @@ from tactograph.nodes import (
     Metrics as Metrics,
     PixelSize as PixelSize,
     Slope as Slope,
+    SlopeVariance as SlopeVariance,
 )
 from tactograph.nodes.capture.listed_capture import (
     ListedCapture as ListedCapture,
     MarkedBall as MarkedBall,
 )
 from tactograph.nodes.capture.read_capture import (
+    CaptureFile as CaptureFile,
     Layout as Layout,
+)
+from tactograph.nodes.contact.largest_contacts import (
+    LargestContacts as LargestContacts,
 )
 from tactograph.nodes.drawing.arrows import (
     draw_arrows as draw_arrows,
@@ -91,8 +98,7 @@ from tactograph.nodes.drawing.new_picture import (
     write_picture as write_picture,
 )
 from tactograph.nodes.drawing.result_pictures import (
-    draw_height as draw_height,
-    draw_map as draw_map,
+    draw_result as draw_result,
 )
 from tactograph.nodes.files.calibration_file import (
     FileKind as FileKind,
@@ -101,14 +107,15 @@ from tactograph.nodes.files.height_files import (
     HeightFile as HeightFile,
 )
 from tactograph.nodes.files.image_files import (
+    MAX_PIXELS as MAX_PIXELS,
     Crop as Crop,
     Lights as Lights,
     cropped as cropped,
     read_image as read_image,
     write_image as write_image,
 )
-from tactograph.nodes.files.result_file import (
-    result_files as result_files,
+from tactograph.nodes.files.sensor_identity import (
+    SensorIdentity as SensorIdentity,
 )
 from tactograph.nodes.files.stored_result import (
     StoredResult as StoredResult,
@@ -127,10 +134,6 @@ from tactograph.nodes.optics.shape import (
 from tactograph.nodes.stored import (
     Stored as Stored,
 )
-from tactograph.nodes.stream.layer_kinds import (
-    layer_kinds as layer_kinds,
-    layers_of as layers_of,
-)
 from tactograph.nodes.stream.touch import (
     Arrows as Arrows,
     ArrowsInImage as ArrowsInImage,
@@ -144,5 +147,4 @@ from tactograph.nodes.stream.touch import (
     Regions as Regions,
     StateVector as StateVector,
     Touch as Touch,
-    as_it_is as as_it_is,
 )

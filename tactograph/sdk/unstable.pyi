@@ -7,14 +7,9 @@ from tactograph.graph.commands.progress_line import (
 )
 from tactograph.graph.cores import (
     CORES_VARIABLE as CORES_VARIABLE,
-    cores as cores,
 )
 from tactograph.graph.disk.folder_lock import (
     lock_folder as lock_folder,
-)
-from tactograph.graph.disk.strict_yaml import (
-    Document as Document,
-    parse_scalar as parse_scalar,
 )
 from tactograph.graph.disk.text_names import (
     refuse_other_names as refuse_other_names,
@@ -33,9 +28,6 @@ from tactograph.graph.files.read_graph import (
     graphs_of as graphs_of,
     shipped_names as shipped_names,
 )
-from tactograph.graph.files.typed_values import (
-    read_words as read_words,
-)
 from tactograph.graph.run.open_pipeline import (
     refuse_to_write_over as refuse_to_write_over,
 )
@@ -51,7 +43,6 @@ from tactograph.nodes import (
     Misfit as Misfit,
     Noise as Noise,
     ScaleError as ScaleError,
-    SlopeVariance as SlopeVariance,
     Tables as Tables,
 )
 from tactograph.nodes.calibrate import (
@@ -141,31 +132,17 @@ from tactograph.nodes.capture.read_balls import (
     Radii as Radii,
     StatedCircles as StatedCircles,
 )
-from tactograph.nodes.capture.read_capture import (
-    CaptureFile as CaptureFile,
-)
-from tactograph.nodes.contact.largest_contacts import (
-    LargestContacts as LargestContacts,
-)
 from tactograph.nodes.drawing.new_picture import (
     list_figures as list_figures,
 )
 from tactograph.nodes.files.image_files import (
-    MAX_PIXELS as MAX_PIXELS,
     Channel as Channel,
-    read_numbers as read_numbers,
-)
-from tactograph.nodes.files.sensor_identity import (
-    SensorIdentity as SensorIdentity,
 )
 from tactograph.nodes.files.sensor_preset import (
     SensorPreset as SensorPreset,
 )
 from tactograph.nodes.light.film_drift import (
     terms as terms,
-)
-from tactograph.nodes.light.light_noise import (
-    SATURATED_LIGHT as SATURATED_LIGHT,
 )
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
@@ -179,18 +156,12 @@ from tactograph.nodes.optics.harmonics import (
 from tactograph.nodes.optics.near_light import (
     matt_film_light as matt_film_light,
 )
-from tactograph.nodes.optics.normals import (
-    cofactors as cofactors,
-)
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
 )
 from tactograph.nodes.optics.sheet import (
     SheetLight as SheetLight,
     cut as cut,
-)
-from tactograph.nodes.simulate.expose import (
-    lens_share as lens_share,
 )
 from tactograph.nodes.trust.check_ranks import (
     StoredRanks as StoredRanks,

@@ -52,12 +52,10 @@ def command(
     if (workers or at_most(len(captures.captures))) > 1:
         start_importing()
     # Slow imports follow here, while the processes import and open.
-    from tactograph.sdk.unstable import read_words
-
     read = options.read(graph)
     from tactograph.rings.batch.job import make_job
 
-    arguments, wanted = read_words(read, values), maps.split(",") if maps else None
+    arguments, wanted = read.read_words(values), maps.split(",") if maps else None
     job = make_job(read, arguments, options, out=out, maps=wanted, below=captures.below)
     from tactograph.rings.batch.run_batch import run_batch
 

@@ -4,8 +4,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from tactograph.sdk import GraphError
-from tactograph.sdk.unstable import Document
+from tactograph.sdk import Document, GraphError
 
 Path_ = tuple[str | int, ...]
 CURSOR_MARK = "_cursor_"

@@ -24,7 +24,6 @@ from tactograph.sdk import (
     Regions,
     Touch,
     draw_arrows,
-    layers_of,
 )
 
 Picture = NDArray[np.uint8]
@@ -74,7 +73,7 @@ def draw_touch(
     InputError
         If the touch has no such map.
     """
-    height, image, layers = touch.height, touch.image, layers_of(touch)
+    height, image, layers = touch.height, touch.image, touch.each_layer()
     rows, columns = height.shape
     width = round(HEIGHT_PX * columns / rows)
     half = (HEIGHT_PX - TITLE_PX - GAP_PX) // 2

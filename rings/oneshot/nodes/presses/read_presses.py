@@ -8,8 +8,8 @@ from annotated_types import Interval
 from scipy.ndimage import gaussian_filter
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
-from tactograph.sdk import F4, Crop, InputError, Layout, Light, node
-from tactograph.sdk.unstable import CaptureFile, StatedCircles
+from tactograph.sdk import F4, CaptureFile, Crop, InputError, Layout, Light, node
+from tactograph.sdk.unstable import StatedCircles
 
 
 class Presses(NamedTuple):
