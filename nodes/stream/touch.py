@@ -23,6 +23,10 @@ from tactograph.nodes.optics.camera_view import View
 
 RECORDED_AGE_S = 10.0
 """Age above which a touch must come from a recording, whose clock differs."""
+VISIBLE_RGB, PREDICTED_RGB = (255, 176, 0), (154, 154, 154)
+"""Colours (red, green, blue) of visible arrows, and of predicted ones."""
+SUBPIXEL_BITS = 4
+"""OpenCV draws in sixteenths of a pixel."""
 
 
 @dataclass
@@ -125,6 +129,20 @@ class ArrowsInImage(NamedTuple):
     begin: F4
     way: F4
     visible: U1
+
+    def draw(self, picture: NDArray[np.uint8], scale: float) -> None:
+        """Draw them into a picture H x W x 3 of 8 bit, red first, `scale` times the image."""
+        unit = scale * (1 << SUBPIXEL_BITS)
+        for begin, by, visible in zip(*self, strict=True):
+            start, end = (
+                (int(x), int(y))
+                for x, y in np.round(
+                    ((begin + 0.5) + np.stack([0 * by, by])) * unit - (1 << SUBPIXEL_BITS) / 2
+                )
+            )
+            colour = VISIBLE_RGB if visible else PREDICTED_RGB
+            cv2.circle(picture, start, 1 << SUBPIXEL_BITS, colour, -1, cv2.LINE_AA, SUBPIXEL_BITS)
+            cv2.arrowedLine(picture, start, end, colour, 1, cv2.LINE_AA, SUBPIXEL_BITS, 0.3)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from tactograph.graph import (
     GraphError as GraphError,
     InputError as InputError,
     NodeCall as NodeCall,
-    NodeError as NodeError,
     Pipeline as Pipeline,
     Port as Port,
     Provenance as Provenance,
@@ -41,6 +40,7 @@ from tactograph.graph.disk.strict_yaml import (
 )
 from tactograph.graph.errors import (
     did_you_mean as did_you_mean,
+    one_line as one_line,
 )
 from tactograph.graph.extras import (
     need as need,
@@ -54,6 +54,9 @@ from tactograph.graph.files.read_graph import (
 from tactograph.graph.rings import (
     brought as brought,
 )
+from tactograph.graph.run.progress import (
+    tell_progress as tell_progress,
+)
 from tactograph.graph.run.result import (
     Result as Result,
 )
@@ -61,6 +64,7 @@ from tactograph.nodes import (
     F4 as F4,
     F8 as F8,
     U1 as U1,
+    UM_PER_MM as UM_PER_MM,
     Contacts as Contacts,
     Dark as Dark,
     Film as Film,
@@ -87,13 +91,8 @@ from tactograph.nodes.capture.read_capture import (
 from tactograph.nodes.contact.largest_contacts import (
     LargestContacts as LargestContacts,
 )
-from tactograph.nodes.drawing.arrows import (
-    draw_arrows as draw_arrows,
-)
 from tactograph.nodes.drawing.new_picture import (
-    BLUE as BLUE,
-    GREY as GREY,
-    ORANGE as ORANGE,
+    Colour as Colour,
     NewPicture as NewPicture,
     write_picture as write_picture,
 )
@@ -116,6 +115,9 @@ from tactograph.nodes.files.image_files import (
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
+)
+from tactograph.nodes.files.sensor_preset import (
+    SensorPreset as SensorPreset,
 )
 from tactograph.nodes.files.stored_result import (
     StoredResult as StoredResult,

@@ -16,7 +16,6 @@ from tactograph.graph.disk.text_names import (
 )
 from tactograph.graph.errors import (
     missing as missing,
-    one_line as one_line,
 )
 from tactograph.graph.files.captures_in import (
     captures_in as captures_in,
@@ -31,14 +30,10 @@ from tactograph.graph.files.read_graph import (
 from tactograph.graph.run.open_pipeline import (
     refuse_to_write_over as refuse_to_write_over,
 )
-from tactograph.graph.run.progress import (
-    tell_progress as tell_progress,
-)
 from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
     MAX_PIXEL_MM as MAX_PIXEL_MM,
-    UM_PER_MM as UM_PER_MM,
     LightPlaces as LightPlaces,
     Misfit as Misfit,
     Noise as Noise,
@@ -137,9 +132,6 @@ from tactograph.nodes.drawing.new_picture import (
 )
 from tactograph.nodes.files.image_files import (
     Channel as Channel,
-)
-from tactograph.nodes.files.sensor_preset import (
-    SensorPreset as SensorPreset,
 )
 from tactograph.nodes.light.film_drift import (
     terms as terms,

@@ -15,6 +15,7 @@ from tactograph.rings.curved_film.nodes.read_rest import by_rays
 from tactograph.sdk import (
     F4,
     F8,
+    UM_PER_MM,
     InputError,
     Light,
     Metrics,
@@ -27,7 +28,6 @@ from tactograph.sdk import (
 from tactograph.sdk.nodes import film_bounce, find_balls, label_lit
 from tactograph.sdk.unstable import (
     DERIVATIVE_STEP,
-    UM_PER_MM,
     BallOnShape,
     Circle,
     FilmEvidence,

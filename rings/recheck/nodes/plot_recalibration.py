@@ -5,7 +5,7 @@ from matplotlib.patches import Circle
 
 from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
 from tactograph.rings.recheck.nodes.film_change import FilmChange
-from tactograph.sdk import F4, ORANGE, Light, Metrics, NewPicture, node, write_picture
+from tactograph.sdk import F4, Colour, Light, Metrics, NewPicture, node, write_picture
 from tactograph.sdk.unstable import FoundBalls, SheetLight, cut, list_figures
 
 
@@ -47,6 +47,6 @@ def plot_recalibration(
 def _draw_press(axes: Axes, press: F4, circles: F4) -> None:
     axes.imshow(press.mean(axis=0), cmap="gray")
     for x, y, radius in circles[circles[:, 2] > 0]:
-        axes.add_patch(Circle((x, y), radius, fill=False, color=ORANGE))
+        axes.add_patch(Circle((x, y), radius, fill=False, color=Colour.ORANGE))
     is_pressed = (circles[:, 2] > 0).any()
     axes.set_title("check press" if is_pressed else "no check press")

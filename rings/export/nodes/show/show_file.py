@@ -11,8 +11,8 @@ from tactograph.rings.export.nodes.show._calibration import show_calibration
 from tactograph.rings.export.nodes.show._capture import show_capture
 from tactograph.rings.export.nodes.show._result import show_result
 from tactograph.rings.export.shown import Shown
-from tactograph.sdk import InputError, StoredResult, atomic_file, brought, node
-from tactograph.sdk.unstable import missing, one_line
+from tactograph.sdk import InputError, StoredResult, atomic_file, brought, node, one_line
+from tactograph.sdk.unstable import missing
 
 
 @node
