@@ -22,8 +22,8 @@ from tactograph.graph import (
 from tactograph.graph.backends.launch import (
     Launch as Launch,
 )
-from tactograph.graph.command import (
-    command_line as command_line,
+from tactograph.graph.commands import (
+    graph_command as graph_command,
 )
 from tactograph.graph.cores import (
     cores as cores,

@@ -1,6 +1,5 @@
 from tactograph.graph.commands import (
     RunOptions as RunOptions,
-    graph_command as graph_command,
 )
 from tactograph.graph.commands.progress_line import (
     ProgressLine as ProgressLine,
@@ -33,7 +32,6 @@ from tactograph.graph.run.open_pipeline import (
 from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
-    MAX_PIXEL_MM as MAX_PIXEL_MM,
     LightPlaces as LightPlaces,
     Misfit as Misfit,
     Noise as Noise,

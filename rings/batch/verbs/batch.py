@@ -4,8 +4,8 @@ from os.path import expanduser
 
 import click
 
-from tactograph.sdk import need
-from tactograph.sdk.unstable import RunOptions, graph_command
+from tactograph.sdk import graph_command, need
+from tactograph.sdk.unstable import RunOptions
 
 
 @graph_command("batch", short_help="Run a graph over many captures, into one store.")

@@ -5,8 +5,7 @@ import socket
 
 import click
 
-from tactograph.sdk import need
-from tactograph.sdk.unstable import graph_command
+from tactograph.sdk import graph_command, need
 
 
 @graph_command("tune", short_help="Change a graph in the browser, and see what it gives.")
