@@ -189,13 +189,6 @@ Topic = Callable[[Touch, Any], NDArray[Any] | Mapping[str, Any] | Placed | None]
 the fields of N points (including x, y, z), a frame in its own units, or None for nothing."""
 
 
-class StateVector(NamedTuple):
-    """Numbers that a policy reads as a state, and the name of each."""
-
-    values: Any
-    names: list[str]
-
-
 @dataclass(frozen=True)
 class LayerKind:
     """The kind of a layer: its type, and how it is written and drawn.
@@ -209,7 +202,7 @@ class LayerKind:
         The annotation of the layer's port: element type, sizes and unit; or a record of ports.
     drawn : how it is drawn; None: not at all
     topics : its content in a stream of messages, by topic; None: the map as it is
-    state : its part of the state in a row of a LeRobot dataset
+    state : its numbers by name, a part of the state that policies read in a LeRobot dataset
     follows_film
         Whether a result on a metric grid resamples it, like the height; otherwise it stays on the
         camera's pixels.
@@ -220,7 +213,7 @@ class LayerKind:
     quantity: Any
     drawn: ColourMap | LedLabels | Regions | Arrows | Axes | None = None
     topics: Mapping[str, Topic | None] = field(default_factory=dict)
-    state: Callable[[Any], StateVector] | None = None
+    state: Callable[[Any], Mapping[str, float]] | None = None
     follows_film: bool = False
     is_deviation: bool = False
     warning: Callable[[Touch, Any], str] | None = None

@@ -23,6 +23,7 @@ from tactograph.graph.backends.launch import (
     Launch as Launch,
 )
 from tactograph.graph.commands import (
+    RunOptions as RunOptions,
     graph_command as graph_command,
 )
 from tactograph.graph.cores import (
@@ -147,6 +148,5 @@ from tactograph.nodes.stream.touch import (
     LiveState as LiveState,
     Placed as Placed,
     Regions as Regions,
-    StateVector as StateVector,
     Touch as Touch,
 )

@@ -1,6 +1,3 @@
-from tactograph.graph.commands import (
-    RunOptions as RunOptions,
-)
 from tactograph.graph.commands.progress_line import (
     ProgressLine as ProgressLine,
 )

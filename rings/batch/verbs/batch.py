@@ -4,8 +4,7 @@ from os.path import expanduser
 
 import click
 
-from tactograph.sdk import graph_command, need
-from tactograph.sdk.unstable import RunOptions
+from tactograph.sdk import RunOptions, graph_command, need
 
 
 @graph_command("batch", short_help="Run a graph over many captures, into one store.")

@@ -92,7 +92,9 @@ def touch_columns(
         columns[f"observation.{sensor}.contacts"] = Column(values, names)
     for layer in touch.each_layer():
         if layer.kind.state:
-            columns[f"observation.{sensor}.{layer.name}"] = Column(*layer.kind.state(layer.value))
+            state = layer.kind.state(layer.value)
+            value = np.array([*state.values()], np.float32)
+            columns[f"observation.{sensor}.{layer.name}"] = Column(value, [*state])
     columns[time_column(sensor)] = Column(np.array(divmod(stamp, NS_PER_S)), ["s", "ns"])
     return columns
 
