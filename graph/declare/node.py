@@ -135,12 +135,6 @@ class Node:
         quantities = {name: port.meaning for name, port in self.inputs.items()}
         return Description.of(self.doc or "", names, quantities, self.parameter_records.values())
 
-    def page(self) -> str:
-        """Describe it in Markdown: its inputs, parameters, outputs and errors."""
-        from tactograph.graph.declare.node_page import node_page
-
-        return node_page(self)
-
     @cached_property
     def serial(self) -> int:
         """A number that is unique to this declaration within the process."""

@@ -32,6 +32,9 @@ from tactograph.graph.cores import (
 from tactograph.graph.declare.find_node import (
     find_node as find_node,
 )
+from tactograph.graph.declare.node_page import (
+    node_page as node_page,
+)
 from tactograph.graph.disk.atomic_files import (
     atomic_file as atomic_file,
     atomic_files as atomic_files,
@@ -116,9 +119,6 @@ from tactograph.nodes.files.image_files import (
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
-)
-from tactograph.nodes.files.sensor_preset import (
-    SensorPreset as SensorPreset,
 )
 from tactograph.nodes.files.stored_result import (
     StoredResult as StoredResult,

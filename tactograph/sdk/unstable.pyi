@@ -128,6 +128,9 @@ from tactograph.nodes.drawing.new_picture import (
 from tactograph.nodes.files.image_files import (
     Channel as Channel,
 )
+from tactograph.nodes.files.sensor_preset import (
+    SensorPreset as SensorPreset,
+)
 from tactograph.nodes.light.film_drift import (
     terms as terms,
 )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
-from tactograph.sdk import Graph, GraphError, find_node
+from tactograph.sdk import Graph, GraphError, find_node, node_page
 
 _PAGE_SECTION = re.compile(r"^## (\w+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 _PAGE_ITEM = re.compile(r"^- `(\w+)` (.*)$", re.MULTILINE)
@@ -33,7 +33,7 @@ def of_node(op: str) -> Declared:
         node = find_node(op)
     except GraphError:
         return NO_DECLARATION
-    page = node.page()
+    page = node_page(node)
     lines = {name: dict(_PAGE_ITEM.findall(body)) for name, body in _PAGE_SECTION.findall(page)}
     return Declared(
         summary=page,

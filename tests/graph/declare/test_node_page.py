@@ -8,6 +8,7 @@ import pytest
 from annotated_types import Ge, Gt, Interval, Lt
 
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
+from tactograph.graph.declare.node_page import node_page
 from tactograph.graph.declare.parameter import Parameter
 from tests.each import each
 
@@ -49,17 +50,17 @@ def test_a_docstring_that_lists_arguments_lists_every_input(name: str) -> None:
 
 
 def test_a_page_states_units_ranges_and_defaults() -> None:
-    page = find_node("flat_field").page()
+    page = node_page(find_node("flat_field"))
     assert "`flat` (float32 K x H x W [1]): Irradiance per LED" in page
     assert "; K x H x W, the untouched film" in page
-    assert "`pixel` (number [mm/px]): Side of a pixel on" in find_node("find_ball").page()
+    assert "`pixel` (number [mm/px]): Side of a pixel on" in node_page(find_node("find_ball"))
     assert "`floor` (default 0.02, above 0): lower bound" in page
 
 
 def test_a_page_explains_the_values_of_a_record() -> None:
     meaning = "- `rim` (number [mm]): mm of film beyond the frame"
-    assert meaning in find_node("read_calibration").page()
-    assert "- `null` (float32 K [1]): unit vector a" in find_node("write_calibration").page()
+    assert meaning in node_page(find_node("read_calibration"))
+    assert "- `null` (float32 K [1]): unit vector a" in node_page(find_node("write_calibration"))
 
 
 @each("name", shipped_nodes())

@@ -39,7 +39,8 @@ from tactograph.rings.live.nodes.simulated.simulated_sensor import (
     read_scene,
 )
 from tactograph.rings.live.nodes.touches._match_frames import Clock
-from tactograph.sdk import Height, InputError, SensorPreset
+from tactograph.sdk import Height, InputError
+from tactograph.sdk.unstable import SensorPreset
 
 NO_PORT = "none"
 """The port of LEDs that flash by themselves."""
