@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, Self
 
 from tactograph.graph import InputError
 from tactograph.graph.disk.atomic_files import atomic_files
+from tactograph.graph.errors import missing
 from tactograph.nodes import MAX_PIXEL_MM, MIN_PIXEL_MM
 from tactograph.nodes.files.height_files import HeightFile
 from tactograph.nodes.files.layer_files import layer_files
@@ -28,7 +29,17 @@ class StoredResult(NamedTuple):
 
     @staticmethod
     def file_of(place: Path) -> Path | None:
-        """Return the ``result.json`` that a place is or, as a folder, holds."""
+        """Return the ``result.json`` that a place is or, as a folder, holds.
+
+        Raises
+        ------
+        InputError
+            If there is no such place.
+        """
+        try:
+            place.stat()
+        except (OSError, ValueError):
+            raise InputError(missing(place, "file")) from None
         file = place if place.name == RESULT_FILE else place / RESULT_FILE
         return file if file.is_file() else None
 

@@ -10,9 +10,6 @@ from tactograph.graph.disk.folder_lock import (
 from tactograph.graph.disk.text_names import (
     refuse_other_names as refuse_other_names,
 )
-from tactograph.graph.errors import (
-    missing as missing,
-)
 from tactograph.graph.files.captures_in import (
     captures_in as captures_in,
 )
