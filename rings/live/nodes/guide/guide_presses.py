@@ -101,7 +101,7 @@ def guide_presses(
         stream = Stream(rig, rest, film.dark, "cycle", driver.full_scale)
         watch = Watch(rest, stream, guide.still_s, guide.patience_s)
         count = 0
-        found = partial(_found, driver, *film, pixel, guide.ball_radius_mm)
+        found = partial(_found, driver, film.flat, film.dark, pixel, guide.ball_radius_mm)
         for count, (press, about) in enumerate(watch.presses(found), start=1):
             frames = {frame.led: frame.data for frame in press.new}
             about.bits = driver.bits
