@@ -3,7 +3,6 @@ from tactograph.graph import (
     Close as Close,
     EndOfStream as EndOfStream,
     Flips as Flips,
-    GraphError as GraphError,
     InputError as InputError,
     NodeCall as NodeCall,
     Pipeline as Pipeline,

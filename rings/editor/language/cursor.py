@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from tactograph.sdk import Document, GraphError
+from tactograph.sdk import Document, InputError
 
 Path_ = tuple[str | int, ...]
 CURSOR_MARK = "_cursor_"
@@ -55,7 +55,7 @@ def find_cursor(text: str, line: int, column: int) -> Cursor | None:
     for reading in _readings(text[:end], text[end:]):
         try:
             data = Document.parse(reading, "").data
-        except GraphError:
+        except InputError:
             continue
         marked = _marked(data, ())
         if marked is not None and isinstance(data, dict):
