@@ -24,7 +24,6 @@ from rich.table import Table
 from tactograph.graph import TactographError, load
 from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.files.typed_values import read_words
 
 Launches = list[tuple[str, cl.Event]]
 SHOWN = 25
@@ -50,7 +49,7 @@ def main(graph: str, values: tuple[str, ...], outputs: str, rounds: int) -> None
     with watched(launches):
         try:
             read = read_graph(graph)
-            given = read_words(read, values)
+            given = read.read_words(values)
             pipeline = load(read, backend="opencl", outputs=outputs.split(","), **given)
             found = [measure(pipeline, launches) for _ in range(rounds + 3)][3:]
         except TactographError as error:

@@ -11,7 +11,6 @@ import click
 from click.exceptions import NoArgsIsHelpError
 
 from tactograph.graph.errors import (
-    GraphError,
     NodeError,
     TactographError,
     WriteError,
@@ -171,7 +170,7 @@ def _report(error: BaseException) -> int:
         click.echo("tactograph: out of memory", err=True)
         return 1
     if isinstance(error, TactographError):
-        others = len(error.others) if isinstance(error, GraphError) else 0
+        others = len(error.others)
         more = f" ({others} more: 'tactograph check' lists them)" if others else ""
         click.echo(f"tactograph: {_one_line(error)}{more}", err=True)
         return error.exit_code

@@ -26,11 +26,13 @@ _CUT_SHORT = re.compile(r"\d+ requested and \d+ written")
 class TactographError(Exception):
     """Base of every error this package raises on purpose.  Exit code 1.
 
-    `item` is the name of the stream's item that raised it, if the item has a name.
+    `item` is the name of the stream's item that raised it, if the item has a name.  `others` are
+    further errors of the same file.
     """
 
     exit_code = 1
     item = ""
+    others: Sequence[str] = ()
 
     def at_item(self, name: str) -> None:
         """Put the item's name before the message."""
@@ -45,12 +47,7 @@ class InputError(TactographError):
 
 
 class GraphError(InputError):
-    """A graph file is wrong; the message begins with the place, ``file:line:column``.
-
-    `others` are further errors of the same file.
-    """
-
-    others: Sequence[str] = ()
+    """A graph file is wrong; the message begins with the place, ``file:line:column``."""
 
 
 class ErrorsTogether:

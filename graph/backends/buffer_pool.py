@@ -11,8 +11,6 @@ from functools import lru_cache
 from heapq import heappop, heappush
 from typing import Any
 
-from numpy.typing import NDArray
-
 Free = list[tuple[int, Any]]
 """A heap of the free buffers of one size, by number."""
 SIZE_STEP_BITS = 4
@@ -22,14 +20,13 @@ SIZE_STEP_BITS = 4
 class Memory:
     """A buffer on loan, which returns to its pool when this object is freed.
 
-    `number` identifies it for the life of the device; `sent` is the array that the host wrote.
+    `number` identifies it for the life of the device.
     """
 
-    __slots__ = ("_free", "buffer", "number", "sent")
+    __slots__ = ("_free", "buffer", "number")
 
     def __init__(self, buffer: Any, number: int, free: Free | None = None) -> None:
         self.buffer, self.number, self._free = buffer, number, free
-        self.sent: NDArray[Any] | None = None
 
     # A default argument, since a module's names may be gone when the interpreter exits.
     def __del__(self, push: Callable[[Free, tuple[int, Any]], None] = heappush) -> None:

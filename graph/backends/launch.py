@@ -224,12 +224,8 @@ class Launch:
         return self._device.constant(array)
 
     def send(self, array: NDArray[Any], to: DeviceArray) -> None:
-        """Copy a host array to an existing buffer, behind all that was enqueued before.
-
-        No kernel may change it afterwards: `begin_download` returns the host's array.
-        """
+        """Copy a host array to an existing buffer, behind all that was enqueued before."""
         self.repeats = False
-        to.memory.sent = array
         # The events hold the arrays; freeing them now would wait for the copy.
         self._sent.append(self._device.send(array, to))
 
@@ -241,12 +237,9 @@ class Launch:
     def begin_download(self, array: DeviceArray) -> Callable[[], NDArray[Any]]:
         """Begin to copy an array to the host; return a function that waits for it.
 
-        Kernels enqueued meanwhile keep the device busy.  What the host sent there is there already.
+        Kernels enqueued meanwhile keep the device busy.
         """
         self.repeats = False
-        sent = array.memory.sent
-        if sent is not None:
-            return lambda: sent
         target, (_, copied) = self._device.start_download(array)
 
         def arrived() -> NDArray[Any]:

@@ -89,7 +89,6 @@ class GraphCommand(click.Command):
 def _how_to_give(option: str, words: Sequence[str]) -> tuple[str, bool]:
     """Say how to give a value to the graph among the words, and whether it takes the value."""
     from tactograph.graph.files.read_graph import read_graph
-    from tactograph.graph.files.typed_values import settings_called
 
     name = option.lstrip("-").replace("-", "_")
     written = f"a param is written {name}={_value_of(option, words)}"
@@ -99,7 +98,7 @@ def _how_to_give(option: str, words: Sequence[str]) -> tuple[str, bool]:
         return written, False
     if name in graph.params:
         return written, True
-    settings = settings_called(graph, name)
+    settings = graph.settings_called(name)
     return (f"it is written {settings}", True) if settings else (written, False)
 
 

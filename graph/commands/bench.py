@@ -35,10 +35,9 @@ def command(
     end of the first item, including reading, indexing and compiling.  Only --out is written.
     """
     from tactograph.graph.disk.atomic_files import atomic_file
-    from tactograph.graph.files.typed_values import read_words
 
     read = options.read(graph)
-    arguments = read_words(read, values)
+    arguments = read.read_words(values)
     rows = []
     for place in _places(options):
         start = time.perf_counter()

@@ -67,15 +67,13 @@ def _check(read: Graph, own_params: Container[str]) -> None:
 
 def _check_variants(name: str, read: Graph) -> None:
     """Check the variants that a file of one's own holds; a study's are checked as graphs."""
-    from tactograph.graph.files.read_graph import read_graph
+    from tactograph.graph.files.read_graph import variants_of
     from tactograph.graph.run.pipeline import Pipeline
 
-    if not name.endswith((".yaml", ".yml")):
-        return
-    for key, variant in read.variants.items():
-        if variant.file == read.file:
-            Pipeline.verify(read_graph(f"{name}/{key}"))
-            say(f"variant {key}: nothing wrong")
+    if name.endswith((".yaml", ".yml")):
+        for variant in variants_of(read, read.file):
+            Pipeline.verify(variant)
+            say(f"variant {variant.name.removeprefix(f'{read.name}_')}: nothing wrong")
 
 
 def _written(graph: Graph, plan: Plan) -> list[str]:

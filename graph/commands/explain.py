@@ -22,10 +22,9 @@ def command(graph: str, values: tuple[str, ...], every: bool, options: RunOption
 
     The use of a group is one line.  No node runs, so params need no values.
     """
-    from tactograph.graph.files.typed_values import read_words
 
     read = options.read(graph)
-    arguments = {**read.placeholders, **read_words(read, values)}
+    arguments = {**read.placeholders, **read.read_words(values)}
     plan = options.open(read, arguments).plan
     moves = [step for step in plan.steps if step.is_transfer]
     title = f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}"

@@ -79,11 +79,10 @@ class _Wanted:
 
 def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
     from tactograph.graph.commands import first_start
-    from tactograph.graph.files.typed_values import read_words
     from tactograph.graph.run.keep_values import read_selection
 
     options, read = wanted.options, wanted.options.read(wanted.graph)
-    arguments = read_words(read, wanted.values)
+    arguments = read.read_words(wanted.values)
     selection = read_selection(wanted.keep, read) if wanted.keep is not None else {}
     open_it = partial(options.open, read, arguments, outputs={**read.outputs, **selection})
     pipeline, leaves_kernels = first_start.open_soonest(open_it, options, read)

@@ -15,11 +15,10 @@ def command(graph: str, values: tuple[str, ...], options: RunOptions) -> None:
     same.  Some depend on the calibration and on the image: if all values that GRAPH needs are
     given, one item is run as well.  Nothing else is written.
     """
-    from tactograph.graph.files.typed_values import read_words
     from tactograph.graph.plan.make_plan import make_plan
 
     read = options.read(graph)
-    arguments = read_words(read, values)
+    arguments = read.read_words(values)
     device, reason = options.open_device(read)
     if device is None:
         raise InputError(f"{read.name}: no kernels to build: {reason}")

@@ -20,7 +20,6 @@ from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.graph.errors import InputError, TactographError, WriteError
 from tactograph.graph.files.changes import with_changes
 from tactograph.graph.files.flat_graph import Graph
-from tactograph.graph.files.typed_values import read_words
 from tactograph.graph.plan.plan import Step
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
@@ -44,8 +43,8 @@ class Study:
 
     @cached_property
     def arguments(self) -> dict[str, dict[str, Any]]:
-        """The values of each graph's params, by its name.  Raises the errors of `read_words`."""
-        return {graph.name: read_words(graph, self.values) for graph in self.graphs}
+        """The values of each graph's params, by its name, as `Graph.read_words` reads them."""
+        return {graph.name: graph.read_words(self.values) for graph in self.graphs}
 
     def check(self) -> None:
         """Refuse a comparison that cannot be run.

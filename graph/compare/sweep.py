@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.disk.strict_yaml import parse_scalar
+from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.errors import InputError
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.groups import meant_nodes
@@ -105,7 +105,7 @@ def seed_like(graphs: Iterable[Graph]) -> list[str]:
 
 
 def _list(text: str) -> tuple[Any, ...]:
-    return tuple(parse_scalar(part.strip()) for part in text.split(","))
+    return tuple(Document.scalar(part.strip()) for part in text.split(","))
 
 
 def _range(text: str, log: bool) -> tuple[float, ...]:
@@ -126,7 +126,7 @@ def _range(text: str, log: bool) -> tuple[float, ...]:
 
 
 def _number(text: str) -> int | float:
-    value = parse_scalar(text.strip())
+    value = Document.scalar(text.strip())
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"'{text}' is not a number")
     return value

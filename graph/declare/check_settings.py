@@ -9,7 +9,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, cr
 
 from tactograph.graph.declare.limits import parts_of
 from tactograph.graph.declare.node import Node
-from tactograph.graph.disk.strict_yaml import parse_scalar
+from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import GraphError, InputError, did_you_mean, shortened
 
@@ -157,7 +157,7 @@ def _split(are_numbers: bool, lengths: Collection[int], names: str, value: Any) 
 def _scalar_of(text: str) -> Any:
     """Read one part of ``a,b`` as a scalar."""
     try:
-        return _without_traces(_refuse_bool(parse_scalar(text)))
+        return _without_traces(_refuse_bool(Document.scalar(text)))
     except InputError:
         return text
 

@@ -19,7 +19,10 @@ class Tolerance(Protocol):
 
 @dataclass(frozen=True)
 class Close:
-    """All elements are within ``absolute + relative * |reference|``."""
+    """All elements are within ``absolute + relative * |reference|``, NaN equal to NaN.
+
+    By default they are equal.
+    """
 
     absolute: float = 0.0
     relative: float = 0.0
@@ -28,13 +31,6 @@ class Close:
     def difference(self, reference: NDArray[Any], other: NDArray[Any]) -> str | None:
         differs = _differs(reference, other, self.absolute, self.relative)
         return _first(differs, reference, other) if differs.any() else None
-
-
-@dataclass(frozen=True)
-class Exact(Close):
-    """All elements are equal, NaN equal to NaN."""
-
-    why: str = "the same operations in the same order"
 
 
 @dataclass(frozen=True)

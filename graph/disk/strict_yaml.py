@@ -98,6 +98,17 @@ class Document:
         parsed = (_kept if keep else _parsed)(text, name)
         return cls(deepcopy(parsed.data), dict(parsed.places))
 
+    @staticmethod
+    def scalar(text: str) -> Any:
+        """Read one value, as a user types it, by the rules of these files.
+
+        Raises InputError if it looks like a number but is none.
+        """
+        try:
+            return _scalar(text, _implicit_tag(text, plain=True))
+        except ValueError:
+            raise InputError(f"'{shortened(text, 40)}' is not a number") from None
+
     def place(self, path: Path_) -> Place:
         """The place of `path`, or of its closest parent in the file."""
         for length in range(len(path), -1, -1):
@@ -182,17 +193,6 @@ def _parsed(text: str, name: str) -> Document:
         raise EmptyFileError(f"{name}: the file is empty; a graph file starts with 'format: 1'")
     places: dict[Path_, Place] = {}
     return Document(_plain(root, (), name, places, set()), places)
-
-
-def parse_scalar(text: str) -> Any:
-    """Read a value from the command line by the rules of graph files.
-
-    Raises InputError if it looks like a number but is none.
-    """
-    try:
-        return _scalar(text, _implicit_tag(text, plain=True))
-    except ValueError:
-        raise InputError(f"'{shortened(text, 40)}' is not a number") from None
 
 
 def _plain(

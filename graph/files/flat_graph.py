@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tactograph.graph.declare.check_settings import PARAM_PLACEHOLDER
+from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk.strict_yaml import Place
-from tactograph.graph.errors import GraphError, InputError, did_you_mean
+from tactograph.graph.errors import GraphError, InputError, a_few, did_you_mean
 from tactograph.graph.files.captures_in import CAPTURE_PARAM
 from tactograph.graph.files.graph_model import GRAPH_FORMAT
+from tactograph.graph.files.typed_values import MAX_NAMED_SETTINGS, overlays_with, read_value
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
@@ -180,6 +182,41 @@ class Graph:
     def at_capture(self, folder: str | Path) -> dict[str, str]:
         """That param with the capture's folder as its value; empty if the graph has none."""
         return {} if self.capture_param is None else {self.capture_param: str(folder)}
+
+    def read_words(self, words: Iterable[str]) -> dict[str, Any]:
+        """Read ``name=value`` words, as a user types them, for its params.
+
+        Raises InputError if a word is not of that form, names no param, or its value is of the
+        wrong kind.
+        """
+        values: dict[str, Any] = {}
+        for word in words:
+            name, equals, text = word.partition("=")
+            if not equals:
+                first = next(iter(self.params), "name")
+                example = f"{word}=VALUE" if word in self.params else f"{first}={word}"
+                raise InputError(f"'{word}': write values as name=value, such as {example}")
+            if name not in self.params and (settings := self.settings_called(name)):
+                raise InputError(f"{self.name} has no param '{name}', but nodes have: {settings}")
+            if name not in self.params and (overlays := overlays_with(name)):
+                raise InputError(
+                    f"{self.name} has no param '{name}', but overlays add it: {overlays}"
+                )
+            self.check_param(name)
+            if name in values:
+                raise InputError(f"{name} is given twice")
+            param = self.params[name]
+            values[name] = read_value(name, text, param.kind, required=param.required)
+        return values
+
+    def settings_called(self, name: str) -> str:
+        """The parameters of that name in all nodes, as for ``--set``; "" if there is none."""
+        nodes = [
+            node_id
+            for node_id, entry in self.nodes.items()
+            if name in find_node(entry.op, self.own).parameters
+        ]
+        return a_few([f"--set {node_id}.{name}=VALUE" for node_id in nodes], MAX_NAMED_SETTINGS)
 
     @property
     def file(self) -> Path:

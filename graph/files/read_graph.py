@@ -79,7 +79,7 @@ def read_graphs(name: str) -> list[Graph]:
     if file is None or not (layer := read_layer(file)).base:
         return [read_graph(name)]
     base = _graph_of(layer, ())
-    return [base, *(_lay(base, variant, ()) for variant in base.variants.values())]
+    return [base, *variants_of(base, file)]
 
 
 def graphs_of(text: str, file: Path) -> list[Graph]:
@@ -96,8 +96,12 @@ def graphs_of(text: str, file: Path) -> list[Graph]:
     if not (layer.model.nodes or layer.model.extends):
         return []
     graph = _graph_of(layer, ())
-    variants = layer.variants(layer.base or layer.name).values()
-    return [graph, *(_lay(graph, variant, ()) for variant in variants)]
+    return [graph, *variants_of(graph, file)]
+
+
+def variants_of(graph: Graph, file: Path) -> list[Graph]:
+    """The variants in a file that holds the graph, or has it as base."""
+    return [_lay(graph, each, ()) for each in graph.variants.values() if each.file == file]
 
 
 def with_overlays(graph: Graph, names: Iterable[str]) -> Graph:

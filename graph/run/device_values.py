@@ -94,8 +94,6 @@ class DeviceValues:
                 return
             start = device.start_upload_of_fraction if as_float else device.start_upload
             self._values[value], timer = start(array)
-            if not as_float and not self._plan.tasks[value.node].looks_outside:
-                self._values[value].memory.sent = array  # which no caller refills
         else:
             # A failed item may have left an array.
             self._values.pop(value, None)

@@ -1,7 +1,6 @@
 """Arrays that a caller hands in for source nodes."""
 
 from collections.abc import Mapping
-from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,12 +39,11 @@ class StandIns:
     def __init__(self, plan: Plan, device: DeviceBackend | None) -> None:
         self._plan, self._device = plan, device
         self._waiting = {task.id for task in plan.tasks.values() if task.stand_in}
-        self._in_full, self._in_short = cache(plan.graph.in_full), cache(plan.graph.in_short)
 
     @property
     def names(self) -> list[str]:
         """The names of the nodes that wait for an array."""
-        return sorted(map(self._in_short, self._waiting))
+        return sorted(map(self._plan.graph.in_short, self._waiting))
 
     def check(self, arrays: Mapping[str, Any]) -> HandedIn:
         """The caller's arrays, as views where possible.
@@ -54,7 +52,7 @@ class StandIns:
         source.
         """
         graph, names = self._plan.graph, sorted(arrays)
-        arrays = {self._in_full(name): array for name, array in arrays.items()}
+        arrays = {graph.in_full(name): array for name, array in arrays.items()}
         if self._waiting != arrays.keys():
             raise InputError(f"{graph.name}: needs arrays for {self.names}, but got {names}")
         warnings: list[str] = []
@@ -76,7 +74,7 @@ class StandIns:
         """
         node = self._plan.tasks[name].node
         port = next(iter(node.outputs.values()))
-        name = self._in_short(name)
+        name = self._plan.graph.in_short(name)
         on_device, adopt = array, None
         if hasattr(array, "map_to_host"):
             if self._device is None:

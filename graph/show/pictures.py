@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from tactograph.graph.declare.ports import PortType
-from tactograph.graph.show.colours import BIT_COLOURS, NO_BIT_COLOUR, SEVERAL_COLOUR
+from tactograph.graph.show.colours import BIT_COLOURS, NO_BIT_COLOUR, SEVERAL_COLOUR, label_numbers
 from tactograph.graph.show.figures import Estimate, words
 from tactograph.graph.show.views import View, kind_of
 
@@ -92,7 +92,7 @@ def draw_labels(panels: Panels, unit: str) -> str:
     name = unit.removesuffix("bits").strip() or "bit"
     colours = ListedColormap([NO_BIT_COLOUR, *BIT_COLOURS[:count], SEVERAL_COLOUR])
     norm = BoundaryNorm(np.arange(-0.5, count + 2), colours.N)
-    numbers = {title: _numbers(array, count) for title, array in panels.items()}
+    numbers = {title: label_numbers(array, count) for title, array in panels.items()}
     figure = _images(numbers, bar=True, cmap=colours, norm=norm, interpolation="nearest")
     scale = ScalarMappable(norm, colours)
     bar = figure.colorbar(
@@ -180,13 +180,6 @@ def _maps(panels: Panels, unit: str, colours: str, norm: Normalize, extend: str)
     )
     bar.outline.set_linewidth(0.4)
     return _png(figure)
-
-
-def _numbers(labels: NDArray[Any], count: int) -> NDArray[np.int64]:
-    """0 where no bit is set, k for bit k alone, count + 1 for several."""
-    bits = np.stack([(labels >> k) & 1 for k in range(count)]).astype(np.int64)
-    single = (bits * np.arange(1, count + 1)[:, None, None]).sum(axis=0)
-    return np.where(bits.sum(axis=0) > 1, count + 1, single)
 
 
 def _images(panels: Panels, bar: bool = False, **how: Any) -> Figure:

@@ -1,6 +1,7 @@
 """Write pictures of calibrations, which replace earlier pictures of that kind and no other file."""
 
 from collections.abc import Mapping
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -12,12 +13,18 @@ from pydantic import AfterValidator
 
 from tactograph.graph.disk.atomic_files import atomic_file
 
-ORANGE, BLUE, GREY = "#ffb000", "#3c8fe6", "#9a9a9a"
-"""Colours of plots, distinguishable with any colour vision."""
 FIGURES_IN = 3.2
 """Width in inches of the list of figures on the right of a page."""
 DRAWN_BY = "Matplotlib"
 """Beginning of a picture's text chunk ``Software``."""
+
+
+class Colour(StrEnum):
+    """Colours of plots, distinguishable with any colour vision."""
+
+    ORANGE = "#ffb000"
+    BLUE = "#3c8fe6"
+    GREY = "#9a9a9a"
 
 
 def write_picture(figure: Figure, file: Path) -> None:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
 from tactograph.graph.cache.keys import content_key
-from tactograph.graph.show.colours import BIT_COLOURS, SEVERAL_COLOUR
+from tactograph.graph.show.colours import BIT_COLOURS, SEVERAL_COLOUR, label_numbers
 from tactograph.nodes import (
     BAND_DEVIATIONS,
     F4,
@@ -24,7 +24,6 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.files.image_files import write_image
 from tactograph.nodes.files.layer_files import picture_file
-from tactograph.nodes.stream.layer_kinds import deviation_of, layers_of
 from tactograph.nodes.stream.touch import ColourMap, LedLabels, Regions, Touch
 
 # Fixed margins and `print_png` take half the time of a layout that measures every text, and of
@@ -36,9 +35,9 @@ OUTER_PERCENT = 0.1
 
 def draw_result(touch: Touch, folder: Path) -> None:
     """Draw the height, and every layer that is a map or drawn over the image."""
-    _once(folder / "height.png", draw_height, touch.height, deviation_of(touch), touch.pixel)
+    _once(folder / "height.png", draw_height, touch.height, touch.deviation, touch.pixel)
     count, grey = touch.image.shape[0], touch.image.mean(axis=0)
-    for layer in layers_of(touch):
+    for layer in touch.each_layer():
         match layer.kind.drawn:
             case ColourMap() as how:
                 _once(picture_file(layer, folder), draw_map, layer.value, how, touch.pixel)
@@ -139,7 +138,7 @@ def draw_regions(regions: Contacts, grey: F4, noun: str, file: Path) -> None:
 
 def draw_labels(bits: Labels, grey: F4, count: int, title: str, file: Path) -> None:
     """Draw a colour for each LED whose bit is set, and a dark one for several LEDs."""
-    numbers = _label_numbers(bits, count)
+    numbers = label_numbers(bits, count).astype(np.float32)
     plate = _plate(bits.shape, count)
     plate.begin(grey)
     plate.colour(np.ma.masked_equal(numbers, 0))
@@ -218,11 +217,3 @@ def _one_plane() -> tuple[Figure, Axes]:
     figure = Figure(figsize=(6.4, 4.6), dpi=DPI)
     figure.subplots_adjust(left=0.1, right=0.97, bottom=0.12, top=0.92)
     return figure, figure.subplots()
-
-
-def _label_numbers(shadow: Labels, count: int) -> F4:
-    """0 where no LED is shadowed, k where only LED k is, count + 1 where several are."""
-    bits = np.stack([(shadow >> k) & 1 for k in range(count)]).astype(np.int64)
-    dark = bits.sum(axis=0)
-    single = (bits * np.arange(1, count + 1)[:, None, None]).sum(axis=0)
-    return np.where(dark > 1, count + 1, single).astype(np.float32)

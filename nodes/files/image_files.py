@@ -40,7 +40,7 @@ PGM_HEAD = re.compile(rb"P[25](?:\s+|#[^\n]*\n)*\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#
 
 
 def read_image(file: Path) -> NDArray[Any]:
-    """Decode one image file: H x W, or H x W x 3 in the order blue, green, red.
+    """Decode one image file: H x W, or H x W x 3 in the order blue, green, red; ``.npy`` as it is.
 
     The pixels are taken as stored in the file.  A truncated or foreign file is refused, never
     partly read.  So is a file whose pixels are ambiguous: with an orientation tag, several pages
@@ -51,6 +51,8 @@ def read_image(file: Path) -> NDArray[Any]:
     InputError
         If the file is missing, empty, damaged, not an image, or its pixels are ambiguous.
     """
+    if file.suffix.lower() == ".npy":
+        return read_numbers(file)
     try:
         if file.stat().st_size == 0:
             raise InputError(f"{file}: the file is empty")

@@ -7,8 +7,7 @@ import numpy as np
 
 from tactograph.graph.declare.ports import read_port
 from tactograph.nodes.files.image_files import write_image
-from tactograph.nodes.stream.layer_kinds import layer_kinds
-from tactograph.nodes.stream.touch import Layer
+from tactograph.nodes.stream.touch import Layer, LayerKinds
 
 
 def write_layer(layer: Layer, folder: Path) -> None:
@@ -33,6 +32,6 @@ def layer_files(names: Collection[str]) -> dict[str, list[str]]:
     """Return which of a result's files are of a layer, by the layer's name."""
     of_layers = {
         layer: [f for f in (f"{layer}.npy", f"{layer}.png", f"{layer}_view.png") if f in names]
-        for layer in layer_kinds()
+        for layer in LayerKinds()
     }
     return {layer: files for layer, files in of_layers.items() if files}

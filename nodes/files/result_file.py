@@ -2,13 +2,10 @@
 
 import json
 import zlib
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from tactograph.graph import InputError
-from tactograph.graph.disk.atomic_files import atomic_files
 
 RESULT_FILE = "result.json"
 RELIEF_FIGURE = "rest_relief_mm"
@@ -27,27 +24,6 @@ def read_result(folder: Path) -> dict[str, Any]:
 def checksum(file: Path) -> str:
     """Return the CRC-32 of a file, as eight hexadecimal digits."""
     return f"{zlib.crc32(file.read_bytes()):08x}"
-
-
-@contextmanager
-def result_files(
-    folder: Path, about: dict[str, Any] | None, instead_of: Collection[str] = ()
-) -> Iterator[Path]:
-    """Yield a temporary folder; move its files to `folder` if the block succeeds.
-
-    The last of them is ``result.json``: what is known of the result, its files and a checksum of
-    each.  There is none if nothing is known.
-
-    Parameters
-    ----------
-    instead_of : files of an earlier result, which are removed if this one lacks them
-    """
-    with atomic_files(folder, last=RESULT_FILE, instead_of=instead_of) as target:
-        yield target
-        if about is not None:
-            checksums = {file.name: checksum(file) for file in sorted(target.iterdir())}
-            named = {"files": sorted([*checksums, RESULT_FILE]), "checksums": checksums}
-            (target / RESULT_FILE).write_text(json.dumps({**about, **named}, indent=1) + "\n")
 
 
 def refuse_changed(file: Path) -> None:

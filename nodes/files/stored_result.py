@@ -1,9 +1,14 @@
 """What the ``result.json`` beside a stored height says of it."""
 
+import json
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from tactograph.graph import InputError
+from tactograph.graph.disk.atomic_files import atomic_files
+from tactograph.graph.errors import missing
 from tactograph.nodes import MAX_PIXEL_MM, MIN_PIXEL_MM
 from tactograph.nodes.files.height_files import HeightFile
 from tactograph.nodes.files.layer_files import layer_files
@@ -24,9 +29,40 @@ class StoredResult(NamedTuple):
 
     @staticmethod
     def file_of(place: Path) -> Path | None:
-        """Return the ``result.json`` that a place is or, as a folder, holds."""
+        """Return the ``result.json`` that a place is or, as a folder, holds.
+
+        Raises
+        ------
+        InputError
+            If there is no such place.
+        """
+        try:
+            place.stat()
+        except (OSError, ValueError):
+            raise InputError(missing(place, "file")) from None
         file = place if place.name == RESULT_FILE else place / RESULT_FILE
         return file if file.is_file() else None
+
+    @staticmethod
+    @contextmanager
+    def new_files(
+        folder: Path, about: dict[str, Any] | None, instead_of: Collection[str] = ()
+    ) -> Iterator[Path]:
+        """Yield a temporary folder; move its files to `folder` if the block succeeds.
+
+        The last of them is ``result.json``: what is known of the result, its files and a checksum
+        of each.  There is none if nothing is known.
+
+        Parameters
+        ----------
+        instead_of : files of an earlier result, which are removed if this one lacks them
+        """
+        with atomic_files(folder, last=RESULT_FILE, instead_of=instead_of) as target:
+            yield target
+            if about is not None:
+                checksums = {file.name: checksum(file) for file in sorted(target.iterdir())}
+                named = {"files": sorted([*checksums, RESULT_FILE]), "checksums": checksums}
+                (target / RESULT_FILE).write_text(json.dumps({**about, **named}, indent=1) + "\n")
 
     @property
     def pixel(self) -> float | None:

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from tactograph.nodes import Labels
-from tactograph.nodes.stream.touch import LayerKind, LedLabels, Touch, as_it_is
+from tactograph.nodes.stream.touch import LayerKind, LedLabels, Touch
 
 
 def _warning(touch: Touch, shadow: Labels) -> str:
@@ -22,6 +22,6 @@ def _warning(touch: Touch, shadow: Labels) -> str:
 KIND = LayerKind(
     Annotated[Labels, "Bit k-1: LED k does not reach the pixel"],
     LedLabels("in shadow"),
-    topics={"shadow": as_it_is},
+    topics={"shadow": None},
     warning=_warning,
 )

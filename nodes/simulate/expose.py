@@ -6,7 +6,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval
 
 from tactograph.graph import node
-from tactograph.nodes import F4, Dark, Light
+from tactograph.nodes import Dark, Light
 
 
 class Exposed(NamedTuple):
@@ -48,7 +48,8 @@ def expose(
     bits : bit depth; 0 to 2^bits - 1 become 0 to 1
     seed : the same seed gives the same noise
     """
-    lens = lens_share(light.shape[1:], vignetting)
+    y, x = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in light.shape[1:])
+    lens = np.asarray(1 - vignetting * (y[:, None] ** 2 + x[None, :] ** 2) / 2, np.float32)
     frames = np.concatenate([light, np.zeros_like(light[:1])]) + np.float32(ambient)
     electrons = (frames * lens).astype(np.float64) * full_well
     rng = np.random.Generator(np.random.Philox(seed))
@@ -60,9 +61,3 @@ def expose(
     levels = np.rint(np.clip(electrons / full_well, 0.0, 1.0) * steps)
     image = np.asarray(levels / steps, np.float32)
     return Exposed(image[:-1], image[-1])
-
-
-def lens_share(size: tuple[int, ...], vignetting: float) -> F4:
-    """Return the light that passes, H x W: 1 at the centre, 1 - `vignetting` in the corners."""
-    y, x = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in size)
-    return np.asarray(1 - vignetting * (y[:, None] ** 2 + x[None, :] ** 2) / 2, np.float32)

@@ -1,12 +1,12 @@
 """A touch: the values that every graph has, and named layers, which differ from graph to graph.
 
 ``layers/NAME.py`` of the core or of a ring declares the kind of layer NAME, a `LayerKind` called
-``KIND``.  Nodes that write or show a touch loop over its layers (`layer_kinds.layers_of`).  They
+``KIND``.  Nodes that write or show a touch loop over its layers (`Touch.each_layer`).  They
 know the ways of drawing a kind, but no layer.
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -14,12 +14,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.graph import InputError
+from tactograph.graph.errors import did_you_mean
+from tactograph.graph.rings import bring, brought
 from tactograph.graph.show.colours import BIT_COLOURS, label_colour
-from tactograph.nodes import F4, F8, U1, Height, Light, Metrics, PixelSize
+from tactograph.nodes import F4, F8, U1, Height, HeightError, Light, Metrics, PixelSize
 from tactograph.nodes.optics.camera_view import View
 
 RECORDED_AGE_S = 10.0
 """Age above which a touch must come from a recording, whose clock differs."""
+VISIBLE_RGB, PREDICTED_RGB = (255, 176, 0), (154, 154, 154)
+"""Colours (red, green, blue) of visible arrows, and of predicted ones."""
+SUBPIXEL_BITS = 4
+"""OpenCV draws in sixteenths of a pixel."""
 
 
 @dataclass
@@ -67,6 +74,16 @@ class Touch:
         rows, columns = self.height.shape
         return self.pixel * (x + (columns - 1) / 2), self.pixel * (y + (rows - 1) / 2)
 
+    def each_layer(self) -> "list[Layer]":
+        """Return its layers with their kinds, in the order in which its graph names them."""
+        kinds = LayerKinds()
+        return [Layer(name, kinds[name], value) for name, value in self.layers.items()]
+
+    @property
+    def deviation(self) -> HeightError | None:
+        """The standard deviation of its height; None if it has none."""
+        return next((each.value for each in self.each_layer() if each.kind.is_deviation), None)
+
     def latency_s(self, now: float) -> float | None:
         """Return the time since the exposure; None if unknown, or a recording's."""
         age_s = RECORDED_AGE_S if self.time is None else now - self.time
@@ -113,6 +130,20 @@ class ArrowsInImage(NamedTuple):
     way: F4
     visible: U1
 
+    def draw(self, picture: NDArray[np.uint8], scale: float) -> None:
+        """Draw them into a picture H x W x 3 of 8 bit, red first, `scale` times the image."""
+        unit = scale * (1 << SUBPIXEL_BITS)
+        for begin, by, visible in zip(*self, strict=True):
+            start, end = (
+                (int(x), int(y))
+                for x, y in np.round(
+                    ((begin + 0.5) + np.stack([0 * by, by])) * unit - (1 << SUBPIXEL_BITS) / 2
+                )
+            )
+            colour = VISIBLE_RGB if visible else PREDICTED_RGB
+            cv2.circle(picture, start, 1 << SUBPIXEL_BITS, colour, -1, cv2.LINE_AA, SUBPIXEL_BITS)
+            cv2.arrowedLine(picture, start, end, colour, 1, cv2.LINE_AA, SUBPIXEL_BITS, 0.3)
+
 
 @dataclass(frozen=True)
 class Arrows:
@@ -155,14 +186,7 @@ class Axes:
 
 Topic = Callable[[Touch, Any], NDArray[Any] | Mapping[str, Any] | Placed | None]
 """Return a layer as a stream carries it, lengths in metres and angles in radians: an image H x W,
-the fields of N points (including x, y, z), a frame in its own units, or None."""
-
-
-class StateVector(NamedTuple):
-    """Numbers that a policy reads as a state, and the name of each."""
-
-    values: Any
-    names: list[str]
+the fields of N points (including x, y, z), a frame in its own units, or None for nothing."""
 
 
 @dataclass(frozen=True)
@@ -177,8 +201,8 @@ class LayerKind:
     quantity
         The annotation of the layer's port: element type, sizes and unit; or a record of ports.
     drawn : how it is drawn; None: not at all
-    topics : its content in a stream of messages, by topic
-    state : its part of the state in a row of a LeRobot dataset
+    topics : its content in a stream of messages, by topic; None: the map as it is
+    state : its numbers by name, a part of the state that policies read in a LeRobot dataset
     follows_film
         Whether a result on a metric grid resamples it, like the height; otherwise it stays on the
         camera's pixels.
@@ -188,8 +212,8 @@ class LayerKind:
 
     quantity: Any
     drawn: ColourMap | LedLabels | Regions | Arrows | Axes | None = None
-    topics: Mapping[str, Topic] = field(default_factory=dict)
-    state: Callable[[Any], StateVector] | None = None
+    topics: Mapping[str, Topic | None] = field(default_factory=dict)
+    state: Callable[[Any], Mapping[str, float]] | None = None
     follows_film: bool = False
     is_deviation: bool = False
     warning: Callable[[Touch, Any], str] | None = None
@@ -203,6 +227,22 @@ class Layer(NamedTuple):
     value: Any
 
 
-def as_it_is(touch: Touch, value: NDArray[Any]) -> NDArray[Any]:
-    """Return a map as an image of a stream: a `Topic`."""
-    return value
+class LayerKinds(Mapping[str, LayerKind]):
+    """Kinds of layers by name, each imported from ``layers/NAME.py`` when it is first used."""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(brought("layers"))
+
+    def __len__(self) -> int:
+        return len(brought("layers"))
+
+    def __getitem__(self, name: str) -> LayerKind:
+        module = bring("layers", name)
+        if module is None:
+            names = [*self]
+            hint = did_you_mean(name, names) or f"; the kinds are {', '.join(names)}"
+            raise InputError(f"no layer of a touch is called '{name}'{hint}")
+        kind = getattr(module, "KIND", None)
+        if not isinstance(kind, LayerKind):
+            raise InputError(f"layer '{name}': KIND of {module.__name__} is not a LayerKind")
+        return kind

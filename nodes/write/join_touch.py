@@ -6,8 +6,7 @@ from tactograph.graph import NamedPorts, Port, node
 from tactograph.nodes import F4, Height, Light, Metrics, PixelSize
 from tactograph.nodes.height.distort_height import distort_height
 from tactograph.nodes.optics.camera_view import View
-from tactograph.nodes.stream.layer_kinds import layer_kinds
-from tactograph.nodes.stream.touch import LiveState, Touch
+from tactograph.nodes.stream.touch import LayerKinds, LiveState, Touch
 
 
 class CapturedFrames(NamedTuple):
@@ -19,7 +18,7 @@ class CapturedFrames(NamedTuple):
     state: LiveState | None = None
 
 
-Layers = Annotated[Any, NamedPorts(layer_kinds, lambda name: layer_kinds()[name].quantity)]
+Layers = Annotated[Any, NamedPorts(LayerKinds, lambda name: LayerKinds()[name].quantity)]
 """Layers of a touch by name: their types are those that their kinds declare."""
 
 

@@ -13,10 +13,9 @@ from tactograph.graph import InputError, Provenance, node, warn
 from tactograph.nodes import Metrics
 from tactograph.nodes.files.height_files import write_ply, write_tiff
 from tactograph.nodes.files.layer_files import write_layer
-from tactograph.nodes.files.result_file import RESULT_FILE, result_files
+from tactograph.nodes.files.result_file import RESULT_FILE
 from tactograph.nodes.files.stored_result import StoredResult
 from tactograph.nodes.optics.camera_view import View
-from tactograph.nodes.stream.layer_kinds import layers_of
 from tactograph.nodes.stream.touch import Touch
 
 OWN_FILES = "height.ply", "height.png"
@@ -68,7 +67,7 @@ def write_result(
         If the folder cannot be written, or the film rises to the camera; then no file of this
         touch is written.
     """
-    for layer in layers_of(touch):
+    for layer in touch.each_layer():
         if layer.kind.warning and (doubt := layer.kind.warning(touch, layer.value)):
             warn(doubt)
     if grid == "metric":
@@ -88,10 +87,10 @@ def write_result(
         **touch.view.stated(),
         "metrics": {**(metrics or {}), **(touch.metrics or {})},
     }
-    with result_files(place, about, _optional_files(place)) as target:
+    with StoredResult.new_files(place, about, _optional_files(place)) as target:
         np.save(target / "height.npy", touch.height)
         write_tiff(target / "height.tiff", touch.height, *touch.view.pixel_sides(touch.pixel))
-        for layer in layers_of(touch):
+        for layer in touch.each_layer():
             write_layer(layer, target)
         if ply:
             write_ply(target / "height.ply", touch.film, touch.pixel, touch.view)
@@ -104,7 +103,7 @@ def write_result(
 
 def _on_even_grid(touch: Touch) -> Touch:
     """Return a touch whose height, and layers that follow it, are on a regular grid on the film."""
-    moved = [layer for layer in layers_of(touch) if layer.kind.follows_film]
+    moved = [layer for layer in touch.each_layer() if layer.kind.follows_film]
     others = [layer.value for layer in moved]
     low = [] if touch.rest is None else [touch.rest]
     height, maps = touch.view.on_even_grid(touch.height, [*low, *others])

@@ -11,8 +11,8 @@ from multiprocessing import forkserver, resource_tracker
 from types import FrameType
 from typing import Any, TypeVar
 
-from tactograph.sdk import Graph
-from tactograph.sdk.unstable import CORES_VARIABLE, RunOptions, cores
+from tactograph.sdk import Graph, RunOptions, cores
+from tactograph.sdk.unstable import CORES_VARIABLE
 
 Answer = TypeVar("Answer")
 MIN_CAPTURES_PER_PROCESS = 256

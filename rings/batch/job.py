@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from tactograph.rings.batch.captures import absolute
-from tactograph.sdk import Graph, InputError, Pipeline
-from tactograph.sdk.unstable import RunOptions, refuse_other_names
+from tactograph.sdk import Graph, InputError, Pipeline, RunOptions
+from tactograph.sdk.unstable import refuse_other_names
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ from tactograph.rings.batch.job import Job
 from tactograph.rings.batch.processes import Processes
 from tactograph.rings.batch.store import Store, alone_in
 from tactograph.rings.batch.worker import Tally, Worker
-from tactograph.sdk import atomic_file
-from tactograph.sdk.unstable import ProgressLine, one_line, refuse_to_write_over
+from tactograph.sdk import atomic_file, one_line
+from tactograph.sdk.unstable import ProgressLine, refuse_to_write_over
 
 MAX_NAMED = 10
 """Failed captures, and files passed over, that are printed; the table has all captures."""

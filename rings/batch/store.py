@@ -29,13 +29,12 @@ from zarr.storage import LocalStore
 from tactograph.rings.batch.entry import DONE, PENDING, Entry, read_figures
 from tactograph.rings.batch.job import Job
 from tactograph.rings.batch.map_types import AXIS_NAMES, MapType, axes_of
-from tactograph.sdk import InputError
+from tactograph.sdk import MAX_PIXELS, InputError
 from tactograph.sdk.unstable import lock_folder
 
 STORE_FORMAT = 5
 MAX_CAPTURES = 10**7
 MAX_CHUNK = 4096
-MAX_PIXELS = 2**25
 """Limits on what a store's description can make a reader allocate."""
 _CAPTURE_COLUMNS: dict[str, tuple[Any, Any, Callable[[Entry], Any]]] = {
     "reason": (str, "", lambda entry: entry.reason),

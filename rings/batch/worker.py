@@ -16,7 +16,7 @@ from tactograph.rings.batch.entry import DONE, FAILED, Entry
 from tactograph.rings.batch.job import Job
 from tactograph.rings.batch.map_types import MapType
 from tactograph.rings.batch.store import Store, open_store
-from tactograph.sdk import InputError, NodeError, Pipeline, Result, TactographError, did_you_mean
+from tactograph.sdk import InputError, Pipeline, Result, TactographError, did_you_mean
 
 PIXEL_UNIT = "mm/px"
 
@@ -191,7 +191,7 @@ def folder_name(place: str, below: str) -> str:
 def _type_of(result: Result, name: str) -> MapType:
     port = result.plan.port(name)
     if result[name] is None:
-        raise NodeError(f"{result.plan.graph.name}: its output '{name}' may be absent")
+        raise TactographError(f"{result.plan.graph.name}: its output '{name}' may be absent")
     dims = tuple(str(dim) for dim in port.dims)
     return MapType(result[name].shape, str(result[name].dtype), port.unit, dims, _pixel_of(result))
 

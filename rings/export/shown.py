@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tactograph.sdk.unstable import one_line
+from tactograph.sdk import one_line
 
 MAX_LINES = 20
 """Most failures, and most sentences of a kind, that are printed."""

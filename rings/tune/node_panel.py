@@ -12,8 +12,7 @@ from tactograph.rings.tune.follow import Follow
 from tactograph.rings.tune.picture_view import ScaledPicture
 from tactograph.rings.tune.pictures import draw, planes_of
 from tactograph.rings.tune.tuning import Shown, Tuning
-from tactograph.sdk import Graph, find_node
-from tactograph.sdk.unstable import parse_scalar
+from tactograph.sdk import Document, Graph, find_node
 
 SLIDER_INTERVAL_S = 0.02
 """Time between two places of a slider that is dragged; NiceGUI's own tells 20 a second."""
@@ -161,7 +160,7 @@ class NodePanel:
         def typed(event: events.GenericEventArguments) -> None:
             text = str(event.args)
             self._do(
-                lambda: self._tuning.set(node, name, text if "," in text else parse_scalar(text))
+                lambda: self._tuning.set(node, name, text if "," in text else Document.scalar(text))
             )
             now = self._tuning.settings(node)[name]
             self._follow.value(field, _words(now))

@@ -2,13 +2,10 @@ from tactograph.graph import (
     Cache as Cache,
     Close as Close,
     EndOfStream as EndOfStream,
-    Exact as Exact,
     Flips as Flips,
-    GraphError as GraphError,
     InputError as InputError,
     KeepIntegers as KeepIntegers,
     NodeCall as NodeCall,
-    NodeError as NodeError,
     Pipeline as Pipeline,
     Port as Port,
     Provenance as Provenance,
@@ -24,8 +21,12 @@ from tactograph.graph import (
 from tactograph.graph.backends.launch import (
     Launch as Launch,
 )
-from tactograph.graph.command import (
-    command_line as command_line,
+from tactograph.graph.commands import (
+    RunOptions as RunOptions,
+    graph_command as graph_command,
+)
+from tactograph.graph.cores import (
+    cores as cores,
 )
 from tactograph.graph.declare.find_node import (
     find_node as find_node,
@@ -37,8 +38,12 @@ from tactograph.graph.disk.atomic_files import (
     atomic_file as atomic_file,
     atomic_files as atomic_files,
 )
+from tactograph.graph.disk.strict_yaml import (
+    Document as Document,
+)
 from tactograph.graph.errors import (
     did_you_mean as did_you_mean,
+    one_line as one_line,
 )
 from tactograph.graph.extras import (
     need as need,
@@ -52,6 +57,9 @@ from tactograph.graph.files.read_graph import (
 from tactograph.graph.rings import (
     brought as brought,
 )
+from tactograph.graph.run.progress import (
+    tell_progress as tell_progress,
+)
 from tactograph.graph.run.result import (
     Result as Result,
 )
@@ -59,6 +67,7 @@ from tactograph.nodes import (
     F4 as F4,
     F8 as F8,
     U1 as U1,
+    UM_PER_MM as UM_PER_MM,
     Contacts as Contacts,
     Dark as Dark,
     Film as Film,
@@ -75,6 +84,7 @@ from tactograph.nodes import (
     PixelSize as PixelSize,
     ScaleError as ScaleError,
     Slope as Slope,
+    SlopeVariance as SlopeVariance,
 )
 from tactograph.nodes.calibrate.ball.find_balls import (
     FoundBalls as FoundBalls,
@@ -96,21 +106,19 @@ from tactograph.nodes.capture.read_balls import (
     StatedCircles as StatedCircles,
 )
 from tactograph.nodes.capture.read_capture import (
+    CaptureFile as CaptureFile,
     Layout as Layout,
 )
-from tactograph.nodes.drawing.arrows import (
-    draw_arrows as draw_arrows,
+from tactograph.nodes.contact.largest_contacts import (
+    LargestContacts as LargestContacts,
 )
 from tactograph.nodes.drawing.new_picture import (
-    BLUE as BLUE,
-    GREY as GREY,
-    ORANGE as ORANGE,
+    Colour as Colour,
     NewPicture as NewPicture,
     write_picture as write_picture,
 )
 from tactograph.nodes.drawing.result_pictures import (
-    draw_height as draw_height,
-    draw_map as draw_map,
+    draw_result as draw_result,
 )
 from tactograph.nodes.files.calibration_file import (
     FileKind as FileKind,
@@ -119,14 +127,15 @@ from tactograph.nodes.files.height_files import (
     HeightFile as HeightFile,
 )
 from tactograph.nodes.files.image_files import (
+    MAX_PIXELS as MAX_PIXELS,
     Crop as Crop,
     Lights as Lights,
     cropped as cropped,
     read_image as read_image,
     write_image as write_image,
 )
-from tactograph.nodes.files.result_file import (
-    result_files as result_files,
+from tactograph.nodes.files.sensor_identity import (
+    SensorIdentity as SensorIdentity,
 )
 from tactograph.nodes.files.stored_result import (
     StoredResult as StoredResult,
@@ -151,10 +160,6 @@ from tactograph.nodes.optics.sheet import (
 from tactograph.nodes.stored import (
     Stored as Stored,
 )
-from tactograph.nodes.stream.layer_kinds import (
-    layer_kinds as layer_kinds,
-    layers_of as layers_of,
-)
 from tactograph.nodes.stream.touch import (
     Arrows as Arrows,
     ArrowsInImage as ArrowsInImage,
@@ -166,7 +171,5 @@ from tactograph.nodes.stream.touch import (
     LiveState as LiveState,
     Placed as Placed,
     Regions as Regions,
-    StateVector as StateVector,
     Touch as Touch,
-    as_it_is as as_it_is,
 )

@@ -1,27 +1,14 @@
-from tactograph.graph.commands import (
-    RunOptions as RunOptions,
-    graph_command as graph_command,
-)
 from tactograph.graph.commands.progress_line import (
     ProgressLine as ProgressLine,
 )
 from tactograph.graph.cores import (
     CORES_VARIABLE as CORES_VARIABLE,
-    cores as cores,
 )
 from tactograph.graph.disk.folder_lock import (
     lock_folder as lock_folder,
 )
-from tactograph.graph.disk.strict_yaml import (
-    Document as Document,
-    parse_scalar as parse_scalar,
-)
 from tactograph.graph.disk.text_names import (
     refuse_other_names as refuse_other_names,
-)
-from tactograph.graph.errors import (
-    missing as missing,
-    one_line as one_line,
 )
 from tactograph.graph.files.captures_in import (
     captures_in as captures_in,
@@ -33,22 +20,13 @@ from tactograph.graph.files.read_graph import (
     graphs_of as graphs_of,
     shipped_names as shipped_names,
 )
-from tactograph.graph.files.typed_values import (
-    read_words as read_words,
-)
 from tactograph.graph.run.open_pipeline import (
     refuse_to_write_over as refuse_to_write_over,
-)
-from tactograph.graph.run.progress import (
-    tell_progress as tell_progress,
 )
 from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
-    MAX_PIXEL_MM as MAX_PIXEL_MM,
-    UM_PER_MM as UM_PER_MM,
     LightPlaces as LightPlaces,
-    SlopeVariance as SlopeVariance,
     Tables as Tables,
 )
 from tactograph.nodes.calibrate import (
@@ -107,31 +85,17 @@ from tactograph.nodes.calibrate.tables.build_lut import (
 from tactograph.nodes.capture.read_balls import (
     BallPresses as BallPresses,
 )
-from tactograph.nodes.capture.read_capture import (
-    CaptureFile as CaptureFile,
-)
-from tactograph.nodes.contact.largest_contacts import (
-    LargestContacts as LargestContacts,
-)
 from tactograph.nodes.drawing.new_picture import (
     list_figures as list_figures,
 )
 from tactograph.nodes.files.image_files import (
-    MAX_PIXELS as MAX_PIXELS,
     Channel as Channel,
-    read_numbers as read_numbers,
-)
-from tactograph.nodes.files.sensor_identity import (
-    SensorIdentity as SensorIdentity,
 )
 from tactograph.nodes.files.sensor_preset import (
     SensorPreset as SensorPreset,
 )
 from tactograph.nodes.light.film_drift import (
     terms as terms,
-)
-from tactograph.nodes.light.light_noise import (
-    SATURATED_LIGHT as SATURATED_LIGHT,
 )
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
@@ -144,12 +108,6 @@ from tactograph.nodes.optics.harmonics import (
 )
 from tactograph.nodes.optics.near_light import (
     matt_film_light as matt_film_light,
-)
-from tactograph.nodes.optics.normals import (
-    cofactors as cofactors,
-)
-from tactograph.nodes.simulate.expose import (
-    lens_share as lens_share,
 )
 from tactograph.nodes.trust.check_ranks import (
     StoredRanks as StoredRanks,

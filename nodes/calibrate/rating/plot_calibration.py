@@ -19,10 +19,8 @@ from tactograph.nodes.calibrate.rating.hold_out_presses import HeldOut
 from tactograph.nodes.calibrate.tables.build_lut import in_tables
 from tactograph.nodes.calibrate.tables.fit_null_vector import NullFit
 from tactograph.nodes.drawing.new_picture import (
-    BLUE,
     FIGURES_IN,
-    GREY,
-    ORANGE,
+    Colour,
     NewPicture,
     list_figures,
     write_picture,
@@ -124,13 +122,15 @@ def plot_calibration(
 def _draw_circle(axes: Axes, light: F4, mask: U1, wide: int) -> None:
     extent = _extent(mask.shape, wide)
     axes.imshow(light.mean(axis=0), cmap="gray", extent=extent)
-    axes.contour(mask, extent=extent, origin="upper", levels=[0.5], colors=[ORANGE], linewidths=1)
+    axes.contour(
+        mask, extent=extent, origin="upper", levels=[0.5], colors=[Colour.ORANGE], linewidths=1
+    )
     axes.set(title="mean light, and the pixels of known slope", xlabel="x / px", ylabel="y / px")
 
 
 def _draw_area(axes: Axes, area: U1, wide: int) -> None:
     """Draw the edge of the film, beyond which nothing is fitted."""
-    look: dict[str, Any] = {"colors": [BLUE], "linewidths": 1.5, "linestyles": "dotted"}
+    look: dict[str, Any] = {"colors": [Colour.BLUE], "linewidths": 1.5, "linestyles": "dotted"}
     axes.contour(area, extent=_extent(area.shape, wide), origin="upper", levels=[0.5], **look)
     axes.set_title(f"{axes.get_title()}\nfilm within the dotted line: {area.mean():.0%}")
 
@@ -161,7 +161,9 @@ def _draw_presses(
     for press, (x, y, radius) in zip(balls.of, placed, strict=True):
         if radius == 0:
             continue
-        look = {"color": ORANGE} if used[press] else {"color": GREY, "linestyle": "--"}
+        look = (
+            {"color": Colour.ORANGE} if used[press] else {"color": Colour.GREY, "linestyle": "--"}
+        )
         axes.add_patch(Circle((x, y), radius, fill=False, **look))
         if len(placed) <= MAX_NAMES:
             name = balls.names[press][:MAX_NAME_LETTERS]
@@ -175,7 +177,7 @@ def _draw_errors(
 ) -> None:
     """Draw a bar for each press; a press that is left out has none."""
     places = np.arange(len(names))
-    axes.barh(places, np.nan_to_num(errors), height=0.5, color=BLUE)
+    axes.barh(places, np.nan_to_num(errors), height=0.5, color=Colour.BLUE)
     labels = [
         name[:MAX_NAME_LETTERS] + ("" if good else " (out)")
         for name, good in zip(names, used, strict=True)
@@ -213,7 +215,7 @@ def _draw_null(axes: Axes, light: F4, mask: U1, lit: U1, null: NullVector, sprea
     chosen = (mask > 0) & (lit == (1 << len(light)) - 1)
     departure = np.tensordot(null, light, axes=1)[chosen] / spread
     # One outline is drawn several times as fast as a hundred bars.
-    axes.stairs(*np.histogram(np.clip(departure, -10, 10), bins=100), fill=True, color=BLUE)
+    axes.stairs(*np.histogram(np.clip(departure, -10, 10), bins=100), fill=True, color=Colour.BLUE)
     for threshold in (-3, 3):
         axes.axvline(threshold, color="#d1495b", linewidth=1)
     axes.set(xlabel="a.I / its standard deviation", ylabel="pixels")

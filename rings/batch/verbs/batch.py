@@ -4,8 +4,7 @@ from os.path import expanduser
 
 import click
 
-from tactograph.sdk import need
-from tactograph.sdk.unstable import RunOptions, graph_command
+from tactograph.sdk import RunOptions, graph_command, need
 
 
 @graph_command("batch", short_help="Run a graph over many captures, into one store.")
@@ -52,12 +51,10 @@ def command(
     if (workers or at_most(len(captures.captures))) > 1:
         start_importing()
     # Slow imports follow here, while the processes import and open.
-    from tactograph.sdk.unstable import read_words
-
     read = options.read(graph)
     from tactograph.rings.batch.job import make_job
 
-    arguments, wanted = read_words(read, values), maps.split(",") if maps else None
+    arguments, wanted = read.read_words(values), maps.split(",") if maps else None
     job = make_job(read, arguments, options, out=out, maps=wanted, below=captures.below)
     from tactograph.rings.batch.run_batch import run_batch
 

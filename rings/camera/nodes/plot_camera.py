@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from tactograph.rings.camera.nodes.find_grid import GridMarks
 from tactograph.rings.camera.nodes.read_grey import GreyImage
-from tactograph.sdk import BLUE, F4, ORANGE, Metrics, NewPicture, Port, node, write_picture
+from tactograph.sdk import F4, Colour, Metrics, NewPicture, Port, node, write_picture
 
 ARROW_SHARE = 0.5
 """Length of an arrow for the root mean square, relative to the spacing of the marks."""
@@ -38,14 +38,21 @@ def plot_camera(
     figure = Figure(figsize=(12, 5), dpi=100, layout="constrained")
     left, right = figure.subplots(1, 2)
     left.imshow(image, cmap="gray")
-    left.plot(x[~out], y[~out], "+", color=ORANGE, markersize=5)
+    left.plot(x[~out], y[~out], "+", color=Colour.ORANGE, markersize=5)
     left.plot(x[out], y[out], "x", color="red", markersize=6)
     left.set(title=f"{marks.pattern}: {len(x)} found", xlabel="x / px", ylabel="y / px")
     usual = float(np.sqrt(np.nanmean(np.sum(departure**2, axis=1))))
     spacing = float(np.sqrt(rows * columns / len(x)))
     scale = max(usual, 1e-9) / (ARROW_SHARE * spacing)
     arrows = right.quiver(
-        x, y, *departure.T, angles="xy", scale_units="xy", scale=scale, color=BLUE, width=0.003
+        x,
+        y,
+        *departure.T,
+        angles="xy",
+        scale_units="xy",
+        scale=scale,
+        color=Colour.BLUE,
+        width=0.003,
     )
     right.quiverkey(arrows, 0.85, 1.03, usual, f"{usual:.3f} px")
     right.set(xlim=(0, columns), ylim=(rows, 0), xlabel="x / px", ylabel="y / px")

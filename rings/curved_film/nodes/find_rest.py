@@ -10,6 +10,7 @@ from tactograph.rings.curved_film.nodes.read_rest import by_rays
 from tactograph.sdk import (
     F4,
     F8,
+    UM_PER_MM,
     FilmEvidence,
     InputError,
     Light,
@@ -27,7 +28,6 @@ from tactograph.sdk import (
     places,
 )
 from tactograph.sdk.nodes import calibrate_lights, film_bounce, find_balls, label_lit, press_slopes
-from tactograph.sdk.unstable import UM_PER_MM
 
 COATED_PARTS = ("lobe",), ("lobe", "bounce")
 """Parts of a film with a coat, and of one that lights itself as well."""

@@ -8,7 +8,6 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.files.typed_values import read_words
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tests.fixtures import ROOT, SHARED
 from tests.pipelines.conftest import run
@@ -98,4 +97,4 @@ def test_a_ray_traced_dome_is_calibrated_and_measured(
 
 def test_a_shape_for_the_plain_calibration_is_refused_with_the_overlays_name() -> None:
     with pytest.raises(InputError, match=r"no param 'rest_radius_mm', but .*--with curved_film"):
-        read_words(read_graph("calibrate"), ["rest_radius_mm=9"])
+        read_graph("calibrate").read_words(["rest_radius_mm=9"])

@@ -4,8 +4,7 @@ import re
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from tactograph.sdk import GraphError
-from tactograph.sdk.unstable import Document
+from tactograph.sdk import Document, InputError
 
 Path_ = tuple[str | int, ...]
 CURSOR_MARK = "_cursor_"
@@ -61,7 +60,7 @@ def find_cursor(text: str, line: int, column: int) -> Cursor | None:
     for reading in _readings(text[:end], text[end:]):
         try:
             data = Document.parse(reading, "").data
-        except GraphError:
+        except InputError:
             continue
         marked = _marked(data, ())
         if marked is not None and isinstance(data, dict):

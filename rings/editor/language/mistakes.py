@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.sdk import Graph, GraphError, Pipeline, TactographError
+from tactograph.sdk import Graph, Pipeline, TactographError
 from tactograph.sdk.unstable import graphs_of
 
 _MEANT_WORDS = re.compile(r"'([^']+)'[^']*; did you mean (('[^']+'(?:, | or )?)+)\?")
@@ -54,10 +54,8 @@ def check(text: str, file: Path) -> Checked:
 def _gathered(messages: dict[str, None]) -> Iterator[None]:
     try:
         yield
-    except GraphError as error:
-        messages |= dict.fromkeys([str(error), *error.others])
     except TactographError as error:
-        messages[str(error)] = None
+        messages |= dict.fromkeys([str(error), *error.others])
 
 
 def _placed(message: str, lines: list[str], file: Path) -> Mistake:

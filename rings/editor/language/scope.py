@@ -13,8 +13,8 @@ from tactograph.rings.editor.language.declared import (
     of_group,
     of_node,
 )
-from tactograph.sdk import Graph, InputError
-from tactograph.sdk.unstable import Document, find_file, graphs_of
+from tactograph.sdk import Document, Graph, InputError
+from tactograph.sdk.unstable import find_file, graphs_of
 
 PATCH_VERBS = ("set", "replace", "insert", "remove", "backend", "neutral")
 BASE_OF_OVERLAYS = "reconstruct"

@@ -14,10 +14,10 @@ from tactograph.sdk import (
     InputError,
     Metrics,
     PixelSize,
+    StoredResult,
     View,
     brought,
     node,
-    result_files,
     warn,
 )
 
@@ -103,7 +103,7 @@ def export_height(
     place = folder / name if name else folder
     about = {"format": 1, "pixel_size_mm": float(pixel), "metrics": metrics or {}, **view.stated()}
     is_result = metrics is not None or not view.is_plain
-    with result_files(place, about if is_result else None) as target:
+    with StoredResult.new_files(place, about if is_result else None) as target:
         for extension in formats:
             file = target / f"height.{extension}"
             if extension in MESH_WRITERS:

@@ -11,7 +11,7 @@ from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.files.height_files import TIFF_TEXT, write_tiff
-from tactograph.nodes.files.result_file import result_files
+from tactograph.nodes.files.stored_result import StoredResult
 from tactograph.rings.export.formats import tmd
 from tactograph.rings.export.nodes.export_height import export_height
 from tactograph.rings.export.nodes.read_pixel_size import read_pixel_size
@@ -129,7 +129,7 @@ def test_a_result_whose_pixels_are_not_square_states_no_side(tmp_path: Path) -> 
 
 
 def test_a_height_of_another_write_than_its_result_has_no_pixel_size(tmp_path: Path) -> None:
-    with result_files(tmp_path, {"pixel_size_mm": PIXEL}) as target:
+    with StoredResult.new_files(tmp_path, {"pixel_size_mm": PIXEL}) as target:
         np.save(target / "height.npy", ramp())
     file = tmp_path / "height.npy"
     assert read_pixel_size(height=file) == PIXEL

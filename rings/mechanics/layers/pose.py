@@ -4,7 +4,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import F4, Axes, LayerKind, Placed, Port, StateVector, Touch
+from tactograph.sdk import F4, Axes, LayerKind, Placed, Port, Touch
 
 Pose = Annotated[F4, Port("6", "mm, deg")]
 """Shift x, y, z and turn vector x, y, z of the object, about the image's middle on the film at
@@ -13,7 +13,7 @@ rest.  A turn about z is positive from x to y."""
 
 PoseCovariance = Annotated[F4, Port("6 6", "mm, deg")]
 """Covariance of the pose's six numbers; turns about the film's axes."""
-POSE_NAMES = ["x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg"]
+POSE_NAMES = ("x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg")
 
 
 class ObjectPose(NamedTuple):
@@ -29,8 +29,8 @@ def _placed(touch: Touch, moved: ObjectPose) -> Placed:
     return Placed(moved.pose[:3] + middle, moved.pose[3:], moved.covariance)
 
 
-def _state(moved: ObjectPose) -> StateVector:
-    return StateVector(np.asarray(moved.pose, np.float32), POSE_NAMES)
+def _state(moved: ObjectPose) -> dict[str, float]:
+    return dict(zip(POSE_NAMES, moved.pose.tolist(), strict=True))
 
 
 KIND = LayerKind(ObjectPose, Axes("object", _placed), topics={"pose": _placed}, state=_state)

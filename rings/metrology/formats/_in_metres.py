@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 from scipy.constants import milli
 
-from tactograph.sdk import HeightFile, InputError, need
-from tactograph.sdk.unstable import MAX_PIXEL_MM
+from tactograph.sdk import HeightFile, InputError, PixelSize, need
 
 
 def package_for(kind: str, package: str) -> Any:
@@ -40,11 +40,13 @@ def read_in_metres(file: Path, read: Callable[[Path], Sequence[Any]]) -> HeightF
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{file}: cut off, damaged or no {file.suffix} file: {reason}") from None
-    if max(width, length) > MAX_PIXEL_MM * milli:
-        raise InputError(
-            f"{file}: says {width / milli:.4g} mm per px; are its lengths in mm, where "
-            "metres belong? Write it again in metres"
-        )
-    height, *stated = ((np.asarray(one) / milli).astype(np.float32) for one in maps)
     sides = width / milli, length / milli
+    try:
+        TypeAdapter(PixelSize).validate_python(max(sides))
+    except ValidationError:
+        raise InputError(
+            f"{file}: says {sides[0]:.4g} mm per px; are its lengths in mm, where metres belong? "
+            "Write it again in metres"
+        ) from None
+    height, *stated = ((np.asarray(one) / milli).astype(np.float32) for one in maps)
     return HeightFile.of(height, *sides, stated[0] if stated else None)

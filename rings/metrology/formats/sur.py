@@ -11,8 +11,7 @@ from tactograph.rings.metrology.nodes.surface.areal_surface import (
     surface_in_metres,
     surfalize,
 )
-from tactograph.sdk import Height, HeightError, HeightFile, InputError
-from tactograph.sdk.unstable import MAX_PIXELS
+from tactograph.sdk import MAX_PIXELS, Height, HeightError, HeightFile, InputError
 
 COLUMNS_AT, COLUMNS_AND_ROWS = 108, struct.Struct("<2i")
 """Position of the numbers of columns and rows."""

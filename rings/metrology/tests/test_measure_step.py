@@ -12,7 +12,7 @@ from rings.metrology.tests.scan.scans import groove_shape
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
-from tactograph.nodes.drawing.new_picture import BLUE, ORANGE
+from tactograph.nodes.drawing.new_picture import Colour
 from tactograph.rings.metrology.nodes.surface.measure_step import measure_step
 from tactograph.rings.metrology.nodes.surface.plot_step import plot_step
 from tactograph.rings.shapes.nodes.shape_grating import shape_grating
@@ -107,7 +107,7 @@ def test_a_picture_shows_the_levels_and_the_depth(tmp_path: Path) -> None:
     plot_step(z, PIXEL, measure_step(z, PIXEL), file=file)
     picture = cv2.imread(str(file))
     assert picture.shape == (400, 900, 3)
-    for colour in (BLUE, ORANGE):
+    for colour in (Colour.BLUE, Colour.ORANGE):
         bgr = np.array([int(colour[i : i + 2], 16) for i in (5, 3, 1)])
         assert (np.abs(picture.astype(int) - bgr).max(axis=2) < 8).sum() > 100
 

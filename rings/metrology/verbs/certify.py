@@ -2,8 +2,6 @@
 
 import click
 
-from tactograph.sdk import command_line
-
 
 @click.command(
     "certify",
@@ -17,7 +15,9 @@ def command(context: click.Context, values: tuple[str, ...]) -> None:
 
     The same as 'tactograph run certify'; 'tactograph run certify --help' lists its params.
     """
-    run = command_line.get_command(context, "run")
+    assert context.parent is not None
+    assert isinstance(context.parent.command, click.Group)
+    run = context.parent.command.get_command(context, "run")
     assert run is not None
     with run.make_context("run", ["certify", *values], parent=context.parent) as words:
         run.invoke(words)

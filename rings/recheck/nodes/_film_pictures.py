@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from tactograph.rings.recheck.nodes.film_change import FilmChange
-from tactograph.sdk import BLUE, F4, Light
+from tactograph.sdk import F4, Colour, Light
 
 
 def draw_films(
@@ -40,7 +40,7 @@ def draw_films(
 
 def draw_light(axes: Axes, strength: F4, words: str) -> None:
     """Draw the brightness of each LED."""
-    axes.bar([f"LED {k}" for k in range(1, len(strength) + 1)], 100 * strength, color=BLUE)
+    axes.bar([f"LED {k}" for k in range(1, len(strength) + 1)], 100 * strength, color=Colour.BLUE)
     axes.axhline(100, color="black", linewidth=0.5)
     axes.set_title(f"light of the LEDs, {words} / %")
 

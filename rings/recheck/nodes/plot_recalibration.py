@@ -7,7 +7,7 @@ from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
 from tactograph.rings.recheck.nodes.film_change import FilmChange
 from tactograph.sdk import (
     F4,
-    ORANGE,
+    Colour,
     FoundBalls,
     Light,
     Metrics,
@@ -57,6 +57,6 @@ def plot_recalibration(
 def _draw_press(axes: Axes, press: F4, circles: F4) -> None:
     axes.imshow(press.mean(axis=0), cmap="gray")
     for x, y, radius in circles[circles[:, 2] > 0]:
-        axes.add_patch(Circle((x, y), radius, fill=False, color=ORANGE))
+        axes.add_patch(Circle((x, y), radius, fill=False, color=Colour.ORANGE))
     is_pressed = (circles[:, 2] > 0).any()
     axes.set_title("check press" if is_pressed else "no check press")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tactograph.rings.export.height_levels import OFFSET_MM, STEP_MM, UNKNOWN_LEVEL, height_levels
 from tactograph.rings.recording.files.level_pictures import levels_picture
-from tactograph.sdk import F4, U1, InputError, Light, Touch, layers_of, need
+from tactograph.sdk import F4, U1, InputError, Light, Touch, need
 
 MAX_BYTE = 255
 NS_PER_S = 10**9
@@ -90,9 +90,11 @@ def touch_columns(
         names = [f"{name}_c{n}" for n in range(1, contacts + 1) for name in figures]
         values = contact_figures(touch.metrics or {}, figures, contacts)
         columns[f"observation.{sensor}.contacts"] = Column(values, names)
-    for layer in layers_of(touch):
+    for layer in touch.each_layer():
         if layer.kind.state:
-            columns[f"observation.{sensor}.{layer.name}"] = Column(*layer.kind.state(layer.value))
+            state = layer.kind.state(layer.value)
+            value = np.array([*state.values()], np.float32)
+            columns[f"observation.{sensor}.{layer.name}"] = Column(value, [*state])
     columns[time_column(sensor)] = Column(np.array(divmod(stamp, NS_PER_S)), ["s", "ns"])
     return columns
 

@@ -21,7 +21,7 @@ from tactograph.rings.recording.files.ros_messages import (
     pose_message,
     text_message,
 )
-from tactograph.sdk import Placed, Provenance, Touch, layers_of
+from tactograph.sdk import Placed, Provenance, Touch
 
 MAX_BYTE = 255
 
@@ -60,9 +60,9 @@ def _layers(stamp: int, touch: Touch) -> list[Message]:
     """The messages of a touch's layers."""
     return [
         _message(f"/{topic}", stamp, carried)
-        for layer in layers_of(touch)
+        for layer in touch.each_layer()
         for topic, carries in layer.kind.topics.items()
-        if (carried := carries(touch, layer.value)) is not None
+        if (carried := carries(touch, layer.value) if carries else layer.value) is not None
     ]
 
 

@@ -18,9 +18,8 @@ from tactograph.rings.recording.files.lerobot_rows import (
     time_column,
 )
 from tactograph.rings.recording.files.level_pictures import picture_levels
-from tactograph.sdk import U1, Height, InputError, Labels, Light, Port, Slope, node
+from tactograph.sdk import U1, Height, InputError, Labels, Light, Port, SensorIdentity, Slope, node
 from tactograph.sdk.nodes import read_capture
-from tactograph.sdk.unstable import SensorIdentity
 
 
 class DatasetTouch(NamedTuple):

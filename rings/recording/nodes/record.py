@@ -6,8 +6,7 @@ from pathlib import Path
 from tactograph.rings.frames.live_frames import ALL_LIT, RawFrame
 from tactograph.rings.recording.files.mcap_log import Limits, McapLog
 from tactograph.rings.recording.files.ros_messages import Message, image_message, text_message
-from tactograph.sdk import Light, LiveState, Provenance, Session, node
-from tactograph.sdk.unstable import SensorIdentity
+from tactograph.sdk import Light, LiveState, Provenance, SensorIdentity, Session, node
 
 RECORDING_FORMAT = "1"
 

@@ -26,9 +26,8 @@ from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.files.mcap_read import McapFile, Read
 from tactograph.rings.recording.files.ros_messages import read_image
 from tactograph.rings.recording.nodes.record import RECORDING_FORMAT
-from tactograph.sdk import InputError, Light, LiveState, node, warn
+from tactograph.sdk import MAX_PIXELS, InputError, Light, LiveState, SensorIdentity, node, warn
 from tactograph.sdk.nodes import read_calibration, read_capture
-from tactograph.sdk.unstable import MAX_PIXELS, SensorIdentity
 
 IMAGE_TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")
 RATE_FRAMES = 40

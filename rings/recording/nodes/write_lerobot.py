@@ -15,8 +15,7 @@ from tactograph.rings.recording.files.lerobot_rows import (
     touch_columns,
 )
 from tactograph.rings.recording.files.stamps import TouchStamps
-from tactograph.sdk import InputError, Provenance, Session, Touch, node, warn
-from tactograph.sdk.unstable import SensorIdentity
+from tactograph.sdk import InputError, Provenance, SensorIdentity, Session, Touch, node, warn
 
 WRITER_THREADS = 2
 """Threads that compress pictures."""

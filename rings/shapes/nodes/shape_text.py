@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 from annotated_types import Ge
 
-from tactograph.sdk import F8, InputError, Length, Shape, ShapeImage, node
-from tactograph.sdk.unstable import MAX_PIXELS
+from tactograph.sdk import F8, MAX_PIXELS, InputError, Length, Shape, ShapeImage, node
 
 LETTER_SUBSAMPLES = 4
 """Letters are drawn this many times finer than the image, so that their outline is smooth."""

@@ -5,8 +5,7 @@ import socket
 
 import click
 
-from tactograph.sdk import need
-from tactograph.sdk.unstable import graph_command
+from tactograph.sdk import graph_command, need
 
 
 @graph_command("tune", short_help="Change a graph in the browser, and see what it gives.")
@@ -28,9 +27,8 @@ def command(
     """
     # Readers of graphs take longer to load than all that --help needs.
     from tactograph.sdk import read_graph
-    from tactograph.sdk.unstable import read_words
 
-    params = read_words(read_graph(graph), values)
+    params = read_graph(graph).read_words(values)
     need("tune", "tune", "nicegui")
     from tactograph.rings.tune.page import serve
     from tactograph.rings.tune.tuning import Tuning

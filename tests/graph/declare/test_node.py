@@ -6,7 +6,7 @@ from typing import Annotated, Any, NamedTuple, Unpack
 import numpy as np
 import pytest
 
-from tactograph.graph import Close, Exact, NamedPorts, NodeCall, Port, Provenance, SizeLimit, node
+from tactograph.graph import Close, NamedPorts, NodeCall, Port, Provenance, SizeLimit, node
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.nodes import F4, Height, Light, PixelSize
 from tests.each import each
@@ -219,7 +219,7 @@ def test_back_ends_agree_exactly_unless_a_tolerance_says_otherwise() -> None:
     @node(tolerance=Close(1e-3, 1e-3, why="a sum"))
     def close(light: Light) -> Light: ...
 
-    assert exact.tolerance == Exact()
+    assert exact.tolerance == Close()
     assert close.tolerance == Close(1e-3, 1e-3, why="a sum")
 
 

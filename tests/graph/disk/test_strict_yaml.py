@@ -10,7 +10,7 @@ from hypothesis import given, settings, strategies as st
 
 from tactograph.graph import GraphError, InputError
 from tactograph.graph.disk import disk_cache, strict_yaml
-from tactograph.graph.disk.strict_yaml import MAX_BYTES, Document, dotted, parse_scalar
+from tactograph.graph.disk.strict_yaml import MAX_BYTES, Document, dotted
 
 
 def refusal(text: str) -> str:
@@ -38,7 +38,7 @@ def test_a_scalar_means_what_it_looks_like(text: str, value: object) -> None:
 
 @pytest.mark.parametrize("text", ["1e-3", "no", "0x1F", "2020-01-01", "", "true", "010"])
 def test_a_value_on_the_command_line_means_the_same_as_in_a_file(text: str) -> None:
-    assert parse_scalar(text) == Document.parse(f"a: {text}", "g.yaml").data["a"]
+    assert Document.scalar(text) == Document.parse(f"a: {text}", "g.yaml").data["a"]
 
 
 @pytest.mark.parametrize("text", ["1__0", "0_", "-_", "._5", "1__0.5", "9" * 5000])
@@ -48,7 +48,7 @@ def test_a_malformed_number_is_refused(text: str) -> None:
     assert message.endswith("is not a number")
     assert len(message) < 100
     with pytest.raises(InputError, match="is not a number"):
-        parse_scalar(text)
+        Document.scalar(text)
 
 
 @pytest.mark.parametrize(
@@ -196,6 +196,6 @@ def test_any_text_is_a_document_or_a_graph_error(text: str) -> None:
 @given(st.text(alphabet="0123456789+-_.eExXoObBinfNaA", max_size=12))
 def test_any_value_on_the_command_line_is_read_or_refused(text: str) -> None:
     try:
-        assert isinstance(parse_scalar(text), str | int | float | None)
+        assert isinstance(Document.scalar(text), str | int | float | None)
     except InputError as error:
         assert "is not a number" in str(error)  # noqa: PT017

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from pyopencl.array import Array, to_device
 
 from tactograph.graph import Cache, InputError, load
-from tactograph.graph.backends.arrays import DeviceArray
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.run.pipeline import Pipeline
 from tests.fixtures import Calibration, Raytraced
@@ -57,25 +56,6 @@ def test_sensor_and_height_are_chained_without_a_transfer(
     monkeypatch.undo()
     np.testing.assert_array_equal(first.get(), expected[0])
     np.testing.assert_array_equal(second.get(), expected[1])
-
-
-def test_an_array_that_the_host_sent_is_not_downloaded(
-    raytraced: Raytraced, calibration: Calibration, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each pass of `precise` asks where film is at rest, which a host node has computed."""
-    truth = np.load(raytraced / "near33" / "cat_film" / "truth_height_mm.npy")
-    settings: dict[str, Any] = {"calibration": calibration("near33"), "backend": "opencl"}
-    frames = load("see_touch", outputs=["image"], seed=None, **settings)(height=truth)["image"]
-    precise, downloads = load("precise", outputs=["height"], **settings), []
-    start = Queue.start_download
-
-    def count(queue: Queue, source: DeviceArray) -> Any:
-        downloads.append((source.shape, str(source.dtype)))
-        return start(queue, source)
-
-    monkeypatch.setattr(Queue, "start_download", count)
-    precise(frames=frames)
-    assert downloads.count((truth.shape, "uint8")) == 1, "calm film, for a host node"
 
 
 @pytest.mark.parametrize("cache", [None, Cache()], ids=["", "cached"])

@@ -12,17 +12,16 @@ import pytest
 from tactograph.graph import GraphError, InputError, NodeError, load
 from tactograph.graph.command import run_command
 from tactograph.nodes import F4
-from tactograph.nodes.stream.layer_kinds import layer_kinds, layers_of
-from tactograph.nodes.stream.touch import LayerKind
+from tactograph.nodes.stream.touch import LayerKind, LayerKinds
 from tests.nodes.touches import touch_of
 
 SIZE = (24, 32)
 WARMTH = """
 from typing import Annotated
 from tactograph.nodes import Height
-from tactograph.nodes.stream.touch import ColourMap, LayerKind, as_it_is
+from tactograph.nodes.stream.touch import ColourMap, LayerKind
 
-KIND = LayerKind(Annotated[Height, "how warm"], ColourMap("warmth"), topics={"warm": as_it_is})
+KIND = LayerKind(Annotated[Height, "how warm"], ColourMap("warmth"), topics={"warm": None})
 """
 GRAPH = """
 format: 1
@@ -69,7 +68,7 @@ def ring(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Lay]:
 
 
 def test_every_kind_of_this_project_loads() -> None:
-    kinds = layer_kinds()
+    kinds = LayerKinds()
     assert {"shadow", "highlight", "contact", "confidence", "error", "unresolved"} <= {*kinds}
     assert all(isinstance(kinds[name], LayerKind) for name in kinds)
 
@@ -77,8 +76,8 @@ def test_every_kind_of_this_project_loads() -> None:
 def test_a_kind_is_imported_on_request_and_without_matplotlib() -> None:
     code = (
         "import sys\n"
-        "from tactograph.nodes.stream.layer_kinds import layer_kinds\n"
-        "[*layer_kinds()], layer_kinds()['shadow'], layer_kinds()['error']\n"
+        "from tactograph.nodes.stream.touch import LayerKinds\n"
+        "[*LayerKinds()], LayerKinds()['shadow'], LayerKinds()['error']\n"
         "print([m for m in sys.modules if '.layers.' in m or m == 'matplotlib'])"
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
@@ -121,4 +120,4 @@ def test_a_layer_that_does_not_load_gives_one_line_where_a_graph_names_it(
 def test_a_layer_without_a_kind_is_refused_with_the_known_ones() -> None:
     touch = touch_of(height=None, image=None, pixel=0.1, shade=1)
     with pytest.raises(InputError, match=r"no layer of a touch is called 'shade'; .*'shadow'"):
-        layers_of(touch)
+        touch.each_layer()

@@ -11,8 +11,7 @@ from tactograph.rings.export.nodes.show._calibration import show_calibration
 from tactograph.rings.export.nodes.show._capture import show_capture
 from tactograph.rings.export.nodes.show._result import show_result
 from tactograph.rings.export.shown import Shown
-from tactograph.sdk import InputError, StoredResult, atomic_file, brought, node
-from tactograph.sdk.unstable import missing, one_line
+from tactograph.sdk import InputError, StoredResult, atomic_file, brought, node, one_line
 
 
 @node
@@ -45,14 +44,10 @@ def show_file(*, file: Path, folder: Path | None = None) -> None:
 
 
 def _look(file: Path) -> Shown:
-    try:
-        file.stat()
-    except (OSError, ValueError):
-        raise InputError(missing(file, "file")) from None
-    if file.suffix == ".npz" and file.is_file():
-        return show_calibration(file)
     if (result := StoredResult.file_of(file)) is not None:
         return show_result(result)
+    if file.suffix == ".npz" and file.is_file():
+        return show_calibration(file)
     shows = brought("show")
     if (further := shows.get(file.suffix[1:])) is not None:
         content: Shown = further.load().show(file)

@@ -7,7 +7,7 @@ from annotated_types import Gt, Interval
 
 from tactograph.rings.live.nodes.camera._camera_names import serial_of
 from tactograph.rings.live.nodes.camera.open_camera import Library
-from tactograph.sdk.unstable import SensorIdentity
+from tactograph.sdk import SensorIdentity
 
 SIMULATED_NAME = "simulated"
 

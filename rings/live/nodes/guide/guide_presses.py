@@ -11,7 +11,7 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
 from tactograph.rings.frames.live_frames import LiveFrames
-from tactograph.rings.frames.rest_film import make_film
+from tactograph.rings.frames.rest_film import make_film, top_of
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Plane
 from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
@@ -19,9 +19,19 @@ from tactograph.rings.live.nodes.guide._guide_params import GuideParams
 from tactograph.rings.live.nodes.guide._watch_film import Watch, film_at_rest, new_folder, tell
 from tactograph.rings.live.nodes.touches.sensor import open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
-from tactograph.sdk import F4, Dark, InputError, Light, atomic_file, atomic_files, node, write_image
+from tactograph.sdk import (
+    F4,
+    CaptureFile,
+    Dark,
+    InputError,
+    Light,
+    atomic_file,
+    atomic_files,
+    node,
+    write_image,
+)
 from tactograph.sdk.nodes import find_ball, flat_field, pixel_size, read_balls, read_flat
-from tactograph.sdk.unstable import SATURATED_LIGHT, BallPresses, CaptureFile
+from tactograph.sdk.unstable import BallPresses
 
 USUAL_LEDS = 4
 MAX_PRESS_SATURATED = 0.01
@@ -91,8 +101,8 @@ def guide_presses(
         stream = Stream(rig, rest, film.dark, "cycle", driver.full_scale)
         watch = Watch(rest, stream, guide.still_s, guide.patience_s)
         count = 0
-        found = partial(_found, dark=film.dark, pixel=pixel, radius_mm=guide.ball_radius_mm)
-        for count, (press, about) in enumerate(watch.presses(partial(found, film.flat)), start=1):
+        found = partial(_found, driver, film.flat, film.dark, pixel, guide.ball_radius_mm)
+        for count, (press, about) in enumerate(watch.presses(found), start=1):
             frames = {frame.led: frame.data for frame in press.new}
             about.bits = driver.bits
             _save_press(pressed / f"{count:02}", frames, about)
@@ -108,10 +118,10 @@ def guide_presses(
 
 
 def _found(
-    flat: Light, press: LiveFrames, dark: Dark, pixel: float, radius_mm: float
+    driver: CameraParams, flat: Light, dark: Dark, pixel: float, radius_mm: float, press: LiveFrames
 ) -> CaptureFile:
     """The press's ball, so that it is searched for only once; an error if it cannot be used."""
-    full = float((press.image >= SATURATED_LIGHT).mean())
+    full = np.mean([frame.data >= top_of(frame.data, driver.full_scale) for frame in press.new])
     if full > MAX_PRESS_SATURATED:
         raise InputError(f"{full:.0%} of the picture is saturated, expose shorter")
     try:

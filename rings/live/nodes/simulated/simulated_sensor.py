@@ -14,8 +14,8 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 from scipy.interpolate import CubicSpline
 
 from tactograph.sdk import F4, InputError, LightPositions, ShapeImage, places
-from tactograph.sdk.nodes import light_ring, press, render, shape_ball
-from tactograph.sdk.unstable import lens_share, matt_film_light
+from tactograph.sdk.nodes import expose, light_ring, press, render, shape_ball
+from tactograph.sdk.unstable import matt_film_light
 
 MAX_BYTE = 255
 PAPER_PIXEL_MM = ShapeImage().pixel_size_mm
@@ -131,7 +131,7 @@ class SimulatedSensor:
         self._y = places(scene.height_px, np.float32(pixel))
         self.lights = scene.lights
         self.strength = np.ones(len(self.lights), np.float32)
-        self._lens = lens_share(shape, scene.vignetting)
+        self._lens = _lens_share(shape, scene.vignetting)
         self._bare: F4 = render(np.zeros(shape, np.float32), pixel, self.lights).light * self._lens
         self._ball = _PressedFilm(scene)
         rng = np.random.Generator(np.random.SFC64(scene.seed))
@@ -229,6 +229,14 @@ class SimulatedSensor:
         electrons += spread * self._noises[number % NOISE_IMAGES]
         levels = electrons * np.float32(MAX_BYTE / scene.full_well) + np.float32(0.5)
         return np.clip(levels, 0, MAX_BYTE).astype(np.uint8)
+
+
+def _lens_share(shape: tuple[int, int], vignetting: float) -> F4:
+    """The light that passes the lens, H x W, as of an evenly lit wall; 1 at the centre."""
+    wall = np.zeros((1, *shape), np.float32)
+    return expose(
+        wall, vignetting=vignetting, ambient=1.0, shot_noise=False, read_noise=0.0, bits=16
+    ).dark
 
 
 class _PressedFilm:

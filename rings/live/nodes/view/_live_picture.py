@@ -23,8 +23,6 @@ from tactograph.sdk import (
     Lights,
     Regions,
     Touch,
-    draw_arrows,
-    layers_of,
 )
 
 Picture = NDArray[np.uint8]
@@ -74,7 +72,7 @@ def draw_touch(
     InputError
         If the touch has no such map.
     """
-    height, image, layers = touch.height, touch.image, layers_of(touch)
+    height, image, layers = touch.height, touch.image, touch.each_layer()
     rows, columns = height.shape
     width = round(HEIGHT_PX * columns / rows)
     half = (HEIGHT_PX - TITLE_PX - GAP_PX) // 2
@@ -89,7 +87,7 @@ def draw_touch(
     for each in layers:
         if isinstance(each.kind.drawn, Arrows):
             first = np.ascontiguousarray(first)
-            draw_arrows(first, *each.kind.drawn.of(each.value), small / columns)
+            each.kind.drawn.of(each.value).draw(first, small / columns)
     layer = _chosen(layers, chosen)
     beneath, title = _drawn(layer, mean, lights)
     upper, lower = GAP_PX + TITLE_PX, GAP_PX + 2 * TITLE_PX + half + GAP_PX

@@ -34,7 +34,6 @@ from tactograph.sdk import (
     Session,
     Touch,
     View,
-    layers_of,
     need,
     node,
     warn,
@@ -108,7 +107,7 @@ def view_rerun(
     stream.images(touch.image[:, ::image_step, ::image_step], lights)
     stream.surface(touch, surface_step)
     stream.section(touch)
-    for layer in layers_of(touch):
+    for layer in touch.each_layer():
         stream.layer(layer, touch, image_step, lights)
     times = {step["node"]: step["ms"] for step in provenance.nodes if not step["once"]}
     latency_s = touch.latency_s(now)
@@ -345,7 +344,7 @@ class _Stream:
 
     def section(self, touch: Touch) -> None:
         """The row through the highest point, x and height in mm, upwards."""
-        rr, height, layers = rerun(), touch.height, layers_of(touch)
+        rr, height, layers = rerun(), touch.height, touch.each_layer()
         error = next((each.value for each in layers if each.kind.is_deviation), None)
         row = int(np.unravel_index(int(height.argmax()), height.shape)[0])
         x = touch.places_mm()[0][row]

@@ -13,9 +13,8 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
     layer_compliance,
     wave_numbers,
 )
-from tactograph.sdk import F4, F8
+from tactograph.sdk import F4, F8, cores
 from tactograph.sdk.nodes import integrate_dct
-from tactograph.sdk.unstable import cores
 
 ENOUGH_SHARE = 1e-6
 """Share of the load that is left when conjugate gradients end early."""

@@ -23,8 +23,18 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
 )
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import NEWTONS_PER_KPA_MM2, Pressure
 from tactograph.rings.mechanics.nodes.marker.marker_places import marker_places
-from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, View, node
-from tactograph.sdk.unstable import LargestContacts
+from tactograph.sdk import (
+    F4,
+    F8,
+    Contacts,
+    Height,
+    LargestContacts,
+    Metrics,
+    PixelSize,
+    Port,
+    View,
+    node,
+)
 
 Shear = Annotated[F4, Port("2 H W", "kPa", low=-50, high=50)]
 """Traction on the film in its plane, x and y."""

@@ -18,6 +18,7 @@ from tactograph.sdk import (
     Contacts,
     Height,
     HeightError,
+    LargestContacts,
     Metrics,
     PixelSize,
     Port,
@@ -25,7 +26,6 @@ from tactograph.sdk import (
     node,
     warn,
 )
-from tactograph.sdk.unstable import LargestContacts
 
 Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
 """Normal pressure on the film."""

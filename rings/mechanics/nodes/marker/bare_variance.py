@@ -5,8 +5,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.sdk import Mask, node
-from tactograph.sdk.unstable import SlopeVariance
+from tactograph.sdk import Mask, SlopeVariance, node
 
 
 @node

@@ -11,8 +11,18 @@ from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.mechanics.nodes.marker.marker_places import marker_places
 from tactograph.rings.mechanics.nodes.motion._surface import IN_DEGREES, small_motion
-from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, View, node
-from tactograph.sdk.unstable import LargestContacts
+from tactograph.sdk import (
+    F4,
+    F8,
+    Contacts,
+    Height,
+    LargestContacts,
+    Metrics,
+    PixelSize,
+    Port,
+    View,
+    node,
+)
 
 COLUMN_X, COLUMN_Y, COLUMN_VARIANCE = range(3)
 COLUMN_STATE, COLUMN_STILL, COLUMN_WAY, COLUMN_CONTACT = range(3, 7)

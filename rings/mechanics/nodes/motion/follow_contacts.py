@@ -8,8 +8,18 @@ from numpy.typing import NDArray
 from scipy.ndimage import center_of_mass
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.sdk import F4, F8, Contacts, Lens, Metrics, PixelSize, Port, View, node
-from tactograph.sdk.unstable import LargestContacts
+from tactograph.sdk import (
+    F4,
+    F8,
+    Contacts,
+    LargestContacts,
+    Lens,
+    Metrics,
+    PixelSize,
+    Port,
+    View,
+    node,
+)
 
 COLUMN_AGE, COLUMN_UNSEEN, COLUMN_X, COLUMN_Y, COLUMN_VX, COLUMN_VY = range(6)
 """Columns of the tracks: frames since it began, frames since it was last seen, centre in px,

@@ -86,7 +86,7 @@ def _spread(count: int, most: int, folder: Path, advice: str) -> list[int]:
 
 
 def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
-    every = [result for result in sorted(folder.glob("*")) if StoredResult.file_of(result)]
+    every = [each for each in sorted(folder.glob("*/")) if StoredResult.file_of(each)]
     advice = (
         "give a folder that 'tactograph run reconstruct' wrote for a stream, or a recording with "
         "its sensor's `calibration`"

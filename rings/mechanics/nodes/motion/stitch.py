@@ -29,9 +29,19 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     surface_of,
 )
 from tactograph.rings.mechanics.nodes.motion.read_touches import TouchHeights
-from tactograph.sdk import F4, F8, U1, InputError, Metrics, PixelSize, Port, node, warn
+from tactograph.sdk import (
+    F4,
+    F8,
+    U1,
+    InputError,
+    Metrics,
+    PixelSize,
+    Port,
+    node,
+    tell_progress,
+    warn,
+)
 from tactograph.sdk.nodes import find_contact
-from tactograph.sdk.unstable import tell_progress
 
 MIN_PARTNERS = 4
 """Others with which each touch is matched, besides the logarithm of their number: neighbours in a

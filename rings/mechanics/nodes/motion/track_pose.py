@@ -22,8 +22,19 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     small_motion,
     surface_of,
 )
-from tactograph.sdk import F4, F8, Contacts, Height, Metrics, PixelSize, Port, View, node, warn
-from tactograph.sdk.unstable import SlopeVariance
+from tactograph.sdk import (
+    F4,
+    F8,
+    Contacts,
+    Height,
+    Metrics,
+    PixelSize,
+    Port,
+    SlopeVariance,
+    View,
+    node,
+    warn,
+)
 
 KeySurface = Annotated[F4, Port("2 H W", "mm", nan=True)]
 """Heights of the key frame, NaN beside the touched film, and beside what moves with the object."""

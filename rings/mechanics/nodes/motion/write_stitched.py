@@ -6,14 +6,13 @@ import numpy as np
 
 from tactograph.rings.mechanics.nodes.motion.stitch import Sources, Stitched
 from tactograph.sdk import (
-    ColourMap,
     HeightFile,
     Metrics,
     PixelSize,
     Provenance,
-    layer_kinds,
+    StoredResult,
+    Touch,
     node,
-    result_files,
     write_image,
 )
 
@@ -51,17 +50,16 @@ def write_stitched(
     """
     # Loading Matplotlib takes longer than the rest.
     from tactograph.rings.mechanics.nodes.motion._seams import draw_seams
-    from tactograph.sdk import draw_height, draw_map
+    from tactograph.sdk import draw_result
 
-    how = layer_kinds()["error"].drawn
-    assert isinstance(how, ColourMap)
+    no_image = np.zeros((1, *height.shape), np.float32)
+    touch = Touch(height, no_image, pixel, layers={"error": error})
     about = {**provenance.as_dict(), "pixel_size_mm": float(pixel), "metrics": metrics}
-    with result_files(folder, about) as target:
+    with StoredResult.new_files(folder, about) as target:
         formats = ("npy", "tiff", "ply") if ply else ("npy", "tiff")
         for name in formats:
             HeightFile(height, pixel).write(target / f"height.{name}")
         np.save(target / "error.npy", error)
         write_image(target / "source.png", source)
-        draw_height(height, error, pixel, target / "height.png")
-        draw_map(error, how, pixel, target / "error.png")
+        draw_result(touch, target)
         draw_seams(height, source, pixel, target / "seams.png")

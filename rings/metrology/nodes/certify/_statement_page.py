@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 
 from tactograph.rings.metrology.nodes.certify.transfer_function import CUT_OFF_SHARE
 from tactograph.rings.metrology.nodes.certify.uncertainty_budget import BudgetRow
-from tactograph.sdk import BLUE, F8, GREY, ORANGE, Metrics
-from tactograph.sdk.unstable import UM_PER_MM
+from tactograph.sdk import F8, UM_PER_MM, Colour, Metrics
 
 PAGE_TEXT = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
@@ -100,8 +99,10 @@ def _response(curve: F8 | None, figures: Metrics) -> tuple[str, str] | None:
     z = np.linspace(true.min(), true.max(), 100)
     parts = figures["uncertainty_constant_um"], figures["uncertainty_relative"] * z
     half = figures["coverage_factor"] * np.hypot(*parts)
-    axes.fill_between(z, -half, half, color=GREY, alpha=0.3, linewidth=0, label="U")
-    axes.errorbar(true, apart, spread, color=BLUE, marker="o", capsize=3, label="found - true")
+    axes.fill_between(z, -half, half, color=Colour.GREY, alpha=0.3, linewidth=0, label="U")
+    axes.errorbar(
+        true, apart, spread, color=Colour.BLUE, marker="o", capsize=3, label="found - true"
+    )
     axes.set(xlabel="true height / um", ylabel="deviation / um", title="Response along z")
     axes.legend(loc="upper center")
     return "Response along z", _uri(figure)
@@ -112,8 +113,8 @@ def _transfer(curve: F8 | None) -> tuple[str, str] | None:
         return None
     figure = Figure(figsize=(9, 3.5), dpi=100, layout="constrained")
     axes = figure.subplots()
-    axes.plot(*curve, color=BLUE)
-    axes.axhline(CUT_OFF_SHARE, color=ORANGE, linestyle="--", linewidth=1)
+    axes.plot(*curve, color=Colour.BLUE)
+    axes.axhline(CUT_OFF_SHARE, color=Colour.ORANGE, linestyle="--", linewidth=1)
     title = "Instrument transfer function, film rendered by the calibration"
     axes.set(xlabel="spatial frequency / (1/mm)", ylabel="height response", title=title)
     return title, _uri(figure)

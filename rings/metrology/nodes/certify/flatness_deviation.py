@@ -3,8 +3,7 @@
 import numpy as np
 
 from tactograph.rings.metrology.nodes.certify.measure_touches import Heights
-from tactograph.sdk import Metrics, node
-from tactograph.sdk.unstable import UM_PER_MM
+from tactograph.sdk import UM_PER_MM, Metrics, node
 
 
 @node

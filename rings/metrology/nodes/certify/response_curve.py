@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.metrology.nodes.certify.compare_shapes import Compared
-from tactograph.sdk import F8, Metrics, Port, node
-from tactograph.sdk.unstable import UM_PER_MM
+from tactograph.sdk import F8, UM_PER_MM, Metrics, Port, node
 
 LEVEL_COUNT = 10
 """Levels of the response curve, of equally many points each."""

@@ -9,8 +9,7 @@ from scipy.stats import norm, t
 
 from tactograph.rings.metrology.nodes.certify.compare_shapes import Compared
 from tactograph.rings.metrology.nodes.certify.response_curve import response_parts
-from tactograph.sdk import F8, Metrics, node
-from tactograph.sdk.unstable import UM_PER_MM
+from tactograph.sdk import F8, UM_PER_MM, Metrics, node
 
 COVERED_SHARE = 0.9545
 """Share of a normal distribution within two standard deviations: k = 2 (GUM 6.3.3)."""

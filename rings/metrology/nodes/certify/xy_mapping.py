@@ -7,9 +7,8 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.rings.metrology.nodes.certify._sensor import certified_sensor
-from tactograph.sdk import Crop, InputError, Metrics, View, node
+from tactograph.sdk import UM_PER_MM, Crop, InputError, Metrics, View, node
 from tactograph.sdk.nodes import find_grid, read_grey
-from tactograph.sdk.unstable import UM_PER_MM
 
 
 @node

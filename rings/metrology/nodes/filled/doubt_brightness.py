@@ -4,9 +4,8 @@ import numpy as np
 
 from tactograph.rings.metrology.nodes.filled.level_plane import level_plane
 from tactograph.rings.metrology.nodes.filled.scale_height import Scale
-from tactograph.sdk import Height, HeightError, PixelSize, ScaleError, Slope, node, warn
+from tactograph.sdk import UM_PER_MM, Height, HeightError, PixelSize, ScaleError, Slope, node, warn
 from tactograph.sdk.nodes import integrate_dct
-from tactograph.sdk.unstable import UM_PER_MM
 
 MAX_SLOPE_CHANGE = np.float32(0.3)
 """Largest difference of two slopes; a larger one is a label that flips, not brightness."""

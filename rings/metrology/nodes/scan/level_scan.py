@@ -19,6 +19,7 @@ from tactograph.rings.metrology.nodes.scan.scale_step import ScaleStep
 from tactograph.rings.metrology.nodes.surface.measure_step import ErrorParts
 from tactograph.sdk import (
     F4,
+    UM_PER_MM,
     Height,
     HeightError,
     Metrics,
@@ -29,7 +30,6 @@ from tactograph.sdk import (
     warn,
 )
 from tactograph.sdk.nodes import integrate_dct
-from tactograph.sdk.unstable import UM_PER_MM
 
 MAX_SQUARED_SLOPE = 3.0
 """Square of the steepest slope that a light model measures."""

@@ -14,8 +14,7 @@ from tactograph.rings.metrology.nodes.scan.scan_file import (
     read_entries,
     read_scan,
 )
-from tactograph.sdk import InputError, PixelSize
-from tactograph.sdk.unstable import MAX_PIXELS
+from tactograph.sdk import MAX_PIXELS, InputError, PixelSize
 
 LIGHT_TERMS = 10
 """Terms of the light model per LED: a00, a01, a02, a11, a12, a22, b0, b1, b2, c."""

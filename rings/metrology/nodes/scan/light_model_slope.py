@@ -12,7 +12,7 @@ from tactograph.rings.metrology.nodes.scan.light_model import (
     monomials,
 )
 from tactograph.sdk import F4, U1, Flips, Labels, Light, Port, SizeLimit, Slope, node
-from tactograph.sdk.unstable import SlopeNormal, cofactors, in_blocks
+from tactograph.sdk.unstable import SlopeNormal, in_blocks
 
 MAX_TURN_RAD = np.float32(0.3)
 """Longest step, as the angle in radians by which it turns the normal."""
@@ -125,7 +125,8 @@ def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> tuple[F
 def _start(image: F4, rows: F4) -> tuple[F4, F4]:
     """The slope of the vector g n with the least squares of I_k - L_k.(g n), by Cramer's rule."""
     a = np.array([[np.sum(rows[i] * rows[j], axis=0) for j in range(3)] for i in range(3)])
-    x, y, z = np.einsum("ijn,jn->in", cofactors(a), np.sum(rows * image, axis=1))
+    cofactors = np.cross(a[[1, 2, 0]], a[[2, 0, 1]], axis=1)
+    x, y, z = np.einsum("ijn,jn->in", cofactors, np.sum(rows * image, axis=1))
     z = np.maximum(z, np.maximum(MIN_START_Z * np.sqrt(x * x + y * y + z * z), MIN_LENGTH))
     return -x / z, -y / z
 

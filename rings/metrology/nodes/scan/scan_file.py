@@ -13,8 +13,7 @@ from typing import Annotated, Any, NamedTuple, TypeVar
 from annotated_types import Interval, Len
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
-from tactograph.sdk import InputError, MarkedBall, PixelSize
-from tactograph.sdk.unstable import Document
+from tactograph.sdk import Document, InputError, MarkedBall, PixelSize
 
 SCAN_FILE = "scan.yaml"
 MAX_BYTES = 1_000_000

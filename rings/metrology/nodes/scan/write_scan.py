@@ -8,6 +8,7 @@ import numpy as np
 from tactograph.rings.export.formats import tmd
 from tactograph.rings.metrology.nodes.scan.scan_file import SCAN_FILE, is_scan, read_scan
 from tactograph.sdk import (
+    CaptureFile,
     Crop,
     Height,
     InputError,
@@ -18,7 +19,6 @@ from tactograph.sdk import (
     node,
     write_image,
 )
-from tactograph.sdk.unstable import CaptureFile
 
 HEIGHT_FILE = "heightmap.tmd"
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.sdk import Height, need
-from tactograph.sdk.unstable import UM_PER_MM
+from tactograph.sdk import UM_PER_MM, Height, need
 
 METRES_PER_UM = 1e-6
 

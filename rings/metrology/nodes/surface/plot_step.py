@@ -7,9 +7,8 @@ from matplotlib.figure import Figure
 
 from tactograph.rings.metrology.nodes.surface.measure_step import Across, EdgeCount, step_profiles
 from tactograph.sdk import (
-    BLUE,
-    GREY,
-    ORANGE,
+    UM_PER_MM,
+    Colour,
     Height,
     Metrics,
     NewPicture,
@@ -17,7 +16,6 @@ from tactograph.sdk import (
     node,
     write_picture,
 )
-from tactograph.sdk.unstable import UM_PER_MM
 
 
 @node
@@ -49,11 +47,11 @@ def plot_step(
     x, z = pixel * median_profile.x, UM_PER_MM * median_profile.z
     figure = Figure(figsize=(9, 4), dpi=100, layout="constrained")
     axes = figure.subplots()
-    axes.plot(x, z, color=GREY, linewidth=1)
+    axes.plot(x, z, color=Colour.GREY, linewidth=1)
     half = UM_PER_MM * median_profile.depth / 2
     for part, level, colour in (
-        (median_profile.upper, half, BLUE),
-        (median_profile.lower, -half, ORANGE),
+        (median_profile.upper, half, Colour.BLUE),
+        (median_profile.lower, -half, Colour.ORANGE),
     ):
         shaded = axes.fill_between(x, 0, 1, where=part, color=colour, alpha=0.15, linewidth=0)
         shaded.set_transform(axes.get_xaxis_transform())

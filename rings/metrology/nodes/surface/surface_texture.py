@@ -8,8 +8,7 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 
 from tactograph.rings.metrology.nodes.surface.areal_surface import areal_surface
-from tactograph.sdk import Contacts, Height, Metrics, PixelSize, node, warn
-from tactograph.sdk.unstable import LargestContacts
+from tactograph.sdk import Contacts, Height, LargestContacts, Metrics, PixelSize, node, warn
 
 POINTS_PER_TERM = 10
 """Least number of points per term; with fewer the form would fit the surface's texture, too."""

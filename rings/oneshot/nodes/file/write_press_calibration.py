@@ -5,8 +5,17 @@ from tactograph.rings.oneshot.nodes.file.press_calibration import (
     NewPressCalibration,
 )
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.sdk import Lens, Light, Mask, Metrics, PixelSize, Provenance, node, warn
-from tactograph.sdk.unstable import SensorIdentity
+from tactograph.sdk import (
+    Lens,
+    Light,
+    Mask,
+    Metrics,
+    PixelSize,
+    Provenance,
+    SensorIdentity,
+    node,
+    warn,
+)
 
 
 @node

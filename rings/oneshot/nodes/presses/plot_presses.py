@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from tactograph.rings.oneshot.nodes.presses import Circles
-from tactograph.sdk import BLUE, F4, ORANGE, U1, Light, NewPicture, Port, node, write_picture
+from tactograph.sdk import F4, U1, Colour, Light, NewPicture, Port, node, write_picture
 
 TITLE_LETTERS = 120
 """Letters in a line of the title."""
@@ -41,7 +41,7 @@ def plot_presses(
     used = selection > 0
     for number, ((x, y, radius), is_used) in enumerate(zip(circle, used, strict=True), start=1):
         if radius > 0:
-            colour = BLUE if is_used else ORANGE
+            colour = Colour.BLUE if is_used else Colour.ORANGE
             film.add_patch(Circle((x, y), radius, fill=False, edgecolor=colour))
             # On a plate: dark film and bright film hide letters of any colour.
             film.annotate(
@@ -55,7 +55,7 @@ def plot_presses(
         xlim=(-0.5, flat.shape[2] - 0.5),
         ylim=(flat.shape[1] - 0.5, -0.5),
     )
-    errors.bar(np.flatnonzero(used) + 1, heldout_deg[used], color=BLUE)
+    errors.bar(np.flatnonzero(used) + 1, heldout_deg[used], color=Colour.BLUE)
     errors.set(title="normal, held out / degrees", xlabel="contact, by number")
     lines = [textwrap.fill(line, TITLE_LETTERS) for line in (verdict, f"next: {advice}")]
     figure.suptitle("\n".join(lines), x=0.02, ha="left", fontsize=11)

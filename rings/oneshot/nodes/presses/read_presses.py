@@ -8,8 +8,7 @@ from annotated_types import Interval
 from scipy.ndimage import gaussian_filter
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
-from tactograph.sdk import F4, Crop, InputError, Layout, Light, StatedCircles, node
-from tactograph.sdk.unstable import CaptureFile
+from tactograph.sdk import F4, CaptureFile, Crop, InputError, Layout, Light, StatedCircles, node
 
 
 class Presses(NamedTuple):
