@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tactograph.sdk import Cache, Graph, InputError, Pipeline, Result, load
-from tactograph.sdk.unstable import captures_in, missing
+from tactograph.sdk.unstable import captures_in
 
 
 def captures_of(graph: Graph, params: Mapping[str, Any]) -> list[Path]:
@@ -17,9 +17,10 @@ def captures_of(graph: Graph, params: Mapping[str, Any]) -> list[Path]:
     folder = params.get(graph.capture_param or "")
     if not isinstance(folder, str):
         return []
-    if not Path(folder).exists():
-        raise InputError(f"{graph.capture_param}={missing(Path(folder), 'folder')}")
-    return captures_in(Path(folder)) if Path(folder).is_dir() else []
+    try:
+        return [] if Path(folder).is_file() else captures_in(Path(folder))
+    except InputError as error:
+        raise InputError(f"{graph.capture_param}={error}") from None
 
 
 class Runner:
