@@ -70,10 +70,8 @@ def _by_box(rows: Iterable[_Row], plan: Plan) -> Iterator[_Row]:
         if name not in plan.graph.uses:
             yield from inside
             continue
-        backend, why = (
-            ", ".join(dict.fromkeys(each))
-            for each in zip(*((row.backend, row.why) for row in inside), strict=True)
-        )
+        backend = ", ".join(dict.fromkeys(row.backend for row in inside))
+        why = "; ".join(dict.fromkeys(part for row in inside for part in row.why.split("; ")))
         whens = ("if needed" if row.when.startswith("if ") else row.when for row in inside)
         when = "; ".join(dict.fromkeys(whens))
         op = f"{plan.graph.uses[name].group}: {len(inside)} nodes"
