@@ -226,6 +226,7 @@ def _png(figure: Figure) -> str:
 
 def _svg(figure: Figure) -> str:
     stream = io.BytesIO()
+    figure.draw_without_rendering()  # the layout changes ticks, by which it was made
     # Without a date, equal figures give an equal page.
     figure.savefig(stream, format="svg", metadata={"Date": None})
     return _uri(stream, "image/svg+xml")

@@ -66,7 +66,9 @@ class HeightFile(NamedTuple):
             If the file is missing, damaged or no height map.
         """
         if file.is_dir():
-            raise InputError(f"{file}: is a folder; give the height in it")
+            height = file / "height.npy"
+            which = f"{height}" if height.is_file() else "the height in it"
+            raise InputError(f"{file}: is a folder; give {which}")
         if not file.is_file():
             raise InputError(missing(file, "file"))
         suffix = file.suffix.lower()

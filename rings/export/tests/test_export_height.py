@@ -293,3 +293,9 @@ def test_success_prints_the_range_of_the_height_and_its_file(
     first, *lines = capsys.readouterr().out.splitlines()
     assert re.fullmatch(r"1: [\d.]+ ms on numpy", first)
     assert lines == ["  height  -0.25 to 1.5 mm", f"written to {out}"]
+
+
+def test_a_result_in_place_of_its_height_is_answered_with_the_height(tmp_path: Path) -> None:
+    np.save(tmp_path / "height.npy", np.ones((4, 5), np.float32))
+    with pytest.raises(InputError, match=r"is a folder; give .*height\.npy"):
+        run_command(["run", "export", f"height={tmp_path}", f"out={tmp_path / 'out'}"])

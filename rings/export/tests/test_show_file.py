@@ -113,7 +113,7 @@ def test_anything_else_is_refused_in_one_line(tmp_path: Path, name: str) -> None
         file.mkdir()
     with pytest.raises(InputError, match=name) as error:
         run_command(["show", str(file)])
-    assert "\n" not in str(error.value)
+    assert not {"\n", "`"} & {*str(error.value)}  # nor a name that only the node inside has
 
 
 ESCAPES = "\x1b[31mred\x07\nTrust: 1\r\u202e\ud800"

@@ -57,7 +57,10 @@ def _look(file: Path) -> Shown:
             if parts := sorted(file.glob(f"*.{suffix}")):
                 show = reader.load().show
                 return Shown([line for part in parts for line in show(part).lines])
-        return show_capture(file)
+        try:
+            return show_capture(file)
+        except InputError as error:  # its cure names parameters that this node does not have
+            raise InputError(str(error).partition(";")[0]) from None
     others = "".join(f", a .{name}" for name in shows)
     raise InputError(
         f"{file}: nothing that can be shown; give a calibration or a lens (.npz){others}, the "
