@@ -41,7 +41,8 @@ def explained(change: F4, causes: F4) -> F8:
         residual = (
             np.square(rows[count] - weights @ rows[:count]).reshape(change.shape).mean(axis=0)
         )
-        noise = DEVIATIONS_PER_MAD**2 * np.median(residual) + MIN_ERROR**2
+        middle = residual.size // 2  # np.median takes four times as long
+        noise = DEVIATIONS_PER_MAD**2 * np.partition(residual, middle)[middle] + MIN_ERROR**2
         weight = 1 / (1 + residual / noise) ** 2
     shares = weight / weight.sum()
     whole = np.square(even[count]).mean(axis=0)

@@ -6,10 +6,9 @@ from tactograph.nodes import F8, CoarseLight, Height, Labels, LightPositions
 from tactograph.nodes.optics.near_light import places, vectors_at
 from tactograph.nodes.trust.checked_cells import MIN_CELLS, MIN_LEDS
 from tactograph.nodes.trust.explained import explained
-from tactograph.nodes.trust.light_departure import MIN_ERROR
 
 MAX_CELLS_OF_SHIFT = 250
-"""Cells that suffice for two unknowns of each LED: those whose light changes most."""
+"""Cells that suffice for two unknowns of each LED, of those whose light changes more than usual."""
 
 
 def image_shifts(
@@ -34,20 +33,16 @@ def image_shifts(
     count, rows, columns = light.shape
     by_shift = np.asarray(np.gradient(light, axis=(2, 1))) * columns
     usable = used == (1 << count) - 1
-    if count <= MIN_LEDS or np.count_nonzero(usable) < MIN_CELLS:
-        return np.zeros((count, 2))
     change = np.where(usable, np.square(by_shift).sum(axis=(0, 1)), 0).ravel()
-    sharpest = np.sort(
-        np.argpartition(-change, min(MAX_CELLS_OF_SHIFT, change.size) - 1)[:MAX_CELLS_OF_SHIFT]
-    )
-    y, x = np.divmod(sharpest[change[sharpest] > 0], columns)
+    sharp = np.flatnonzero(change > change.mean())
+    if count <= MIN_LEDS or sharp.size < MIN_CELLS:
+        return np.zeros((count, 2))
+    y, x = np.divmod(sharp[:: -(-sharp.size // MAX_CELLS_OF_SHIFT)], columns)
     where = places(columns, np.float32(pixel))[x], places(rows, np.float32(pixel))[y], height[y, x]
     v = vectors_at(lights, *where).transpose(2, 0, 1)
     square = v.transpose(0, 2, 1) @ v
     left = np.eye(count, dtype=np.float32) - v @ np.linalg.inv(square) @ v.transpose(0, 2, 1)
     residual = np.einsum("njk,kn->jn", left, light[:, y, x])
-    if np.square(residual).mean() < MIN_ERROR**2:
-        return np.zeros((count, 2))  # as of nearly all touches: no model is more exact
     causes = np.einsum("njk,akn->kajn", left, by_shift[:, :, y, x])
     shifts = explained(residual, causes.reshape(2 * count, count, -1)).reshape(count, 2)
     if not shifts.any():

@@ -26,7 +26,6 @@ from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask
 
-MAX_RESIDUAL = 0.05
 MIN_STEEPEST_SLOPE, SECTOR_COUNT = 0.5, 16
 """Slope that the tables should cover in every direction, and the number of directions."""
 MAX_LIGHT_MISMATCH = 0.03
@@ -39,13 +38,6 @@ RING_SLANT_DEG = 15.0
 HELDOUT_FIGURE = "film_heldout_deg"
 MAX_ALBEDO, MAX_REFRACTION = 0.94, 1.59
 """Albedo and refraction of a coat just below the largest that `fit_film` allows."""
-
-SMOOTH_LIGHT = "a smooth function of the slope: check the ball's radius and the pixel size"
-MATT_LIGHT = (
-    "that of a point above a matt film: check the order of the images, the ball's radius, its "
-    "contact and the pixel size; a film that is glossy departs, too"
-)
-"""What an LED's light may depart from, and the advice."""
 
 
 class Rating(NamedTuple):
@@ -86,14 +78,15 @@ def rate_calibration(
 
     Parameters
     ----------
-    residual : standard deviation of the reflectance fit per LED; the film at rest is 1
+    residual
+        Standard deviation of the reflectance fit per LED; the film at rest is 1.  It is a figure
+        of the paper's tables: light need not be a smooth function of the slope.
     spread : standard deviation of a.I on lit pixels
     lut_slope : N x 2, the slopes in the tables
     mask, lit : S x W, the pixels of known slope, and the LEDs that reach them
     model
         `fit_film` or `calibrate_lights`: the LEDs, K x 3 in mm, the standard deviation of what
-        their fit leaves, K, and the film's albedo and refraction.  Light that this fit explains,
-        or that of a coat, need not be a smooth function of the slope.
+        their fit leaves, K, and the film's albedo and refraction
     goodness : of each ball, 0 to 1; 0 where none was found
     flat, noise
         K x H x W, the film at rest, and the camera's noise, from `estimate_noise`.
@@ -136,18 +129,23 @@ def rate_calibration(
             f"the tables cover slopes up to {steepest:.2f} only; press deeper, or use a "
             "smaller ball"
         )
-    is_coated = refraction is not None and refraction != 1
-    ask_flat = ", or give `flat`=DIR" * (flat is None or is_uniform(flat))
-    rough = _of_residual(residual, MAX_RESIDUAL, grain, SMOOTH_LIGHT + ask_flat)
-    poor = _of_residual(mismatch, MAX_LIGHT_MISMATCH, grain, MATT_LIGHT)
-    twins = _of_twins(lights)
     doubts = [*(other_doubts or []), *heldout.doubts, *radius_doubts]
-    # Light that the film's model explains is no evidence of a wrong radius.
-    doubts += [*(rough if poor and not is_coated else []), *poor, *twins]
+    poorest = int(np.argmax(mismatch))
+    is_poor = mismatch[poorest] > max(MAX_LIGHT_MISMATCH, MAX_NOISE_RATIO * grain[poorest])
+    if is_poor:
+        doubts.append(
+            f"LED {poorest + 1}'s light departs by {mismatch[poorest]:.1%} from that of a point "
+            "above a matt film: check the order of the images, the ball's radius, its contact and "
+            "the pixel size"
+            + (", or give `flat`=DIR" if flat is None or is_uniform(flat) else "")
+            + "; a film that is glossy departs, too"
+        )
+    twins = _of_twins(lights)
+    doubts += twins
     if pixel is not None and albedo is not None:
         # At the largest index, coat and albedo trade off against each other at any radius.
         is_open = refraction is not None and refraction > MAX_REFRACTION
-        is_explained = not radius_doubts and not poor
+        is_explained = not radius_doubts and not is_poor
         scale = pixel * mask.shape[1], 0.0 if is_open else albedo
         contradiction = _of_scale(lights, *scale, is_explained)
         if contradiction and not only_warn:
@@ -164,7 +162,7 @@ def rate_calibration(
         "residual_percent": float(100 * residual.max()),
         "spread_percent": 100 * spread,
         "fully_lit_percent": float(100 * (lit[in_contact] == (1 << count) - 1).mean()),
-        "near_light_residual_percent": float(100 * mismatch.max()),
+        "near_light_residual_percent": float(100 * mismatch[poorest]),
     }
     if goodness is not None:
         rated["ball_goodness"] = float(goodness[goodness > 0].min(initial=1))
@@ -173,14 +171,6 @@ def rate_calibration(
         doubts,
         heldout._replace(doubts=doubts, unconfirmed=unconfirmed).verdict(HELDOUT_FIGURE),
     )
-
-
-def _of_residual(residual: F4, most: float, grain: F4, model: str) -> list[str]:
-    """A doubt if the light of the LED that departs most does so by more than noise, and `most`."""
-    worst = int(np.argmax(residual))
-    if residual[worst] <= max(most, MAX_NOISE_RATIO * grain[worst]):
-        return []
-    return [f"LED {worst + 1}'s light departs by {residual[worst]:.1%} from {model}"]
 
 
 def _grain(flat: Light | None, noise: Noise | None, count: int) -> F4:
