@@ -24,7 +24,7 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.ports import NamedPorts, Port
 from tactograph.graph.declare.provenance import Provenance
 from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
-from tactograph.graph.declare.tolerance import Close, Flips
+from tactograph.graph.declare.tolerance import Close
 from tactograph.graph.errors import (
     EndOfStream,
     GraphError,
@@ -45,7 +45,6 @@ __all__ = [
     "Cache",
     "Close",
     "EndOfStream",
-    "Flips",
     "GraphError",
     "InputError",
     "KeepIntegers",

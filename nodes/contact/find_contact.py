@@ -8,7 +8,7 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import Flips, InputError, node, warn
+from tactograph.graph import Close, InputError, node, warn
 from tactograph.nodes import DEVIATIONS_PER_MAD, Contacts, Height, HeightError
 
 MIN_SAMPLES = 10_000
@@ -19,7 +19,7 @@ NO_CONTACT = np.uint8(MAX_CONTACTS + 1)
 """Mark of raised film that belongs to no contact yet; smaller values are numbers of contacts."""
 
 
-@node(tolerance=Flips(1e-3, why="thresholds on a rounded height"))
+@node(tolerance=Close(share=1e-3, why="thresholds on a rounded height"))
 def find_contact(
     height: Height,
     error: HeightError | None = None,

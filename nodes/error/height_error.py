@@ -16,7 +16,7 @@ import numpy as np
 from annotated_types import Ge, Interval
 from scipy.special import ndtr, stdtrit
 
-from tactograph.graph import Flips, SizeLimit, node
+from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.cores import cores
 from tactograph.nodes import (
     BAND_DEVIATIONS,
@@ -61,10 +61,10 @@ Wants = tuple[F4, F4, F4]
 
 
 @node(
-    tolerance=Flips(
-        2e-4,
+    tolerance=Close(
         1e-6,
         2e-3,
+        share=2e-4,
         why="conjugate gradients sum in another order; two LEDs may be nearly in line",
     ),
     sizes={"K": SizeLimit(1, 8, "a label holds a bit for each of at most 8 LEDs")},

@@ -5,12 +5,12 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.graph import Flips, node
+from tactograph.graph import Close, node
 from tactograph.nodes import Blur, Height, Mask, PixelSize
 from tactograph.nodes.error._edge_errors import edge_deviation_px, largest_bend
 
 
-@node(tolerance=Flips(1e-3, why="a threshold on rounded differences"))
+@node(tolerance=Close(share=1e-3, why="a threshold on rounded differences"))
 def unresolved_edges(
     height: Height,
     pixel: PixelSize,

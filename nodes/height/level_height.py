@@ -9,7 +9,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import Flips, SizeLimit, node
+from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, CoarseLight, Grain, Height
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
@@ -29,7 +29,7 @@ TERMS_OF = (1, 3, 6, 10)
 
 @node(
     neutral="height",
-    tolerance=Flips(2e-3, 1e-3, why="a threshold on calm light, sums in float32"),
+    tolerance=Close(1e-3, share=2e-3, why="a threshold on calm light, sums in float32"),
     sizes={"K": SizeLimit(1, 8, "more LEDs than a label has bits")},
     derived=cells_by("cell"),
 )

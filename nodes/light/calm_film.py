@@ -7,12 +7,12 @@ import cv2
 import numpy as np
 from annotated_types import Gt, Interval
 
-from tactograph.graph import Flips, node
+from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import Light, Mask, NoiseCorrelation
 
 
-@node(tolerance=Flips(1e-3, why="a threshold on a float32 mean"))
+@node(tolerance=Close(share=1e-3, why="a threshold on a float32 mean"))
 def calm_film(
     light: Light,
     sigma: Light,

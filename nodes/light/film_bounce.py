@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Flips, InputError, node
+from tactograph.graph import Close, InputError, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope, Still
 from tactograph.nodes.optics.between_cells import between_cells
@@ -36,7 +36,7 @@ DEFAULT_CELLS = 4800
 
 @node(
     neutral=0.0,
-    tolerance=Flips(2e-3, 3e-5, 1e-3, why="rounding decides what just rises over a horizon"),
+    tolerance=Close(3e-5, 1e-3, share=2e-3, why="rounding decides what just rises over a horizon"),
 )
 def film_bounce(
     light: Light,

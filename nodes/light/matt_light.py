@@ -5,7 +5,7 @@ from typing import Annotated, Any, NamedTuple, TypeVar
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Flips, SizeLimit, node
+from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
@@ -38,7 +38,7 @@ class MattLight(NamedTuple):
 
 
 @node(
-    tolerance=Flips(5e-3, 5e-3, 5e-3, why="light hardly distinguishes steep normals"),
+    tolerance=Close(5e-3, 5e-3, share=5e-3, why="light hardly distinguishes steep normals"),
     sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")},
 )
 def matt_light(

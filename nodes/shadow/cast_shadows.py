@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import Flips, SizeLimit, node
+from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, LightPositions, PixelSize
 from tactograph.nodes.optics.difference import difference
@@ -30,7 +30,7 @@ LEAST_OF_NONE = np.float32(1e30)
 
 
 @node(
-    tolerance=Flips(2e-3, why="a ray that grazes the surface"),
+    tolerance=Close(share=2e-3, why="a ray that grazes the surface"),
     sizes={"K": SizeLimit(1, 8, "a label has 8 bits")},
 )
 def cast_shadows(

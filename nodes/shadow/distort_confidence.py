@@ -1,13 +1,13 @@
 """Bring the confidence of labels from the ideal grid back to the camera's pixels."""
 
-from tactograph.graph import Flips, node
+from tactograph.graph import Close, node
 from tactograph.nodes import Confidence, Lens
 from tactograph.nodes.optics.lens import is_straight, nearest_ideal
 
 
 @node(
     neutral="confidence",
-    tolerance=Flips(1e-3, why="rounding of places half-way between two pixels"),
+    tolerance=Close(share=1e-3, why="rounding of places half-way between two pixels"),
 )
 def distort_confidence(confidence: Confidence, lens: Lens) -> Confidence:
     """Return the confidence of the labels at each pixel of the camera.

@@ -1,13 +1,13 @@
 """Bring labels from the ideal grid back to the camera's pixels."""
 
-from tactograph.graph import Flips, node
+from tactograph.graph import Close, node
 from tactograph.nodes import Labels, Lens
 from tactograph.nodes.optics.lens import is_straight, nearest_ideal
 
 
 @node(
     neutral="labels",
-    tolerance=Flips(1e-3, why="rounding of places half-way between two pixels"),
+    tolerance=Close(share=1e-3, why="rounding of places half-way between two pixels"),
 )
 def distort_labels(labels: Labels, lens: Lens) -> Labels:
     """Return the labels at each pixel of the camera: those of the nearest ideal pixel.

@@ -6,7 +6,7 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import Flips, SizeLimit, node
+from tactograph.graph import Close, SizeLimit, node
 from tactograph.nodes import F8, Height, Labels, Light, LightPositions, PixelSize
 from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.near_light import (
@@ -35,7 +35,7 @@ class Highlights(NamedTuple):
 
 @node(
     sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")},
-    tolerance=Flips(2e-3, why="thresholds on chi-squares from float32 sums"),
+    tolerance=Close(share=2e-3, why="thresholds on chi-squares from float32 sums"),
 )
 def label_highlights(
     light: Light,

@@ -14,7 +14,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import EVERYTHING, Flips, Port, SizeLimit, Wanted, node
+from tactograph.graph import EVERYTHING, Close, Port, SizeLimit, Wanted, node
 from tactograph.nodes import (
     F4,
     Height,
@@ -160,8 +160,11 @@ Planes = TypeVar("Planes", Pixels, Choice)
 
 
 @node(
-    tolerance=Flips(
-        5e-3, 5e-3, 5e-3, why="sets of LEDs that explain a pixel equally well, nearly singular sets"
+    tolerance=Close(
+        5e-3,
+        5e-3,
+        share=5e-3,
+        why="sets of LEDs that explain a pixel equally well, nearly singular sets",
     ),
     sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")},
 )

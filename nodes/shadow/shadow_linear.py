@@ -5,14 +5,14 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.graph import Flips, SizeLimit, node
+from tactograph.graph import Close, SizeLimit, node
 from tactograph.nodes import Labels, Light, NullVector, Spread
 from tactograph.nodes.optics.cache_blocks import in_blocks
 
 
 @node(
     neutral=0,
-    tolerance=Flips(1e-4, why="a threshold on a float32 sum"),
+    tolerance=Close(share=1e-4, why="a threshold on a float32 sum"),
     sizes={
         "K": SizeLimit(
             4,

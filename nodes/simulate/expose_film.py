@@ -12,7 +12,7 @@ import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import Flips, Port, SizeLimit, node
+from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Dark, Lens, Light, Noise, NoiseCorrelation
 from tactograph.nodes.optics.between_cells import between_cells
@@ -39,7 +39,7 @@ class Exposure(NamedTuple):
 
 
 @node(
-    tolerance=Flips(5e-3, 1e-4, why="a value half-way between two steps; places of a lens"),
+    tolerance=Close(1e-4, share=5e-3, why="a value half-way between two steps; places of a lens"),
     sizes={"K": SizeLimit(1, MAX_LEDS, "a pixel's counter makes eight deviates")},
 )
 def expose_film(

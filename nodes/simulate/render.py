@@ -10,7 +10,7 @@ import numpy as np
 from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import Flips, InputError, node
+from tactograph.graph import Close, InputError, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, Light, LightPositions, PixelSize
 from tactograph.nodes.optics.bilinear import bilinear
@@ -113,10 +113,10 @@ class _Rays(NamedTuple):
 
 
 @node(
-    tolerance=Flips(
-        2e-3,
-        absolute=2e-5,
-        relative=2e-4,
+    tolerance=Close(
+        2e-5,
+        2e-4,
+        share=2e-3,
         why="a ray that grazes an edge, or a surface edge-on to the light, may fall either way",
     )
 )

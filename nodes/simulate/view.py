@@ -7,7 +7,7 @@ import numpy as np
 from annotated_types import Ge, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import Flips, InputError, node
+from tactograph.graph import Close, InputError, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Height, Labels, Light, Slope
 from tactograph.nodes.optics.bilinear import bilinear
@@ -26,11 +26,8 @@ class Viewed(NamedTuple):
 
 
 @node(
-    tolerance=Flips(
-        2e-3,
-        absolute=2e-5,
-        relative=2e-4,
-        why="a ray of sight that grazes an edge may fall either way",
+    tolerance=Close(
+        2e-5, 2e-4, share=2e-3, why="a ray of sight that grazes an edge may fall either way"
     )
 )
 def view(

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import Flips, node
+from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Labels, Light, LightPositions, PixelSize, SlopeVariance
 
@@ -19,8 +19,8 @@ MIN_PLAN_PX = np.float32(1e-6)
 
 @node(
     neutral="variance",
-    tolerance=Flips(
-        1e-3, 0, 1e-5, why="a rounded direction chooses the neighbour away from an LED"
+    tolerance=Close(
+        0, 1e-5, share=1e-3, why="a rounded direction chooses the neighbour away from an LED"
     ),
 )
 def cliff_variance(

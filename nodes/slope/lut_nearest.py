@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import Flips, SizeLimit, node
+from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.graph.cores import cores
 from tactograph.nodes import F4, U1, Labels, Light, Slope
@@ -23,7 +23,9 @@ CHUNK_COUNT = 64
 
 
 @node(
-    tolerance=Flips(1e-3, 1e-6, 1e-6, why="rounding decides between entries that are equally near"),
+    tolerance=Close(
+        1e-6, 1e-6, share=1e-3, why="rounding decides between entries that are equally near"
+    ),
     sizes={"K": SizeLimit(3, 8, "the tables are for 3 to 8 LEDs")},
 )
 def lut_nearest(light: Light, shadow: Labels, index: LutIndex) -> Slope:

@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt, Interval
 
-from tactograph.graph import Flips, node
+from tactograph.graph import Close, node
 from tactograph.nodes import F4, Labels, Light, Reflectance, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.gauss_newton import SlopeNormal
@@ -13,10 +13,10 @@ from tactograph.nodes.optics.gauss_newton import SlopeNormal
 
 @node(
     neutral="slope",
-    tolerance=Flips(
-        1e-3,
+    tolerance=Close(
         2e-3,
         2e-3,
+        share=1e-3,
         why="the 2 x 2 system is nearly singular where light hardly depends on slope, and "
         "amplifies the rounding of its entries",
     ),

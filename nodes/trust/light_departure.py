@@ -6,7 +6,7 @@ from typing import Annotated, Any, NamedTuple, Self
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Flips, Port, SizeLimit, node
+from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.nodes import (
     F4,
     Height,
@@ -56,7 +56,7 @@ class LightDeparture(NamedTuple):
 
 @node(
     sizes={"K": SizeLimit(3, 8, "two LEDs fit any light, a label has 8 bits")},
-    tolerance=Flips(1e-3, 1e-3, 2e-3, why="degrees of freedom at the limit of a test"),
+    tolerance=Close(1e-3, 2e-3, share=1e-3, why="degrees of freedom at the limit of a test"),
 )
 def light_departure(
     light: Light,

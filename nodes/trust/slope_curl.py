@@ -6,7 +6,7 @@ import numpy as np
 from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 
-from tactograph.graph import Flips, Port, node
+from tactograph.graph import Close, Port, node
 from tactograph.nodes import F4, FULL_MISFIT_SLOPE, Labels, Misfit, Slope, SlopeVariance
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
@@ -18,7 +18,7 @@ CoarseCurl = Annotated[F4, Port("h w", "1", low=-1, high=25)]
 
 @node(
     derived=cells_by("factor"),
-    tolerance=Flips(5e-3, 1e-3, 5e-3, why="slopes and curvatures at the limit of a test"),
+    tolerance=Close(1e-3, 5e-3, share=5e-3, why="slopes and curvatures at the limit of a test"),
 )
 def slope_curl(
     slope: Slope,

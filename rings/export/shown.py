@@ -4,8 +4,6 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from tactograph.sdk import one_line
-
 MAX_LINES = 20
 """Most failures, and most sentences of a kind, that are printed."""
 
@@ -41,7 +39,7 @@ def first(lines: list[str]) -> list[str]:
 def sentences(values: Any) -> list[str]:
     """Return the strings of a value that should be a list of them, a line each."""
     lines = values if isinstance(values, list) else []
-    return [f"  {one_line(line)}" for line in lines if isinstance(line, str)]
+    return [f"  {line}" for line in lines if isinstance(line, str)]
 
 
 def origin(provenance: Any) -> list[str]:

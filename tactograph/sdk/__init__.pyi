@@ -2,7 +2,6 @@ from tactograph.graph import (
     Cache as Cache,
     Close as Close,
     EndOfStream as EndOfStream,
-    Flips as Flips,
     InputError as InputError,
     KeepIntegers as KeepIntegers,
     NodeCall as NodeCall,

@@ -11,7 +11,7 @@ from tactograph.rings.metrology.nodes.scan.light_model import (
     modelled_light,
     monomials,
 )
-from tactograph.sdk import F4, U1, Flips, Labels, Light, Port, SizeLimit, Slope, node
+from tactograph.sdk import F4, U1, Close, Labels, Light, Port, SizeLimit, Slope, node
 from tactograph.sdk.unstable import SlopeNormal, in_blocks
 
 MAX_TURN_RAD = np.float32(0.3)
@@ -46,8 +46,8 @@ class ModelSlope(NamedTuple):
             4, 8, "three lights tell no brightness: calibrate with the light model as start"
         )
     },
-    tolerance=Flips(
-        1e-3, 1e-3, 5e-3, why="LEDs that the model leaves dark come and go with a step"
+    tolerance=Close(
+        1e-3, 5e-3, share=1e-3, why="LEDs that the model leaves dark come and go with a step"
     ),
 )
 def light_model_slope(

@@ -12,7 +12,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     maps_over_film,
     shading,
 )
-from tactograph.sdk import F4, Flips, Height, Launch, Light, Port, SizeLimit, Slope, node
+from tactograph.sdk import F4, Close, Height, Launch, Light, Port, SizeLimit, Slope, node
 from tactograph.sdk.unstable import SlopeNormal
 
 ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
@@ -24,10 +24,10 @@ STILL_RAD = 1e-3
 
 @node(
     sizes={"K": SizeLimit(2, 8, "two unknowns need two lights, and labels have 8 bits")},
-    tolerance=Flips(
+    tolerance=Close(
         2e-3,
         2e-3,
-        2e-3,
+        share=2e-3,
         why="Gauss-Newton on lights that hardly depend on slope amplifies rounding",
     ),
 )
