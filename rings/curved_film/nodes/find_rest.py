@@ -1,6 +1,7 @@
 """Find the film at rest, where it is no plane, from presses at several places."""
 
 import math
+from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -29,8 +30,9 @@ from tactograph.sdk import (
 )
 from tactograph.sdk.nodes import calibrate_lights, film_bounce, find_balls, label_lit, press_slopes
 
-COATED_PARTS = ("lobe",), ("lobe", "bounce")
-"""Parts of a film with a coat, and of one that lights itself as well."""
+COAT_PARTS = ("lobe",)
+SHINING_PARTS = (*COAT_PARTS, "bounce")
+"""Parts of a film with a coat, and of one that lights itself as well, as those with a coat do."""
 MAX_ROUNDS = 12
 """Most rounds in which balls and LEDs are placed on a bend, and the bend is fitted to them."""
 MIN_PRESSES = 2
@@ -100,20 +102,22 @@ class Bending(NamedTuple):
         half = float(np.hypot(*self.evidence.flat.shape[1:])) * self.evidence.pixel / 2
         return self.bends * np.array([1 / half, 1 / half, 1 / half, 1, 1])
 
-    def shape(self, unknowns: F8) -> RestShape:
-        """Return a film of some bend."""
+    def shape(self, unknowns: F8, step: F8 | float = 0.0) -> RestShape:
+        """Return a film of some bend, or of that after a step."""
         _, rows, columns = self.evidence.flat.shape
-        return bent((rows, columns), self.evidence.pixel, self.camera, unknowns)
+        moved = unknowns + (step * self.ways.T).sum(axis=1)
+        return bent((rows, columns), self.evidence.pixel, self.camera, moved)
 
     def fit(
         self, unknowns: F8, parts: tuple[str, ...] = (), before: ShapeFit | None = None
     ) -> ShapeFit:
         """Find the balls on a film of some bend, and fit the film's model to them."""
-        (light, flat, _, radius, *_), shape = self.evidence, self.shape(unknowns)
-        names, pixel = [str(1 + press) for press in range(len(radius))], self.evidence.pixel
-        found = find_balls(light, flat, radius, self.circles, names, pixel, shape=shape)
-        balls = {"circle": found.circle, "radius": found.radius, "of": found.of}
-        laid = self.evidence._replace(shape=shape, **balls)
+        given, shape = self.evidence, self.shape(unknowns)
+        names = [str(1 + press) for press in range(len(given.radius))]
+        circle, _, radius, of, _ = find_balls(
+            given.light, given.flat, given.radius, self.circles, names, given.pixel, shape=shape
+        )
+        laid = given._replace(circle=circle, radius=radius, of=of, shape=shape)
         return ShapeFit.of(laid, parts, before, bounce=self.bounce)
 
     def found(self, parts: tuple[str, ...] = (), near: Bend | None = None) -> Bend:
@@ -122,7 +126,7 @@ class Bending(NamedTuple):
         ways, covariance = self.ways, np.zeros((5, 5))
         for _ in range(MAX_ROUNDS):
             fit = self.fit(unknowns, parts, fit)
-            step = fit.step(lambda by, at=unknowns: self.shape(at + by @ ways), len(ways))
+            step = fit.step(partial(self.shape, unknowns), len(ways))
             unknowns, covariance = unknowns + step.step @ ways, ways.T @ step.covariance @ ways
             if step.is_small:
                 break
@@ -204,15 +208,15 @@ def find_rest(
     camera = 0.0 if camera_mm is None else 1 / camera_mm
     bending = Bending(evidence, circles[shown], camera, bounce=bounce)
     bend = bending.found()
-    if ShapeFit.of(bend.fit.evidence, COATED_PARTS[0], bend.fit).odds(bend.fit).are_sure:
+    coat = ShapeFit.of(bend.fit.evidence, COAT_PARTS, bend.fit)
+    if coat.odds(bend.fit).are_sure:
         if camera_mm is None:
             raise InputError(
                 "the film has a coat, and what that mirrors from near looks like a bend: to find "
                 "both, give `camera_mm`, the height of the camera's pupil above the film (1e6: far "
                 "away)"
             )
-        for parts in COATED_PARTS:
-            bend = bending.found(parts, bend)
+        bend = bending.found(SHINING_PARTS, bend._replace(fit=coat))
     whole = bent((even.shape[1], even.shape[2]), even_pixel, camera, bend.unknowns)
     figures = {"rest_deviation_um": UM_PER_MM * bend.deviation()}
     for axis, k in (("x", bend.unknowns[0]), ("y", bend.unknowns[2])):
