@@ -12,13 +12,13 @@ LANED __kernel void coarsen(
     const int K, const int H, const int W,
     const int h, const int w,
     const int factor,
-    const int take)
+    const int sample)
 {
     GRID_PARTS_OF_ROWS(line, column, count, K * h, w)
     const int k = line / h, row = line - k * h, side = cell_side(H, W, factor);
     __global const PIXEL *plane = light + k * H * W;
     __global float *cells = out + line * w + column;
-    if (take) {
+    if (sample) {
         for (int l = 0; l < count; ++l) {
             const PIXEL corner = plane[row * side * W + (column + l) * side];
             cells[l] = convert_float(corner) / (float)FULL;

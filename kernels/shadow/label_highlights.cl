@@ -115,8 +115,8 @@ LANED __kernel void label_highlights(
     __global uchar *restrict highlight,
     __global float *restrict sigma_,
     const int K, const int H, const int W,
-    const float unlikely,
-    const float likely,
+    const float doubt_chi2,
+    const float fit_chi2,
     const float excess,
     const float lobe_deg)
 {
@@ -135,9 +135,9 @@ LANED __kernel void label_highlights(
         const floats away = observed.light[k] - observed.towards[k].z;
         level += observed.weight[k] * away * away;
     }
-    ints marked = 0, doubted = level > unlikely;
+    ints marked = 0, doubted = level > doubt_chi2;
     // If level film explains the light, so does the best normal.
-    if (K > 3 && ANY(doubted)) doubted &= fit(&observed, K, NO_LED).misfit > unlikely;
+    if (K > 3 && ANY(doubted)) doubted &= fit(&observed, K, NO_LED).misfit > doubt_chi2;
     if (K > 3 && ANY(doubted)) {
         floats best = INFINITY;
         for (int k = 0; k < K; ++k) {
@@ -151,7 +151,7 @@ LANED __kernel void label_highlights(
             const ints facing = dot_of(half_, others.normal) > near;
             const ints better = others.misfit < best;
             const ints bit = 1 << k, none = 0;
-            const ints result = (bright & facing & (others.misfit < likely)) ? bit : none;
+            const ints result = (bright & facing & (others.misfit < fit_chi2)) ? bit : none;
             best = better ? others.misfit : best;
             marked = better ? result : marked;
         }

@@ -22,7 +22,7 @@ LANED __kernel void refine_taylor(
     __global float *restrict out,
     const int K, const int H, const int W,
     const int steps,
-    const float limit)
+    const float max_turn_rad)
 {
     GRID_LANES(i, count, H * W)
     const int size = H * W;
@@ -53,7 +53,7 @@ LANED __kernel void refine_taylor(
         const floats dp = (c * u - b * v) / determinant;
         const floats dq = (a * v - b * u) / determinant;
         const floats length_ = sqrt(dp * dp + dq * dq);
-        const floats shrink = fmin((floats)(1.0f), limit * square / fmax(length_, smallest));
+        const floats shrink = fmin((floats)(1.0f), max_turn_rad * square / fmax(length_, smallest));
         p = lit ? p + dp * shrink : p;
         q = lit ? q + dq * shrink : q;
     }

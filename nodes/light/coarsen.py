@@ -14,7 +14,7 @@ def coarsen(
     light: Light,
     *,
     factor: CellSide = 4,
-    take: Literal["mean", "corner"] = "mean",
+    sample: Literal["mean", "corner"] = "mean",
 ) -> CoarseLight:
     """Return the mean, or one pixel, of every cell of ``factor`` by ``factor`` pixels.
 
@@ -25,7 +25,7 @@ def coarsen(
     ----------
     light : K x H x W
     factor : side of a cell in pixels; 0: 4, or 8 for a large image (`cell_side`)
-    take
+    sample
         ``corner`` takes only the first pixel of a cell.  That reads far less, and suffices for a
         quantity that varies as little as the standard deviation of noise.
 
@@ -35,7 +35,7 @@ def coarsen(
     """
     _count, rows, columns = light.shape
     factor = cell_side(rows, columns, factor)
-    if take == "corner":
+    if sample == "corner":
         return np.ascontiguousarray(light[:, ::factor, ::factor])
     beyond = -rows % factor, -columns % factor
     if any(beyond):

@@ -57,7 +57,7 @@ def film_drift(
     degree: Annotated[int, Interval(ge=0, le=2)] = 0,
     rate: Annotated[float, Interval(ge=0, le=1)] = 1.0,
     level: Annotated[float, Ge(0)] = 4.5,
-    rough: Annotated[float, Interval(ge=0, le=0.1)] = 0.0,
+    roughness: Annotated[float, Interval(ge=0, le=0.1)] = 0.0,
     factor: Annotated[int, Interval(ge=1, le=64)] = 4,
     flat_noise: Annotated[float, Ge(0)] = 1.0,
 ) -> Drift:
@@ -65,7 +65,7 @@ def film_drift(
 
     Light divided by the flat frame is 1 on the film at rest, until an LED fades or warms up,
     or the sensor is bent.  A cell is calm (at rest) if the light of all LEDs, divided by the
-    drift, is 1 within `rough` plus `level` standard deviations.  Three rounds of least squares
+    drift, is 1 within `roughness` plus `level` standard deviations.  Three rounds of least squares
     fit the drift to the calm cells; the first round also accepts departures of 3 %.  They start
     from the previous drift, or from that drift scaled to the medians of the frame's border if
     this makes more cells calm.  A single cell on the skirt of a touch looks like film at rest.  So
@@ -96,7 +96,7 @@ def film_drift(
     degree : 0: a factor for each LED; 1 or 2: a polynomial in x and y
     rate : share of a change of shape that is applied at once
     level : standard deviations that still count as noise
-    rough : departure beyond noise that still counts as calm
+    roughness : departure beyond noise that still counts as calm
     factor : side of a cell in pixels; its light has 1 / factor of a pixel's noise
     flat_noise
         Noise of the flat frame relative to a touch's: 1 for a single frame, 1 / sqrt(n) for
@@ -125,19 +125,19 @@ def film_drift(
         before[:, 0] = 1
     lit = np.asarray(cells / np.maximum(_gain(before, basis), MIN_GAIN), np.float32)
     other = before * border_level(lit.reshape(light.shape))[:, None]
-    rough += COARSE_GRAIN_SHARE * (grain or 0.0)
-    widest = np.float32(rough + CALM_DEPARTURES[0])
+    roughness += COARSE_GRAIN_SHARE * (grain or 0.0)
+    widest = np.float32(roughness + CALM_DEPARTURES[0])
     better = _calm(cells, noise, basis, other, widest).sum()
     drift = other if better > _calm(cells, noise, basis, before, widest).sum() else before
     used = TERMS_BY_DEGREE[degree]
     for beyond in CALM_DEPARTURES:
-        weight = calm = _calm(cells, noise, basis, drift, np.float32(rough + beyond))
+        weight = calm = _calm(cells, noise, basis, drift, np.float32(roughness + beyond))
         if calm.mean() < MIN_CALM_SHARE:
             return before
         if beyond == CALM_DEPARTURES[-1]:
             less = noise * np.float32(1 / WINDOW_CELLS)
-            clear = calm * _calm(around, less, basis, drift, np.float32(rough))
-            still = _calm(around, less, basis, drift, np.float32(rough + TOUCH_DEPARTURE))
+            clear = calm * _calm(around, less, basis, drift, np.float32(roughness))
+            still = _calm(around, less, basis, drift, np.float32(roughness + TOUCH_DEPARTURE))
             if clear.mean() >= MIN_CALM_SHARE:
                 weight = _beside_skirt(clear, still.reshape(rows, columns))
         drift, explained = _fit(cells, weight, basis, before, used)
@@ -146,7 +146,7 @@ def film_drift(
     total = weight.sum()
     chance = np.square(noise) @ weight / total
     if weight is calm:
-        chance = total * (chance + np.float32(rough * rough))
+        chance = total * (chance + np.float32(roughness * roughness))
     explained /= np.float32(1 + flat_noise**2)
     return np.where((explained > chance)[:, None], drift, before)
 
@@ -263,8 +263,8 @@ def _launch(run: Launch) -> None:
         height, width, factor = (height + 1) // 2, (width + 1) // 2, 2 * factor
     sizes, group = (lights, height, width), (run.group,)
     share = 0.0 if sigma is None else float(run.settings["level"]) / factor
-    used, rough = TERMS_BY_DEGREE[run.settings["degree"]], float(run.settings["rough"])
-    rough += COARSE_GRAIN_SHARE * float(run.inputs.get("grain") or 0.0)
+    used, roughness = TERMS_BY_DEGREE[run.settings["degree"]], float(run.settings["roughness"])
+    roughness += COARSE_GRAIN_SHARE * float(run.inputs.get("grain") or 0.0)
     rate, doubt = float(run.settings["rate"]), 1 + float(run.settings["flat_noise"]) ** 2
     around, ring = run.scratch(sizes), run.scratch((height * width,))
     old, drift, spare = (run.scratch((lights, DRIFT_TERMS)) for _ in range(3))
@@ -278,17 +278,17 @@ def _launch(run: Launch) -> None:
 
     run.kernel("look_around", run.in_row_lanes(*sizes), light, around, *sizes)
     start = light, noisy, out if before is None else before, ring, old, drift, counts
-    begin = int(before is not None), share, rough + CALM_DEPARTURES[0]
+    begin = int(before is not None), share, roughness + CALM_DEPARTURES[0]
     run.kernel("begin", group, *start, *sizes, *begin, local=group)
     for beyond in CALM_DEPARTURES[:-1]:
         calm = light, noisy, drift, weights
-        run.kernel("weigh_calm", cells, *calm, *sizes, share, rough + beyond)
+        run.kernel("weigh_calm", cells, *calm, *sizes, share, roughness + beyond)
         fit(spare, 1.0, 0.0, 0.0)
         drift, spare = spare, drift
     judged = light, around, noisy, drift, clear, still, counts
-    run.kernel("find_clear", cells, *judged, *sizes, share, rough + CALM_DEPARTURES[-1])
+    run.kernel("find_clear", cells, *judged, *sizes, share, roughness + CALM_DEPARTURES[-1])
     run.kernel("weigh_clear", rows, clear, still, counts, weights, height, width)
-    fit(out, rate, doubt, rough * rough)
+    fit(out, rate, doubt, roughness * roughness)
 
 
 def _launch_halved(run: Launch, light: DeviceArray, height: int, width: int) -> DeviceArray:

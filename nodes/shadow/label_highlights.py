@@ -44,8 +44,8 @@ def label_highlights(
     height: Height,
     pixel: PixelSize,
     *,
-    unlikely: Annotated[float, Gt(0)] = 25.0,
-    likely: Annotated[float, Gt(0)] = 12.0,
+    doubt_chi2: Annotated[float, Gt(0)] = 25.0,
+    fit_chi2: Annotated[float, Gt(0)] = 12.0,
     excess: Annotated[float, Gt(0)] = 4.0,
     lobe_deg: Annotated[float, Interval(gt=0, le=90)] = 20.0,
 ) -> Highlights:
@@ -65,8 +65,8 @@ def label_highlights(
     lights : K x 3 in mm from the middle of the image
     height : H x W in mm, as far as known
     pixel : mm per px
-    unlikely : chi-square of all LEDs above which one of them is suspected
-    likely : chi-square of the others below which they fit well
+    doubt_chi2 : chi-square of all LEDs above which one of them is suspected
+    fit_chi2 : chi-square of the others below which they fit well
     excess : standard deviations by which a highlight must exceed the prediction
     lobe_deg : largest angle between the normal and the half-way direction
 
@@ -83,11 +83,11 @@ def label_highlights(
         v = vectors_at(lights, x, y[rows, None], height[rows]).swapaxes(0, 1)
         m, weight = light[:, rows], 1 / np.maximum(np.square(sigma[:, rows]), 1e-10)
         # Test level film first: if it explains the light, so does the best normal.
-        where = (weight * np.square(m - v[2])).sum(axis=0) > unlikely
+        where = (weight * np.square(m - v[2])).sum(axis=0) > doubt_chi2
         # Double precision, because lights may be nearly parallel.
         parts: Any = (np.ascontiguousarray(part[..., where], np.float64) for part in (v, m, weight))
         highlight[rows][where] = _mirrored(
-            *parts, unlikely=unlikely, likely=likely, excess=excess, near=near
+            *parts, doubt_chi2=doubt_chi2, fit_chi2=fit_chi2, excess=excess, near=near
         )
 
     if len(light) > MIN_OTHER_LEDS:
@@ -118,7 +118,7 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
 
 
 def _mirrored(
-    v: F8, light: F8, weight: F8, *, unlikely: float, likely: float, excess: float, near: float
+    v: F8, light: F8, weight: F8, *, doubt_chi2: float, fit_chi2: float, excess: float, near: float
 ) -> NDArray[np.uint8]:
     """The bit of the mirrored LED, if any, for each of N pixels; see `label_highlights`.
 
@@ -133,10 +133,10 @@ def _mirrored(
         bright = light[k] - dot(towards, normal) > excess * np.sqrt(1 / weight[k] + predicted)
         half_way = towards / np.linalg.norm(towards, axis=0) + LEVEL_NORMAL
         facing = dot(half_way, normal) > near * np.linalg.norm(half_way, axis=0)
-        is_highlight = bright & facing & (misfit < likely)
+        is_highlight = bright & facing & (misfit < fit_chi2)
         marked = np.where(misfit < least, is_highlight * np.uint8(1 << k), marked)
         least = np.minimum(misfit, least)
-    return np.where(_fit(v, light, weight)[2] > unlikely, marked, np.uint8(0))
+    return np.where(_fit(v, light, weight)[2] > doubt_chi2, marked, np.uint8(0))
 
 
 def _fit(v: F8, light: F8, weight: F8) -> tuple[F8, F8, F8]:

@@ -28,7 +28,7 @@ def refine_taylor(
     reflectance: Reflectance,
     *,
     steps: Annotated[int, Interval(ge=0, le=10)] = 1,
-    limit: Annotated[float, Gt(0)] = 0.15,
+    max_turn_rad: Annotated[float, Gt(0)] = 0.15,
 ) -> Slope:
     """Return G = G_0 + J^+ (I - R(G_0)) where no LED is shadowed (equations 5 and 6).
 
@@ -43,7 +43,7 @@ def refine_taylor(
     shadow : H x W; a pixel with any bit set keeps its slope
     reflectance : K x 9, the coefficients of R from `fit_reflectance`
     steps : number of Taylor steps; the paper takes one
-    limit
+    max_turn_rad
         Longest step, as the angle in radians by which it turns the normal.  The expansion holds
         only near G_0; on steep sides, where light hardly depends on slope, an unlimited step would
         amplify noise.
@@ -59,7 +59,7 @@ def refine_taylor(
         refined[:, part] = coarse[:, part]
         p, q = refined[:, part]
         for _ in range(steps):
-            dp, dq = _step(lights[:, part], p, q, reflectance, np.float32(limit))
+            dp, dq = _step(lights[:, part], p, q, reflectance, np.float32(max_turn_rad))
             np.add(p, dp, out=p, where=lit[part])
             np.add(q, dq, out=q, where=lit[part])
 

@@ -29,6 +29,6 @@ def level_touches(light: SheetLight, flat: Light, noise: Noise) -> SheetLight:
     sigma = coarsen(light_noise(flat, flat, noise))
     levelled = []
     for press in cut(light, flat.shape[1]):
-        drift = film_drift(coarsen(press), sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
+        drift = film_drift(coarsen(press), sigma, degree=DRIFT_DEGREE, roughness=FILM_ROUGHNESS)
         levelled.append(level_light(press, drift))
     return np.concatenate(levelled, axis=1)

@@ -393,7 +393,7 @@ def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene
         around = (resting.own + light) / resting.share(BOUNCED_ALBEDO)
         is_ball = apparent > (0 if shape is None else shape.apparent)
         light_here = coarsen(np.where(is_ball, press, around))
-        drift = film_drift(light_here, sigma, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
+        drift = film_drift(light_here, sigma, degree=DRIFT_DEGREE, roughness=FILM_ROUGHNESS)
         level = (drift_gain(drift, size) - 1) * on_plane
         whole, removed = light / np.float32(BOUNCED_ALBEDO), level / np.float32(BOUNCED_ALBEDO)
         return _Thrown(whole, whole - removed)
@@ -422,6 +422,6 @@ def _levelled(press: F4, thrown: _Thrown, scene: _Scene) -> F4:
     by, sigma, resting = np.float32(scene.film.albedo), scene.sigma, scene.resting
     direct = coarsen(by * (thrown.whole - resting.bounced) / resting.share(by))
     cells = coarsen(press)
-    drift = film_drift(cells, sigma, bounced=direct, degree=DRIFT_DEGREE, rough=FILM_ROUGHNESS)
+    drift = film_drift(cells, sigma, bounced=direct, degree=DRIFT_DEGREE, roughness=FILM_ROUGHNESS)
     removed = by * (thrown.whole - thrown.remaining) / resting.share(by)
     return np.asarray(press / drift_gain(drift, press.shape[1:]) - removed, np.float32)

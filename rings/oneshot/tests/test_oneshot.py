@@ -156,7 +156,9 @@ def test_a_stated_contact_is_not_searched_for() -> None:
     images = np.full((4, 3, *SHAPE), 0.4, np.float32)
     stated = np.full((4, 3), np.nan, np.float32)
     stated[1] = 30, 20, 11
-    found = find_presses(images, FLAT, list("abcd"), PIXEL, stated, radius_mm=RADIUS_MM, fewest=1)
+    found = find_presses(
+        images, FLAT, list("abcd"), PIXEL, stated, radius_mm=RADIUS_MM, min_balls=1
+    )
     assert np.array_equal(found.circle[1], stated[1])
     assert list(np.flatnonzero(found.goodness)) == [1]
 

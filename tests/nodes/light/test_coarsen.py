@@ -23,7 +23,7 @@ def test_a_cell_is_the_mean_of_its_pixels_or_its_first_one() -> None:
     cells = coarsen(light, factor=4)
     assert cells.shape == (4, 3, 2)
     assert cells[2, 1, 0] == pytest.approx(light[2, 4:8, :4].mean())
-    assert np.array_equal(coarsen(light, factor=4, take="corner"), light[:, ::4, ::4])
+    assert np.array_equal(coarsen(light, factor=4, sample="corner"), light[:, ::4, ::4])
     assert np.array_equal(coarsen_dark(light[0]), coarsen(light[:1])[0])
     row = np.arange(5, dtype=np.float32).reshape(1, 1, 5)
     assert coarsen(row, factor=4)[0, 0].tolist() == [1.5, 4], (
@@ -78,15 +78,15 @@ def test_both_back_ends_agree_on_large_cells(device: OpenCL) -> None:
         {"K": 3, "H": 19, "W": 43, "h": 3, "w": 6},
         "random",
         "factor=8",
-        {"factor": 8, "take": "mean"},
+        {"factor": 8, "sample": "mean"},
     )
     assert compare(coarsen, device, case) is None
 
 
-@pytest.mark.parametrize("take", ["mean", "corner"])
-def test_both_back_ends_agree_on_megapixels(device: OpenCL, take: str) -> None:
+@pytest.mark.parametrize("sample", ["mean", "corner"])
+def test_both_back_ends_agree_on_megapixels(device: OpenCL, sample: str) -> None:
     sizes = {"K": 1, "H": 1205, "W": 1923, "h": 151, "w": 241}
     settings = {"factor": 0}
     assert compare(enlarge_height, device, Case(sizes, "random", "default", settings)) is None
-    settings = {"factor": 0, "take": take}
+    settings = {"factor": 0, "sample": sample}
     assert compare(coarsen, device, Case(sizes, "random", "default", settings)) is None

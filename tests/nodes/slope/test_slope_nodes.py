@@ -85,7 +85,7 @@ def test_shadowed_pixels_are_not_refined() -> None:
 @given(limit=st.floats(0.001, 0.5), offset=st.floats(-0.5, 0.5))
 def test_a_step_never_turns_the_normal_further_than_allowed(limit: float, offset: float) -> None:
     start = (SHALLOW + np.float32(offset)).astype(np.float32)
-    end = refine_taylor(GENTLE, start, np.zeros(Z.shape, np.uint8), FIT, limit=limit)
+    end = refine_taylor(GENTLE, start, np.zeros(Z.shape, np.uint8), FIT, max_turn_rad=limit)
     change = np.hypot(*(end - start)) / (1 + (start**2).sum(axis=0))
     assert change.max() <= limit * 1.001
 

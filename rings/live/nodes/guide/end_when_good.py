@@ -15,7 +15,7 @@ def end_when_good(
     *,
     held_out_deg: Annotated[float, Gt(0)] = 1.0,
     film_percent: Annotated[float, Interval(ge=0, le=100)] = 50.0,
-    presses: Annotated[int, Ge(1)] = 3,
+    min_presses: Annotated[int, Ge(1)] = 3,
     presses_at_most: Annotated[int, Ge(1)] = 15,
 ) -> None:
     """Print the quality of the calibration after each press, and end when it is good enough.
@@ -30,7 +30,7 @@ def end_when_good(
     held_out_deg
         Largest mean error of normals on held-out presses, in degrees, that counts as good.
     film_percent : share of the film's parts that must be covered
-    presses : fewest presses that must be used, because a few that agree prove nothing
+    min_presses : fewest presses that must be used, because a few that agree prove nothing
     presses_at_most : number of presses after which the calibration ends, however good it is
 
     Raises
@@ -48,7 +48,7 @@ def end_when_good(
     if (
         error <= held_out_deg
         and quality["film_covered_percent"] >= film_percent
-        and quality["presses"] >= presses
+        and quality["presses"] >= min_presses
     ):
         print(f"good: {quality['presses']:.0f} presses are used", flush=True)
         raise EndOfStream

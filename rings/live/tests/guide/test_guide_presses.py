@@ -37,7 +37,7 @@ def guided(tmp_path_factory: pytest.TempPathFactory) -> Path:
     command = ["-m", "tactograph.graph.command", "run", "calibrate_live"]
     command += [f"{name}={value}" for name, value in GIVEN.items()]
     command += [f"camera={SCENE}", f"out={file}", "--set", "end.film_percent=10"]
-    command += ["--set", "end.presses=2"]
+    command += ["--set", "end.min_presses=2"]
     done = python(*command)
     file.with_suffix(".out").write_text(done.stdout)
     file.with_suffix(".err").write_text(done.stderr)

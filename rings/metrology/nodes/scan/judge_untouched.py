@@ -12,7 +12,7 @@ from tactograph.rings.metrology.nodes.scan.read_light_model import check_frame, 
 from tactograph.sdk import Crop, Metrics, node, warn
 from tactograph.sdk.nodes import coarsen, read_capture
 
-MAX_LEAN = 0.02
+MAX_UNTOUCHED_SLOPE = 0.02
 """Slope of flat film by its model above which heights bend: 0.02 is 20 um over a millimetre."""
 
 
@@ -52,12 +52,12 @@ def judge_untouched(
     (capture,) = read_capture(folder=folder, crop=crop, single=True)
     check_frame(capture.image, model, f"{folder}")
     solved = light_model_slope(coarsen(capture.image, factor=cell), on_cells(model, cell))
-    lean = float(np.sqrt(np.mean(np.sum(np.square(solved.slope), axis=0))))
+    slope = float(np.sqrt(np.mean(np.sum(np.square(solved.slope), axis=0))))
     bright = float(np.median(solved.brightness))
-    if lean > MAX_LEAN:
+    if slope > MAX_UNTOUCHED_SLOPE:
         warn(
-            f"{folder}: the light model takes untouched film for tilted by {lean:.2g}, and "
+            f"{folder}: the light model takes untouched film for tilted by {slope:.2g}, and "
             f"{bright:.2g} times as bright as its own: only film that is known to be flat "
             "keeps heights from bending; 'calibrate' learns this film from balls"
         )
-    return {"untouched_slope": lean, "untouched_brightness": bright}
+    return {"untouched_slope": slope, "untouched_brightness": bright}

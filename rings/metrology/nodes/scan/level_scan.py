@@ -12,7 +12,7 @@ from annotated_types import Ge, Interval
 from tactograph.rings.metrology.nodes.filled.scale_height import Scale
 from tactograph.rings.metrology.nodes.scan._scan_error import scan_errors
 from tactograph.rings.metrology.nodes.scan._scan_levelling import ScanLevelling
-from tactograph.rings.metrology.nodes.scan.judge_untouched import MAX_LEAN
+from tactograph.rings.metrology.nodes.scan.judge_untouched import MAX_UNTOUCHED_SLOPE
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope
 from tactograph.rings.metrology.nodes.scan.scale_step import ScaleStep
@@ -131,7 +131,7 @@ def level_scan(
     drifting = np.tensordot(levelling.drift[:, 1:], levelling.terms[1:], 1)
     bow = UM_PER_MM * float(np.ptp(integrate_dct(np.float32(drifting), pixel)))
     lean = float(np.abs(drifting).max())
-    if lean > MAX_LEAN:
+    if lean > MAX_UNTOUCHED_SLOPE:
         warn(
             f"the slopes of flat film drift by {lean:.2g} to the frame's border, which would "
             f"bow it by {bow:.0f} um: taken for the light model's, not the surface's "

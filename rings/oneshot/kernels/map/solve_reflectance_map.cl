@@ -46,7 +46,7 @@ LANED __kernel void solve(
     const int K, const int H, const int W,
     const int steps,
     const float prior,
-    const float limit,
+    const float max_turn_rad,
     const float still)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
@@ -98,7 +98,7 @@ LANED __kernel void solve(
         const floats inverse = 1.0f / determinant;
         const floats dp = (c * s - b * t) * inverse;
         const floats dq = (a * t - b * s) * inverse;
-        const floats turned = dp * dp + dq * dq, longest = limit * square, least = still * square;
+        const floats turned = dp * dp + dq * dq, longest = max_turn_rad * square, least = still * square;
         floats shrink = whole;
         if (ANY(turned > longest * longest)) {
             shrink = longest / sqrt(MORE_OF(turned, smallest));

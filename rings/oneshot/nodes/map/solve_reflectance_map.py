@@ -19,7 +19,7 @@ ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
 """Coefficients of equation M1 (`reflectance_map`): 9 shades, 15 monomials of the place."""
 
 STILL_RAD = 1e-3
-"""Longest step after which a pixel stops, or half of `limit` if that is less."""
+"""Longest step after which a pixel stops, or half of `max_turn_rad` if that is less."""
 
 
 @node(
@@ -39,7 +39,7 @@ def solve_reflectance_map(
     *,
     steps: Annotated[int, Interval(ge=1, le=30)] = 8,
     prior: Annotated[float, Gt(0)] = 4e-4,
-    limit: Annotated[float, Gt(0)] = 0.3,
+    max_turn_rad: Annotated[float, Gt(0)] = 0.3,
 ) -> Slope:
     """Return the slope that explains the light best, by Gauss-Newton from the film at rest.
 
@@ -55,12 +55,12 @@ def solve_reflectance_map(
     reflectance : K x 9 x 15, as `fit_reflectance_map` gives it
     steps : Gauss-Newton steps at most
     prior : weight that favours small slopes; matters where light does not determine the slope
-    limit : longest step, as the angle in radians by which it turns the normal
+    max_turn_rad : longest step, as the angle in radians by which it turns the normal
     """
     maps = maps_over_film(reflectance, light.shape[1:])
     rests = [plane - 1 - c[SHADE_COUNT - 1] * height for plane, c in zip(light, maps, strict=True)]
     start = np.zeros((2, *light.shape[1:]), np.float32)
-    return solved(rests, flat, maps, start, steps, prior, limit)
+    return solved(rests, flat, maps, start, steps, prior, max_turn_rad)
 
 
 def solved(
@@ -70,7 +70,7 @@ def solved(
     start: F4,
     steps: int = 8,
     prior: float = 4e-4,
-    limit: float = 0.3,
+    max_turn_rad: float = 0.3,
 ) -> F4:
     """Return the slopes of pixels, in rows or in a list, by Gauss-Newton from a start.
 
@@ -81,9 +81,11 @@ def solved(
     """
     p, q = start
     moving = np.ones(p.shape, bool)
-    least = np.float32(min(STILL_RAD, limit / 2))
+    least = np.float32(min(STILL_RAD, max_turn_rad / 2))
     for _ in range(steps):
-        square, dp, dq = _step(rests, weight, maps, p, q, np.float32(prior), np.float32(limit))
+        square, dp, dq = _step(
+            rests, weight, maps, p, q, np.float32(prior), np.float32(max_turn_rad)
+        )
         p, q = np.where(moving, p + dp, p), np.where(moving, q + dq, q)
         moving &= np.hypot(dp, dq) > least * square
         if not moving.any():
@@ -92,9 +94,9 @@ def solved(
 
 
 def _step(
-    rests: list[F4], flat: F4, maps: F4, p: F4, q: F4, prior: np.float32, limit: np.float32
+    rests: list[F4], flat: F4, maps: F4, p: F4, q: F4, prior: np.float32, max_turn_rad: np.float32
 ) -> tuple[F4, F4, F4]:
-    """1 + p^2 + q^2, and one solution of the weighted normal equations, cut to `limit`."""
+    """1 + p^2 + q^2, and one solution of the weighted normal equations, cut to `max_turn_rad`."""
     at = SlopeNormal.of(p, q)
     a = c = np.full_like(p, prior)
     b = np.zeros_like(p)
@@ -106,7 +108,7 @@ def _step(
         w_p, w_q = weight * j_p, weight * j_q
         a, b, c = a + w_p * j_p, b + w_p * j_q, c + w_q * j_q
         s, t = s + w_p * residual, t + w_q * residual
-    return at.square, *at.step((a, b, c), (s, t), limit)
+    return at.square, *at.step((a, b, c), (s, t), max_turn_rad)
 
 
 @solve_reflectance_map.opencl()
@@ -118,8 +120,8 @@ def _launch(run: Launch) -> None:
     run.kernel("polynomials_of_rows", work, run.inputs["reflectance"], lines, count, rows, columns)
     planes = (run.inputs[name] for name in ("light", "flat", "height"))
     out = run.outputs["solve_reflectance_map"]
-    steps, prior, limit = (run.settings[name] for name in ("steps", "prior", "limit"))
-    settings = steps, prior, limit, min(STILL_RAD, limit / 2)
+    steps, prior, max_turn_rad = (run.settings[name] for name in ("steps", "prior", "max_turn_rad"))
+    settings = steps, prior, max_turn_rad, min(STILL_RAD, max_turn_rad / 2)
     grid = run.in_row_lanes(rows, columns)
     run.kernel("solve", grid, *planes, lines, out, count, rows, columns, *settings)
 

@@ -24,7 +24,7 @@ def find_presses(
     *,
     radius_mm: Annotated[float, Gt(0)] | None = None,
     pitch_mm: Annotated[float, Gt(0)] | None = None,
-    fewest: Annotated[int, Ge(1)] = MIN_PRESSES,
+    min_balls: Annotated[int, Ge(1)] = MIN_PRESSES,
 ) -> FoundBalls:
     """Return the contact circle of every press, as `find_ball` finds it.
 
@@ -44,7 +44,7 @@ def find_presses(
     pitch_mm
         Pitch of a square grid of balls, of which every press shows several, as for `find_balls`.
         None: every press is one of a single ball.
-    fewest : fewest balls that must be found
+    min_balls : fewest balls that must be found
 
     Returns
     -------
@@ -54,7 +54,7 @@ def find_presses(
     Raises
     ------
     InputError
-        If fewer than `fewest` presses show a ball; if the radius is not given.
+        If fewer than `min_balls` presses show a ball; if the radius is not given.
     """
     every = np.arange(len(image), dtype=np.int32)
     if not names:
@@ -90,11 +90,11 @@ def find_presses(
             balls.append((*ball.center, ball.contact, ball.goodness))
     circles = np.asarray(balls, np.float32)
     ball_count = int(np.count_nonzero(circles[:, 3]))
-    if ball_count < fewest:
+    if ball_count < min_balls:
         where = f": none in {', '.join(missed)}" if missed else ""
         raise InputError(
             f"a ball of radius {radius_mm:g} mm shows in {ball_count} of {len(image)} presses, and "
-            f"{fewest} are needed{where}; check `radius_mm` and `pixel`, press more often, "
+            f"{min_balls} are needed{where}; check `radius_mm` and `pixel`, press more often, "
             "give `pitch_mm`=MM if a press shows a grid of balls, or write "
             "ball_center_px: [x, y] and ball_contact_px into a press's capture.yaml"
         )

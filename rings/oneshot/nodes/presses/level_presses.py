@@ -34,6 +34,6 @@ def level_presses(
     rest = np.maximum(flat, MIN_FLAT_LIGHT)
     levelled = []
     for press in image:
-        drift = film_drift(coarsen(press / rest), degree=degree, rough=FILM_ROUGHNESS)
+        drift = film_drift(coarsen(press / rest), degree=degree, roughness=FILM_ROUGHNESS)
         levelled.append(level_light(press, drift))
     return np.stack(levelled)
