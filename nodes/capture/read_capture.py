@@ -49,6 +49,7 @@ from tactograph.nodes.files.image_files import (
 )
 from tactograph.nodes.files.sensor_identity import SensorIdentity
 
+UNREAD_SUFFIXES = (".webp", ".gif", ".jp2", ".avif", ".heic", ".dng", ".exr")
 VIDEO_SUFFIXES = (".mp4", ".m4v", ".avi", ".mov", ".mkv", ".webm", ".mjpg", ".mjpeg")
 CAPTURE_FILE = "capture.yaml"
 LIKE_CAPTURE_FILE = ("capture.yml", "Capture.yaml", "capture.yaml.txt")
@@ -396,6 +397,9 @@ def _what_is_missing(folder: Path, layout: Layout) -> str:
     videos = [file for file in folder.iterdir() if file.suffix.lower() in VIDEO_SUFFIXES]
     if videos and not images:
         return f"holds {videos[0].name}, which {_of_video(videos[0])}"
+    unread = sorted(f.name for f in folder.iterdir() if f.suffix.lower() in UNREAD_SUFFIXES)
+    if unread and not images:
+        return f"holds {unread[0]}, a kind of image that is not read: save it as PNG or TIFF"
     return (
         f"holds no {layout.files.format(1)}.png, and no folder inside it does; a capture has one "
         "image per LED, numbered (`files`=NAME{} for other names)"

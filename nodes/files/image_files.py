@@ -291,7 +291,8 @@ def cropped(plane: NDArray[Any], crop: Crop | None, file: Path) -> NDArray[Any]:
     height, width = plane.shape[:2]
     if not (0 <= x0 < x1 and 0 <= y0 < y1):
         raise InputError(
-            f"`crop`={x0},{y0},{x1},{y1}: holds no pixel; give x0,y0,x1,y1 with x0 < x1 and y0 < y1"
+            f"`crop`={x0},{y0},{x1},{y1}: holds no pixel; give x0,y0,x1,y1 with 0 <= x0 < x1 and "
+            "0 <= y0 < y1"
         )
     if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
         raise InputError(f"`crop`={x0},{y0},{x1},{y1}: {file} has only {size_of(plane)} pixels")

@@ -276,6 +276,9 @@ def test_settings_that_do_not_fit_the_capture_are_refused(
 def test_the_error_of_a_folder_without_images_names_the_missing_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no led1.png"):
         list(read_capture(folder=tmp_path))
+    (tmp_path / "led1.webp").touch()
+    with pytest.raises(InputError, match=r"holds led1.webp, a kind of image that is not read"):
+        list(read_capture(folder=tmp_path))
 
 
 def test_several_captures_are_refused_where_one_is_needed(tmp_path: Path) -> None:

@@ -136,6 +136,12 @@ def test_a_flat_frame_is_asked_for_only_where_there_is_none() -> None:
     assert "`flat`=DIR" not in notes_of(POOR, noise=0.001, flat=taken)[0]
 
 
+def test_a_flat_frame_that_was_not_taken_is_not_noisy() -> None:
+    """Its level of 1 was once taken for saturated light, of which nothing is known."""
+    assert not any("noisy" in note for note in notes_of(0 * POOR, noise=0.003, flat=0 * FLAT + 1))
+    assert any("noisy" in note for note in notes_of(0 * POOR, noise=0.3, flat=0 * FLAT + 1))
+
+
 def test_a_press_that_no_other_can_check_is_reported_in_words() -> None:
     """It was "nan degrees off"."""
     beside = np.array([-40.0, 5.0, 4.0])
