@@ -23,6 +23,8 @@ LINE_COLOURS = (
 )  # fmt: skip
 MAX_PANELS_ACROSS = 4
 """Panels in a row."""
+MAX_LOG_TICKS = 5
+"""Most numbers on a logarithmic axis."""
 PAGE_WIDTH_IN = 10.4
 """The width of a picture that fills the page."""
 ERROR_PERCENTILE = 99.5
@@ -140,6 +142,10 @@ def draw_curves(figures: Mapping[str, Mapping[str, Curve]], target: str, log: bo
         ax.set_xlabel(target)
         if log:
             ax.set_xscale("log")
+            places = sorted({value for values, _ in curves.values() for value in values})
+            few = places[:: -(-len(places) // MAX_LOG_TICKS) or 1]
+            ax.set_xticks(few, [f"{value:.3g}" for value in few])
+            ax.minorticks_off()
         _plain(ax)
     for ax in grid[len(figures) :]:
         ax.set_axis_off()
