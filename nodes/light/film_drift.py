@@ -143,12 +143,10 @@ def film_drift(
         drift, explained = _fit(cells, weight, basis, before, used)
     drift[:, 1:used] = before[:, 1:used] + np.float32(rate) * (drift - before)[:, 1:used]
     drift[:, 0] += (cells - _gain(drift, basis)) @ weight / weight.sum()
-    total = weight.sum()
-    chance = np.square(noise) @ weight / total
+    chance = np.square(noise) @ weight / weight.sum()
     if weight is calm:
-        chance = total * (chance + np.float32(roughness * roughness))
-    explained /= np.float32(1 + flat_noise**2)
-    return np.where((explained > chance)[:, None], drift, before)
+        chance = (chance + np.float32(roughness * roughness)) * calm.sum()
+    return np.where((explained > chance * (1 + flat_noise**2))[:, None], drift, before)
 
 
 def terms(rows: NDArray[np.intp], columns: NDArray[np.intp], size: tuple[int, ...]) -> F4:

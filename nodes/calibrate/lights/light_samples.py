@@ -159,18 +159,11 @@ def samples_for(presses: int) -> float:
 def unreached(objects: list[Object], where: str = "the objects") -> str | None:
     """Return why too few pixels of the objects, here `where`, are lit; None if enough are."""
     reach = np.sum([press.reach for press in objects], axis=0)
-    weakest, most = int(reach.argmin()), int(reach.max())
-    if reach[weakest] >= MIN_PIXELS:
-        return None
-    if most < MIN_PIXELS:
-        return (
-            f"only {most} pixels of {where} tell a slope ({MIN_PIXELS} are needed): press deeper, "
-            "or with a larger ball"
-        )
-    return (
-        f"LED {weakest + 1} reaches only {int(reach[weakest])} pixels of {where} ({MIN_PIXELS} are "
-        "needed): is it on?"
-    )
+    weakest, unlit = int(reach.argmin()), f"pixels of {where} ({MIN_PIXELS} are needed)"
+    if reach.max() < MIN_PIXELS:
+        return f"LEDs reach only {reach.max()} {unlit}: press deeper, or with a larger ball"
+    short = f"LED {weakest + 1} reaches only {reach[weakest]} {unlit}: is it on?"
+    return short if reach[weakest] < MIN_PIXELS else None
 
 
 def is_uniform(flat: Light) -> bool:

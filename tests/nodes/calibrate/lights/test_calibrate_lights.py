@@ -106,7 +106,7 @@ def test_a_contact_that_is_too_small_is_named_not_an_led() -> None:
     ball, flat = images(RING)
     y, x = np.mgrid[: SIZE[0], : SIZE[1]]
     inside = (np.hypot(x - CENTER[0], y - CENTER[1]) < 7).astype(np.uint8)
-    with pytest.raises(InputError, match="only 57 pixels of the calibration object tell"):
+    with pytest.raises(InputError, match="LEDs reach only 57 pixels of the calibration object"):
         calibrate(ball, flat, known()._replace(mask=inside))
 
 
