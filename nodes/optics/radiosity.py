@@ -76,7 +76,8 @@ def cell_grid(
 ) -> Grid:
     """Return the finest grid with at most `most` cells in the frame.
 
-    Cells look along `azimuths` under a coat, and along half as many on a matt film.
+    Cells look along `azimuths` under a coat, and along half as many on a matt film: the same in all
+    quadrants, or what they miss leans.
     """
     factor = max(1, math.isqrt(math.prod(size) // most))
     while math.prod(-(-side // factor) for side in size) > most:
@@ -84,7 +85,7 @@ def cell_grid(
     rows, columns = (-(-side // factor) for side in size)
     width = factor * float(pixel)
     film = min(rim_mm / width, float(MAX_RIM_CELLS))
-    count = azimuths if refraction != 1 else azimuths // 2
+    count = azimuths if refraction != 1 else 4 * math.ceil(azimuths / 8)
     return Grid(factor, rows, columns, math.ceil(film) + SWEEP_MARGIN_CELLS, width, film, count)
 
 
