@@ -78,13 +78,14 @@ def cell_grid(
 
     If sides were rounded up, cells of small frames would be up to twice as large, and the light in
     a fold, which the coat's fit depends on, would be wrong by up to a tenth.  Cells look along
-    `azimuths` under a coat, and along half as many on a matt film.
+    `azimuths` under a coat, and along half as many on a matt film: as many in each quadrant, or
+    they would see more on one side.
     """
     factor = max(1, round(math.sqrt(math.prod(size) / cells)))
     rows, columns = (-(-side // factor) for side in size)
     width = factor * float(pixel)
     film = min(rim_mm / width, float(MAX_RIM_CELLS))
-    count = azimuths if refraction != 1 else azimuths // 2
+    count = azimuths if refraction != 1 else 4 * math.ceil(azimuths / 8)
     return Grid(factor, rows, columns, math.ceil(film) + SWEEP_MARGIN_CELLS, width, film, count)
 
 
