@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from tactograph.nodes import F8, Film
 from tactograph.nodes.calibrate.ball.ball_surface import away_on, ball_height
 from tactograph.nodes.calibrate.ball.balls_on_film import MIN_WEIGHT_LIGHT, Beneath
+from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION
 from tactograph.nodes.optics.film import predict
 from tactograph.nodes.optics.rest_shape import rest_share
 
@@ -29,7 +30,11 @@ def contact_edge(
     """Return the radius in mm of a ball's contact that fits the light best.
 
     On a film that is glossy and lights itself, a contact is easily found too small, because the
-    light at its foot is not that of a matt film.  A known film corrects this.
+    light at its foot is not that of a matt film.  A known film corrects this.  Light departs from
+    the ball's by one spread inside the edge, and from that of the film at rest by another outside,
+    where film may hang beside the ball: the edge makes both parts together likeliest (Hinkley
+    1970).  The one from which the film at rest is nearer to the light than the ball would lie
+    half-way down the hanging film.
 
     Parameters
     ----------
@@ -48,7 +53,7 @@ def contact_edge(
     least = rim / MAX_EDGE_RATIO
     ring = (away > least) & (away < min(MAX_EDGE_RATIO * rim, radius))
     u, v, away, light, thrown = u[ring], v[ring], away[ring], light[:, ring], thrown[:, ring]
-    if not away.size:
+    if away.size < 2:
         return rim
     at_rest: F8 | float = 1.0
     if beneath is not None:
@@ -64,9 +69,11 @@ def contact_edge(
     lit = light > MIN_WEIGHT_LIGHT
     inside, outside = (_departure(light - model, lit) for model in (on_ball, at_rest + thrown))
     order = np.argsort(away)
-    beyond = np.concatenate([[0.0], np.cumsum((inside - outside)[order])])
-    edges = np.concatenate([[least], away[order]])
-    return float(edges[np.argmin(beyond)])
+    within, beyond = np.cumsum(inside[order])[:-1], np.cumsum(outside[order][::-1])[-2::-1]
+    count = np.arange(1, away.size)
+    shares = (within, count), (beyond, away.size - count)
+    unlikely = sum(n * np.log(np.maximum(part / n, LIGHT_DEVIATION**2)) for part, n in shares)
+    return float(away[order[np.argmin(unlikely)]])
 
 
 def _departure(residual: F8, lit: NDArray[np.bool_]) -> F8:

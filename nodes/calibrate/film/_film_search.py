@@ -126,15 +126,17 @@ def choose(
 
 
 def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls]:
-    """Grow a model and settle it; without light from film to film where that settles worse.
+    """Grow a model and settle it; without light from film to film where that settles no worse.
 
-    Also returns every pixel of the balls.
+    A gel that diffuses light looks alike on the balls at first.  Also returns every pixel of the
+    balls.
     """
     plain = judge(trial, frozenset(), trial.fit(frozenset(), start))
     settled = settle(*grow(trial, start, plain, parts))
-    if "bounce" in settled[1].parts and pays(settled[1].errors, plain.errors):
-        return search(trial, start, [part for part in parts if part != "bounce"])
-    return settled
+    if "bounce" not in parts or not any("bounce" in name for name in trial.figures):
+        return settled
+    without = search(trial, start, [part for part in parts if part != "bounce"])
+    return without if pays(settled[1].errors, without[1].errors) else settled
 
 
 def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Trial, Model]:

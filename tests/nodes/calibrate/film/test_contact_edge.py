@@ -13,13 +13,19 @@ MATT = Film.matt(LIGHTS)
 COATED = MATT._replace(base=0.7, roughness=0.2, refraction=1.5)
 
 
-def press(film, thrown):
-    """A ball in a film: places, light and what film throws on film, brightest around the foot."""
+def press(film, thrown, reach=0.0):
+    """A ball in a film: places, light and what film throws on film, brightest around the foot.
+
+    Beside the ball the film hangs, and its slope falls to 1 / e within `reach`.
+    """
     u, v = (a.ravel() for a in np.meshgrid(*[np.arange(-110, 111) * PIXEL] * 2))
     away, sunk = np.hypot(u, v), np.sqrt(RADIUS**2 - RIM**2)
     inside = away < RIM
     z = np.where(inside, np.sqrt(np.maximum(RADIUS**2 - away**2, 0)) - sunk, 0)
-    n = np.where(inside, np.stack([u, v, z + sunk]) / RADIUS, np.array([[0], [0], [1]]))
+    hanging = RIM / sunk * np.exp(-np.maximum(away - RIM, 0) / max(reach, 1e-6)) * (reach > 0)
+    aside = np.stack([u, v, away / np.maximum(hanging, 1e-6)])
+    aside = np.where(hanging > 1e-6, aside / np.linalg.norm(aside, axis=0), [[0], [0], [1]])
+    n = np.where(inside, np.stack([u, v, z + sunk]) / RADIUS, aside)
     bounce = np.tile(thrown * np.exp(-np.abs(away - RIM)), (4, 1))
     return u, v, predict(film, n, u, v, z) + bounce, np.zeros_like(bounce), (0.0, 0.0, -sunk)
 
@@ -32,6 +38,13 @@ def test_a_badly_known_contact_is_corrected(film, known, thrown):
     *samples, centre = press(film, thrown)
     edge = contact_edge(*samples, centre, RADIUS, known * RIM, film)
     assert edge == pytest.approx(RIM, abs=PIXEL)
+
+
+@pytest.mark.parametrize("film", [MATT, COATED], ids=["matt", "coated"])
+def test_film_that_hangs_beside_the_ball_does_not_count_as_contact(film):
+    *samples, centre = press(film, 0.0, reach=0.6)
+    edge = contact_edge(*samples, centre, RADIUS, 0.9 * RIM, film)
+    assert edge == pytest.approx(RIM, abs=3 * PIXEL)
 
 
 def test_noise_moves_the_edge_by_less_than_a_pixel():

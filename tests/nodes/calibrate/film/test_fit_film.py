@@ -149,6 +149,15 @@ def test_a_single_ball_reveals_diffuse_light() -> None:
 
 
 @pytest.mark.slow
+def test_a_gel_that_diffuses_light_is_no_film_that_lights_itself() -> None:
+    """On a single ball both look alike at first: the better one, held out, wins."""
+    shares = np.full(4, 0.25, np.float32)
+    fit = fitted(MATT._replace(diffuse=shares), FOUR[:1])
+    assert fit.film.albedo == 0
+    assert fit.film.diffuse == pytest.approx(shares, abs=0.02)
+
+
+@pytest.mark.slow
 def test_slants_after_a_single_ball_rest_on_direct_light(monkeypatch: pytest.MonkeyPatch) -> None:
     """Shadows that are brighter than those of a gel would shift the slant by a degree."""
     gel, plain = MATT._replace(diffuse=np.full(4, 0.4, np.float32), gain=1.05, wrap=0.1), press
