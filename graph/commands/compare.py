@@ -121,9 +121,9 @@ def _compare(study: Study, out: Path, columns: str | None) -> None:
     record = make_record(study, rows, sys.argv[1:])
     write_tables(rows, out)
     write_record(record, study, out)
+    page = write_report(study, rows, record, out)
     width = shutil.get_terminal_size((160, 24)).columns
     print_table(rows, say, width, columns.split(",") if columns else [])
-    page = write_report(study, rows, record, out)
     say(f"tables: {out / 'table.csv'}, .json, .md, .tex; report: {page}")
     if all(row.error for row in rows):
         raise InputError("every run failed; the reasons are above")

@@ -227,11 +227,8 @@ def _stand_ins(graph: Graph, arguments: Mapping[str, Any]) -> frozenset[str]:
         if any(map(is_missing, entry.settings.values()))
         and find_node(entry.op, graph.own).may_be_handed_in
     )
-    read_by = {
-        name: [n for n, entry in graph.nodes.items() if f"${name}" in entry.settings.values()]
-        for name in arguments
-    }
-    for name, readers in read_by.items():
+    for name in arguments:
+        readers = [n for n, each in graph.nodes.items() if f"${name}" in each.settings.values()]
         if readers and ungiven.issuperset(readers):
             raise InputError(
                 f"{graph.name}: only {readers[0]} reads {name}=, and it is not run, as its images "

@@ -170,6 +170,12 @@ def test_if_every_run_fails_the_command_fails(compared: Compared) -> None:
     assert done.err.endswith("tactograph: every run failed; the reasons are above\n")
 
 
+def test_a_figure_that_is_not_there_costs_no_report(compared: Compared) -> None:
+    done = compared("--columns", "nope")
+    assert (done.code, "there is no figure 'nope'" in done.err) == (2, True)
+    assert (compared.out / "report.html").exists()
+
+
 def test_a_fallback_is_reported_once(compared: Compared, write: Write, no_device: None) -> None:
     text = GRAPH.replace("prefer: [numpy]\n", "")
     graphs = [write(text, name) for name in ("first.yaml", "second.yaml")]
