@@ -108,4 +108,4 @@ def test_the_height_is_restored(
     file = altered(**kind)
     images = load("see_touch", calibration=file, seed=None)(height=truth)["image"]
     back = load("precise", calibration=file, outputs=["height"])(frames=images)
-    assert np.sqrt(np.mean((back["height"] - truth) ** 2)) < 0.02 * RIG_PIXEL_MM["near33"]
+    assert np.sqrt(np.mean((back["height"] - truth) ** 2)) < 0.025 * RIG_PIXEL_MM["near33"]
