@@ -185,8 +185,8 @@ class Launch:
         for name, parameter in node.parameters.items():
             arguments += scalar_values(parameter.annotation, self.settings[name])
         dtype = None if declared.integers is None else self.inputs[declared.integers].dtype
-        whole = dtype is not None and dtype.kind != "f"
-        constants = {"FULL": int(np.iinfo(dtype).max)} if whole else None
+        are_integers = dtype is not None and dtype.kind != "f"
+        constants = {"FULL": int(np.iinfo(dtype).max)} if are_integers else None
         self.kernel(node.name, grid, *arguments, constants=constants)
 
     def capture(self, launches: Callable[[], None]) -> Callable[[], None]:

@@ -124,10 +124,10 @@ def _on_device(
     node: Node, device: DeviceBackend, case: Case, inputs: Mapping[str, Any], wanted: Wanted
 ) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
     """The outputs, and the inputs after the launch."""
-    whole = node.kernels.integers if case.fill in INTEGER_FILLS else None
-    if whole is not None:
+    integers = node.kernels.integers if case.fill in INTEGER_FILLS else None
+    if integers is not None:
         dtype, full = INTEGER_FILLS[case.fill]
-        inputs = {**inputs, whole: np.rint(inputs[whole] * full).astype(dtype)}
+        inputs = {**inputs, integers: np.rint(inputs[integers] * full).astype(dtype)}
     remote = {
         name: device.upload(value) if isinstance(value, np.ndarray) else value
         for name, value in inputs.items()
@@ -137,8 +137,8 @@ def _on_device(
     outputs, _ = device.prepare(node, case.settings, sizes, wanted).launch(remote)
     downloaded = {name: device.download(array) for name, array in outputs.items()}
     after = {n: device.download(a) for n, a in remote.items() if isinstance(a, DeviceArray)}
-    if whole is not None:
-        after[whole] = after[whole] / np.float32(full)
+    if integers is not None:
+        after[integers] = after[integers] / np.float32(full)
     return downloaded, after
 
 

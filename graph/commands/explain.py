@@ -22,7 +22,6 @@ def command(graph: str, values: tuple[str, ...], every: bool, options: RunOption
 
     The use of a group is one line.  No node runs, so params need no values.
     """
-
     read = options.read(graph)
     arguments = {**read.placeholders, **read.read_words(values)}
     plan = options.open(read, arguments).plan

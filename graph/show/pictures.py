@@ -232,7 +232,7 @@ def _png(figure: Figure) -> str:
 
 def _svg(figure: Figure) -> str:
     stream = io.BytesIO()
-    figure.draw_without_rendering()  # the layout changes ticks, by which it was made
+    figure.draw_without_rendering()  # the layout depends on ticks, which the first drawing sets
     # Without a date, equal figures give an equal page.
     figure.savefig(stream, format="svg", metadata={"Date": None})
     return _uri(stream, "image/svg+xml")

@@ -43,7 +43,7 @@ SAME_SIZE = 0.02
 """Relative difference up to which two radii count as equal."""
 RULER_ERROR = 0.04
 """Relative standard error of the LEDs' distance by a ruler, and of that which one ball shows."""
-FORCE_ADVICE = "; `only_warn`=true writes the calibration nevertheless, marked as doubtful"
+ONLY_WARN_ADVICE = "; `only_warn`=true writes the calibration nevertheless, marked as doubtful"
 RADIUS_INPUTS = " (`evidence.radius`, `evidence.pixel`)"
 
 OTHER_SIZE, OTHER_POWER = STATED_UNKNOWNS
@@ -375,7 +375,7 @@ def judge_radius(
     fits = fits._replace(ruler_mm=led_distance_mm)
     doubts, is_clear = fits.doubts(first, percent, RADIUS_INPUTS)
     if is_clear and not (only_warn or of_pixels):
-        raise InputError([*(other_doubts or []), *doubts][0] + FORCE_ADVICE)
+        raise InputError([*(other_doubts or []), *doubts][0] + ONLY_WARN_ADVICE)
     doubts += _of_distance(fits, first)
     is_open = "" if doubts else fits.unconfirmed(first, percent, "`led_distance_mm`")
     # The small balls of a grid throw no shadow, however deep they are pressed.

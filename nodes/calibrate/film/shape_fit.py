@@ -64,7 +64,7 @@ class ShapeFit(NamedTuple):
         start = start._replace(film=film, shifts=np.zeros((len(used.circle), 3)))
         return cls(used, fitting, fitting.fitted(start))
 
-    def step(self, shape: Callable[[F8], RestShape], unknowns: int) -> "ShapeStep":
+    def step(self, shape: Callable[[F8], RestShape], unknowns: int) -> ShapeStep:
         """Return the best step of a shape's V unknowns.
 
         Parameters

@@ -218,5 +218,5 @@ def _draw_null(axes: Axes, light: F4, mask: U1, lit: U1, null: NullVector, sprea
     axes.stairs(*np.histogram(np.clip(departure, -10, 10), bins=100), fill=True, color=Colour.BLUE)
     for threshold in (-3, 3):
         axes.axvline(threshold, color="#d1495b", linewidth=1)
-    axes.set(xlabel="a.I / its standard deviation; red: threshold of a shadow", ylabel="pixels")
+    axes.set(xlabel="a.I / its standard deviation; red: limits of the shadow test", ylabel="pixels")
     axes.set_title("linear dependence, where all LEDs reach")

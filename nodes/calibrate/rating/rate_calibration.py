@@ -20,7 +20,7 @@ from tactograph.nodes import (
     Spread,
 )
 from tactograph.nodes.calibrate import MAX_LED_WIDTHS
-from tactograph.nodes.calibrate.film.judge_radius import FORCE_ADVICE
+from tactograph.nodes.calibrate.film.judge_radius import ONLY_WARN_ADVICE
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
 from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask
@@ -148,7 +148,7 @@ def rate_calibration(
         scale = pixel * mask.shape[1], 0.0 if is_open else albedo
         contradiction = _of_scale(lights, *scale, is_explained)
         if contradiction and not only_warn:
-            raise InputError((other_doubts or contradiction)[0] + FORCE_ADVICE)
+            raise InputError((other_doubts or contradiction)[0] + ONLY_WARN_ADVICE)
         doubts += contradiction
     for doubt in doubts:
         warn(doubt)
