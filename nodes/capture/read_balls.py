@@ -83,12 +83,19 @@ def read_balls(
         )
     files = [CaptureFile.read(folder / name) for name in names]
     scans = [listed_capture(folder / name) for name in names]
+    usual = _spread(folder, names, radius_mm)
     radii = [
-        _radius(folder / name, about, usual or (scan.ball_radius if scan else 0.0) or None)
-        for name, about, usual, scan in zip(
-            names, files, _spread(folder, names, radius_mm), scans, strict=True
-        )
+        _radius(folder / name, about, stated or (scan.ball_radius if scan else 0.0) or None)
+        for name, about, stated, scan in zip(names, files, usual, scans, strict=True)
     ]
+    others = [
+        n for n, used, stated in zip(names, radii, usual, strict=True) if stated not in (None, used)
+    ]
+    if others:
+        warn(
+            f"{folder}: the ball_radius_mm in capture.yaml of {', '.join(others)} is used instead "
+            "of `radius_mm`; remove it from the file if it is wrong"
+        )
     for name, scan in zip(names, scans, strict=True):
         if scan is not None:
             _compare_marks(folder / name, scan)

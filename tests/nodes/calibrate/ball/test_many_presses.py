@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
+from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
@@ -149,7 +150,10 @@ def test_one_press_has_nothing_to_hold_out(sensor: Path, tmp_path: Path) -> None
 
 
 def test_the_radius_and_circle_of_a_ball_are_read_with_its_press(sensor: Path) -> None:
-    balls = read_balls(folder=sensor / "presses", radius_mm=7.0)
+    with collect_warnings([]) as notes:
+        balls = read_balls(folder=sensor / "presses", radius_mm=5.0)
+    instead = "capture.yaml of b, c, g_bright, h_other, i_glint is used instead of `radius_mm`"
+    assert sum(instead in note for note in notes) == 1
     assert balls.image.shape == (4, 9 * SIZE[0], SIZE[1])
     assert balls.radius.tolist() == [5, 4, 4, 5, 5, 5, 4, 6, 4]
     assert balls.circles[1].tolist() == [106, 40, CONTACT]
