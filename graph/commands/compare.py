@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @click.option(
     "--columns", metavar="LIST",
-    help="Figures to print, such as height_rmse_um,ms; default: all.  The files hold all.",
+    help="Figures to print, and for table.md and .tex, such as height_rmse_um,ms; default: all.",
 )  # fmt: skip
 @click.option(
     "--out", type=FOLDER_PATH, default="report", show_default=True,
@@ -119,11 +119,12 @@ def _compare(study: Study, out: Path, columns: str | None) -> None:
     study.check()
     rows = _run_all(study, out)
     record = make_record(study, rows, sys.argv[1:])
-    write_tables(rows, out)
+    wanted = columns.split(",") if columns else []
+    write_tables(rows, out, wanted)
     write_record(record, study, out)
     page = write_report(study, rows, record, out)
     width = shutil.get_terminal_size((160, 24)).columns
-    print_table(rows, say, width, columns.split(",") if columns else [])
+    print_table(rows, say, width, wanted)
     say(f"tables: {out / 'table.csv'}, .json, .md, .tex; report: {page}")
     if all(row.error for row in rows):
         raise InputError("every run failed; the reasons are above")

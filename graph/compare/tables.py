@@ -131,15 +131,19 @@ def _size(name: str, value: float) -> float:
     return abs(value) if what_is_better(name) == "nearer to zero" else value
 
 
-def write_tables(rows: Sequence[Row], out: Path) -> None:
-    """Write ``table.csv``, ``table.json`` (every single run), ``table.md`` and ``table.tex``."""
+def write_tables(rows: Sequence[Row], out: Path, wanted: Sequence[str] = ()) -> None:
+    """Write ``table.csv``, ``table.json`` (every single run), ``table.md`` and ``table.tex``.
+
+    The last two, which papers include, hold the `wanted` figures, or all.
+    """
     lines = make_lines(rows)
+    names = wanted or columns(lines)
     with atomic_files(out) as stage:
         _write_csv(lines, stage / "table.csv")
         text = json.dumps([asdict(row) for row in rows], indent=1)
         (stage / "table.json").write_text(text + "\n")
-        (stage / "table.md").write_text(_markdown(lines))
-        (stage / "table.tex").write_text(_latex(lines))
+        (stage / "table.md").write_text(_markdown(lines, names))
+        (stage / "table.tex").write_text(_latex(lines, names))
 
 
 def read_rows(out: Path) -> list[Row]:
@@ -267,15 +271,15 @@ def _write_csv(lines: Sequence[Line], file: Path) -> None:
             writer.writerow([*start, *swept, *means, *more, line.hash, *messages])
 
 
-def _markdown(lines: Sequence[Line]) -> str:
-    headings, labels, rows = _cells(lines, columns(lines), "**{}**")
+def _markdown(lines: Sequence[Line], names: Sequence[str]) -> str:
+    headings, labels, rows = _cells(lines, names, "**{}**")
     rule = ["---" if number < labels else "---:" for number in range(len(headings))]
     return "".join(f"| {' | '.join(cells)} |\n" for cells in (headings, rule, *rows))
 
 
-def _latex(lines: Sequence[Line]) -> str:
+def _latex(lines: Sequence[Line], names: Sequence[str]) -> str:
     """A table for the booktabs package, a block for each capture."""
-    headings, labels, rows = _cells(lines, columns(lines), r"\textbf{{{}}}")
+    headings, labels, rows = _cells(lines, names, r"\textbf{{{}}}")
     form = "l" * labels + "r" * (len(headings) - labels)
     text = [f"\\begin{{tabular}}{{{form}}}", r"\toprule"]
     text.append(_latex_row(map(_escaped, headings)))

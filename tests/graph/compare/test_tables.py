@@ -100,6 +100,12 @@ def test_markdown_and_latex_mark_the_best_and_escape(tmp_path: Path) -> None:
     assert {text.count("&") for text in latex.splitlines() if "&" in text} == {4}
 
 
+def test_tables_of_papers_hold_the_wanted_figures(tmp_path: Path) -> None:
+    write_tables([row("x", error=1.0, iou=0.5)], tmp_path, wanted=["iou"])
+    assert "error" not in (tmp_path / "table.md").read_text() + (tmp_path / "table.tex").read_text()
+    assert "error" in (tmp_path / "table.csv").read_text()
+
+
 def test_repeats_have_intervals_in_every_table(tmp_path: Path) -> None:
     write_tables([row("x", seed=s, error=float(s)) for s in (1, 2, 3)], tmp_path)
     (line,) = csv.DictReader((tmp_path / "table.csv").open())
