@@ -99,19 +99,31 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
         return none
     used = TERMS_OF[degree if calm.mean() >= MIN_CURVED_SHARE else min(degree, 1)]
     apart = math.ceil(math.sqrt(calm.size / ENOUGH_CELLS))
-    terms, calm = _terms(sampled.shape, apart), calm[::apart, ::apart]
-    basis = np.compress(calm.ravel(), terms[:used], axis=1)
-    z = sampled[::apart, ::apart][calm].astype(np.float64)
-    residual = z
-    for n in range(FIT_ROUNDS):
-        spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual)) + 1e-9 if n else np.inf
-        sure = basis * (1 / (1 + (residual / spread) ** 2))
-        square = sure @ basis.T
-        ridge = 1e-9 * np.trace(square) * np.eye(used)
+    around, calm = (each[::apart, ::apart] for each in (_around_touch(calm), calm))
+    basis = np.compress(calm.ravel(), _terms(sampled.shape, apart)[:used], axis=1)
+    z, at_rest = sampled[::apart, ::apart][calm].astype(np.float64), around[calm]
+    weight, terms = np.asarray(at_rest, np.float64), min(used, TERMS_OF[1])
+    for _ in range(FIT_ROUNDS):
+        sure = basis[:terms] * weight
+        square = sure @ basis[:terms].T
+        ridge = 1e-9 * np.trace(square) * np.eye(terms)
         coefficients = np.linalg.solve(square + ridge, sure @ z)
-        residual = z - coefficients @ basis
+        residual = z - coefficients @ basis[:terms]
+        spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual[at_rest])) + 1e-9
+        weight, terms = 1 / (1 + (residual / spread) ** 2), used
     none[:used] = coefficients
     return none
+
+
+def _around_touch(calm: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """The connected calm cells that hold most of the frame's border.
+
+    Film on the flat top of an object is as calm as the film at rest, but higher.
+    """
+    labels = cv2.connectedComponents(calm.astype(np.uint8), connectivity=4)[1]
+    border = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
+    counted = border if border.any() else labels.ravel()
+    return np.asarray(labels == 1 + np.argmax(np.bincount(counted)[1:]))
 
 
 @lru_cache(maxsize=8)

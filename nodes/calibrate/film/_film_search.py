@@ -126,28 +126,39 @@ def choose(
 
 
 def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls]:
-    """Grow a model and settle it; without light from film to film where that settles no worse.
+    """Return the film that presses support, settled, and every pixel of the balls.
 
-    A gel that diffuses light looks alike on the balls at first.  Also returns every pixel of the
-    balls.
+    A gel that diffuses light, and a coat whose film lights itself, look alike on the balls at
+    first.  So a film that lights itself is compared with the best one that does not, and one that
+    does not with a film that is coated and lights itself from the start.
     """
     plain = judge(trial, frozenset(), trial.fit(frozenset(), start))
-    settled = settle(*grow(trial, start, plain, parts))
-    if "bounce" not in parts or not any("bounce" in name for name in trial.figures):
-        return settled
-    without = search(trial, start, [part for part in parts if part != "bounce"])
-    return without if pays(settled[1].errors, without[1].errors) else settled
+    if "bounce" in parts and may_grow(plain):
+        trial = trial._replace(balls=trial.samples(start.film))
+    best = settle(*grow(trial, plain, parts))
+    if "bounce" in best[1].parts:
+        rival = search(trial, start, [part for part in parts if part != "bounce"])
+    elif set(parts) >= SHINING_PARTS and may_grow(best[1]):
+        rival = settle(*grow(*shining(trial, start), parts))
+    else:
+        return best
+    return rival if pays(best[1].errors, rival[1].errors) else best
 
 
-def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Trial, Model]:
+def shining(trial: Trial, start: Fitted) -> tuple[Trial, Model]:
+    """Fit a coated film that lights itself, from usual values, and sample the balls with it."""
+    fitted = Fitting.of(trial.balls, trial.rest, SHINING_PARTS).unknowns.opened(start)
+    trial, placed = _sampled_again(trial, fitted)
+    return trial, judge(trial, SHINING_PARTS, trial.fit(SHINING_PARTS, placed))
+
+
+def grow(trial: Trial, best: Model, parts: list[str]) -> tuple[Trial, Model]:
     """Add parts to a model one by one, or coat and bounce at once, as long as that pays.
 
     A part pays if the film is likelier with it, given how usual its values are, and if it lowers
     the held-out error (`pays`).  Once the film has a coat or an albedo, the samples are renewed:
     then the light that it reflects from film to film is known.
     """
-    if "bounce" in parts and may_grow(best):
-        trial = trial._replace(balls=trial.samples(start.film))
     while may_grow(best) and (untried := [part for part in parts if part not in best.parts]):
         wider = [best.parts | {part} for part in untried]
         fitted = [trial.fit(parts, best.fitted) for parts in wider]
