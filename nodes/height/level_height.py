@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, CoarseLight, Grain, Height
+from tactograph.nodes.light.rest_mask import border_piece
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
 from tactograph.nodes.optics.near_light import places
 
@@ -45,7 +46,8 @@ def level_height(
 
     An error of the light of 0.1 % tilts the surface by 1 um per mm.  The true height of the film at
     rest is 0, so a polynomial fitted to its heights by robust least squares (Cauchy) estimates the
-    error.  If the grain is 0 there is no such error, and the height is returned unchanged.
+    error.  It starts from the connected film that holds most of the frame's border.  If the grain
+    is 0 there is no such error, and the height is returned unchanged.
 
     Parameters
     ----------
@@ -99,7 +101,9 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
         return none
     used = TERMS_OF[degree if calm.mean() >= MIN_CURVED_SHARE else min(degree, 1)]
     apart = math.ceil(math.sqrt(calm.size / ENOUGH_CELLS))
-    around, calm = (each[::apart, ::apart] for each in (_around_touch(calm), calm))
+    # Film on the flat top of an object is as calm as the film at rest, but higher.
+    pieces = cv2.connectedComponents(calm.astype(np.uint8), connectivity=4)[1]
+    around, calm = (each[::apart, ::apart] for each in (pieces == border_piece(pieces), calm))
     basis = np.compress(calm.ravel(), _terms(sampled.shape, apart)[:used], axis=1)
     z, at_rest = sampled[::apart, ::apart][calm].astype(np.float64), around[calm]
     weight, terms = np.asarray(at_rest, np.float64), min(used, TERMS_OF[1])
@@ -113,17 +117,6 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
         weight, terms = 1 / (1 + (residual / spread) ** 2), used
     none[:used] = coefficients
     return none
-
-
-def _around_touch(calm: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The connected calm cells that hold most of the frame's border.
-
-    Film on the flat top of an object is as calm as the film at rest, but higher.
-    """
-    labels = cv2.connectedComponents(calm.astype(np.uint8), connectivity=4)[1]
-    border = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
-    counted = border if border.any() else labels.ravel()
-    return np.asarray(labels == 1 + np.argmax(np.bincount(counted)[1:]))
 
 
 @lru_cache(maxsize=8)

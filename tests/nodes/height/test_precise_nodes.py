@@ -259,6 +259,19 @@ def test_a_flat_top_is_not_the_film_at_rest() -> None:
     assert rest[:7].all()
 
 
+def test_a_flat_top_that_reaches_the_border_is_not_the_film_at_rest() -> None:
+    """Its height above the rest tells; a bar between two halves at rest leaves both at zero."""
+    height = np.zeros(SHAPE, np.float32)
+    height[:, 40:] = 0.2
+    calm = np.ones(SHAPE, np.uint8)
+    calm[:, 36:40] = 0
+    assert not rest_mask(calm, PIXEL, height, margin_mm=0.0)[:, 40:].any()
+    height[:, 40:], height[:, 37:39] = 0.05, 0.2
+    rest = rest_mask(calm, PIXEL, height, margin_mm=0.0)
+    assert (rest == rest_mask(calm, PIXEL, margin_mm=0.0)).all()
+    assert rest[:, 40:].all()
+
+
 def test_the_gentle_skirt_of_a_press_is_not_pinned_to_zero() -> None:
     """A film returns to rest as exp(-d / reach); below 5 sigma it looks calm."""
     x = np.arange(SHAPE[1], dtype=np.float32) * PIXEL
