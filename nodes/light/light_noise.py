@@ -6,7 +6,7 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.graph import Close, node
-from tactograph.nodes import Light, Noise
+from tactograph.nodes import F4, Light, Noise
 
 SATURATED_LIGHT = 0.998
 """Fraction of full scale that a camera of 8 bits rounds to full scale: 1 - 0.5 / 255."""
@@ -43,3 +43,13 @@ def light_noise(
 
 
 light_noise.opencl(grid="H W", lanes="grid", integers="image")
+
+
+def rest_noise(flat: F4, noise: Noise, floor: float = 0.02) -> F4:
+    """Return the standard deviation of the light relative to the film at rest, on that film.
+
+    Light of full scale counts, too: it is that of a flat frame that was not taken.
+    """
+    shot, read = noise
+    deviation = np.sqrt(shot * np.maximum(flat, np.float32(0)) + read)
+    return np.asarray(deviation / np.maximum(flat, np.float32(floor)), np.float32)

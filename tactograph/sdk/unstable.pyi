@@ -97,6 +97,9 @@ from tactograph.nodes.files.sensor_preset import (
 from tactograph.nodes.light.film_drift import (
     terms as terms,
 )
+from tactograph.nodes.light.light_noise import (
+    rest_noise as rest_noise,
+)
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
 )

@@ -8,7 +8,7 @@ from tactograph.nodes.calibrate import DRIFT_DEGREE, FILM_ROUGHNESS
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_drift import film_drift
 from tactograph.nodes.light.level_light import level_light
-from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.light.light_noise import rest_noise
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 
@@ -26,7 +26,7 @@ def level_touches(light: SheetLight, flat: Light, noise: Noise) -> SheetLight:
     flat : K x H x W, the film at rest
     noise : (shot, read), a captured light I has the variance shot * I + read
     """
-    sigma = coarsen(light_noise(flat, flat, noise))
+    sigma = coarsen(rest_noise(flat, noise))
     levelled = []
     for press in cut(light, flat.shape[1]):
         drift = film_drift(coarsen(press), sigma, degree=DRIFT_DEGREE, roughness=FILM_ROUGHNESS)

@@ -38,10 +38,11 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
 from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO
 from tactograph.nodes.calibrate.lights.light_samples import Rest
+from tactograph.nodes.calibrate.rest.rest_light import rest_light
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain, film_drift
-from tactograph.nodes.light.light_noise import light_noise
+from tactograph.nodes.light.light_noise import rest_noise
 from tactograph.nodes.light.untouched_film import light_at_rest
 from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
@@ -245,12 +246,13 @@ class FilmEvidence(NamedTuple):
             `film_bounce`, on a device if there is one.  For a film that does not light itself, a
             few calls on the host take less time than to compile the kernels.
         """
-        light, flat, circle, radius, of, *_, pixel, shape = self
+        light, flat, circle, radius, of, _, lights, strength, noise, pixel, shape = self
         if shape is not None:
             film = film._replace(rim=0.0)
         rows = flat.shape[1]
         presses = cut(light, rows)
-        sigma = coarsen(light_noise(flat, flat, self.noise))
+        # The presses are relative to a model if no flat frame was taken.
+        sigma = coarsen(rest_noise(rest_light(flat, lights, strength, pixel), noise))
         moved = np.zeros((len(circle), 3)) if shifts is None else shifts
         throw = bounce if film.lights_itself else film_bounce
         frame = _Frame((rows, flat.shape[2]), pixel, shape)

@@ -23,6 +23,7 @@ from tactograph.nodes.calibrate import MAX_LED_WIDTHS
 from tactograph.nodes.calibrate.film.judge_radius import ONLY_WARN_ADVICE
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
 from tactograph.nodes.calibrate.rating.verdict import Judged
+from tactograph.nodes.light.light_noise import rest_noise
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask
 
 MIN_STEEPEST_SLOPE, SECTOR_COUNT = 0.5, 16
@@ -176,9 +177,7 @@ def _grain(flat: Light | None, noise: Noise | None, count: int) -> F4:
     """The standard deviation of a pixel's light on the film at rest, by LED; 0 if unknown."""
     if flat is None or noise is None:
         return np.zeros(count, np.float32)
-    level = np.maximum(np.median(flat.reshape(count, -1), axis=1), np.float32(1e-3))
-    shot, read = noise  # not by `light_noise`: 1 is the level of a flat frame that was not taken
-    return np.sqrt(shot * level + read) / level
+    return rest_noise(np.median(flat.reshape(count, -1), axis=1), noise, floor=1e-3)
 
 
 def _of_twins(lights: LightPositions) -> list[str]:

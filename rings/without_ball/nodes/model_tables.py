@@ -5,8 +5,8 @@ from typing import Annotated
 import numpy as np
 
 from tactograph.sdk import F4, Film, Noise, Port, node
-from tactograph.sdk.nodes import film_light, light_noise
-from tactograph.sdk.unstable import TablePixels
+from tactograph.sdk.nodes import film_light
+from tactograph.sdk.unstable import TablePixels, rest_noise
 
 TABLE_SIDE = 121
 """Rows and columns of the hemisphere of normals."""
@@ -37,8 +37,8 @@ def model_tables(film: Film, flat: Annotated[F4, Port("K h w", "1")], noise: Noi
     across = np.stack([nx[inside], ny[inside]])
     slope = (-across / np.sqrt(1 - np.square(across).sum(axis=0))).astype(np.float32)
     light = film_light(slope[:, None], np.zeros_like(slope[:1]), film, 0.0)[:, 0]
-    level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None, None]
-    deviation = light_noise(level, level, noise, floor=1e-3)[:, 0]
+    level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
+    deviation = rest_noise(level, noise, floor=1e-3)
     lit = (light > MIN_LIGHT) << np.arange(len(light))[:, None]
     light = light + np.random.default_rng(0).normal(size=light.shape) * deviation
     return TablePixels.of(light, slope, lit.sum(axis=0))

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
+from tactograph.nodes import Film
 from tactograph.rings.without_ball.nodes.find_highlights import find_highlights
+from tactograph.rings.without_ball.nodes.model_tables import model_tables
 from tests.pipelines.matt_film import FLAT, PIXEL_MM, TOUCH, leds, run, taken, warnings_of, write
 
 NEAR, FAR = leds(4), leds(4, distance_mm=1000.0)
@@ -88,6 +90,15 @@ def test_lamps_suffice_where_no_film_at_rest_was_taken(tmp_path: Path) -> None:
     made = run("calibrate_lights_no_flat", **arguments, touch=touch, out=str(tmp_path / "cal.npz"))
     assert any(note.startswith("no flat frame was given") for note in warnings_of(made))
     assert error(tmp_path, FAR, "reconstruct_no_flat") < 0.03
+
+
+def test_tables_have_the_noise_of_the_camera_where_no_film_at_rest_was_taken() -> None:
+    """Light of full scale stands for a flat frame that was not taken, and counted as saturated."""
+    film, noise = Film.matt(FAR), np.array([1e-5, 1e-6], np.float32)
+    taken, none = (
+        model_tables(film, np.full((4, 8, 8), level, np.float32), noise) for level in (0.99, 1.0)
+    )
+    assert none.light == pytest.approx(taken.light, abs=1e-3)
 
 
 def test_a_mirror_ball_is_not_a_film(tmp_path: Path) -> None:

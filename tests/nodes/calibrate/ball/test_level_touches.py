@@ -21,11 +21,12 @@ def brighter(seed: int) -> F4:
     return 1.02 + a * U + b * V + c * U * V + d * U * U
 
 
-def test_each_press_is_levelled_by_the_film_around_it() -> None:
+@pytest.mark.parametrize("flat", [FLAT, np.ones_like(FLAT)], ids=["taken", "full_scale"])
+def test_each_press_is_levelled_by_the_film_around_it(flat: F4) -> None:
     rng = np.random.default_rng(0)
     drifted = [PRESS * brighter(seed) + rng.normal(0, 0.005, PRESS.shape) for seed in (1, 2)]
     sheet = np.concatenate(drifted, axis=1).astype(np.float32)
-    levelled = level_touches(sheet, FLAT, NOISE)
+    levelled = level_touches(sheet, flat, NOISE)
     for i in range(2):
         difference = levelled[:, i * SIZE[0] : (i + 1) * SIZE[0]] - PRESS
         assert np.abs(difference.mean(axis=(1, 2))).max() < 2e-3

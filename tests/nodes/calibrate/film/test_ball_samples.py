@@ -26,6 +26,7 @@ def sampled(
     *,
     presses: int = 1,
     column: float = MIDDLE[0],
+    flat: F4 = FLAT,
     **options: object,
 ) -> Balls:
     """Samples of a ball in the middle of each press, or at another column."""
@@ -33,19 +34,22 @@ def sampled(
     radius, of = np.full(presses, RADIUS, np.float32), np.arange(presses, dtype=np.int32)
     film = BOUNCING._replace(albedo=albedo)
     placed = np.ones(presses, np.uint8), film.lights, np.ones(len(LEDS), np.float32)
-    evidence = FilmEvidence(light, FLAT, circle, radius, of, *placed, NOISE, PIXEL)
+    evidence = FilmEvidence(light, flat, circle, radius, of, *placed, NOISE, PIXEL)
     return evidence.sample(film, **options)
 
 
 @pytest.mark.one_case
 @pytest.mark.parametrize("albedo", [0.0, 0.5, 0.7])
-def test_light_that_balls_throw_on_the_film_at_rest_is_not_taken_for_drift(albedo: float) -> None:
+@pytest.mark.parametrize("flat", [FLAT, np.ones_like(FLAT)], ids=["taken", "no_flat_frame"])
+def test_light_that_balls_throw_on_the_film_at_rest_is_not_taken_for_drift(
+    albedo: float, flat: F4
+) -> None:
     """Whatever albedo is assumed when a press is levelled, the LEDs' light stays."""
     raw = press(BOUNCING, (0.0, 0.0), seed=1)
     levelled = level_touches(raw, FLAT, NOISE)
     alone = press(MATT, (0.0, 0.0), seed=1)
     at_rest = np.zeros((1, 3))
-    balls = sampled(levelled, albedo, most=None)
+    balls = sampled(levelled, albedo, flat=flat, most=None)
     columns, rows = (
         np.rint(w / PIXEL + m).astype(int) for w, m in zip((balls.u, balls.v), MIDDLE, strict=True)
     )
