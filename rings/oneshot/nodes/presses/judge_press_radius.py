@@ -7,6 +7,7 @@ from annotated_types import Gt
 from scipy.special import chdtri
 
 from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
+from tactograph.rings.oneshot.nodes.presses.sheet_presses import sheet_presses
 from tactograph.sdk import (
     F4,
     U1,
@@ -19,6 +20,7 @@ from tactograph.sdk import (
     Port,
     node,
 )
+from tactograph.sdk.nodes import flat_presses
 from tactograph.sdk.unstable import (
     DEVIATIONS_PER_MAD,
     FALSE_ALARMS,
@@ -64,7 +66,7 @@ def judge_press_radius(
     used = np.flatnonzero(selection)
     used = used[:: used.size // MAX_JUDGED_BALLS + 1]
     press_image = image[used if balls is None else balls.of[used]]
-    sheet = np.concatenate(list(press_image / np.maximum(flat, MIN_FLAT_LIGHT)), axis=1)
+    sheet = flat_presses(sheet_presses(press_image), flat)
     radius = np.full(used.size, radius_mm, np.float32)
     every, no_noise = np.arange(used.size, dtype=np.int32), np.zeros(2, np.float32)
     lights, strength = np.ones((len(flat), 3), np.float32), np.ones(len(flat), np.float32)
