@@ -30,7 +30,6 @@ from tactograph.nodes import (
     Tables as Tables,
 )
 from tactograph.nodes.calibrate import (
-    FILM_ROUGHNESS as FILM_ROUGHNESS,
     MAX_SAMPLE_SLOPE as MAX_SAMPLE_SLOPE,
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,

@@ -15,7 +15,6 @@ from tactograph.graph import NodeCall, Port
 from tactograph.nodes import F4, F8, U1, Film, Light, LightPositions, Noise, PixelSize
 from tactograph.nodes.calibrate import (
     DRIFT_DEGREE,
-    FILM_ROUGHNESS,
     MAX_LED_WIDTHS,
     MAX_SAMPLE_SLOPE,
     SHIFT_DEVIATION_PX,
@@ -393,7 +392,7 @@ def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene
         around = (resting.own + light) / resting.share(BOUNCED_ALBEDO)
         is_ball = apparent > (0 if shape is None else shape.apparent)
         light_here = coarsen(np.where(is_ball, press, around))
-        drift = film_drift(light_here, sigma, degree=DRIFT_DEGREE, roughness=FILM_ROUGHNESS)
+        drift = film_drift(light_here, sigma, degree=DRIFT_DEGREE)
         level = (drift_gain(drift, size) - 1) * on_plane
         whole, removed = light / np.float32(BOUNCED_ALBEDO), level / np.float32(BOUNCED_ALBEDO)
         return _Thrown(whole, whole - removed)
@@ -422,6 +421,6 @@ def _levelled(press: F4, thrown: _Thrown, scene: _Scene) -> F4:
     by, sigma, resting = np.float32(scene.film.albedo), scene.sigma, scene.resting
     direct = coarsen(by * (thrown.whole - resting.bounced) / resting.share(by))
     cells = coarsen(press)
-    drift = film_drift(cells, sigma, bounced=direct, degree=DRIFT_DEGREE, roughness=FILM_ROUGHNESS)
+    drift = film_drift(cells, sigma, bounced=direct, degree=DRIFT_DEGREE)
     removed = by * (thrown.whole - thrown.remaining) / resting.share(by)
     return np.asarray(press / drift_gain(drift, press.shape[1:]) - removed, np.float32)

@@ -8,7 +8,6 @@ from annotated_types import Interval
 from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import Light, Mask, node
 from tactograph.sdk.nodes import coarsen, film_drift, flat_presses, level_light
-from tactograph.sdk.unstable import FILM_ROUGHNESS
 
 
 @node(neutral="image")
@@ -33,6 +32,6 @@ def level_presses(
         image = np.where(area != 0, image, flat)
     levelled = []
     for press in image:
-        drift = film_drift(coarsen(flat_presses(press, flat)), degree=degree, roughness=FILM_ROUGHNESS)
+        drift = film_drift(coarsen(flat_presses(press, flat)), degree=degree)
         levelled.append(level_light(press, drift))
     return np.stack(levelled)
