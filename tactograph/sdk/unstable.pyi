@@ -49,9 +49,6 @@ from tactograph.nodes.calibrate.film.film_unknowns import (
     PART_UNKNOWNS as PART_UNKNOWNS,
     Unknown as Unknown,
 )
-from tactograph.nodes.calibrate.film.judge_radius import (
-    Alternatives as Alternatives,
-)
 from tactograph.nodes.calibrate.lights.descend import (
     least_squares as least_squares,
 )
@@ -67,9 +64,6 @@ from tactograph.nodes.calibrate.ranks.drawn import (
 )
 from tactograph.nodes.calibrate.rating.advise_press import (
     FILM_REGIONS as FILM_REGIONS,
-)
-from tactograph.nodes.calibrate.rating.judge_labels import (
-    MAX_JUDGED_BALLS as MAX_JUDGED_BALLS,
 )
 from tactograph.nodes.calibrate.rating.pressed_ball import (
     PressedBall as PressedBall,

@@ -185,9 +185,13 @@ class FilmEvidence(NamedTuple):
     pixel: PixelSize
     shape: RestShape | None = None
 
-    def used(self) -> Self:
-        """Return the evidence of the balls alone that were found, in presses that are used."""
+    def used(self, most: int | None = None) -> Self:
+        """Return the evidence of the balls alone that were found, in presses that are used.
+
+        At `most` so many, spread over all.
+        """
         used = np.flatnonzero((self.selection[self.of] > 0) & (self.circle[:, 2] > 0))
+        used = used[:: 1 if most is None else used.size // most + 1]
         return self._replace(circle=self.circle[used], radius=self.radius[used], of=self.of[used])
 
     def is_parallel(self, film: Film) -> bool:
