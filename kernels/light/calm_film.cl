@@ -10,7 +10,8 @@ LANED __kernel void calm_film(
     __global uchar *restrict out,
     const int K, const int H, const int W,
     const int radius_px,
-    const float level)
+    const float level,
+    const float roughness)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int size = H * W, i = y * W + x;
@@ -34,8 +35,10 @@ LANED __kernel void calm_film(
                 }
             }
         }
-        const floats noise = load_floats(sigma + k * size + i, count);
-        calm = fabs(sum) / width < level * noise ? calm : none;
+        floats most = width * roughness;
+        if (sigma)
+            most = level * load_floats(sigma + k * size + i, count);
+        calm = fabs(sum) / width < most ? calm : none;
     }
     store_bytes(calm, out + i, count);
 }

@@ -10,12 +10,13 @@ from annotated_types import Gt, Interval
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import Light, Mask, NoiseCorrelation
+from tactograph.nodes.light.film_drift import FILM_ROUGHNESS
 
 
 @node(tolerance=Close(share=1e-3, why="a threshold on a float32 mean"))
 def calm_film(
     light: Light,
-    sigma: Light,
+    sigma: Light | None = None,
     correlation: NoiseCorrelation | None = None,
     at_rest: Light | None = None,
     *,
@@ -30,7 +31,9 @@ def calm_film(
 
     Parameters
     ----------
-    light, sigma : K x H x W; the standard deviation of each light
+    light, sigma
+        K x H x W; the standard deviation of each light.  None: it is not known, and a departure by
+        `FILM_ROUGHNESS` counts as calm.
     correlation
         Correlation of the noise of neighbours, from `noise_correlation`; None: independent noise.
     at_rest : K x H x W, the light of the film at rest; None: 1, the light of a plane
@@ -43,10 +46,11 @@ def calm_film(
     """
     width, level = 2 * radius_px + 1, _level(level, correlation, radius_px)
     calm = np.ones(light.shape[1:], bool)
-    for k, (plane, noise) in enumerate(zip(light, sigma, strict=True)):
+    for k, plane in enumerate(light):
         still = np.float32(1) if at_rest is None else at_rest[k]
         departure = cv2.blur(plane - still, (width, width), borderType=cv2.BORDER_REPLICATE)
-        calm &= np.abs(departure) * np.float32(width) < np.float32(level) * noise
+        most = width * FILM_ROUGHNESS if sigma is None else np.float32(level) * sigma[k]
+        calm &= np.abs(departure) * np.float32(width) < most
     return calm.astype(np.uint8)
 
 
@@ -62,7 +66,8 @@ def _launch(run: Launch) -> None:
     radius = run.settings["radius_px"]
     run.kernel(
         "calm_film", run.in_row_lanes(rows, columns),
-        run.inputs["light"], run.inputs["sigma"], run.inputs.get("at_rest"),
+        run.inputs["light"], run.inputs.get("sigma"), run.inputs.get("at_rest"),
         run.outputs["calm_film"], count, rows, columns,
         radius, _level(run.settings["level"], run.inputs.get("correlation"), radius),
+        FILM_ROUGHNESS,
     )  # fmt: skip

@@ -19,6 +19,8 @@ from tactograph.nodes.light.coarsen import coarsen
 DRIFT_TERMS, TERMS_BY_DEGREE, FIT_SUMS = 6, (1, 3, 6), 22 + 8 * 7
 """Number of terms 1, u, v, u^2, u v, v^2; how many a degree needs; number of the kernels' sums."""
 MIN_GAIN = np.float32(0.02)
+FILM_ROUGHNESS = 0.01
+"""Departure beyond noise that counts as calm where the film's grain is not known."""
 CALM_DEPARTURES = (0.03, 0.01, 0.0)
 """Departure beyond noise that still counts as calm, by round."""
 MIN_CALM_SHARE = 0.05
@@ -57,7 +59,6 @@ def film_drift(
     degree: Annotated[int, Interval(ge=0, le=2)] = 0,
     rate: Annotated[float, Interval(ge=0, le=1)] = 1.0,
     level: Annotated[float, Ge(0)] = 4.5,
-    roughness: Annotated[float, Interval(ge=0, le=0.1)] = 0.0,
     factor: Annotated[int, Interval(ge=1, le=64)] = 4,
     flat_noise: Annotated[float, Ge(0)] = 1.0,
 ) -> Drift:
@@ -65,13 +66,13 @@ def film_drift(
 
     Light divided by the flat frame is 1 on the film at rest, until an LED fades or warms up,
     or the sensor is bent.  A cell is calm (at rest) if the light of all LEDs, divided by the
-    drift, is 1 within `roughness` plus `level` standard deviations.  Three rounds of least squares
-    fit the drift to the calm cells; the first round also accepts departures of 3 %.  They start
-    from the previous drift, or from that drift scaled to the medians of the frame's border if
-    this makes more cells calm.  A single cell on the skirt of a touch looks like film at rest.  So
-    the last round also requires the mean of 5 x 5 cells to be calm, and reduces the weight within
-    five cells of a cell whose mean departs by a further 0.3 %.  If less than a twentieth of the
-    frame remains, cells that are calm alone count.
+    drift, is 1 within the film's roughness plus `level` standard deviations.  Three rounds of
+    least squares fit the drift to the calm cells; the first round also accepts departures of 3 %.
+    They start from the previous drift, or from that drift scaled to the medians of the frame's
+    border if this makes more cells calm.  A single cell on the skirt of a touch looks
+    like film at rest.  So the last round also requires the mean of 5 x 5 cells to be calm, and
+    reduces the weight within five cells of a cell whose mean departs by a further 0.3 %.  If
+    less than a twentieth of the frame remains, cells that are calm alone count.
 
     The level (the term 1) follows at once, because LEDs flicker.  The shape (all other terms)
     follows by `rate`, and is regularised where a touch hides it.  An LED keeps its previous
@@ -86,7 +87,9 @@ def film_drift(
         K x H x W on the cells of `coarsen`: light relative to the film at rest, and the standard
         deviation of a single pixel (None: 0).
     before : K x 6, the drift of the previous item; None: 1 everywhere
-    grain : the film's grain; half of it counts as calm, too, because texture is wider than a cell
+    grain
+        The film's grain; half of it is the roughness, because texture is wider than a cell.  None:
+        it is not known, and `FILM_ROUGHNESS` counts.
     bounced
         K x H x W, the light from film to film (`film_bounce`).  It is subtracted, since light that
         a touch throws on the film at rest is no drift.
@@ -96,7 +99,6 @@ def film_drift(
     degree : 0: a factor for each LED; 1 or 2: a polynomial in x and y
     rate : share of a change of shape that is applied at once
     level : standard deviations that still count as noise
-    roughness : departure beyond noise that still counts as calm
     factor : side of a cell in pixels; its light has 1 / factor of a pixel's noise
     flat_noise
         Noise of the flat frame relative to a touch's: 1 for a single frame, 1 / sqrt(n) for
@@ -125,7 +127,7 @@ def film_drift(
         before[:, 0] = 1
     lit = np.asarray(cells / np.maximum(_gain(before, basis), MIN_GAIN), np.float32)
     other = before * border_level(lit.reshape(light.shape))[:, None]
-    roughness += COARSE_GRAIN_SHARE * (grain or 0.0)
+    roughness = _roughness(grain)
     widest = np.float32(roughness + CALM_DEPARTURES[0])
     better = _calm(cells, noise, basis, other, widest).sum()
     drift = other if better > _calm(cells, noise, basis, before, widest).sum() else before
@@ -147,6 +149,10 @@ def film_drift(
     if weight is calm:
         chance = (chance + np.float32(roughness * roughness)) * calm.sum()
     return np.where((explained > chance * (1 + flat_noise**2))[:, None], drift, before)
+
+
+def _roughness(grain: Any) -> float:
+    return FILM_ROUGHNESS if grain is None else COARSE_GRAIN_SHARE * float(grain)
 
 
 def terms(rows: NDArray[np.intp], columns: NDArray[np.intp], size: tuple[int, ...]) -> F4:
@@ -261,8 +267,7 @@ def _launch(run: Launch) -> None:
         height, width, factor = (height + 1) // 2, (width + 1) // 2, 2 * factor
     sizes, group = (lights, height, width), (run.group,)
     share = 0.0 if sigma is None else float(run.settings["level"]) / factor
-    used, roughness = TERMS_BY_DEGREE[run.settings["degree"]], float(run.settings["roughness"])
-    roughness += COARSE_GRAIN_SHARE * float(run.inputs.get("grain") or 0.0)
+    used, roughness = TERMS_BY_DEGREE[run.settings["degree"]], _roughness(run.inputs.get("grain"))
     rate, doubt = float(run.settings["rate"]), 1 + float(run.settings["flat_noise"]) ** 2
     around, ring = run.scratch(sizes), run.scratch((height * width,))
     old, drift, spare = (run.scratch((lights, DRIFT_TERMS)) for _ in range(3))

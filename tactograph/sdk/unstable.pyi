@@ -30,7 +30,6 @@ from tactograph.nodes import (
     Tables as Tables,
 )
 from tactograph.nodes.calibrate import (
-    FILM_ROUGHNESS as FILM_ROUGHNESS,
     MAX_SAMPLE_SLOPE as MAX_SAMPLE_SLOPE,
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
@@ -50,9 +49,6 @@ from tactograph.nodes.calibrate.film.film_unknowns import (
     PART_UNKNOWNS as PART_UNKNOWNS,
     Unknown as Unknown,
 )
-from tactograph.nodes.calibrate.film.judge_radius import (
-    Alternatives as Alternatives,
-)
 from tactograph.nodes.calibrate.lights.descend import (
     least_squares as least_squares,
 )
@@ -68,9 +64,6 @@ from tactograph.nodes.calibrate.ranks.drawn import (
 )
 from tactograph.nodes.calibrate.rating.advise_press import (
     FILM_REGIONS as FILM_REGIONS,
-)
-from tactograph.nodes.calibrate.rating.judge_labels import (
-    MAX_JUDGED_BALLS as MAX_JUDGED_BALLS,
 )
 from tactograph.nodes.calibrate.rating.pressed_ball import (
     PressedBall as PressedBall,

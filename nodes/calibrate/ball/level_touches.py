@@ -4,7 +4,7 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import Light, Noise
-from tactograph.nodes.calibrate import DRIFT_DEGREE, FILM_ROUGHNESS
+from tactograph.nodes.calibrate import DRIFT_DEGREE
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_drift import film_drift
 from tactograph.nodes.light.level_light import level_light
@@ -29,6 +29,6 @@ def level_touches(light: SheetLight, flat: Light, noise: Noise) -> SheetLight:
     sigma = coarsen(rest_noise(flat, noise))
     levelled = []
     for press in cut(light, flat.shape[1]):
-        drift = film_drift(coarsen(press), sigma, degree=DRIFT_DEGREE, roughness=FILM_ROUGHNESS)
+        drift = film_drift(coarsen(press), sigma, degree=DRIFT_DEGREE)
         levelled.append(level_light(press, drift))
     return np.concatenate(levelled, axis=1)

@@ -15,7 +15,6 @@ from tactograph.graph import NodeCall, Port
 from tactograph.nodes import F4, F8, U1, Film, Light, LightPositions, Noise, PixelSize
 from tactograph.nodes.calibrate import (
     DRIFT_DEGREE,
-    FILM_ROUGHNESS,
     MAX_LED_WIDTHS,
     MAX_SAMPLE_SLOPE,
     SHIFT_DEVIATION_PX,
@@ -187,9 +186,13 @@ class FilmEvidence(NamedTuple):
     pixel: PixelSize
     shape: RestShape | None = None
 
-    def used(self) -> Self:
-        """Return the evidence of the balls alone that were found, in presses that are used."""
+    def used(self, most: int | None = None) -> Self:
+        """Return the evidence of the balls alone that were found, in presses that are used.
+
+        At `most` so many, spread over all.
+        """
         used = np.flatnonzero((self.selection[self.of] > 0) & (self.circle[:, 2] > 0))
+        used = used[:: 1 if most is None else used.size // most + 1]
         return self._replace(circle=self.circle[used], radius=self.radius[used], of=self.of[used])
 
     def is_parallel(self, film: Film) -> bool:
@@ -395,7 +398,7 @@ def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene
         around = (resting.own + light) / resting.share(BOUNCED_ALBEDO)
         is_ball = apparent > (0 if shape is None else shape.apparent)
         light_here = coarsen(np.where(is_ball, press, around))
-        drift = film_drift(light_here, sigma, degree=DRIFT_DEGREE, roughness=FILM_ROUGHNESS)
+        drift = film_drift(light_here, sigma, degree=DRIFT_DEGREE)
         level = (drift_gain(drift, size) - 1) * on_plane
         whole, removed = light / np.float32(BOUNCED_ALBEDO), level / np.float32(BOUNCED_ALBEDO)
         return _Thrown(whole, whole - removed)
@@ -424,6 +427,6 @@ def _levelled(press: F4, thrown: _Thrown, scene: _Scene) -> F4:
     by, sigma, resting = np.float32(scene.film.albedo), scene.sigma, scene.resting
     direct = coarsen(by * (thrown.whole - resting.bounced) / resting.share(by))
     cells = coarsen(press)
-    drift = film_drift(cells, sigma, bounced=direct, degree=DRIFT_DEGREE, roughness=FILM_ROUGHNESS)
+    drift = film_drift(cells, sigma, bounced=direct, degree=DRIFT_DEGREE)
     removed = by * (thrown.whole - thrown.remaining) / resting.share(by)
     return np.asarray(press / drift_gain(drift, press.shape[1:]) - removed, np.float32)

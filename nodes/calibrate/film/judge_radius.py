@@ -23,14 +23,18 @@ from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 from annotated_types import Gt
+from scipy.special import chdtri
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import Film, Metrics, ScaleError
+from tactograph.nodes import FALSE_ALARMS, Film, Metrics, ScaleError
+from tactograph.nodes.calibrate import MIN_FLAT_LIGHT
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
 from tactograph.nodes.calibrate.film.film_fit import Fitting
 from tactograph.nodes.calibrate.film.film_unknowns import STATED_UNKNOWNS, USUAL_NEARNESS
+from tactograph.nodes.calibrate.lights.light_fit import slants_of
+from tactograph.nodes.calibrate.rating.judge_labels import MAX_JUDGED_BALLS
 from tactograph.nodes.calibrate.rating.verdict import MAX_INDEPENDENT_REST, SURE_ODDS
 
 MAX_SAMPLES = 600
@@ -318,8 +322,8 @@ class JudgedRadius(NamedTuple):
 @node
 def judge_radius(
     evidence: FilmEvidence,
-    film: Film,
-    fitted: Metrics,
+    film: Film | None = None,
+    fitted: Metrics | None = None,
     of_pixels: list[str] | None = None,
     other_doubts: list[str] | None = None,
     rest_error: ScaleError | None = None,
@@ -334,7 +338,8 @@ def judge_radius(
     evidence : the inputs of `fit_film`
     film, fitted
         The film that `fit_film` found with the values given, and its figures.  They are doubted
-        only if this film is not surely likelier than the plain one with other values.
+        only if this film is not surely likelier than the plain one with other values.  None: no
+        film is fitted, the LEDs' places are not known, and the camera is far.
     of_pixels
         Doubts of the pixels' sides.  They may be the cause, so that the radius is not refused.
     other_doubts
@@ -353,13 +358,17 @@ def judge_radius(
     leaves of the balls' light and of the flat frame; ``light_radius_mm``, the radius of the first
     ball that explains the light best, where a plain film does; ``scale_error_percent``.  One doubt
     if other values are likelier, or if the light does not confirm the radius, and one if the LEDs
-    are found at another distance than given.
+    are found at another distance than given.  Without a film: ``diffuse_percent``, what the gel
+    seems to diffuse; ``matt``, 1 where a plain film explains the light but for noise, by a
+    chi-squared test at `FALSE_ALARMS`; ``scale_error_percent``; at most one doubt.
 
     Raises
     ------
     InputError
         If the light contradicts the values given and `only_warn` is not set.
     """
+    if film is None or fitted is None:
+        return _of_plain_films(evidence.used(MAX_JUDGED_BALLS))
     used = evidence.used()
     balls = used.sample(Film.matt(evidence.first_lights), most=None, fine=True)
     first = float(used.radius[0])
@@ -389,6 +398,24 @@ def judge_radius(
         likelier = fits.is_other(OTHER_SIZE) and fits.odds(OTHER_SIZE) > SURE_ODDS
         quality["light_radius_mm"] = first * (fits.by_name[OTHER_SIZE].size if likelier else 1)
     return JudgedRadius(quality, doubts, is_open, scale)
+
+
+def _of_plain_films(evidence: FilmEvidence) -> JudgedRadius:
+    # A matt film throws no light on itself, wherever its lights are.
+    balls = evidence.sample(Film.matt(evidence.first_lights), most=None, fine=True)
+    normal, *_ = balls.surface(np.zeros((len(balls.centre), 3)), 0.0)
+    lit = balls.light > MIN_FLAT_LIGHT
+    slants = [slants_of(normal[:, of], k[of]) for k, of in zip(balls.light, lit, strict=True)]
+    lights = np.array([[*slant, 1.0] for slant in slants], np.float32)
+    fits = Alternatives.of(evidence._replace(first_lights=lights), balls, None, coated=True)
+    radius, stated, scale = float(evidence.radius[0]), fits.stated, fits.scale_error()
+    # What a coat explains better is no evidence of another radius or of a gamma.
+    doubts, _ = fits.doubts(radius, fits.departure, RADIUS_INPUTS)
+    quality = {"diffuse_percent": 100 * stated.diffuse, "scale_error_percent": 100 * scale}
+    noise = evidence.noise[1] / np.median(balls.reference_light) ** 2
+    if stated.departure**2 <= chdtri(fits.values, FALSE_ALARMS) / fits.values * noise:
+        quality["matt"] = 1.0
+    return JudgedRadius(quality, doubts, "" if doubts else fits.unconfirmed(radius), scale)
 
 
 def _times(odds: float) -> str:

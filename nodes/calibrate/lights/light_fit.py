@@ -239,13 +239,17 @@ def _distant(objects: list[Object], rest: Rest | None, k: int, width_mm: float, 
         residual = normal - light * below
         a, *_ = np.linalg.lstsq(residual[:2].T, -residual[2], rcond=None)
     elif flat:
-        gain = 1.0
-        a, *_ = np.linalg.lstsq(normal[:2].T, light - normal[2], rcond=None)
+        gain, a = 1.0, slants_of(normal, light)
     else:
         a, *_ = np.linalg.lstsq(normal.T, light, rcond=None)
         gain = max(float(a[2]), 0.1)
         a = a[:2] / gain
     return np.array([*a, 0.2 / width_mm, np.log(gain)])
+
+
+def slants_of(normal: F8, light: F8) -> F8:
+    """Return L_x / L_z and L_y / L_z of a distant LED, by linear least squares."""
+    return np.asarray(np.linalg.lstsq(normal[:2].T, light - normal[2], rcond=None)[0])
 
 
 def _distant_over(rest: Rest, k: int, width_mm: float) -> F8:

@@ -40,7 +40,7 @@ def touched(light: F4) -> F4:
 
 
 def drift(light: F4, **settings) -> F4:
-    return film_drift(coarsen(light), coarsen(NOISE), **settings)
+    return film_drift(coarsen(light), coarsen(NOISE), grain=0.0, **settings)
 
 
 def shaped(drift: F4) -> F4:
@@ -94,7 +94,7 @@ def test_the_skirt_of_a_large_press_is_no_drift_that_varies() -> None:
     light = rng.normal(1, noise).astype(np.float32)
     for k, (p, q) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
         light[k] += steep * (p * x + q * y) / radius + (1 + p) * 0.1 * steep
-    fitted = film_drift(coarsen(light), coarsen(noise), degree=2)
+    fitted = film_drift(coarsen(light), coarsen(noise), degree=2, grain=0.0)
     basis = terms(np.arange(60), np.arange(80), (60, 80))
     assert np.abs(np.tensordot(fitted, basis, axes=1) - 1).max() < 2e-4
 
@@ -106,13 +106,15 @@ def test_skirts_all_over_the_frame_are_no_drift() -> None:
     towards = ((1, 1), (-1, 1), (-1, -1), (1, -1))
     hanging = 1 + np.stack([a * (p + 0.004 * x / SIZE[1]) + b * q for a, b in towards])
     noise = np.full((4, *SIZE), 0.02, np.float32)
-    kept = film_drift(hanging.astype(np.float32), noise, degree=2)
+    kept = film_drift(hanging.astype(np.float32), noise, degree=2, grain=0.0)
     assert kept[:, 0].tolist() == [1, 1, 1, 1]
     assert not kept[:, 1:].any()
     # A change that no calm cell departs by is followed nevertheless.
     faded = FADED.copy()
     faded[1] = 0.9
-    found = film_drift((hanging * faded[:, None, None]).astype(np.float32), noise, degree=2)
+    found = film_drift(
+        (hanging * faded[:, None, None]).astype(np.float32), noise, degree=2, grain=0.0
+    )
     assert found[:2, 0] == pytest.approx(faded[:2], abs=0.005)
     assert found[2:, 0].tolist() == [1, 1]
 
@@ -136,7 +138,7 @@ def test_a_drift_that_varies_over_the_film_is_followed_slowly() -> None:
     fitted = None
     for item in range(60):
         light = film(shaped(true), seed=item)
-        fitted = film_drift(coarsen(light), coarsen(NOISE), fitted, degree=2, rate=0.1)
+        fitted = film_drift(coarsen(light), coarsen(NOISE), fitted, grain=0.0, degree=2, rate=0.1)
         if item == 0:
             assert abs(fitted[0, 1]) < 0.004
     assert np.abs(shaped(fitted) - shaped(true)).max() < 2e-3
@@ -148,7 +150,7 @@ def test_a_drift_under_a_touch_is_remembered() -> None:
     fitted = true
     for item in range(20):
         light = touched(film(shaped(true), seed=item))
-        fitted = film_drift(coarsen(light), coarsen(NOISE), fitted, degree=2, rate=0.1)
+        fitted = film_drift(coarsen(light), coarsen(NOISE), fitted, grain=0.0, degree=2, rate=0.1)
     assert np.abs(shaped(fitted) - shaped(true)).max() < 3e-3
 
 

@@ -11,11 +11,8 @@ from tactograph.rings.oneshot.nodes.map.raise_walls import BLUR_PX, MIN_SLOPE, u
 from tactograph.rings.oneshot.nodes.map.reflectance_map import maps_over_film, shading
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.sdk import F4, Height, HeightError, Misfit, PixelSize, Port, Slope, node
-from tactograph.sdk.nodes import edge_variance, integrate_dct, rest_at_border, rest_mask
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, FILM_ROUGHNESS, SlopeNormal
-
-WINDOW_CELLS = 5
-"""Side in cells over which light at rest is averaged."""
+from tactograph.sdk.nodes import calm_film, edge_variance, integrate_dct, rest_at_border, rest_mask
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, SlopeNormal
 
 
 @node
@@ -77,9 +74,6 @@ def _uphill_doubt(slope: Slope, reflectance: F4, departure: float) -> Slope:
 
 def _film_at_rest(light: F4, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Where light is 1 as far as the frame's border."""
-    window = (WINDOW_CELLS, WINDOW_CELLS)
-    mean = [cv2.blur(plane, window, borderType=cv2.BORDER_REPLICATE) for plane in light]
-    calm = (np.abs(np.stack(mean) - 1) < FILM_ROUGHNESS).all(axis=0)
-    joined = rest_mask(calm.astype(np.uint8), 1.0, margin_mm=0.0)
+    joined = rest_mask(calm_film(light), 1.0, margin_mm=0.0)
     rows, columns = shape
     return cv2.resize(joined, (columns, rows), interpolation=cv2.INTER_NEAREST) != 0

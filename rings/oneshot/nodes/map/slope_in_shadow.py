@@ -70,7 +70,7 @@ def slope_in_shadow(
 
 
 def matt_deviation(quality: Metrics, residual: float) -> float:
-    """Return the deviation of a film that `judge_press_radius` finds matt, and 0 of another."""
+    """Return the deviation of a film that `judge_radius` finds matt, and 0 of another."""
     return residual if quality.get("matt") else 0.0
 
 

@@ -8,8 +8,7 @@ from annotated_types import Ge, Gt
 from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.rings.oneshot.nodes.presses.sheet_presses import sheet_presses
 from tactograph.sdk import FoundBalls, InputError, Light, PixelSize, StatedCircles, node, warn
-from tactograph.sdk.nodes import find_ball, find_balls
-from tactograph.sdk.unstable import MIN_FLAT_LIGHT
+from tactograph.sdk.nodes import find_ball, find_balls, flat_presses
 
 MIN_PRESSES = 4
 
@@ -66,7 +65,7 @@ def find_presses(
         circles = np.full((len(image), 3), np.nan, np.float32)
     radii = np.full(len(image), radius_mm, np.float32)
     if pitch_mm is not None:
-        sheet = sheet_presses(image / np.maximum(flat, MIN_FLAT_LIGHT))
+        sheet = flat_presses(sheet_presses(image), flat)
         found = find_balls(sheet, flat, radii, circles, names, pixel, pitch_mm=pitch_mm)
         lines = [
             f"{names[press]}, ball at {x:.0f},{y:.0f} px,"
@@ -78,7 +77,7 @@ def find_presses(
         if np.isfinite([x, y, contact]).all():
             balls.append((x, y, contact, contact > 0))
             continue
-        light = press / np.maximum(flat, MIN_FLAT_LIGHT)
+        light = flat_presses(press, flat)
         center = (float(x), float(y)) if np.isfinite([x, y]).all() else None
         size = float(contact) if np.isfinite(contact) else None
         try:

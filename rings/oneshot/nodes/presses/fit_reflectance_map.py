@@ -34,10 +34,11 @@ from tactograph.sdk.nodes import (
     coarsen,
     coarsen_pixel,
     enlarge_height,
+    flat_presses,
     integrate_dct,
     rest_at_border,
 )
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, MIN_FLAT_LIGHT, PressedBall
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, PressedBall
 
 ROUGH_PASSES = 2
 """Solutions for the slope on cells, each with the height of the one before."""
@@ -170,7 +171,7 @@ def make_bench(
     balls: FoundBalls | None = None,
 ) -> Bench:
     """Return the inputs of the fit's steps; the light is relative to the film at rest."""
-    light = [press / np.maximum(flat, MIN_FLAT_LIGHT) for press in image]
+    light = [flat_presses(press, flat) for press in image]
     press_light = light if balls is None else [light[press] for press in balls.of]
     return Bench(press_light, flat, radius_mm / pixel, pixel, degree)
 

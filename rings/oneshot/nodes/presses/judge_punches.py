@@ -43,7 +43,7 @@ def judge_punches(
     names : the punches' names, for messages.  No names mean that there is none.
     reflectance, residual : as `fit_reflectance_map` returns them
     pixel : mm per px
-    of_radius : what `judge_press_radius` says of the film
+    of_radius : what `judge_radius` says of the film
     depth_mm : how deep punches are pressed in, all alike, or one each in order of their names
 
     Returns

@@ -7,8 +7,7 @@ from annotated_types import Interval
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import Light, Mask, node
-from tactograph.sdk.nodes import coarsen, film_drift, level_light
-from tactograph.sdk.unstable import FILM_ROUGHNESS, MIN_FLAT_LIGHT
+from tactograph.sdk.nodes import coarsen, film_drift, flat_presses, level_light
 
 
 @node(neutral="image")
@@ -31,9 +30,8 @@ def level_presses(
     """
     if area is not None:
         image = np.where(area != 0, image, flat)
-    rest = np.maximum(flat, MIN_FLAT_LIGHT)
     levelled = []
     for press in image:
-        drift = film_drift(coarsen(press / rest), degree=degree, roughness=FILM_ROUGHNESS)
+        drift = film_drift(coarsen(flat_presses(press, flat)), degree=degree)
         levelled.append(level_light(press, drift))
     return np.stack(levelled)

@@ -64,7 +64,7 @@ def rate_presses(
     balls, circle : as `find_presses` returns them, and their circles after refining, B x 3 in px
     selection, rim, residual : as `fit_reflectance_map` returns them
     pixel : mm per px
-    of_radius, of_pixels : what `judge_press_radius` and the doubts that `judge_oblong` returns
+    of_radius, of_pixels : what `judge_radius` and the doubts that `judge_oblong` returns
     of_punches : what `judge_punches` returns
     radius_mm : the ball's radius
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import Film
-from tactograph.nodes.calibrate.rating.verdict import Judged
+from tactograph.nodes.calibrate.film.judge_radius import JudgedRadius, judge_radius
 from tactograph.nodes.optics.film import predict
-from tactograph.rings.oneshot.nodes.presses.judge_press_radius import judge_press_radius
 from tactograph.rings.oneshot.nodes.presses.level_presses import level_presses
+from tactograph.rings.oneshot.nodes.presses.press_evidence import press_evidence
 from tactograph.rings.oneshot.nodes.presses.read_presses import read_presses
 from tests.fixtures import real_data
 from tests.nodes.films import MATT, ball_seen, normals
@@ -34,16 +34,15 @@ def mini() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_a_real_one_shot_sensor_leaves_the_radius_open(radius: float, likelier: bool) -> None:
     image, flat, circle = mini()
     kept = np.ones(len(image), np.uint8)
-    verdict = judge_press_radius(
-        image, flat, circle.astype(np.float32), kept, 0.0634, radius_mm=radius
-    )
+    circle = circle.astype(np.float32)
+    verdict = judge_radius(press_evidence(image, flat, circle, kept, 0.0634, radius_mm=radius))
     assert not verdict.doubts
     assert "does not confirm the ball's radius" in verdict.unconfirmed
     assert ("times likelier" in verdict.unconfirmed) == likelier
     assert verdict.quality["scale_error_percent"] > 20
 
 
-def judged(film: Film, gamma: float, noise: float = 0.004) -> Judged:
+def judged(film: Film, gamma: float, noise: float = 0.004) -> JudgedRadius:
     """What is found of a ball of 5 mm, seen by a camera that raises light to a power."""
     size, pixel, rim = (96, 128), 20 / 128, 4.4
     seen, slope, _ = ball_seen(5.0, rim, (1.0, -0.5), 0.0, size)
@@ -53,7 +52,7 @@ def judged(film: Film, gamma: float, noise: float = 0.004) -> Judged:
     image = (np.maximum(light, 0) ** gamma).reshape(1, -1, *size).astype(np.float32)
     circle = np.array([[63.5 + 1 / pixel, 47.5 - 0.5 / pixel, rim / pixel]], np.float32)
     flat, kept = np.ones_like(image[0]), np.ones(1, np.uint8)
-    return judge_press_radius(image, flat, circle, kept, pixel, radius_mm=5.0)
+    return judge_radius(press_evidence(image, flat, circle, kept, pixel, radius_mm=5.0))
 
 
 def test_a_coat_is_not_mistaken_for_gamma() -> None:
