@@ -40,9 +40,6 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
     Balls as Balls,
     Fitted as Fitted,
 )
-from tactograph.nodes.calibrate.file.camera_lens import (
-    CAMERA_KIND as CAMERA_KIND,
-)
 from tactograph.nodes.calibrate.film.film_misfit import (
     Held as Held,
 )
@@ -87,9 +84,6 @@ from tactograph.nodes.capture.read_balls import (
 )
 from tactograph.nodes.drawing.new_picture import (
     list_figures as list_figures,
-)
-from tactograph.nodes.files.image_files import (
-    Channel as Channel,
 )
 from tactograph.nodes.files.sensor_preset import (
     SensorPreset as SensorPreset,

@@ -7,7 +7,7 @@ from annotated_types import Len
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
-from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
+from tactograph.nodes.files.calibration_file import FileKind
 from tactograph.nodes.files.height_files import HeightFile
 from tactograph.nodes.files.sensor_preset import SensorPreset
 from tactograph.nodes.optics.lens import oblong_lens
@@ -51,7 +51,7 @@ def pixel_size(
         if mm is None:
             raise InputError("the pixel size is not known; give `mm`=MM, or `camera`=camera.npz")
         return mm
-    of_camera = float(CAMERA_KIND.read(camera)[0]["pixel_size"])
+    of_camera = float(FileKind.named("camera").read(camera)[0]["pixel_size"])
     if mm is None:
         return of_camera
     if not HeightFile.agree(mm, of_camera):
