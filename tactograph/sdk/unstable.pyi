@@ -79,14 +79,8 @@ from tactograph.nodes.calibrate.rating.verdict import (
 from tactograph.nodes.calibrate.tables.build_lut import (
     TablePixels as TablePixels,
 )
-from tactograph.nodes.capture.read_balls import (
-    BallPresses as BallPresses,
-)
 from tactograph.nodes.drawing.new_picture import (
     list_figures as list_figures,
-)
-from tactograph.nodes.files.sensor_preset import (
-    SensorPreset as SensorPreset,
 )
 from tactograph.nodes.light.film_drift import (
     terms as terms,
@@ -99,9 +93,6 @@ from tactograph.nodes.optics.gauss_newton import (
 )
 from tactograph.nodes.optics.harmonics import (
     harmonics as harmonics,
-)
-from tactograph.nodes.optics.near_light import (
-    matt_film_light as matt_film_light,
 )
 from tactograph.nodes.trust.check_ranks import (
     StoredRanks as StoredRanks,
