@@ -1,27 +1,9 @@
-from tactograph.graph.commands.progress_line import (
-    ProgressLine as ProgressLine,
-)
-from tactograph.graph.cores import (
-    CORES_VARIABLE as CORES_VARIABLE,
-)
-from tactograph.graph.disk.folder_lock import (
-    lock_folder as lock_folder,
-)
-from tactograph.graph.disk.text_names import (
-    refuse_other_names as refuse_other_names,
-)
-from tactograph.graph.files.captures_in import (
-    captures_in as captures_in,
-)
 from tactograph.graph.files.graph_places import (
     find_file as find_file,
 )
 from tactograph.graph.files.read_graph import (
     graphs_of as graphs_of,
     shipped_names as shipped_names,
-)
-from tactograph.graph.run.open_pipeline import (
-    refuse_to_write_over as refuse_to_write_over,
 )
 from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
