@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError, Port, SizeLimit, node
-from tactograph.nodes import F4, Light, LightPlaces, LightPositions, PixelSize
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, Light, LightPlaces, LightPositions, PixelSize
 from tactograph.nodes.calibrate.lights.light_fit import LedFit, other_places, residual_of
 from tactograph.nodes.calibrate.lights.light_samples import Rest, presses_of, samples_for, unreached
 from tactograph.nodes.optics.rest_shape import RestShape
@@ -67,9 +67,9 @@ def calibrate_lights(
     Returns
     -------
     Positions K x 3 in mm from the middle of the image; strength K, the light of the film at rest in
-    the middle of the image, if the flat frame is missing (else 1); root mean square residual on the
-    objects, K; eight sets of LED positions sampled from the uncertainty of the fit, 8 x K x 3 in
-    mm.
+    the middle of the image, if the flat frame is missing (else 1); robust standard deviation of the
+    residual on the objects, K; eight sets of LED positions sampled from the uncertainty of the fit,
+    8 x K x 3 in mm.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def calibrate_lights(
         residual_of(each, placed.leds, shift, placed.flat)
         for each, shift in zip(objects, placed.shifts, strict=True)
     ]
-    lit = np.hstack([each.lit for each in objects])
-    spread = np.sqrt(np.square(np.hstack(residual)).sum(axis=1) / lit.sum(axis=1))
+    of_leds = zip(np.hstack(residual), np.hstack([each.lit for each in objects]), strict=True)
+    spread = DEVIATIONS_PER_MAD * np.array([np.median(np.abs(r[lit])) for r, lit in of_leds])
     others = other_places(objects, rest, placed, width)
     return LightsFit(placed.lights, placed.strength, spread.astype(np.float32), others)

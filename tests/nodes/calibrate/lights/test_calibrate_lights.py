@@ -58,6 +58,14 @@ def test_leds_are_found(slant: float, distance: float, count: int) -> None:
     assert fit.residual.max() < 0.02
 
 
+def test_hot_pixels_are_no_misfit_of_the_leds() -> None:
+    """As in `fit_film`: one pixel in a thousand, bright in every image."""
+    hot = np.random.default_rng(9).random(SIZE) < 0.001
+    ball, flat = images(RING)
+    ball = np.where(hot, 3 * flat, ball)
+    assert calibrate(ball, flat, known()).residual.max() < 0.02
+
+
 @pytest.mark.slow
 def test_the_error_of_the_leds_is_as_large_as_the_fit_states() -> None:
     off_by, stated = [], []
