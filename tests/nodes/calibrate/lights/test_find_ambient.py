@@ -8,6 +8,7 @@ import pytest
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.press_slopes import press_slopes
 from tactograph.nodes.calibrate.lights.find_ambient import WithoutAmbient, find_ambient
+from tactograph.nodes.simulate.interreflect import interreflect
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.render import render
 
@@ -40,6 +41,16 @@ def test_without_ambient_light_nothing_changes() -> None:
     assert np.array_equal(result.flat, images(RING)[1])
     assert not result.doubts
     assert not result.quality
+
+
+def test_light_from_film_to_film_is_no_ambient_light() -> None:
+    lights = light_ring(slant_deg=31.0, distance_mm=270.0)
+    rest = render(FILM, PIXEL, lights).light
+    of_leds = render(known().height, PIXEL, lights, samples=2).light
+    film = interreflect(of_leds, rest, known().height, lights, PIXEL, albedo=0.5)
+    noise = np.random.default_rng(0).normal(0, 0.002, (2, *rest.shape))
+    ball, flat = (np.asarray(each, np.float32) for each in (film + noise[0], rest + noise[1]))
+    assert not find_ambient(ball, flat, BLACK, *known(), PIXEL).quality
 
 
 def test_a_dark_image_that_was_taken_is_kept() -> None:
