@@ -153,7 +153,7 @@ def shining(trial: Trial, start: Fitted) -> tuple[Trial, Model]:
 
 
 def grow(trial: Trial, best: Model, parts: list[str]) -> tuple[Trial, Model]:
-    """Add parts to a model one by one, or coat and bounce at once, as long as that pays.
+    """Add parts to a model one by one, as long as that pays.
 
     A part pays if the film is likelier with it, given how usual its values are, and if it lowers
     the held-out error (`pays`).  Once the film has a coat or an albedo, the samples are renewed:
@@ -165,12 +165,8 @@ def grow(trial: Trial, best: Model, parts: list[str]) -> tuple[Trial, Model]:
         # Only the part that explains the presses best is judged on held-out samples.
         first = int(np.argmin([each.normal_error(trial.balls).degrees for each in fitted]))
         better = judge(trial, wider[first], fitted[first])
-        alone = trial.prefers(better, best)
-        if not alone and not set(untried) >= SHINING_PARTS:
+        if not trial.prefers(better, best):
             break
-        if not alone:
-            coated = fitted[untried.index("lobe")]
-            better = better._replace(parts=best.parts | SHINING_PARTS, fitted=coated)
         if not better.fitted.film.lights_itself:
             best = better
             continue
@@ -179,8 +175,6 @@ def grow(trial: Trial, best: Model, parts: list[str]) -> tuple[Trial, Model]:
         # Renewed samples of a coat show light from film to film, which the next part explains.
         explains_all = "bounce" in better.parts or "bounce" not in parts
         if explains_all and pays(better.errors, best.errors):
-            break
-        if not alone and not trial.prefers(better, best):
             break
         trial, best = resampled, better
     return trial, best

@@ -224,6 +224,19 @@ def test_coat_and_interreflection_are_found_where_neither_pays_alone(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("camera", [0.0, 1 / 143])
+def test_coat_and_interreflection_are_found_where_other_parts_explain_more_at_first(
+    camera: float,
+) -> None:
+    """Grown one by one, a gel that diffuses came first, and the others never came together."""
+    shining = MATT._replace(albedo=0.54, base=0.54, roughness=0.166, refraction=1.5, camera=camera)
+    fit = fitted(shining, [(0.0, 0.0), (-4.0, 2.5)], contact=4.2)
+    assert fit.film.albedo == pytest.approx(0.54, abs=0.02)
+    assert fit.film.roughness == pytest.approx(0.166, abs=0.01)
+    assert fit.quality["film_heldout_deg"] < 0.1
+
+
+@pytest.mark.slow
 def test_interreflection_is_found_despite_a_contact_that_is_too_small() -> None:
     # The ball stands higher than its circle says, and throws more: the fit lifts it.
     fit = fitted(MATT._replace(albedo=0.7), FOUR[:2], rim=RIM - 0.15)
