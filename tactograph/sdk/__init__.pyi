@@ -96,6 +96,7 @@ from tactograph.nodes.calibrate.film.shape_fit import (
 )
 from tactograph.nodes.calibrate.rating.verdict import (
     Judged as Judged,
+    Odds as Odds,
 )
 from tactograph.nodes.capture.listed_capture import (
     ListedCapture as ListedCapture,

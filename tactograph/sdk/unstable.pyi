@@ -25,7 +25,6 @@ from tactograph.graph.run.open_pipeline import (
 )
 from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
-    FALSE_ALARMS as FALSE_ALARMS,
     LightPlaces as LightPlaces,
     Tables as Tables,
 )
@@ -67,10 +66,6 @@ from tactograph.nodes.calibrate.rating.advise_press import (
 )
 from tactograph.nodes.calibrate.rating.pressed_ball import (
     PressedBall as PressedBall,
-)
-from tactograph.nodes.calibrate.rating.verdict import (
-    Odds as Odds,
-    pays as pays,
 )
 from tactograph.nodes.calibrate.tables.build_lut import (
     TablePixels as TablePixels,

@@ -4,8 +4,8 @@ import numpy as np
 
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope, light_model_slope
-from tactograph.sdk import InputError, Light, Metrics, Slope, node, warn
-from tactograph.sdk.unstable import MAX_SAMPLE_SLOPE, Odds
+from tactograph.sdk import InputError, Light, Metrics, Odds, Slope, node, warn
+from tactograph.sdk.unstable import MAX_SAMPLE_SLOPE
 
 MAX_RESIDUAL = 0.01
 """Share of a cell's light that a model leaves at half of the cells; 0.005 on scans of two sensors
