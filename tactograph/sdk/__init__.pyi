@@ -143,6 +143,9 @@ from tactograph.nodes.files.stored_result import (
 from tactograph.nodes.optics.camera_view import (
     View as View,
 )
+from tactograph.nodes.optics.gauss_newton import (
+    SlopeNormal as SlopeNormal,
+)
 from tactograph.nodes.optics.near_light import (
     places as places,
 )

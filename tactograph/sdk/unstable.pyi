@@ -88,12 +88,6 @@ from tactograph.nodes.light.film_drift import (
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
 )
-from tactograph.nodes.optics.gauss_newton import (
-    SlopeNormal as SlopeNormal,
-)
-from tactograph.nodes.optics.harmonics import (
-    harmonics as harmonics,
-)
 from tactograph.nodes.optics.near_light import (
     matt_film_light as matt_film_light,
 )
