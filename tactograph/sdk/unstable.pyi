@@ -29,7 +29,6 @@ from tactograph.nodes import (
     Tables as Tables,
 )
 from tactograph.nodes.calibrate import (
-    MAX_SAMPLE_SLOPE as MAX_SAMPLE_SLOPE,
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
     SHIFT_DEVIATION_PX as SHIFT_DEVIATION_PX,
