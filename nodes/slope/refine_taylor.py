@@ -69,7 +69,7 @@ def refine_taylor(
 
 def _step(light: Light, p: F4, q: F4, reflectance: F4, limit: np.float32) -> tuple[F4, F4]:
     """Solve the normal equations J^T J (dp, dq) = J^T (I - R), and shorten the step to `limit`."""
-    at = SlopeNormal.of(p, q)
+    at = SlopeNormal(p, q)
     a = b = c = u = v = np.float32(0) * p
     for plane, coefficients in zip(light, reflectance, strict=True):
         value, gradient = _reflectance(at.normal, coefficients)
@@ -81,7 +81,7 @@ def _step(light: Light, p: F4, q: F4, reflectance: F4, limit: np.float32) -> tup
 
 
 def _reflectance(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
-    """R(n) of equation 4 and its gradient; `c` are coefficients in the order of `harmonics`."""
+    """R(n) of equation 4 and its gradient; `c` is in the order of `SlopeNormal.harmonics`."""
     x, y, z = n
     value = (
         c[0] + c[1] * x + c[2] * y + c[3] * z

@@ -96,6 +96,7 @@ from tactograph.nodes.calibrate.film.shape_fit import (
 )
 from tactograph.nodes.calibrate.rating.verdict import (
     Judged as Judged,
+    Odds as Odds,
 )
 from tactograph.nodes.capture.listed_capture import (
     ListedCapture as ListedCapture,
@@ -141,6 +142,9 @@ from tactograph.nodes.files.stored_result import (
 )
 from tactograph.nodes.optics.camera_view import (
     View as View,
+)
+from tactograph.nodes.optics.gauss_newton import (
+    SlopeNormal as SlopeNormal,
 )
 from tactograph.nodes.optics.near_light import (
     places as places,

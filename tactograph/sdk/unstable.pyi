@@ -7,12 +7,10 @@ from tactograph.graph.files.read_graph import (
 )
 from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
-    FALSE_ALARMS as FALSE_ALARMS,
     LightPlaces as LightPlaces,
     Tables as Tables,
 )
 from tactograph.nodes.calibrate import (
-    MAX_SAMPLE_SLOPE as MAX_SAMPLE_SLOPE,
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
     SHIFT_DEVIATION_PX as SHIFT_DEVIATION_PX,
@@ -47,10 +45,6 @@ from tactograph.nodes.calibrate.rating.advise_press import (
 from tactograph.nodes.calibrate.rating.pressed_ball import (
     PressedBall as PressedBall,
 )
-from tactograph.nodes.calibrate.rating.verdict import (
-    Odds as Odds,
-    pays as pays,
-)
 from tactograph.nodes.calibrate.tables.build_lut import (
     TablePixels as TablePixels,
 )
@@ -65,12 +59,6 @@ from tactograph.nodes.light.light_noise import (
 )
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
-)
-from tactograph.nodes.optics.gauss_newton import (
-    SlopeNormal as SlopeNormal,
-)
-from tactograph.nodes.optics.harmonics import (
-    harmonics as harmonics,
 )
 from tactograph.nodes.trust.check_ranks import (
     StoredRanks as StoredRanks,

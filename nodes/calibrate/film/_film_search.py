@@ -19,7 +19,7 @@ from tactograph.nodes.calibrate.film.film_fit import Fitting, add_harmonics, pla
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, Unknowns
 from tactograph.nodes.calibrate.lights.descend import HUBER_DEVIATIONS
 from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
-from tactograph.nodes.calibrate.rating.verdict import Odds, pays
+from tactograph.nodes.calibrate.rating.verdict import Odds
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
 
 SHINING_PARTS = frozenset(("lobe", "bounce"))
@@ -64,7 +64,7 @@ class Trial(NamedTuple):
         values = min(self.balls.u.size, MAX_INDEPENDENT_SAMPLES)
         further = len(more.names) - len(fewer.names)
         odds = Odds.of(*scales, further, values).logarithm - unusual
-        return pays(model.errors, larger.errors, odds)
+        return Odds(odds).pays(model.errors, larger.errors)
 
 
 class Model(NamedTuple):
@@ -142,7 +142,7 @@ def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model,
         rival = settle(*grow(*shining(trial, start), parts))
     else:
         return best
-    return rival if pays(best[1].errors, rival[1].errors) else best
+    return rival if Odds().pays(best[1].errors, rival[1].errors) else best
 
 
 def shining(trial: Trial, start: Fitted) -> tuple[Trial, Model]:
@@ -156,8 +156,8 @@ def grow(trial: Trial, best: Model, parts: list[str]) -> tuple[Trial, Model]:
     """Add parts to a model one by one, as long as that pays.
 
     A part pays if the film is likelier with it, given how usual its values are, and if it lowers
-    the held-out error (`pays`).  Once the film has a coat or an albedo, the samples are renewed:
-    then the light that it reflects from film to film is known.
+    the held-out error (`Odds.pays`).  Once the film has a coat or an albedo, the samples are
+    renewed: then the light that it reflects from film to film is known.
     """
     while may_grow(best) and (untried := [part for part in parts if part not in best.parts]):
         wider = [best.parts | {part} for part in untried]
@@ -174,7 +174,7 @@ def grow(trial: Trial, best: Model, parts: list[str]) -> tuple[Trial, Model]:
         better = judge(resampled, better.parts, resampled.fit(better.parts, placed))
         # Renewed samples of a coat show light from film to film, which the next part explains.
         explains_all = "bounce" in better.parts or "bounce" not in parts
-        if explains_all and pays(better.errors, best.errors):
+        if explains_all and Odds().pays(better.errors, best.errors):
             break
         trial, best = resampled, better
     return trial, best
@@ -217,7 +217,7 @@ def bend(trial: Trial, best: Model) -> Model:
         held_out = zip(trial.balls.folds(), physics.splits, strict=True)
         fold_fits = [add_harmonics(trial.balls.only(~h), fold, degree) for h, fold in held_out]
         candidate = judge(trial, physics.parts, physics.fitted, fold_fits, degree)
-        if pays(best.errors, candidate.errors):
+        if Odds().pays(best.errors, candidate.errors):
             best = candidate
     if best.degree is not None:
         best = best._replace(fitted=add_harmonics(trial.balls, best.fitted, best.degree))
@@ -248,4 +248,4 @@ def without_bad(trial: Trial, best: Model) -> tuple[Model, Balls]:
 
 def may_grow(best: Model) -> bool:
     """Return whether another part may pay: a perfect model, which leaves noise alone, would."""
-    return pays(best.errors, best.noises)
+    return Odds().pays(best.errors, best.noises)

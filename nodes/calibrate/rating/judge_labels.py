@@ -10,7 +10,7 @@ from tactograph.graph import node
 from tactograph.nodes import Film, LabelTurn, Light, Metrics, Noise, PixelSize
 from tactograph.nodes.calibrate.rating.hold_out_presses import BallPlaces
 from tactograph.nodes.calibrate.rating.pressed_ball import PressedBall
-from tactograph.nodes.calibrate.rating.verdict import pays
+from tactograph.nodes.calibrate.rating.verdict import Odds
 from tactograph.nodes.height.integrate_dct import integrate_dct
 from tactograph.nodes.light.light_noise import light_noise
 from tactograph.nodes.optics.film import direct_share
@@ -52,10 +52,10 @@ def judge_labels(
 
     In a gel that diffuses light shadows are bright, and leaving out an LED loses information:
     slopes around a ball become inconsistent, which bends the height inside.  So balls are measured
-    with all labels, and with only those that turn a normal by `CAUTIOUS_TURN_RAD`.  If that `pays`,
-    only these are used; it cannot pay with a single ball, which has no standard error.  No label is
-    fitted to a press, so all presses are held out.  If the film diffuses hardly any light, or if no
-    ball has a shadow, all labels are kept.
+    with all labels, and with only those that turn a normal by `CAUTIOUS_TURN_RAD`.  If that pays
+    (`Odds.pays`), only these are used; it cannot pay with a single ball, which has no standard
+    error.  No label is fitted to a press, so all presses are held out.  If the film diffuses hardly
+    any light, or if no ball has a shadow, all labels are kept.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def judge_labels(
         ]
     )
     every, cautious = errors.T
-    cost = pays([*every], [*cautious]) if len(errors) > 1 else cautious[0] < every[0]
+    cost = Odds().pays([*every], [*cautious]) if len(errors) > 1 else cautious[0] < every[0]
     gain = {"labels_gain_deg": float(np.median(cautious - every))}
     return LabelGain(CAUTIOUS_TURN_RAD if cost else 0.0, gain)
 

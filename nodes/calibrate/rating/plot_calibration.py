@@ -25,7 +25,7 @@ from tactograph.nodes.drawing.new_picture import (
     list_figures,
     write_picture,
 )
-from tactograph.nodes.optics.harmonics import harmonics
+from tactograph.nodes.optics.gauss_newton import SlopeNormal
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
 LETTERS_PER_IN = 10
@@ -189,7 +189,7 @@ def _draw_errors(
 
 def _residual(light: F4, mask: U1, slope: F4, lit: U1, reflectance: F4) -> F4:
     """Largest departure from the fit of the LEDs that reach a pixel; NaN where unknown."""
-    model = np.tensordot(reflectance, harmonics(slope), axes=1)
+    model = np.tensordot(reflectance, SlopeNormal(*slope).harmonics, axes=1)
     error = np.zeros(mask.shape, np.float32)
     for k, plane in enumerate(light):
         used = (mask > 0) & ((lit >> k) & 1 > 0)

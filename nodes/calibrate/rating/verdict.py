@@ -4,9 +4,9 @@ import math
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.special import ndtr, stdtrit
+from scipy.special import ndtr, ndtri, stdtrit
 
-from tactograph.nodes import Metrics
+from tactograph.nodes import FALSE_ALARMS, Metrics
 
 SURE_ODDS = 1e3
 """Odds above which one explanation is preferred to another."""
@@ -42,6 +42,14 @@ class Judged(NamedTuple):
             )
         return cls(quality, [doubt])
 
+    @staticmethod
+    def reach(count: int) -> float:
+        """Return the deviations that so many normal values exceed in `FALSE_ALARMS` of the cases.
+
+        By chance, and any of them to either side.
+        """
+        return float(-ndtri(FALSE_ALARMS / (2 * count)))
+
     def verdict(self, figure: str) -> str:
         """Return a sentence: the first doubt, else what nothing confirms, else the held-out error.
 
@@ -71,25 +79,10 @@ class Advice(NamedTuple):
     advice: str
 
 
-def pays(before: list[float], after: list[float], odds: float = math.inf) -> bool:
-    """Return whether a larger model lowers the held-out error by more than a standard error.
-
-    If (logarithmic) `odds` are given, it also has to be the likelier model.
-
-    This is the rule of one standard error (L. Breiman et al., "Classification and regression
-    trees", 1984), for errors by fold, with the same folds for both models.  Few folds estimate the
-    standard error badly, so it is multiplied by the quantile of Student's distribution that
-    corresponds to one standard deviation of a normal distribution.
-    """
-    gained = np.subtract(before, after)
-    errors = stdtrit(gained.size - 1, ndtr(1))
-    return odds > 0 and bool(gained.mean() > errors * gained.std(ddof=1) / np.sqrt(gained.size))
-
-
 class Odds(NamedTuple):
-    """The odds of a larger model over a smaller one, as a logarithm."""
+    """The odds of a larger model over a smaller one, as a logarithm; infinite if not computed."""
 
-    logarithm: float
+    logarithm: float = math.inf
 
     @classmethod
     def of(cls, before: float, after: float, unknowns: int, values: float) -> Self:
@@ -109,3 +102,16 @@ class Odds(NamedTuple):
     def are_sure(self) -> bool:
         """Whether the larger model is to be preferred: `SURE_ODDS`."""
         return self.logarithm >= math.log(SURE_ODDS)
+
+    def pays(self, before: list[float], after: list[float]) -> bool:
+        """Return whether the larger model is likelier, and errs less on what is held out.
+
+        Its error has to be lower by more than a standard error.  This is the rule of one standard
+        error (L. Breiman et al., "Classification and regression trees", 1984), for errors by fold,
+        with the same folds for both models.  Few folds estimate the standard error badly, so it is
+        multiplied by the quantile of Student's distribution that corresponds to one standard
+        deviation of a normal distribution.
+        """
+        gained = np.subtract(before, after)
+        error = stdtrit(gained.size - 1, ndtr(1)) * gained.std(ddof=1) / np.sqrt(gained.size)
+        return self.logarithm > 0 and bool(gained.mean() > error)

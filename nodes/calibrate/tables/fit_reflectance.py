@@ -7,7 +7,7 @@ import numpy as np
 from tactograph.graph import InputError, Port, node
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, Labels, Light, Mask, Reflectance, Slope
 from tactograph.nodes.calibrate import MIN_PIXELS
-from tactograph.nodes.optics.harmonics import harmonics
+from tactograph.nodes.optics.gauss_newton import SlopeNormal
 
 
 class ReflectanceFit(NamedTuple):
@@ -29,8 +29,8 @@ def fit_reflectance(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Refl
 
     Returns
     -------
-    Coefficients K x 9 in the order of `harmonics`; the standard deviation of the residual, K, by
-    its median, so that a few hot pixels do not spoil it.
+    Coefficients K x 9 in the order of `SlopeNormal.harmonics`; the standard deviation of the
+    residual, K, by its median, so that a few hot pixels do not spoil it.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def fit_reflectance(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Refl
                 f"LED {k + 1} reaches only {int(chosen.sum())} pixels of the calibration "
                 f"object ({MIN_PIXELS} are needed): is it on?"
             )
-        basis = harmonics(slope[:, chosen]).T.astype(np.float64)
+        basis = SlopeNormal(*slope[:, chosen]).harmonics.T.astype(np.float64)
         harmonic, *_ = np.linalg.lstsq(basis, plane[chosen].astype(np.float64), rcond=None)
         coefficients.append(harmonic)
         away = np.abs(basis @ harmonic - plane[chosen])

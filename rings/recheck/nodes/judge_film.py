@@ -8,13 +8,11 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from tactograph.rings.recheck.nodes.film_change import FilmChange
-from tactograph.sdk import F4, Metrics, PixelSize, node
+from tactograph.sdk import F4, Judged, Metrics, PixelSize, node
 from tactograph.sdk.unstable import (
     DEVIATIONS_PER_MAD,
-    FALSE_ALARMS,
     LED_DRIFT,
     SHIFT_DEVIATION_PX,
 )
@@ -130,12 +128,7 @@ def _strongest(marks: list[_Mark]) -> _Mark:
 
 def _noise(plane: F4) -> float:
     """What noise reaches in a map, normally distributed about 0 at each of its pixels."""
-    return _reach(plane.size, DEVIATIONS_PER_MAD * float(np.median(np.abs(plane))))
-
-
-def _reach(count: int, spread: float) -> float:
-    """What the farthest of so many normally distributed values reaches by chance."""
-    return float(-ndtri(FALSE_ALARMS / (2 * count))) * spread
+    return Judged.reach(plane.size) * (DEVIATIONS_PER_MAD * float(np.median(np.abs(plane))))
 
 
 def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
@@ -156,7 +149,7 @@ def _of_leds(strength: F4) -> str:
     usual = float(np.median(strength))
     k = int(np.abs(strength / usual - 1).argmax())
     percent = 100 * float(strength[k]) / usual
-    drift = _reach(strength.size, LED_DRIFT.level)
+    drift = Judged.reach(strength.size) * LED_DRIFT.level
     if abs(percent - 100) > 100 * drift:
         return (
             f"LED {k + 1} has {percent:.0f} % of the light that the others have: check it and its "

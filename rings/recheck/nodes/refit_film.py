@@ -20,6 +20,7 @@ from tactograph.sdk import (
     Misfit,
     NodeCall,
     Noise,
+    Odds,
     PixelSize,
     SheetLight,
     SizeLimit,
@@ -32,11 +33,9 @@ from tactograph.sdk.unstable import (
     Balls,
     Fitted,
     Held,
-    Odds,
     Rest,
     Unknown,
     least_squares,
-    pays,
 )
 
 SHALLOW_SHARE = 0.5
@@ -110,7 +109,7 @@ def refit_film(
     frame's fall-off.  Each prior holds a parameter near its old value, as films of one kind
     differ; the albedo's takes the flat frame's brightness into account.  The thickness is always
     fitted.  Changes of the gel, and then of the coat, are accepted if they are likelier, and lower
-    the error on held-out quarters of the press by more than a standard error (`pays`).  Where
+    the error on held-out quarters of the press by more than a standard error (`Odds.pays`).  Where
     only the new film lights itself, it is fitted once more, to more samples, with that light
     known, and the better of both on what is held out is taken.  The old film's harmonics
     are dropped if that lowers the error as much.
@@ -163,7 +162,7 @@ def refit_film(
     if precise.harmonics.any():
         plain = precise._replace(harmonics=np.zeros_like(precise.harmonics))
         other = _choose(before_refit._replace(film=plain), some)
-        if pays(errors, other[1]):
+        if Odds().pays(errors, other[1]):
             best, errors, fold_fits = other
     parts = zip(map(whole.only, some.folds(whole)), fold_fits, strict=True)
     held_out = Held([(part, fold.fitted) for part, fold in parts], pixel)
@@ -228,7 +227,7 @@ def _choose(prior: _Prior, balls: Balls) -> tuple[_Refitted, list[float], list[_
         candidate = _judged(prior, balls, names)
         scales = best.scale(balls), candidate[0].scale(balls)
         odds = Odds.of(*scales, len(names) - len(best.changed), values)
-        if pays(errors, candidate[1], odds.logarithm):
+        if odds.pays(errors, candidate[1]):
             best, errors, fold_fits = candidate
     return best, errors, fold_fits
 

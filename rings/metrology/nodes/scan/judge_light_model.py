@@ -4,8 +4,8 @@ import numpy as np
 
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope, light_model_slope
-from tactograph.sdk import InputError, Light, Metrics, Slope, node, warn
-from tactograph.sdk.unstable import MAX_SAMPLE_SLOPE, Odds
+from tactograph.sdk import InputError, Light, Metrics, Odds, Slope, node, warn
+from tactograph.sdk.nodes import slope_curl
 
 MAX_RESIDUAL = 0.01
 """Share of a cell's light that a model leaves at half of the cells; 0.005 on scans of two sensors
@@ -95,9 +95,6 @@ def _of_order(light: Light, model: LightModel) -> list[str]:
 
 
 def _curl(slope: Slope) -> float:
-    """Sum of the magnitudes of the slopes' curl; those of a surface have none.
-
-    Steeper slopes count as `MAX_SAMPLE_SLOPE`: a few would settle all.
-    """
-    p, q = np.clip(slope, -MAX_SAMPLE_SLOPE, MAX_SAMPLE_SLOPE)
-    return float(np.abs(np.diff(p, axis=0)[:, 1:] - np.diff(q, axis=1)[1:]).sum())
+    """The curl of slopes, over that of the cells of a surface and added to it, on average."""
+    squared = slope_curl(slope, np.zeros(5, np.float32))
+    return float(np.sqrt(1 + np.maximum(squared, 0)).mean())

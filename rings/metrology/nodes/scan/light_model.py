@@ -11,8 +11,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import F4, Light, Port
-from tactograph.sdk.unstable import SlopeNormal
+from tactograph.sdk import F4, Light, Port, SlopeNormal
 
 MODEL_NUMBERS = 11
 """a00, a01, a02, a11, a12, a22, b0, b1, b2, c, and the scale of these."""
@@ -80,7 +79,7 @@ def modelled_light(c: F4, n: F4) -> tuple[F4, F4]:
 def slope_by_light(slope: F4, brightness: F4, model: LightModel, place: tuple[F4, F4]) -> F4:
     """The derivative of p and q by each LED's light, 2 x K x H x W, with the brightness free."""
     powers = monomials(*place, int(model.degree))
-    at = SlopeNormal.of(*slope)
+    at = SlopeNormal(*slope)
     m, gradient = modelled_light(coefficients(model.quadratic, powers), np.stack(at.normal))
     norm = np.maximum(np.sum(m * m, axis=0), MIN_DIVISOR)
     free = []

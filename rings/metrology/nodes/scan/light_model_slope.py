@@ -11,8 +11,8 @@ from tactograph.rings.metrology.nodes.scan.light_model import (
     modelled_light,
     monomials,
 )
-from tactograph.sdk import F4, U1, Close, Labels, Light, Port, SizeLimit, Slope, node
-from tactograph.sdk.unstable import SlopeNormal, in_blocks
+from tactograph.sdk import F4, U1, Close, Labels, Light, Port, SizeLimit, Slope, SlopeNormal, node
+from tactograph.sdk.unstable import in_blocks
 
 MAX_TURN_RAD = np.float32(0.3)
 """Longest step, as the angle in radians by which it turns the normal."""
@@ -97,7 +97,7 @@ def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> tuple[F
     p, q = _start(image, coefficients(model.linear, powers))
     moving = np.ones(p.shape, bool)
     for _ in range(steps):
-        at = SlopeNormal.of(p, q)
+        at = SlopeNormal(p, q)
         m, gradient = modelled_light(terms, np.array(at.normal))
         norm = np.sum(m * m, axis=0) + MIN_LIGHT
         brightness = np.sum(m * image, axis=0) / norm
@@ -111,7 +111,7 @@ def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> tuple[F
         moving &= np.hypot(dp, dq) > MIN_STEP_RAD * at.square
         if not moving.any():
             break
-    m, _ = modelled_light(terms, np.array(SlopeNormal.of(p, q).normal))
+    m, _ = modelled_light(terms, np.array(SlopeNormal(p, q).normal))
     brightness = np.sum(m * image, axis=0) / (np.sum(m * m, axis=0) + MIN_LIGHT)
     residual = np.sqrt(np.mean((image - brightness * m) ** 2, axis=0))
     dark = model.dark[:, None]

@@ -10,9 +10,19 @@ from tactograph.rings.oneshot.nodes.map.map_departure import MIN_MAP_ERROR
 from tactograph.rings.oneshot.nodes.map.raise_walls import BLUR_PX, MIN_SLOPE, uphill
 from tactograph.rings.oneshot.nodes.map.reflectance_map import maps_over_film, shading
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.sdk import F4, Height, HeightError, Misfit, PixelSize, Port, Slope, node
+from tactograph.sdk import (
+    F4,
+    Height,
+    HeightError,
+    Misfit,
+    PixelSize,
+    Port,
+    Slope,
+    SlopeNormal,
+    node,
+)
 from tactograph.sdk.nodes import calm_film, edge_variance, integrate_dct, rest_at_border, rest_mask
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, SlopeNormal
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD
 
 
 @node
@@ -60,7 +70,7 @@ def map_error(
 def _uphill_doubt(slope: Slope, reflectance: F4, departure: float) -> Slope:
     """The standard deviation of the slope along itself, as a slope."""
     steep, direction = np.hypot(*slope), uphill(slope)
-    at = SlopeNormal.of(*slope)
+    at = SlopeNormal(*slope)
     information = np.zeros_like(steep)
     for c in maps_over_film(reflectance, steep.shape):
         by_p, by_q = at.by_slope(shading(at.normal, c)[1])

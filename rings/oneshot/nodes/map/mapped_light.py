@@ -11,8 +11,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     shading,
 )
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.sdk import Close, Height, Light, SizeLimit, Slope, node
-from tactograph.sdk.unstable import SlopeNormal
+from tactograph.sdk import Close, Height, Light, SizeLimit, Slope, SlopeNormal, node
 
 
 @node(
@@ -27,7 +26,7 @@ def mapped_light(slope: Slope, height: Height, reflectance: ReflectanceMap) -> L
     slope, height : 2 x H x W, and H x W in mm
     reflectance : K x 9 x 15, as `fit_reflectance_map` gives it
     """
-    normal = SlopeNormal.of(*slope).normal
+    normal = SlopeNormal(*slope).normal
     maps = maps_over_film(reflectance, height.shape)
     planes = [shading(normal, c)[0] + c[SHADE_COUNT - 1] * height for c in maps]
     return np.asarray(planes, np.float32) + 1

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import F4, F8
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, harmonics
+from tactograph.sdk import F4, F8, SlopeNormal
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD
 
 PLACE_DEGREE = 4
 PLACE_TERMS = 15
@@ -55,9 +55,8 @@ def terms(x: F8, y: F8, shape: tuple[int, int]) -> F8:
 
 def shades(slope: F8, height: F8) -> F8:
     """Return B of equation M1 and the height: 9 x N."""
-    at_rest = harmonics(np.zeros((2, 1), np.float32)).astype(np.float64)
-    bent = harmonics(np.asarray(slope)) - at_rest
-    return np.asarray(np.concatenate([bent[1:], height[None]]))
+    at_rest, bent = (SlopeNormal(*at).harmonics for at in (np.zeros((2, 1)), np.asarray(slope)))
+    return np.concatenate([(bent - at_rest)[1:], height[None]])
 
 
 def ball_pixels(light: F4, flat: F4, circle: F8, most: int = PIXELS_PER_PRESS) -> Pixels:

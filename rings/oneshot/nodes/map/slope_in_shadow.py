@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.map.reflectance_map import SHADE_COUNT, shading, terms
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap, solved
-from tactograph.sdk import F4, Height, Light, Metrics, Port, Slope, node
-from tactograph.sdk.unstable import SlopeNormal
+from tactograph.sdk import F4, Height, Light, Metrics, Port, Slope, SlopeNormal, node
 
 MattDeviation = Annotated[float, Port(unit="1")]
 """Standard deviation of a matt film's light from the map; 0 of any other film."""
@@ -76,7 +75,7 @@ def matt_deviation(quality: Metrics, residual: float) -> float:
 
 def _departure(rests: list[F4], maps: F4, slope: F4) -> F4:
     """Light less that of a slope: K x N."""
-    normal = SlopeNormal.of(*slope).normal
+    normal = SlopeNormal(*slope).normal
     model_light = [shading(normal, c)[0] for c in maps]
     return np.asarray(np.stack(rests) - np.stack(model_light), np.float32)
 

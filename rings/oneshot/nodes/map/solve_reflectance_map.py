@@ -12,8 +12,18 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     maps_over_film,
     shading,
 )
-from tactograph.sdk import F4, Close, Height, Launch, Light, Port, SizeLimit, Slope, node
-from tactograph.sdk.unstable import SlopeNormal
+from tactograph.sdk import (
+    F4,
+    Close,
+    Height,
+    Launch,
+    Light,
+    Port,
+    SizeLimit,
+    Slope,
+    SlopeNormal,
+    node,
+)
 
 ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
 """Coefficients of equation M1 (`reflectance_map`): 9 shades, 15 monomials of the place."""
@@ -97,7 +107,7 @@ def _step(
     rests: list[F4], flat: F4, maps: F4, p: F4, q: F4, prior: np.float32, max_turn_rad: np.float32
 ) -> tuple[F4, F4, F4]:
     """1 + p^2 + q^2, and one solution of the weighted normal equations, cut to `max_turn_rad`."""
-    at = SlopeNormal.of(p, q)
+    at = SlopeNormal(p, q)
     a = c = np.full_like(p, prior)
     b = np.zeros_like(p)
     s, t = -prior * p, -prior * q

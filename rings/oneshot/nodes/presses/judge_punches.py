@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 from annotated_types import Gt
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from tactograph.rings.oneshot.nodes.map.map_error import map_error
 from tactograph.rings.oneshot.nodes.map.raise_walls import edge_lack, uphill
@@ -16,7 +15,6 @@ from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import make_bench, reconstruct
 from tactograph.sdk import F4, F8, Height, InputError, Judged, Light, PixelSize, Port, node
 from tactograph.sdk.nodes import coarsen, find_contact, integrate_dct, rest_at_border
-from tactograph.sdk.unstable import FALSE_ALARMS
 
 
 @node
@@ -114,7 +112,7 @@ def _plateau(height: Height, error: F4, name: str) -> NDArray[np.bool_]:
 def _doubts(names: list[str], off: F8, errors: F8) -> list[str]:
     far = np.abs(off) / errors
     worst = int(far.argmax())
-    if far[worst] <= -ndtri(FALSE_ALARMS / (2 * far.size)):
+    if far[worst] <= Judged.reach(far.size):
         return []
     return [
         f"the plateau of punch {names[worst]} is {1e3 * off[worst]:.0f} um off, "

@@ -26,8 +26,8 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     refine_center,
 )
 from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
-from tactograph.sdk import F8, Light, Metrics, PixelSize, node
-from tactograph.sdk.unstable import Balls, PressedBall, pays
+from tactograph.sdk import F8, Light, Metrics, Odds, PixelSize, node
+from tactograph.sdk.unstable import Balls, PressedBall
 
 MAX_PRESS_PIXELS = 1500
 """Most pixels of a press that are fitted."""
@@ -65,7 +65,7 @@ def refit_reflectance_map(
     of the height; a gain of each harmonic; an offset to each harmonic.  Robust least squares
     fits them with priors of no change, in this order.  A further change is accepted if it lowers
     the error of the normals on held-out quarters of the press by more than a standard error
-    (`pays`).
+    (`Odds.pays`).
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def refit_reflectance_map(
     errors = before
     for parts in MAP_CHANGES:
         candidates, degrees, height = _held_out(bench, old, circles, parts)
-        if pays(errors, degrees):
+        if Odds().pays(errors, degrees):
             best, errors, microns = candidates, degrees, height
     now, then = best[:, :HEIGHT_SHADE], old[:, :HEIGHT_SHADE]
     gains = (now * then).sum((1, 2)) / np.square(then).sum((1, 2))

@@ -12,7 +12,7 @@ from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
 from tactograph.nodes.calibrate.film import _film_search
 from tactograph.nodes.calibrate.film.film_unknowns import USUAL_ALBEDO, Unknowns
 from tactograph.nodes.calibrate.film.fit_film import FilmFit, fit_film
-from tactograph.nodes.calibrate.rating.verdict import pays
+from tactograph.nodes.calibrate.rating.verdict import Odds
 from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.optics.film import predict, rest_light
 from tests.nodes.films import LEDS, MATT, ball_seen, harmonics, normals
@@ -212,11 +212,13 @@ def test_interreflection_is_found(bouncing: FilmFit) -> None:
 def test_coat_and_interreflection_are_found_where_neither_pays_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def by_a_degree(before: list[float], after: list[float], odds: float | None = None) -> bool:
-        gained = bool(np.mean(after) < np.mean(before) - 1)
-        return gained if odds is None else pays(before, after, odds)
+    pays = Odds.pays
 
-    monkeypatch.setattr(_film_search, "pays", by_a_degree)
+    def by_a_degree(odds: Odds, before: list[float], after: list[float]) -> bool:
+        gained = bool(np.mean(after) < np.mean(before) - 1)
+        return gained if odds == Odds() else pays(odds, before, after)
+
+    monkeypatch.setattr(Odds, "pays", by_a_degree)
     shining = MATT._replace(albedo=0.7, base=0.7, roughness=0.25, refraction=1.5)
     fit = fitted(shining, FOUR[:2])
     assert fit.film.albedo == pytest.approx(0.7, abs=0.02)

@@ -8,7 +8,7 @@ from tactograph.nodes.calibrate.tables.build_lut import build_lut
 from tactograph.nodes.calibrate.tables.fit_null_vector import fit_null_vector
 from tactograph.nodes.calibrate.tables.fit_reflectance import fit_reflectance
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
-from tactograph.nodes.optics.harmonics import harmonics
+from tactograph.nodes.optics.gauss_newton import SlopeNormal
 from tests.nodes.scenes import LIGHTS, ball, lambert
 
 Z, SLOPE = ball(120, 120, 86)
@@ -69,7 +69,7 @@ def test_hot_pixels_do_not_spoil_the_residual() -> None:
 
 
 def test_harmonics_of_the_film_at_rest() -> None:
-    assert harmonics(np.zeros((2, 1), np.float32))[:, 0].tolist() == [1, 0, 0, 1, 0, 0, 0, 0, 2]
+    assert SlopeNormal(*np.zeros((2, 1))).harmonics[:, 0].tolist() == [1, 0, 0, 1, 0, 0, 0, 0, 2]
 
 
 def test_the_tables_without_one_led_reach_further_than_the_full_one() -> None:
