@@ -1,10 +1,3 @@
-from tactograph.graph.files.graph_places import (
-    find_file as find_file,
-)
-from tactograph.graph.files.read_graph import (
-    graphs_of as graphs_of,
-    shipped_names as shipped_names,
-)
 from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
