@@ -2,7 +2,6 @@ from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     FALSE_ALARMS as FALSE_ALARMS,
     LightPlaces as LightPlaces,
-    Tables as Tables,
 )
 from tactograph.nodes.calibrate import (
     FILM_ROUGHNESS as FILM_ROUGHNESS,
@@ -50,15 +49,6 @@ from tactograph.nodes.calibrate.rating.pressed_ball import (
 from tactograph.nodes.calibrate.rating.verdict import (
     Odds as Odds,
     pays as pays,
-)
-from tactograph.nodes.calibrate.tables.build_lut import (
-    TablePixels as TablePixels,
-)
-from tactograph.nodes.drawing.new_picture import (
-    list_figures as list_figures,
-)
-from tactograph.nodes.light.film_drift import (
-    terms as terms,
 )
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
