@@ -1,14 +1,6 @@
-from tactograph.graph.files.graph_places import (
-    find_file as find_file,
-)
-from tactograph.graph.files.read_graph import (
-    graphs_of as graphs_of,
-    shipped_names as shipped_names,
-)
 from tactograph.nodes import (
     DEVIATIONS_PER_MAD as DEVIATIONS_PER_MAD,
     LightPlaces as LightPlaces,
-    Tables as Tables,
 )
 from tactograph.nodes.calibrate import (
     MIN_BOUNCE_ERROR as MIN_BOUNCE_ERROR,
@@ -44,15 +36,6 @@ from tactograph.nodes.calibrate.rating.advise_press import (
 )
 from tactograph.nodes.calibrate.rating.pressed_ball import (
     PressedBall as PressedBall,
-)
-from tactograph.nodes.calibrate.tables.build_lut import (
-    TablePixels as TablePixels,
-)
-from tactograph.nodes.drawing.new_picture import (
-    list_figures as list_figures,
-)
-from tactograph.nodes.light.film_drift import (
-    terms as terms,
 )
 from tactograph.nodes.light.light_noise import (
     rest_noise as rest_noise,
