@@ -43,8 +43,9 @@ class Trial(NamedTuple):
         """Fit a model to all samples, or to the given ones.
 
         Where the gel diffuses light, shadows tell how much.  What they leave unexplained on a
-        single ball would bend the LEDs' slants, so these and the gain are then fitted to direct
-        light alone, on which slopes rest, and its brightness is as uneven as a plain film's.
+        single ball would bend the LEDs' slants, or be taken for a coat, so all else is then fitted
+        to direct light alone, on which slopes rest, and its brightness is as uneven as a plain
+        film's.
         """
         balls = balls or self.balls
         fitted = Fitting.of(balls, self.rest, parts).fitted(start)
@@ -52,7 +53,8 @@ class Trial(NamedTuple):
             return fitted
         film, direct = fitted.film, balls.direct(fitted.shifts, fitted.film)
         weight = lit_share(film, direct, np.array(film.contact))
-        direct_alone = Fitting.of(balls, self.rest, TOUCHED_PARTS, start.film.uneven, weight)
+        others = parts - {"diffuse"} | TOUCHED_PARTS
+        direct_alone = Fitting.of(balls, self.rest, others, start.film.uneven, weight)
         return direct_alone.fitted(fitted)
 
     def prefers(self, larger: "Model", model: "Model") -> bool:
@@ -136,7 +138,7 @@ def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model,
     if "bounce" not in parts or not any("bounce" in name for name in trial.figures):
         return settled
     without = search(trial, start, [part for part in parts if part != "bounce"])
-    return without if pays(settled[1].errors, without[1].errors) else settled
+    return settled if pays(without[1].errors, settled[1].errors) else without
 
 
 def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Trial, Model]:
