@@ -259,7 +259,7 @@ class Film(NamedTuple):
     emission: Annotated[
         float,
         Port(unit="1", low=0, high=2),
-        Stored(-1, 10, plain=0.0),
+        Stored(-1, 100, plain=0.0),
         "m: the LEDs face the middle of the film and emit as cos^m of the angle from there",
     ]
     grain: Annotated[

@@ -242,16 +242,14 @@ class Fitted(NamedTuple):
     def matt(cls, lights: F4, strength: F4, count: int) -> Self:
         """Return a matt film with `count` balls under roughly known LEDs, as a start value."""
         film = Film.matt(lights.astype(np.float64))
-        emission = np.full(len(lights), film.emission)
-        unknowns = LedPlaces.of(lights).values, np.log(np.maximum(strength, 1e-6)), emission
+        unknowns = LedPlaces.of(lights).values, np.log(np.maximum(strength, 1e-6))
         leds = np.column_stack(unknowns).astype(np.float64)
         return cls(leds, film, np.zeros((count, 3))).with_leds(leds)
 
     def with_leds(self, leds: F8) -> Self:
         """Return a copy with other LEDs."""
         lights = cast(F4, LedPlaces(leds).positions)
-        film = self.film._replace(lights=lights, emission=float(leds[:, 4].mean()))
-        return self._replace(leds=leds, film=film)
+        return self._replace(leds=leds, film=self.film._replace(lights=lights))
 
     def predicted(self, balls: Balls, rest: F8 | None = None) -> F8:
         """Return the light of the balls' samples, K x N.
@@ -279,7 +277,7 @@ class Fitted(NamedTuple):
         high = np.sqrt(lx * lx + ly * ly + lz * lz)
         away = np.sqrt((lx - rest.x) ** 2 + (ly - rest.y) ** 2 + lz * lz)
         cosine = (high * high - lx * rest.x - ly * rest.y) / (high * away)
-        model += self.leds[:, 4:] * np.log(np.maximum(cosine, MIN_COSINE))
+        model += self.film.emission * np.log(np.maximum(cosine, MIN_COSINE))
         return np.asarray(model if self.power == 1 else model * self.power)
 
     def rest_residual(self, rest: Rest) -> F8:

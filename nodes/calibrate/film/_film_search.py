@@ -43,8 +43,9 @@ class Trial(NamedTuple):
         """Fit a model to all samples, or to the given ones.
 
         Where the gel diffuses light, shadows tell how much.  What they leave unexplained on a
-        single ball would bend the LEDs' slants, so these and the gain are then fitted to direct
-        light alone, on which slopes rest, and its brightness is as uneven as a plain film's.
+        single ball would bend the LEDs' slants, or be taken for a coat, so all else is then fitted
+        to direct light alone, on which slopes rest, and its brightness is as uneven as a plain
+        film's.
         """
         balls = balls or self.balls
         fitted = Fitting.of(balls, self.rest, parts).fitted(start)
@@ -52,7 +53,8 @@ class Trial(NamedTuple):
             return fitted
         film, direct = fitted.film, balls.direct(fitted.shifts, fitted.film)
         weight = lit_share(film, direct, np.array(film.contact))
-        direct_alone = Fitting.of(balls, self.rest, TOUCHED_PARTS, start.film.uneven, weight)
+        others = parts - {"diffuse"} | TOUCHED_PARTS
+        direct_alone = Fitting.of(balls, self.rest, others, start.film.uneven, weight)
         return direct_alone.fitted(fitted)
 
     def prefers(self, larger: "Model", model: "Model") -> bool:
@@ -137,12 +139,12 @@ def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model,
         trial = trial._replace(balls=trial.samples(start.film))
     best = settle(*grow(trial, plain, parts))
     if "bounce" in best[1].parts:
-        rival = search(trial, start, [part for part in parts if part != "bounce"])
-    elif set(parts) >= SHINING_PARTS and may_grow(best[1]):
-        rival = settle(*grow(*shining(trial, start), parts))
-    else:
+        dark = search(trial, start, [part for part in parts if part != "bounce"])
+        return best if Odds().pays(dark[1].errors, best[1].errors) else dark
+    if not set(parts) >= SHINING_PARTS or not may_grow(best[1]):
         return best
-    return rival if Odds().pays(best[1].errors, rival[1].errors) else best
+    bright = settle(*grow(*shining(trial, start), parts))
+    return bright if Odds().pays(best[1].errors, bright[1].errors) else best
 
 
 def shining(trial: Trial, start: Fitted) -> tuple[Trial, Model]:

@@ -1,7 +1,7 @@
 """Film, LEDs and camera together: a least-squares fit of equation F1 to balls and the flat frame.
 
-The unknowns are each LED's direction, distance, strength, emission and diffuse share; shared
-parameters (gain, coat, albedo, rim, pupil); and a shift of every ball.  Balls are coupled only by
+The unknowns are each LED's direction, distance, strength and diffuse share; shared parameters
+(emission, gain, coat, albedo, rim, pupil); and a shift of every ball.  Balls are coupled only by
 the shared unknowns.
 
 Long because all that is fitted, and what else moves with it, passes the same normal equations.

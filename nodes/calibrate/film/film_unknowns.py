@@ -29,7 +29,7 @@ class Unknown(NamedTuple):
         if name not in Film._fields:
             return each
         stored = FILM_VALUES[name].stored
-        return each._replace(low=stored.low, high=stored.high)
+        return each._replace(low=max(each.low, stored.low), high=stored.high)
 
     def within(self, value: F8) -> F8:
         """Return values within the limits."""
@@ -43,10 +43,8 @@ PLAIN_FILM: dict[str, Any] = {name: stored.plain for name, (_, stored) in FILM_V
 """The values that switch parts off."""
 USUAL_ALBEDO = Unknown(0.5, 0.4)
 """Of the film, and of the base under its coat: one value, found by both."""
-EMISSION_UNKNOWN = Unknown(PLAIN_FILM["emission"], 0.7)
-"""m: an LED that faces the middle of the film emits as cos^m of the angle from its axis.  It is
-fitted to the flat frame only: ignoring it would give a wrong distance there, while touched film,
-relative to the flat frame, hardly depends on it."""
+NARROWEST_BEAM = math.log(0.5, math.cos(math.radians(8)))
+"""m of an LED that emits half as much 8 degrees from its axis, the narrowest that is sold."""
 USUAL_NEARNESS = 0.2
 """Widths of the image over the distance of an LED."""
 LED_UNKNOWNS = {
@@ -54,11 +52,11 @@ LED_UNKNOWNS = {
     "y": Unknown(),
     "nearness": Unknown(USUAL_NEARNESS, USUAL_NEARNESS, 1 / INFINITY_MM),
     "strength": Unknown(spread=1.0),
-    "emission": EMISSION_UNKNOWN,
 }
 """An LED's own, in the order of `Fitted.leds`.  The film at rest leaves the strengths' common
 factor free, and without a flat frame all of them, so that a prior holds them."""
 SHARED_UNKNOWNS = {
+    "emission": Unknown(PLAIN_FILM["emission"], math.log1p(NARROWEST_BEAM) / 2, low=0),
     "gain": Unknown(PLAIN_FILM["gain"], 0.1),
     "wrap": Unknown(PLAIN_FILM["wrap"], 0.2),
     "base": USUAL_ALBEDO,
@@ -69,7 +67,12 @@ SHARED_UNKNOWNS = {
     "camera": Unknown(PLAIN_FILM["camera"], 0.01),
     "diffuse": Unknown(0.2, 0.3),
 }
-"""By name; `diffuse` is one for each LED.  Their limits are those of a `Film`."""
+"""By name; `diffuse` is one for each LED.  Their limits are those of a `Film`.
+
+Of `emission`, m of LEDs that emit as cos^m, the deviation is that of log(1 + m), and two of it
+reach from a point to the narrowest lens; none emits more beside its axis.  It is fitted to the flat
+frame only: ignoring it would give a wrong distance there, while touched film, relative to the flat
+frame, hardly depends on it."""
 SHARED_UNKNOWNS |= dict.fromkeys(STATED_UNKNOWNS, Unknown(1.0, 1.0, DERIVATIVE_STEP))
 UNKNOWNS_OF_FLAT_ALONE = "strength", "emission"
 """Unknowns without effect on the light of touched film relative to the film at rest."""
@@ -106,7 +109,7 @@ class Unknowns(NamedTuple):
         """
         names = [name for part in sorted(parts) for name in MODEL_UNKNOWNS[part]]
         names = [name for name in names if name != "base" or "albedo" not in names]
-        return cls((*LED_UNKNOWNS, *names), width_mm)
+        return cls((*LED_UNKNOWNS, "emission", *names), width_mm)
 
     def numbers(self, now: Fitted) -> dict[str, NDArray[np.intp]]:
         """Return the numbers of the unknowns by name."""
@@ -153,11 +156,16 @@ class Unknowns(NamedTuple):
 
     def priors(self, now: Fitted) -> tuple[F8, F8]:
         """Return the departures of a fit from a usual sensor, and their standard deviations: U."""
-        usual = np.empty((self.values(now).size, 2))
-        for name, at in self.numbers(now).items():
+        usual, numbers = np.empty((self.values(now).size, 2)), self.numbers(now)
+        for name, at in numbers.items():
             unit = self.width_mm if name == "nearness" else 1.0
             usual[at] = np.divide(Unknown.of(name)[:2], unit)
-        return self.values(now) - usual[:, 0], usual[:, 1]
+        away = self.values(now) - usual[:, 0]
+        if (own := numbers.get("emission")) is not None:
+            # That of log(1 + m), linear about m.
+            change = 1 + away[own]
+            away[own], usual[own, 1] = change * np.log(change), change * usual[own, 1]
+        return away, usual[:, 1]
 
     def surprise(self, now: Fitted) -> float:
         """Return by how much priors make a fit less likely than the usual film, as a logarithm."""

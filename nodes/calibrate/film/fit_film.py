@@ -161,7 +161,7 @@ def fit_film(
 def _properties(best: Model, film: Film, rest: Rest | None) -> Metrics:
     """Figures: the light left over, and properties of the sensor for which the model has a part."""
     figures: Metrics = {"film_heldout_deg": best.error}
-    figures["led_emission"] = float(best.fitted.leds[:, 4].mean())
+    figures["led_emission"] = best.fitted.film.emission
     if film.diffuse.any():
         figures["diffuse_percent"] = float(100 * film.diffuse.mean())
         figures["touched_gain"] = film.gain

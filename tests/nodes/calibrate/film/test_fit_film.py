@@ -271,6 +271,15 @@ def test_leds_with_cosine_emission_are_placed_right(bouncing: FilmFit) -> None:
         assert fit.quality["led_emission"] == pytest.approx(emission, abs=0.1)
 
 
+def test_leds_behind_lenses_are_placed_right() -> None:
+    """Half as bright at 19 degrees, as LEDs are sold; with a prior of m of 0 +- 0.7 they seemed a
+    third farther away."""
+    fit = fitted(MATT._replace(emission=12.0), FOUR[:2], emission=12.0)
+    distance = np.linalg.norm(fit.film.lights, axis=1) / np.linalg.norm(LEDS, axis=1)
+    assert distance == pytest.approx(1, abs=0.01)
+    assert fit.film.emission == pytest.approx(12, rel=0.05)
+
+
 @pytest.mark.slow
 def test_the_pupils_height_is_found() -> None:
     fit = fitted(MATT._replace(camera=1 / 65), FOUR)
