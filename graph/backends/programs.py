@@ -23,7 +23,8 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-from tactograph.graph.backends.pocl_source import pocl_source
+from tactograph.graph.backends.pocl_cache import SPECIALISE_VARIABLE
+from tactograph.graph.backends.pocl_source import pocl_binary, pocl_source
 from tactograph.graph.disk.disk_cache import cached_file, read_cached, write_cached
 
 Recipe = tuple[str, tuple[str, ...]]
@@ -37,6 +38,8 @@ MAX_PROGRAM_BYTES = 2 * 10**8
 LOCK_DIGITS = 12
 """Digits of a program's key that choose its byte of the file of locks."""
 POCL_PLATFORM = "Portable Computing Language"
+POCL_OF_BINARIES = "PoCL 3.1"
+"""The version whose binaries `pocl_binary` knows."""
 CACHED_PLATFORMS = (POCL_PLATFORM, "NVIDIA CUDA")
 """Platforms whose programs are kept on disk here."""
 
@@ -101,7 +104,9 @@ def _can_be_written(folder: Path) -> bool:
 
 
 def _from_disk(context: cl.Context, file: Path, options: tuple[str, ...]) -> cl.Program | None:
-    binary = read_cached(file)
+    binary, version = read_cached(file), context.devices[0].platform.version
+    if binary and POCL_OF_BINARIES in version and os.environ.get(SPECIALISE_VARIABLE) == "0":
+        binary = pocl_binary(binary)
     with suppress(cl.Error):  # the driver does not take it any more
         if binary:
             return _built(cl.Program(context, context.devices, [binary]), options)

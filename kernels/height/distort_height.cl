@@ -18,7 +18,7 @@ LANED __kernel void distort_height(
         floats u, v;
         Taps taps;
         ideal_places(lens, row, column, H, W, &u, &v);
-        find_taps(u, v, column, count, H, W, &taps);
+        find_taps(u, v, column, H, W, &taps);
         apparent = value_at(height, &taps, H, W);
     } else {
         apparent = load_floats(height + at, count);

@@ -17,7 +17,7 @@ LANED __kernel void undistort(
     if (bent) {
         floats x, y;
         camera_places(lens, row, column, H, W, &x, &y);
-        find_taps(x, y, column, count, H, W, &taps);
+        find_taps(x, y, column, H, W, &taps);
     }
     for (int k = 0; k < K; ++k) {
         __global const PIXEL *plane = image + k * H * W;

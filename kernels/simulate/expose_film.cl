@@ -104,7 +104,7 @@ LANED __kernel void expose(
     if (bent) {
         floats u, v;
         ideal_places(lens, row, x, H, W, &u, &v);
-        find_taps(u, v, x, count, H, W, &taps);
+        find_taps(u, v, x, H, W, &taps);
     }
     floats deviates[MAX_LEDS], grain[MAX_LEDS];
     if (noisy && cells) between_cells(cells, row, x, count, GRAIN_CELL_PX, h, w, K, grain);

@@ -35,15 +35,16 @@ def test_the_first_item_allocates_for_all(graph: str, calibration: Path) -> None
     assert set(counts) == {counts[0]}
 
 
+@pytest.mark.parametrize("backend", ["opencl", "numpy"])
 def test_a_height_loads_no_library_that_only_pictures_and_curved_films_need(
-    calibration: Path,
+    calibration: Path, backend: str
 ) -> None:
     """Each of them takes 7 to 60 MB, and a tenth of the start or more."""
     heavy = {"matplotlib", "scipy", "rich", "jinja2"}
     code = (
         "import sys, numpy as np\n"
         "from tactograph import load\n"
-        f"p = load('reconstruct', calibration={str(calibration)!r}, backend='opencl', "
+        f"p = load('reconstruct', calibration={str(calibration)!r}, backend={backend!r}, "
         "accept_contradictions=True)\n"
         "p(frames=np.full((4, 72, 96), 128, np.uint8))\n"
         f"print(sorted({heavy} & set(sys.modules)))"

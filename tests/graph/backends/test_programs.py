@@ -14,7 +14,14 @@ import pytest
 from tactograph.graph.backends import build_ahead, pocl_source
 from tactograph.graph.backends.devices import choose_device
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.programs import _cache_file, ahead, build, context_of, is_ready
+from tactograph.graph.backends.programs import (
+    POCL_OF_BINARIES,
+    _cache_file,
+    ahead,
+    build,
+    context_of,
+    is_ready,
+)
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk import disk_cache
 from tests.graph.conftest import SLOPES, Command, Write, one_line
@@ -61,6 +68,19 @@ def test_a_kernel_and_its_binary_are_compiled_once_for_all_sizes(programs: Path)
     environment = {**variables, "POCL_CACHE_DIR": str(pocl)}
     subprocess.run([sys.executable, "-c", LAUNCHES], env=environment, check=True)
     assert len(list(pocl.rglob("label_lit.so"))) == 1
+
+
+def test_the_next_process_reads_no_code_that_was_translated(programs: Path) -> None:
+    pocl = programs.with_name("pocl")
+    pocl.mkdir()
+    environment = {**os.environ, "POCL_CACHE_DIR": str(pocl)}
+    for _ in range(2):
+        subprocess.run([sys.executable, "-c", LAUNCHES], env=environment, check=True)
+    if not any(POCL_OF_BINARIES in platform.version for platform in cl.get_platforms()):
+        pytest.skip("this version's binaries are read as they are")
+    folders = [file.parent for file in pocl.rglob("program.no")]
+    assert any(list(folder.rglob("label_lit.so")) for folder in folders)
+    assert not any((folder / "program.bc").exists() for folder in folders)
 
 
 SEVEN = """
