@@ -132,20 +132,24 @@ def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model,
     balls.
     """
     plain = judge(trial, frozenset(), trial.fit(frozenset(), start))
-    settled = settle(*grow(trial, start, plain, parts))
-    if "bounce" not in parts or not any("bounce" in name for name in trial.figures):
+    grown, best, is_bounce_tried = grow(trial, start, plain, parts)
+    settled = settle(grown, best)
+    if not is_bounce_tried:
         return settled
-    without = search(trial, start, [part for part in parts if part != "bounce"])
+    grown, best, _ = grow(trial, start, plain, [part for part in parts if part != "bounce"])
+    without = settle(grown, best)
     return without if pays(settled[1].errors, without[1].errors) else settled
 
 
-def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Trial, Model]:
+def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Trial, Model, bool]:
     """Add parts to a model one by one, or coat and bounce at once, as long as that pays.
 
     A part pays if the film is likelier with it, given how usual its values are, and if it lowers
     the held-out error (`pays`).  Once the film has a coat or an albedo, the samples are renewed:
-    then the light that it reflects from film to film is known.
+    then the light that it reflects from film to film is known.  Also returns whether a model with
+    that light was tried.
     """
+    is_bounce_tried = False
     if "bounce" in parts and may_grow(best):
         trial = trial._replace(balls=trial.samples(start.film))
     while may_grow(best) and (untried := [part for part in parts if part not in best.parts]):
@@ -154,11 +158,12 @@ def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Tr
         # Only the part that explains the presses best is judged on held-out samples.
         first = int(np.argmin([each.normal_error(trial.balls).degrees for each in fitted]))
         better = judge(trial, wider[first], fitted[first])
+        is_bounce_tried |= "bounce" in better.parts
         alone = trial.prefers(better, best)
         if not alone and not set(untried) >= SHINING_PARTS:
             break
         if not alone:
-            coated = fitted[untried.index("lobe")]
+            is_bounce_tried, coated = True, fitted[untried.index("lobe")]
             better = better._replace(parts=best.parts | SHINING_PARTS, fitted=coated)
         if not better.fitted.film.lights_itself:
             best = better
@@ -172,7 +177,7 @@ def grow(trial: Trial, start: Fitted, best: Model, parts: list[str]) -> tuple[Tr
         if not alone and not trial.prefers(better, best):
             break
         trial, best = resampled, better
-    return trial, best
+    return trial, best, is_bounce_tried
 
 
 def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial, Fitted]:
