@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from tactograph.graph import NodeCall, Port
 from tactograph.nodes import F4, F8, U1, Film, Light, LightPositions, Noise, PixelSize
 from tactograph.nodes.calibrate import (
-    DRIFT_DEGREE,
     MAX_LED_WIDTHS,
     MAX_SAMPLE_SLOPE,
     SHIFT_DEVIATION_PX,
@@ -34,13 +33,14 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
     Beneath,
     Fitted,
 )
+from tactograph.nodes.calibrate.ball.level_touches import press_drift
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
 from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rest.rest_light import rest_light
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
-from tactograph.nodes.light.film_drift import drift_gain, film_drift
+from tactograph.nodes.light.film_drift import drift_gain
 from tactograph.nodes.light.light_noise import rest_noise
 from tactograph.nodes.light.untouched_film import light_at_rest
 from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, RestShape
@@ -128,6 +128,22 @@ class _Frame(NamedTuple):
         x, y, base = (float(part[0]) for part in self.beneath(circle))
         deep = float(sunk(radius, float(circle[2]) * self.scale(circle)[0]) - base)
         return float(x + shift[0]), float(y + shift[1]), float(shift[2] - deep)
+
+
+class _Placed(NamedTuple):
+    """Balls where a fit has them.
+
+    Circles are B x 3 in px, radii B and shifts B x 3 in mm, the presses that they are in B.
+    """
+
+    circle: F8
+    radius: F4
+    shift: F8
+    of: BallPress
+
+    def on(self, press: int) -> Self:
+        """The balls in one press."""
+        return type(self)(*(each[self.of == press] for each in self))
 
 
 class _Thrown(NamedTuple):
@@ -249,56 +265,22 @@ class FilmEvidence(NamedTuple):
             `film_bounce`, on a device if there is one.  For a film that does not light itself, a
             few calls on the host take less time than to compile the kernels.
         """
-        light, flat, circle, radius, of, _, lights, strength, noise, pixel, shape = self
-        if shape is not None:
-            film = film._replace(rim=0.0)
-        rows = flat.shape[1]
-        presses = cut(light, rows)
-        # The presses are relative to a model if no flat frame was taken.
-        sigma = coarsen(rest_noise(rest_light(flat, lights, strength, pixel), noise))
+        light, flat, circle, radius, of, *_, pixel, shape = self
+        scene = self._scene(film, fine, bounce)
+        film, frame, scale = scene.film, scene.frame, scene.frame.scale(circle)
         moved = np.zeros((len(circle), 3)) if shifts is None else shifts
-        throw = bounce if film.lights_itself else film_bounce
-        frame = _Frame((rows, flat.shape[2]), pixel, shape)
-        scale = frame.scale(circle)
-        if rim is not None:
-            circle = np.column_stack([circle[:, :2], rim / scale])
-
-        @cache
-        def at_rest(refraction: float, cells: int) -> _AtRest:
-            kind = film._replace(refraction=refraction)
-            return _AtRest() if shape is None else _rest_of(shape, kind, cells, fine, throw)
-
-        scene = _Scene(film, frame, sigma, fine, throw, at_rest)
-        thrown = {
-            i: _thrown_on(presses[i], circle[of == i], radius[of == i], moved[of == i], scene)
-            for i in np.unique(of)
-        }
-        resting = scene.resting
-        masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, rows)
+        contact = circle[:, 2] if rim is None else rim / scale
+        circle = np.column_stack([circle[:, :2], contact]).astype(np.float64)
+        balls = _Placed(circle, radius, moved, of)
+        presses = cut(light, len(flat[0]))
+        masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, len(flat[0]))
+        thrown = {i: _thrown_on(presses[i], balls.on(i), scene) for i in np.unique(of)}
         if rim is not None and film.lights_itself:
-            edge, share = np.empty(len(of)), resting.share(film.albedo)
-            # Whole frames: once a press, of which each may show dozens of balls.
-            on_plane = {i: press.light * share * masks[i] for i, press in thrown.items()}
-            for number, i in enumerate(of):
-                evidence = on_plane[i], thrown[i].bounced
-                edge[number] = _edge(
-                    *evidence, circle[number], radius[number], moved[number], scene
-                )
+            edge = _edges(thrown, masks, balls, scene)
             moved = moved_with(moved, radius, circle[:, 2] * scale, edge)
             circle = np.column_stack([circle[:, :2], edge / scale])
-        circle = circle.astype(np.float64)
-        steep = radius / scale * np.sin(np.arctan(MAX_SAMPLE_SLOPE))
-        pixels: list[NDArray[np.intp]] = []
-        for number, reach in enumerate(np.minimum(FITTED_RADIUS_SHARE * circle[:, 2], steep)):
-            at = frame.around(circle[number], reach)
-            u, v = frame.place(*at)
-            away = np.hypot(*(at[::-1].T - circle[number, :2]).T) * scale[number]
-            if shape is not None:
-                base, size = float(frame.beneath(circle[number])[2][0]), float(radius[number])
-                centre = frame.centre(circle[number], size, moved[number])
-                away = away_on(u, v, shape.at(u, v)[3], base, centre, size, film.camera)
-            inside = away < reach * scale[number]
-            pixels.append(at[:, inside & (masks[of[number]][tuple(at)] > 0)])
+            balls = _Placed(circle, radius, moved, of)
+        pixels = _inside(masks, balls, scene)
         fields = (
             np.concatenate([field[:, *at] for field, at in zip(each, pixels, strict=True)], axis=1)
             for each in zip(*(thrown[i] for i in of), strict=True)
@@ -324,9 +306,27 @@ class FilmEvidence(NamedTuple):
             width_mm=pixel * frame.size[1],
         )
         if shape is not None:
-            glow = resting.bounced[:, row, column].astype(np.float64)
+            glow = scene.resting.bounced[:, row, column].astype(np.float64)
             every = self._replace(circle=circle).laid(every, glow)
         return every if most is None else every.thinned(most)
+
+    def _scene(self, film: Film, fine: bool, bounce: NodeCall) -> _Scene:
+        """What the light from film to film depends on, for a film and this frame."""
+        flat, shape = self.flat, self.shape
+        if shape is not None:
+            film = film._replace(rim=0.0)
+        throw = bounce if film.lights_itself else film_bounce
+
+        @cache
+        def at_rest(refraction: float, cells: int) -> _AtRest:
+            kind = film._replace(refraction=refraction)
+            return _AtRest() if shape is None else _rest_of(shape, kind, cells, fine, throw)
+
+        # The presses are relative to a model if no flat frame was taken.
+        resting = rest_light(flat, self.first_lights, self.strength, self.pixel)
+        sigma = coarsen(rest_noise(resting, self.noise))
+        frame = _Frame((flat.shape[1], flat.shape[2]), self.pixel, shape)
+        return _Scene(film, frame, sigma, fine, throw, at_rest)
 
     def laid(self, balls: Balls, glow: F8 | None = None) -> Balls:
         """Return balls on film that is no plane at rest; `glow` is what it throws on itself."""
@@ -348,21 +348,46 @@ def moved_with(shifts: F8, radius: NDArray[Any], before: NDArray[Any], rim: NDAr
     return moved
 
 
-def _edge(press: F4, thrown: F4, circle: F4 | F8, radius: float, shift: F8, scene: _Scene) -> float:
-    """The radius of a ball's contact in mm, from the light around it.
+def _edges(
+    thrown: dict[int, _Press], masks: list[U1], balls: _Placed, scene: _Scene
+) -> NDArray[Any]:
+    """The radii of balls' contacts in mm, from the light around them.
 
     Film under markers counts as dark, so that `contact_edge` ignores it.
     """
     film, frame, *_ = scene
-    at = frame.around(circle, MAX_EDGE_RATIO * circle[2])
-    u, v = frame.place(*at)
-    light = press[:, *at].astype(np.float64)
-    bounced = (film.albedo * thrown[:, *at]).astype(np.float64)
-    beneath = None
-    if frame.shape is not None:
-        beneath = Beneath(*frame.shape.at(u, v), bounced, frame.beneath(circle)[2])
-    rim, centre = float(circle[2] * frame.scale(circle)[0]), frame.centre(circle, radius, shift)
-    return contact_edge(u, v, light, bounced, centre, radius, rim, film, beneath)
+    edges, share = [], scene.resting.share(film.albedo)
+    # Whole frames: once a press, of which each may show dozens of balls.
+    on_plane = {i: press.light * share * masks[i] for i, press in thrown.items()}
+    for circle, radius, shift, i in zip(*balls, strict=True):
+        at = frame.around(circle, MAX_EDGE_RATIO * circle[2])
+        u, v = frame.place(*at)
+        light = on_plane[i][:, *at].astype(np.float64)
+        bounced = (film.albedo * thrown[i].bounced[:, *at]).astype(np.float64)
+        beneath = None
+        if frame.shape is not None:
+            beneath = Beneath(*frame.shape.at(u, v), bounced, frame.beneath(circle)[2])
+        rim, centre = float(circle[2] * frame.scale(circle)[0]), frame.centre(circle, radius, shift)
+        edges.append(contact_edge(u, v, light, bounced, centre, radius, rim, film, beneath))
+    return np.array(edges)
+
+
+def _inside(masks: list[U1], balls: _Placed, scene: _Scene) -> list[NDArray[np.intp]]:
+    """Rows and columns, 2 x N, of the pixels of each ball that are fitted."""
+    film, frame, *_ = scene
+    pixels, steepest = [], np.sin(np.arctan(MAX_SAMPLE_SLOPE))
+    for circle, radius, shift, i in zip(*balls, strict=True):
+        mm = frame.scale(circle)[0]
+        reach = min(FITTED_RADIUS_SHARE * circle[2], radius / mm * steepest)
+        at = frame.around(circle, reach)
+        away = np.hypot(*(at[::-1].T - circle[:2]).T) * mm
+        if frame.shape is not None:
+            u, v = frame.place(*at)
+            base, size = float(frame.beneath(circle)[2][0]), float(radius)
+            centre = frame.centre(circle, size, shift)
+            away = away_on(u, v, frame.shape.at(u, v)[3], base, centre, size, film.camera)
+        pixels.append(at[:, (away < reach * mm) & (masks[i][tuple(at)] > 0)])
+    return pixels
 
 
 def _rest_of(shape: RestShape, film: Film, cells: int, fine: bool, bounce: NodeCall) -> _AtRest:
@@ -373,7 +398,7 @@ def _rest_of(shape: RestShape, film: Film, cells: int, fine: bool, bounce: NodeC
     return _AtRest(direct, thrown / np.float32(film.albedo or 1))
 
 
-def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene) -> _Press:
+def _thrown_on(press: F4, balls: _Placed, scene: _Scene) -> _Press:
     """The light from film to film on a press with these balls."""
     film, (size, pixel, shape), sigma, fine, bounce, at_rest = scene
     nothing = np.zeros_like(press)
@@ -385,8 +410,8 @@ def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene
         """The light that a film of albedo 1, with the balls in it, reflects onto itself."""
         height = np.zeros(size) if shape is None else shape.height
         resting = at_rest(film.refraction, cells)
-        for each, r, shift in zip(circle, radius, shifts + np.array([0, 0, lift]), strict=True):
-            cx, cy, cz = scene.frame.centre(each, r, shift)
+        for circle, r, shift, _ in zip(*balls, strict=True):
+            cx, cy, cz = scene.frame.centre(circle, r, shift + np.array([0, 0, lift]))
             z = ball_height(u, v, (cx, cy, cz), r, film.camera)
             nearer = 1 - film.camera * z
             away = (u * nearer - cx) ** 2 + (v * nearer - cy) ** 2 + (z - cz) ** 2
@@ -397,13 +422,12 @@ def _thrown_on(press: F4, circle: F4 | F8, radius: F4, shifts: F8, scene: _Scene
         # Balls are not film at rest, although little light is reflected onto their tops.
         around = (resting.own + light) / resting.share(BOUNCED_ALBEDO)
         is_ball = apparent > (0 if shape is None else shape.apparent)
-        light_here = coarsen(np.where(is_ball, press, around))
-        drift = film_drift(light_here, sigma, degree=DRIFT_DEGREE)
+        drift = press_drift(np.where(is_ball, press, around), sigma)
         level = (drift_gain(drift, size) - 1) * on_plane
         whole, removed = light / np.float32(BOUNCED_ALBEDO), level / np.float32(BOUNCED_ALBEDO)
         return _Thrown(whole, whole - removed)
 
-    lift = LIFT_SHARE * float(radius.min())
+    lift = LIFT_SHARE * float(balls.radius.min())
     wider = film._replace(rim=film.rim + RIM_STEP_MM)
     # A coat changes the amount of light; its growth with a ball's height is taken from matt film.
     matt = film._replace(refraction=1.0)
@@ -426,7 +450,6 @@ def _levelled(press: F4, thrown: _Thrown, scene: _Scene) -> F4:
     """
     by, sigma, resting = np.float32(scene.film.albedo), scene.sigma, scene.resting
     direct = coarsen(by * (thrown.whole - resting.bounced) / resting.share(by))
-    cells = coarsen(press)
-    drift = film_drift(cells, sigma, bounced=direct, degree=DRIFT_DEGREE)
+    drift = press_drift(press, sigma, direct)
     removed = by * (thrown.whole - thrown.remaining) / resting.share(by)
     return np.asarray(press / drift_gain(drift, press.shape[1:]) - removed, np.float32)

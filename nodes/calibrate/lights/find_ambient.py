@@ -204,9 +204,7 @@ def _led_light(flat: F4, ambient: float) -> F4:
 def _emitted(lights: F4, shape: tuple[int, ...], pixel: float) -> F4:
     """Return what disks that face the film's middle emit towards it, over that to its middle."""
     x, y = np.meshgrid(*(places(count, np.float32(pixel)) for count in (shape[2], shape[1])))
-    planes = []
-    for led in lights:
-        to = [led[0] - x, led[1] - y, np.full_like(x, led[2])]
-        square = sum(part * part for part in to)
-        planes.append(sum(part * end for part, end in zip(to, led, strict=True)) / np.sqrt(square))
-    return np.stack(planes) / np.linalg.norm(lights, axis=1)[:, None, None]
+    leds = lights[:, :, None, None]
+    to = leds - np.stack([x, y, np.zeros_like(x)])
+    cosine = (to * leds).sum(axis=1) / np.sqrt(np.square(to).sum(axis=1))
+    return np.asarray(cosine / np.linalg.norm(leds, axis=1))
