@@ -22,7 +22,8 @@ from tactograph.graph import Port
 from tactograph.nodes import F4, F8, FALSE_ALARMS
 from tactograph.nodes.stored import Stored
 from tactograph.nodes.trust.checked_cells import MIN_LIGHT
-from tactograph.nodes.trust.film_motion import FilmMotion, change_of_rest
+from tactograph.nodes.trust.film_motion import FilmMotion, motion_size
+from tactograph.nodes.trust.image_shifts import ImageShifts, creep_and_shift
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
@@ -57,6 +58,11 @@ WRONG_BRIGHTNESS = Figure(
     "show one touch, held still, neither blurred nor averaged with others, that gamma and contrast "
     "are off, and that other light is kept out{rims})",
 )
+IMAGES_APART = Figure(
+    "rest",
+    "the images of the LEDs lie {apart:.1%} of their width apart, as if film or camera moved "
+    "between the flashes (hold still, wait until the film has settled, or flash faster)",
+)
 CHECK_FIGURES = {
     "curl": Figure(
         "curl",
@@ -90,6 +96,8 @@ CHECK_FIGURES = {
         "rest",
         "{moved}",
     ),
+    "creep": IMAGES_APART,
+    "shift": IMAGES_APART,
     "brighter": WRONG_BRIGHTNESS,
     "darker": WRONG_BRIGHTNESS,
     "shape": Figure(
@@ -136,7 +144,7 @@ REST_FIGURES = np.isin([*CHECK_FIGURES], ["level", "moved", "shape", "light_at_r
 SHADOW_FIGURE = [*CHECK_FIGURES].index("lit_shadows")
 """The place of a figure that few valid touches of soft film show; 0: it shows too few shadows."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
-CheckRanks = Annotated[F4, Port("3 16 100", "1", low=0, high=3)]
+CheckRanks = Annotated[F4, Port("3 18 100", "1", low=0, high=3)]
 """For each `Ranked`, ascending quantiles of the figures of valid touches, and in the last row of
 their smallest p-values.  Below 0: none were drawn."""
 StoredRanks = Annotated[
@@ -160,22 +168,25 @@ def figures_of(
     evidence: TouchEvidence,
     lines: LineChanges | None = None,
     motion: FilmMotion | None = None,
+    shifts: ImageShifts | None = None,
     residual: float = 0.0,
 ) -> F8:
     """Return the figures of a touch (T1 to T5, T7), in the order of `CHECK_FIGURES`.
 
-    `lines` (one-shot sensors), `motion` and `residual` are the results of `line_changes`,
-    `film_motion` and `matt_residual`, as far as they were computed.
+    `lines` (one-shot sensors), `motion`, `shifts` and `residual` are the results of `line_changes`,
+    `film_motion`, `image_shifts` and `matt_residual`, as far as they were computed.
     """
     found = evidence.read()
     change = evidence.level.astype(np.float64) - 1
     level = math.sqrt(float(np.square(change).mean()))
     rows = 0.0 if lines is None else _worst_line(lines)
-    moved = 0.0 if motion is None else change_of_rest(motion)
-    sure = found.curl, found.dirty, rows, found.dark, level, moved, found.brighter, -found.brighter
+    moved = 0.0 if motion is None else max(motion_size(motion), abs(motion.item(4)))
+    apart = (0.0, 0.0) if shifts is None else creep_and_shift(shifts)
+    sure = found.curl, found.dirty, rows, found.dark, level, moved, *apart
+    bright = found.brighter, -found.brighter
     deep = -found.lowest / max(found.highest, MIN_HEIGHT_MM)
     vague = found.shape, found.at_rest, found.dim, found.of_touch, deep, 1 - found.calm
-    return np.array([*sure, *vague, residual])
+    return np.array([*sure, *bright, *vague, residual])
 
 
 def _worst_line(lines: LineChanges) -> float:
@@ -195,10 +206,10 @@ def ranked(drawn: F8, own: F8 | None = None, others: F8 | None = None) -> F8:
 
     Parameters
     ----------
-    drawn : N x 15, the figures of touches drawn from the calibration
-    own : P x 15, the figures of its presses; P may be 0
+    drawn : N x 17, the figures of touches drawn from the calibration
+    own : P x 17, the figures of its presses; P may be 0
     others
-        M x 15, those of valid touches of another kind.  Light in shadow is ranked among all that
+        M x 17, those of valid touches of another kind.  Light in shadow is ranked among all that
         have shadows, since most soft touches show none.
     """
     levels = (np.arange(RANK_COUNT) + 0.5) / RANK_COUNT

@@ -1,7 +1,6 @@
 """Find how far the camera has moved since the flat frame, from the film at rest.
 
-Added light changes that film in a similar way, so it is found together with the motion.  Film that
-moves while the LEDs flash is found from all of the film.
+Added light changes that film in a similar way, so it is found together with the motion.
 """
 
 import math
@@ -10,28 +9,21 @@ from typing import Annotated
 import numpy as np
 
 from tactograph.graph import Port, node
-from tactograph.nodes import F4, CoarseLight, Height, Labels, LightPositions, PixelSize
+from tactograph.nodes import F4, CoarseLight
 from tactograph.nodes.trust.checked_cells import MIN_LIGHT
 from tactograph.nodes.trust.explained import added_share, explained
 from tactograph.nodes.trust.fall_off import FallOff
-from tactograph.nodes.trust.image_shifts import image_shifts
 from tactograph.nodes.trust.light_departure import MIN_ERROR
 
-FilmMotion = Annotated[F4, Port("6", "1")]
-"""Shift along x and y as a share of the image's width, zoom, turn in radians, light that was added,
-over that of the film, and how far the images lie apart, as a share of the width; 0: none."""
+FilmMotion = Annotated[F4, Port("5", "1")]
+"""Shift along x and y as a share of the image's width, zoom, turn in radians, and light that was
+added, over that of the film; 0: none."""
 
 
 def motion_size(motion: FilmMotion) -> float:
     """Return the displacement of film at the middle of a side, as a share of the image's width."""
     along, down, zoom, turn, *_ = motion.tolist()
     return math.hypot(along, down, zoom / 2, turn / 2)
-
-
-def change_of_rest(motion: FilmMotion) -> float:
-    """Return how far film was displaced, in all images or in one of them, or the share of light
-    that was added, if that is more."""
-    return max(motion_size(motion), abs(motion.item(4)), motion.item(5))
 
 
 def motion_in_words(motion: FilmMotion) -> str:
@@ -49,14 +41,8 @@ def motion_in_words(motion: FilmMotion) -> str:
 
 
 def change_in_words(motion: FilmMotion) -> str:
-    """Return a sentence about the film: how it lies, how it crept, and what light was added."""
-    moved, added, apart = motion_in_words(motion), motion.item(4), motion.item(5)
-    if apart > max(motion_size(motion), abs(added)):
-        return (
-            f"the images of the LEDs lie {apart:.1%} of their width apart, as if film or camera "
-            "moved between the flashes (hold still, wait until the film has settled, or flash "
-            "faster)"
-        )
+    """Return a sentence about the film: how it lies, and what light was added."""
+    moved, added = motion_in_words(motion), motion.item(4)
     sense, source = (
         ("brighter", "other light, or a higher black level")
         if added > 0
@@ -77,39 +63,22 @@ def change_in_words(motion: FilmMotion) -> str:
 
 
 @node
-def film_motion(
-    light: CoarseLight,
-    fall_off: FallOff,
-    flat: CoarseLight,
-    matt: CoarseLight | None = None,
-    used: Labels | None = None,
-    height: Height | None = None,
-    lights: LightPositions | None = None,
-    pixel: PixelSize | None = None,
-) -> FilmMotion:
+def film_motion(light: CoarseLight, fall_off: FallOff, flat: CoarseLight) -> FilmMotion:
     """Return the camera motion and the added light that explain the film's border at rest (T7).
 
     The motion is a shift, a zoom and a turn; the light is added everywhere (`added_share`).  Motion
     and light are 0 if they explain too little (`explained`).  Added light flattens the film's
-    fall-off, as a zoom does, so that one may be mistaken for the other.  Where LEDs flash one after
-    another, film may also move between the flashes (`image_shifts`).
+    fall-off, as a zoom does, so that one may be mistaken for the other.
 
     Parameters
     ----------
     light : K x h x w on cells, relative to the flat frame, before drift is removed
     fall_off : 4 x K x h x w, from the node `fall_off`
     flat : K x h x w, the film at rest on the same cells
-    matt, used, height, lights, pixel
-        The light as of a matt film, the LEDs used, the height in mm, the LEDs in mm, and mm per
-        cell; without them motions between flashes are not looked for.
     """
-    motion, ring = np.zeros(len(fall_off) + 2, np.float32), fall_off.any(axis=(0, 1))
+    motion, ring = np.zeros(len(fall_off) + 1, np.float32), fall_off.any(axis=(0, 1))
     if ring.any():
         border = light[:, ring]
         motion[:4] = explained(np.log(np.maximum(border, MIN_LIGHT)), fall_off[:, :, ring])
         motion[4] = added_share(border, flat[:, ring])
-    given = matt, used, height, lights, pixel
-    if all(each is not None for each in given):
-        shifts = image_shifts(*given)  # type: ignore[arg-type]
-        motion[5] = np.linalg.norm(shifts[:, None] - shifts, axis=2).max()
     return motion

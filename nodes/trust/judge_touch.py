@@ -10,7 +10,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import InputError, node, warn
-from tactograph.nodes import FALSE_ALARMS, CoarseLight, LightPositions, Metrics
+from tactograph.nodes import F4, FALSE_ALARMS, CoarseLight, LightPositions, Metrics
 from tactograph.nodes.trust.check_ranks import (
     CHECK_FIGURES,
     CheckRanks,
@@ -22,6 +22,7 @@ from tactograph.nodes.trust.check_ranks import (
 )
 from tactograph.nodes.trust.film_motion import FilmMotion, change_in_words
 from tactograph.nodes.trust.film_on_rims import RimShare
+from tactograph.nodes.trust.image_shifts import ImageShifts
 from tactograph.nodes.trust.likely_cause import likely_cause
 from tactograph.nodes.trust.line_changes import LineChanges
 from tactograph.nodes.trust.other_frame import other_colours
@@ -42,6 +43,7 @@ def judge_touch(
     rim_share: RimShare | None = None,
     lines: LineChanges | None = None,
     motion: FilmMotion | None = None,
+    shifts: ImageShifts | None = None,
     light: CoarseLight | None = None,
     flat: CoarseLight | None = None,
     lights: LightPositions | None = None,
@@ -63,7 +65,7 @@ def judge_touch(
     ranks : the figures of valid touches of this sensor, from the calibration
     rim_share : the share of `film_on_rims`
     lines : the result of `line_changes`, a part of the check of the light
-    motion : the result of `film_motion`
+    motion, shifts : the results of `film_motion` and `image_shifts`
     light, flat, lights
         The light relative to the film at rest, the film at rest, and the LEDs, to find out whether
         the images of a doubted touch are in another order, mirrored, and so on.  Without LEDs, as
@@ -94,7 +96,8 @@ def judge_touch(
     if quantiles is None or quantiles[-1, -1] < 0:
         warn(NOT_CHECKED)
     else:
-        p = p_values(figures_of(evidence, lines, motion), quantiles[:-1])
+        found = figures_of(evidence, lines, motion, shifts)
+        p = p_values(found, quantiles[:-1])
         shares = [of_all_checks(each, quantiles) for each in p.tolist()]
         checks = ["curl", *["light"] * at_light, *["rest"] * (not filled)]
         alone, causes = _by_check(shares, checks, false_alarms)
@@ -107,13 +110,14 @@ def judge_touch(
                     flat,
                     lights,
                     lambda residual: residual_share(quantiles, residual) >= false_alarms,
-                    has_moved=motion is not None and bool(motion.any()),
+                    has_moved=any(each is not None and each.any() for each in (motion, shifts)),
                     # Walls change the light, but neither the curl nor the film at rest.
                     has_walls=open_rims and [*causes] == ["light"],
                 )
             elif light is not None and flat is not None:
                 likely = other_colours(light * flat, flat)
-            doubt = likely or _sentence([*causes.values()], evidence, motion, open_rims)
+            facts = dict(zip(CHECK_FIGURES, found.tolist(), strict=True))
+            doubt = likely or _sentence(causes, facts, evidence.level, motion, open_rims)
             if len(causes) == len(alone) and not only_warn:
                 raise InputError(f"{doubt}: no height is computed; `only_warn`=true continues")
             warn(f"{doubt}; the height may be wrong")
@@ -143,21 +147,22 @@ def _by_check(
 
 
 def _sentence(
-    causes: list[str], evidence: TouchEvidence, motion: FilmMotion | None, open_rims: bool
+    causes: dict[str, str], facts: Metrics, level: F4, motion: FilmMotion | None, open_rims: bool
 ) -> str:
     """The causes in one sentence, filled in with the facts of this touch."""
-    brighter, change = evidence.read().brighter, evidence.level.astype(np.float64) - 1
+    brighter, change = facts["brighter"], level.astype(np.float64) - 1
     apart = change - change.mean()
     one = int(np.abs(change).argmax())
     together = np.abs(apart).max() < np.abs(change.mean())
     by = change.mean() if together else change[one]
-    facts = {
+    words = {
         "rims": "; walls and rims need the graph precise" if open_rims else "",
         "bright": "brighter" if brighter > 0 else "darker",
         "excess": abs(brighter),
         "led": "all LEDs are" if together else f"LED {one + 1} is",
         "sense": f"{'brighter' if by > 0 else 'darker'} by {abs(by):.0%}",
+        "apart": facts["creep"] + facts["shift"],
         "moved": "" if motion is None else change_in_words(motion),
     }
-    first, *others = (cause.format(**facts) for cause in causes)
+    first, *others = (cause.format(**facts | words) for cause in causes.values())
     return ". ".join([first, *(cause[0].upper() + cause[1:] for cause in others)])

@@ -74,7 +74,7 @@ def likely_cause(
     flat : K x h x w, the film at rest
     lights : K x 3, in mm
     fits : whether a residual is usual among valid touches (`matt_residual`)
-    has_moved : whether the camera has moved (`film_motion`)
+    has_moved : whether camera or film has moved (`film_motion`, `image_shifts`)
     has_walls : whether rims alone may explain the light
     """
     raw = light * flat

@@ -1,6 +1,5 @@
 """Apply the checks of a touch to valid touches of a sensor: its presses, and drawn touches."""
 
-import math
 import tempfile
 import warnings
 from collections.abc import Mapping
@@ -37,7 +36,7 @@ from tactograph.nodes.trust.touch_evidence import TouchEvidence
 LINE_PORTS = ("across_row", "along_row", "across_column")
 EVIDENCE_PORTS = {"level": "evidence.level", "figures": "evidence.figures", "motion": "moved"}
 RIM_PORTS = {"rims": "on_rims.share"}
-CAUSE_PORTS = {"light": "drifted_c", "cells": "flat_c", "leds": "cal.lights"}
+LED_PORTS = {"light": "drifted_c", "cells": "flat_c", "leds": "cal.lights", "shifts": "shifts"}
 ONE_SHOT_PORTS = {port: f"lines.{port}" for port in LINE_PORTS}
 
 
@@ -118,10 +117,10 @@ def _ranks_of_leds(
     """The ranks of each `Ranked`, of a sensor with one image per LED."""
     walls = params | {"count": max(params["count"] // 2, 1), "rigid": True}
     soft, rigid = (
-        _drawn("reconstruct", "drawn_touches", each, CAUSE_PORTS) for each in (params, walls)
+        _drawn("reconstruct", "drawn_touches", each, LED_PORTS) for each in (params, walls)
     )
     plain = _drawn(tables, "drawn_touches", params)
-    pressed, rims = _press_figures("reconstruct", presses, even, RIM_PORTS | CAUSE_PORTS)
+    pressed, rims = _press_figures("reconstruct", presses, even, RIM_PORTS | LED_PORTS)
     of_tables = _press_figures(tables, presses, even)[0]
     on_rims = rims > MAX_RIM_SHARE
     return [
@@ -145,7 +144,7 @@ def _without_walls(pressed: F8, on_rims: NDArray[np.bool_], drawn: F8) -> F8:
 def _press_figures(
     graph: str, presses: list[Light], calibration: Path, more: dict[str, str] | None = None
 ) -> tuple[F8, F8]:
-    """The figures of the calibration's presses, P x 15, and each one's share on rims."""
+    """The figures of the calibration's presses, P x 17, and each one's share on rims."""
     figures, rims = [], []
     if presses:
         params = {"calibration": str(calibration), "accept_contradictions": True}
@@ -162,7 +161,7 @@ def _press_figures(
 def _drawn(
     graph: str, overlay: str, params: dict[str, Any], more: dict[str, str] | None = None
 ) -> F8:
-    """The figures of drawn touches whose height the graph finds, N x 15.
+    """The figures of drawn touches whose height the graph finds, N x 17.
 
     A height is found if its error over the image's width is at most that of slopes with the error
     `MIN_ERROR`.  At least half of the touches count as found, since a graph may be no better.
@@ -186,7 +185,6 @@ def _figures(outputs: Mapping[str, Any]) -> F8:
     lines = LineChanges(*(outputs[n] for n in LINE_PORTS)) if LINE_PORTS[0] in outputs else None
     residual = 0.0
     if "leds" in outputs:
-        # Infinite without a touch.
         residual = matt_residual(outputs["light"], outputs["cells"], outputs["leds"])
-        residual = residual if math.isfinite(residual) else 0.0
-    return figures_of(evidence, lines, outputs["motion"], residual)
+        residual = np.nan_to_num(residual, posinf=0.0)  # infinite without a touch
+    return figures_of(evidence, lines, outputs["motion"], outputs.get("shifts"), residual)

@@ -4,13 +4,15 @@ import cv2
 import numpy as np
 import pytest
 
+from tactograph.graph.errors import collect_warnings
 from tactograph.nodes import F4
 from tactograph.nodes.optics.near_light import matt_film_light
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.slope.height_slopes import height_slopes
-from tactograph.nodes.trust.fall_off import fall_off
-from tactograph.nodes.trust.film_motion import change_in_words, change_of_rest, film_motion
-from tactograph.nodes.trust.image_shifts import image_shifts
+from tactograph.nodes.trust.image_shifts import creep_and_shift, image_shifts
+from tactograph.nodes.trust.judge_touch import judge_touch
+from tactograph.nodes.trust.touch_evidence import touch_evidence
+from tests.nodes.trust.law import ranks
 
 ROWS, COLUMNS, PIXEL = 60, 80, 0.25
 Y, X = np.mgrid[:ROWS, :COLUMNS].astype(np.float32)
@@ -62,10 +64,19 @@ def test_three_lights_and_film_in_shadow_tell_nothing() -> None:
     assert not image_shifts(light, np.full((ROWS, COLUMNS), 7, np.uint8), HEIGHT, lights, 1).any()
 
 
-def test_the_shift_is_a_motion_and_told_in_words() -> None:
-    lights, flat = light_ring(distance_mm=40.0), np.full((4, ROWS, COLUMNS), 0.5, np.float32)
-    light, used = seen(lights, CREEP), np.full((ROWS, COLUMNS), 15, np.uint8)
-    motion = film_motion(light, fall_off(flat), flat, light, used, HEIGHT, lights, PIXEL)
-    assert change_of_rest(motion) == pytest.approx(np.hypot(0.9, 0.6) / COLUMNS, rel=0.15)
-    assert "the LEDs lie 1" in change_in_words(motion)
-    assert film_motion(light, fall_off(flat), flat)[5] == 0
+def test_a_shift_is_told_in_words_where_no_valid_touch_has_one() -> None:
+    """It had the rank of the camera's motion, which drifting LEDs may look like."""
+    lights = light_ring(distance_mm=40.0)
+    still, level = np.ones((4, ROWS, COLUMNS), np.float32), np.zeros((ROWS, COLUMNS), np.float32)
+    evidence = touch_evidence(level, still, level, departure=level, slope=np.stack([level, level]))
+    told = ["the images of the LEDs lie"]
+    for shifts, words in (CREEP, told), (ONE_OFF, told), (STILL, []):
+        shown, true = found(lights, seen(lights, shifts)), np.hypot(*np.ptp(shifts, axis=0))
+        measured = creep_and_shift(shown)
+        assert sum(measured) == pytest.approx(true / COLUMNS, rel=0.15)
+        assert measured[shifts is not ONE_OFF] == 0, "creep has a rank of its own"
+        with collect_warnings([]) as notes:
+            verdict = judge_touch(evidence, ranks(), shifts=shown)
+        assert [note[: len(words[0])] for note in notes] == words
+        assert (verdict["check_rest"] < 0.01) == bool(words)
+        assert verdict["check_light"] > 0.3

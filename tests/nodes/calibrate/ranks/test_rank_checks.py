@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tactograph.graph import InputError
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.calibrate.ranks.drawn import OBJECT_FORMS, Doubts
 from tactograph.nodes.calibrate.ranks.rank_checks import _without_walls, rank_checks
@@ -45,10 +46,13 @@ def test_the_open_errors_of_a_calibration_are_drawn_at_random() -> None:
 def test_ranks_are_added_to_a_file_and_nothing_else_changes(
     calibration: Calibration, tmp_path: Path
 ) -> None:
-    """The same seed gives the same ranks."""
+    """The same seed gives the same ranks; a file from before a figure was added gets its rank."""
     file = tmp_path / "cal.npz"
     shutil.copy(calibration("far28"), file)
     before = read_calibration(file=file)
+    np.savez(file, **dict(np.load(file)) | {"ranks": before.ranks[:, 1:]})
+    with pytest.raises(InputError, match="not as this version writes it: 'ranks' has shape"):
+        read_calibration(file=file)
     rank_checks(file=file, count=24, seed=5)
     after = read_calibration(file=file)
     assert np.array_equal(before.flat, after.flat)
