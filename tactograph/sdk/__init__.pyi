@@ -100,7 +100,6 @@ from tactograph.nodes.calibrate.rating.verdict import (
 )
 from tactograph.nodes.capture.listed_capture import (
     ListedCapture as ListedCapture,
-    MarkedBall as MarkedBall,
 )
 from tactograph.nodes.capture.read_balls import (
     StatedCircles as StatedCircles,

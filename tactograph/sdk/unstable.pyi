@@ -60,9 +60,6 @@ from tactograph.nodes.calibrate.ranks.drawn import (
     LED_DRIFT as LED_DRIFT,
     Doubts as Doubts,
 )
-from tactograph.nodes.calibrate.rating.advise_press import (
-    FILM_REGIONS as FILM_REGIONS,
-)
 from tactograph.nodes.calibrate.rating.pressed_ball import (
     PressedBall as PressedBall,
 )
