@@ -164,7 +164,6 @@ from tactograph.nodes.stored import (
 )
 from tactograph.nodes.stream.touch import (
     Arrows as Arrows,
-    ArrowsInImage as ArrowsInImage,
     Axes as Axes,
     ColourMap as ColourMap,
     Layer as Layer,
@@ -174,4 +173,7 @@ from tactograph.nodes.stream.touch import (
     Placed as Placed,
     Regions as Regions,
     Touch as Touch,
+)
+from tactograph.nodes.trust.check_ranks import (
+    CheckRanks as CheckRanks,
 )

@@ -87,9 +87,6 @@ from tactograph.nodes.optics.cache_blocks import (
 from tactograph.nodes.optics.near_light import (
     matt_film_light as matt_film_light,
 )
-from tactograph.nodes.trust.check_ranks import (
-    StoredRanks as StoredRanks,
-)
 from tactograph.nodes.trust.light_departure import (
     LightDeparture as LightDeparture,
 )
