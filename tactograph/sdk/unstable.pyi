@@ -58,7 +58,6 @@ from tactograph.nodes.calibrate.lights.light_samples import (
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
     LED_DRIFT as LED_DRIFT,
-    Doubts as Doubts,
 )
 from tactograph.nodes.calibrate.rating.pressed_ball import (
     PressedBall as PressedBall,
