@@ -9,16 +9,6 @@ from typing import NamedTuple
 from tactograph.graph.rings import brought
 
 
-class MarkedBall(NamedTuple):
-    """A ball that was marked by hand: its place in the grid, its centre and radius in px."""
-
-    column: int
-    row: int
-    x: float
-    y: float
-    radius: float
-
-
 class ListedCapture(NamedTuple):
     """What the file of a capture states."""
 
@@ -26,7 +16,8 @@ class ListedCapture(NamedTuple):
     """In the order of the LEDs."""
     pixel_size: float = 0.0
     """mm per px; 0 where it is unknown."""
-    balls: tuple[MarkedBall, ...] = ()
+    balls: tuple[tuple[float, float, float], ...] = ()
+    """x, y and radius in px of balls that were marked by hand."""
     ball_radius: float = 0.0
     """mm; 0 where it is unknown."""
 

@@ -101,9 +101,9 @@ def read_balls(
             _compare_marks(folder / name, scan)
     x0, y0 = layout.crop[:2] if layout.crop else (0, 0)
     marks = [
-        (mark.x - x0, mark.y - y0, number)
+        (x - x0, y - y0, number)
         for number, scan in enumerate(scans)
-        for mark in (scan.balls if scan else ())
+        for x, y, _ in (scan.balls if scan else ())
     ]
     circles = [about.circle(center_px, contact_px) for about in files]
     return BallPresses(
@@ -145,7 +145,7 @@ def _radius(press: Path, about: CaptureFile, usual: float | None) -> float:
 
 def _compare_marks(press: Path, scan: ListedCapture) -> None:
     """Warn where a scan's marks are not as large as its balls."""
-    marked = float(np.median([mark.radius for mark in scan.balls])) if scan.balls else 0.0
+    marked = float(np.median([radius for *_, radius in scan.balls])) if scan.balls else 0.0
     of_ball = scan.ball_radius / scan.pixel_size if scan.pixel_size else 0.0
     if marked and of_ball and abs(marked / of_ball - 1) > MAX_MARK_DIFFERENCE:
         warn(

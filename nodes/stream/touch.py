@@ -123,17 +123,19 @@ class Regions:
         return label_colour(1 << (number - 1) % len(BIT_COLOURS))
 
 
-class ArrowsInImage(NamedTuple):
-    """M arrows: start and shift, M x 2 in px, and whether each is seen (1) or predicted (0)."""
+@dataclass(frozen=True)
+class Arrows:
+    """Arrows over the camera's image.
 
-    begin: F4
-    way: F4
-    visible: U1
+    `of` returns start and shift, M x 2 in px, and whether each is seen (1) or predicted (0).
+    """
 
-    def draw(self, picture: NDArray[np.uint8], scale: float) -> None:
-        """Draw them into a picture H x W x 3 of 8 bit, red first, `scale` times the image."""
+    of: Callable[[Any], tuple[F4, F4, U1]]
+
+    def draw(self, value: Any, picture: NDArray[np.uint8], scale: float) -> None:
+        """Draw a layer into a picture H x W x 3 of 8 bit, red first, `scale` times the image."""
         unit = scale * (1 << SUBPIXEL_BITS)
-        for begin, by, visible in zip(*self, strict=True):
+        for begin, by, visible in zip(*self.of(value), strict=True):
             start, end = (
                 (int(x), int(y))
                 for x, y in np.round(
@@ -143,13 +145,6 @@ class ArrowsInImage(NamedTuple):
             colour = VISIBLE_RGB if visible else PREDICTED_RGB
             cv2.circle(picture, start, 1 << SUBPIXEL_BITS, colour, -1, cv2.LINE_AA, SUBPIXEL_BITS)
             cv2.arrowedLine(picture, start, end, colour, 1, cv2.LINE_AA, SUBPIXEL_BITS, 0.3)
-
-
-@dataclass(frozen=True)
-class Arrows:
-    """Arrows over the camera's image."""
-
-    of: Callable[[Any], ArrowsInImage]
 
 
 @dataclass(frozen=True)

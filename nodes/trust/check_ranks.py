@@ -144,15 +144,14 @@ REST_FIGURES = np.isin([*CHECK_FIGURES], ["level", "moved", "shape", "light_at_r
 SHADOW_FIGURE = [*CHECK_FIGURES].index("lit_shadows")
 """The place of a figure that few valid touches of soft film show; 0: it shows too few shadows."""
 FIGURE_ERRORS = np.array([figure.resolution for figure in CHECK_FIGURES.values()])
-CheckRanks = Annotated[F4, Port("3 18 100", "1", low=0, high=3)]
-"""For each `Ranked`, ascending quantiles of the figures of valid touches, and in the last row of
-their smallest p-values.  Below 0: none were drawn."""
-StoredRanks = Annotated[
-    CheckRanks,
+CheckRanks = Annotated[
+    F4,
+    Port("3 18 100", "1", low=0, high=3),
     Stored(-1, 1e6, plain=-1.0),
     "quantiles of the figures of valid touches, which a touch is compared with; -1: not known",
 ]
-"""The ranks that a calibration's file keeps."""
+"""For each `Ranked` ascending quantiles of the figures, and in the last row of the smallest
+p-values."""
 
 
 class Ranked(IntEnum):

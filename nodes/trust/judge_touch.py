@@ -62,7 +62,7 @@ def judge_touch(
     Parameters
     ----------
     evidence : the figures of `touch_evidence`
-    ranks : the figures of valid touches of this sensor, from the calibration
+    ranks : of this sensor, from the calibration
     rim_share : the share of `film_on_rims`
     lines : the result of `line_changes`, a part of the check of the light
     motion, shifts : the results of `film_motion` and `image_shifts`

@@ -101,7 +101,6 @@ from tactograph.nodes.calibrate.rating.verdict import (
 )
 from tactograph.nodes.capture.listed_capture import (
     ListedCapture as ListedCapture,
-    MarkedBall as MarkedBall,
 )
 from tactograph.nodes.capture.read_balls import (
     StatedCircles as StatedCircles,
@@ -166,7 +165,6 @@ from tactograph.nodes.stored import (
 )
 from tactograph.nodes.stream.touch import (
     Arrows as Arrows,
-    ArrowsInImage as ArrowsInImage,
     Axes as Axes,
     ColourMap as ColourMap,
     Layer as Layer,
@@ -176,4 +174,7 @@ from tactograph.nodes.stream.touch import (
     Placed as Placed,
     Regions as Regions,
     Touch as Touch,
+)
+from tactograph.nodes.trust.check_ranks import (
+    CheckRanks as CheckRanks,
 )

@@ -29,10 +29,6 @@ from tactograph.nodes.calibrate.lights.light_samples import (
 )
 from tactograph.nodes.calibrate.ranks.drawn import (
     LED_DRIFT as LED_DRIFT,
-    Doubts as Doubts,
-)
-from tactograph.nodes.calibrate.rating.advise_press import (
-    FILM_REGIONS as FILM_REGIONS,
 )
 from tactograph.nodes.calibrate.rating.pressed_ball import (
     PressedBall as PressedBall,
@@ -42,9 +38,6 @@ from tactograph.nodes.light.light_noise import (
 )
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
-)
-from tactograph.nodes.trust.check_ranks import (
-    StoredRanks as StoredRanks,
 )
 from tactograph.nodes.trust.light_departure import (
     LightDeparture as LightDeparture,

@@ -38,7 +38,7 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.files.calibration_file import FileKind
 from tactograph.nodes.stored import Stored
-from tactograph.nodes.trust.check_ranks import StoredRanks
+from tactograph.nodes.trust.check_ranks import CheckRanks
 
 MIN_LED_HEIGHT_MM = 1e-3
 """Smallest height of an LED."""
@@ -118,7 +118,7 @@ class Calibration(NamedTuple):
         Stored(0, 1e3, plain=0.0),
         "relative error of the heights' scale; 0: the light confirmed the radius",
     ] = 0.0
-    ranks: StoredRanks | None = None
+    ranks: CheckRanks | None = None
 
 
 def _check_sensor(arrays: Mapping[str, NDArray[Any]]) -> None:

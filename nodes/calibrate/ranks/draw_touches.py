@@ -14,13 +14,16 @@ from annotated_types import Interval
 
 from tactograph.graph import node
 from tactograph.nodes import Film, Height, Light, Slope
-from tactograph.nodes.calibrate.file.read_calibration import read_calibration
-from tactograph.nodes.calibrate.ranks.drawn import Doubts
+from tactograph.nodes.calibrate.ranks.drawn import Doubts, Random
+from tactograph.nodes.files.calibration_file import FileKind
 from tactograph.nodes.light.film_bounce import MAX_ALBEDO
 
 
 class DrawnTouch(NamedTuple):
-    """A touch as the camera sees it, the film at rest, and the film as it might be."""
+    """A touch as the camera sees it, the film at rest, and the film as it might be.
+
+    Of a sensor without a model of its film, the film says nothing.
+    """
 
     height: Height
     slope: Slope
@@ -40,19 +43,28 @@ def draw_touches(
 
     Parameters
     ----------
-    calibration : the ``.npz`` of the sensor
+    calibration : the ``.npz`` of the sensor, of any kind with a film at rest and a misfit
     count : number of touches
     seed : the same seed gives the same touches
     rigid : whether no film covers the objects, so that they have walls
     """
-    sensor, rng = read_calibration(file=calibration), np.random.default_rng(seed)
-    film, (level, width, light, bounce, _tilt) = sensor.film, sensor.misfit.tolist()
-    doubts = Doubts(level, width, light, film.uneven, film.contact)
+    sensor, rng = FileKind.read_sensor(calibration), np.random.default_rng(seed)
+    level, width, light, bounce, _tilt = sensor.misfit.tolist()
+    film: Film | None = getattr(sensor, "film", None)
+    doubts, possible = Doubts(light), Film.matt(np.ones((len(sensor.flat), 3), np.float32))
+    if film is not None:
+        doubts = Doubts(light, level, width, film.uneven, film.contact)
     for number in range(count):
-        # The mean square of the alternatives' deviations is the variance (`LedPlaces.sampled`).
-        chance = rng.normal(size=len(film.other_lights)) / np.sqrt(len(film.other_lights))
-        moved = film.lights + np.tensordot(chance, film.other_lights - film.lights, axes=1)
-        albedo = float(np.clip(film.albedo * (1 + bounce * rng.normal()), 0, MAX_ALBEDO))
-        possible = film._replace(lights=np.asarray(moved, np.float32), albedo=albedo)
+        if film is not None:
+            possible = _possible(film, bounce, rng)
         touch = doubts.touch(rng, number, sensor.flat, float(sensor.pixel_size), rigid)
         yield DrawnTouch(*touch, possible)
+
+
+def _possible(film: Film, bounce: float, rng: Random) -> Film:
+    """The film with LEDs and light from film to film as its calibration allows them."""
+    # The mean square of the alternatives' deviations is the variance (`LedPlaces.sampled`).
+    chance = rng.normal(size=len(film.other_lights)) / np.sqrt(len(film.other_lights))
+    moved = film.lights + np.tensordot(chance, film.other_lights - film.lights, axes=1)
+    albedo = float(np.clip(film.albedo * (1 + bounce * rng.normal()), 0, MAX_ALBEDO))
+    return film._replace(lights=np.asarray(moved, np.float32), albedo=albedo)

@@ -17,6 +17,9 @@ FLANK_SLOPES = FULL_MISFIT_SLOPE.item(), 3.0
 steepest walls that a soft film covers."""
 REACH_SHARES, FOLD_SHARES = (0.15, 0.4), (0.3, 1.0)
 """Half an object's width over the image's shorter side, and half a fold's width over that."""
+WIDTH_SHARES = (0.01, 0.3)
+"""Range of the width, over the image's, over which errors are alike where none is stated,
+log-uniform."""
 SKIRT_SHARE = 0.1
 """Width over which film leaves an object, relative to half the object's width."""
 Random = np.random.Generator
@@ -43,13 +46,13 @@ class Drawn(NamedTuple):
 
 
 class Doubts(NamedTuple):
-    """The uncertainty of a calibration, from its `Misfit` and `Film`."""
+    """The uncertainty of a calibration, from its `Misfit` and `Film`, or from that of its light."""
 
-    level: float
-    width_mm: float
     light: float
-    uneven: float
-    contact_mm: float
+    level: float = 0.0
+    width_mm: float | None = None
+    uneven: float = 0.0
+    contact_mm: float = 0.05
 
     def touch(
         self, rng: Random, number: int, flat: Light, pixel: float, rigid: bool = False
@@ -59,8 +62,11 @@ class Doubts(NamedTuple):
         `rigid` objects have walls, which no film covers.
         """
         count, *size = flat.shape
+        width = self.width_mm
+        if width is None:
+            width = pixel * size[1] * math.exp(rng.uniform(*np.log(WIDTH_SHARES)))
+        width /= pixel
         height = _surface(rng, size, pixel, OBJECT_FORMS[number % len(OBJECT_FORMS)], rigid)
-        width = self.width_mm / pixel
         slope = _leaning(
             height_slopes(height, pixel).slope, self.level * _field(rng, 2, size, width)
         )

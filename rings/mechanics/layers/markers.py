@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
 from tactograph.rings.mechanics.nodes.marker.find_markers import Markers
-from tactograph.sdk import F4, U1, Arrows, ArrowsInImage, LayerKind, Port, Touch
+from tactograph.sdk import F4, U1, Arrows, LayerKind, Port, Touch
 
 Shifts = Annotated[F4, Port("M 2", "px")]
 """The shift of each marker, x and y."""
@@ -37,8 +37,6 @@ def _points(touch: Touch, tracks: MarkerTracks) -> Mapping[str, Any]:
     }
 
 
-def _arrows(tracks: MarkerTracks) -> ArrowsInImage:
-    return ArrowsInImage(tracks.markers[:, :2], tracks.shift, tracks.visible)
-
-
-KIND = LayerKind(MarkerTracks, Arrows(_arrows), topics={"markers": _points})
+MARKER_ARROWS = Arrows(lambda tracks: (tracks.markers[:, :2], tracks.shift, tracks.visible))
+"""From each marker's place on the untouched film."""
+KIND = LayerKind(MarkerTracks, MARKER_ARROWS, topics={"markers": _points})

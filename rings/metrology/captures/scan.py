@@ -15,4 +15,5 @@ def read(folder: Path) -> ListedCapture:
         As `read_scan`.
     """
     scan = read_scan(folder)
-    return ListedCapture(scan.images, scan.pixel_size, scan.balls, scan.ball_radius)
+    circles = tuple((ball.x, ball.y, ball.radius) for ball in scan.balls)
+    return ListedCapture(scan.images, scan.pixel_size, circles, scan.ball_radius)

@@ -87,7 +87,7 @@ def draw_touch(
     for each in layers:
         if isinstance(each.kind.drawn, Arrows):
             first = np.ascontiguousarray(first)
-            each.kind.drawn.of(each.value).draw(first, small / columns)
+            each.kind.drawn.draw(each.value, first, small / columns)
     layer = _chosen(layers, chosen)
     beneath, title = _drawn(layer, mean, lights)
     upper, lower = GAP_PX + TITLE_PX, GAP_PX + 2 * TITLE_PX + half + GAP_PX

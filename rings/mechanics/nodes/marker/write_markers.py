@@ -5,7 +5,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tactograph.sdk import ArrowsInImage, InputError, Touch, atomic_files, node, write_image
+from tactograph.rings.mechanics.layers.markers import MARKER_ARROWS
+from tactograph.sdk import InputError, Touch, atomic_files, node, write_image
 
 MARKER_COLUMNS = "x_px,y_px,dx_px,dy_px,x_mm,y_mm,dx_mm,dy_mm,visible"
 MIN_WIDTH_PX = 640
@@ -34,7 +35,8 @@ def write_markers(touch: Touch, *, folder: Path) -> None:
     """
     if "markers" not in touch.layers:
         raise InputError("write_markers: the touch has no markers; give join_touch its 'markers'")
-    (markers, shift, visible), image, pixel = touch.layers["markers"], touch.image, touch.pixel
+    tracks, image, pixel = touch.layers["markers"], touch.image, touch.pixel
+    markers, shift, visible = tracks
     rows, columns = image.shape[1:]
     place = markers[:, :2]
     away = (place - np.array([(columns - 1) / 2, (rows - 1) / 2], np.float32)) * pixel
@@ -43,7 +45,7 @@ def write_markers(touch: Touch, *, folder: Path) -> None:
     grey = (255 * image.mean(axis=0).clip(0, 1)).astype(np.uint8)
     large = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
     picture = np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2RGB), np.uint8)
-    ArrowsInImage(place, shift, visible).draw(picture, scale)
+    MARKER_ARROWS.draw(tracks, picture, scale)
     with atomic_files(folder / touch.name if touch.name else folder) as target:
         formats = ["%.3f"] * 4 + ["%.4f"] * 4 + ["%d"]
         np.savetxt(target / "markers.csv", table, formats, ",", header=MARKER_COLUMNS, comments="")

@@ -13,12 +13,22 @@ from typing import Annotated, Any, NamedTuple, TypeVar
 from annotated_types import Interval, Len
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
-from tactograph.sdk import Document, InputError, MarkedBall, PixelSize
+from tactograph.sdk import Document, InputError, PixelSize
 
 SCAN_FILE = "scan.yaml"
 MAX_BYTES = 1_000_000
 BallRadius = Annotated[float, Interval(ge=0, lt=1e3)]
 _DOUBLE_COLON = re.compile(r"^(\s*[A-Za-z_]\w*\s*:)\s+:\s*", re.MULTILINE)
+
+
+class MarkedBall(NamedTuple):
+    """A ball that was marked by hand: its place in the grid, its centre and radius in px."""
+
+    column: int
+    row: int
+    x: float
+    y: float
+    radius: float
 
 
 class Scan(NamedTuple):

@@ -6,14 +6,18 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.rings.export.formats import tmd
-from tactograph.rings.metrology.nodes.scan.scan_file import SCAN_FILE, is_scan, read_scan
+from tactograph.rings.metrology.nodes.scan.scan_file import (
+    SCAN_FILE,
+    MarkedBall,
+    is_scan,
+    read_scan,
+)
 from tactograph.sdk import (
     CaptureFile,
     Crop,
     Height,
     InputError,
     Light,
-    MarkedBall,
     PixelSize,
     atomic_files,
     node,

@@ -8,8 +8,18 @@ from pydantic import AfterValidator
 from tactograph.rings.oneshot.nodes.map.raise_walls import WallGain
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import MattDeviation
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.sdk import Dark, FileKind, Lens, Light, Mask, Metrics, Misfit, PixelSize, Stored
-from tactograph.sdk.unstable import StoredRanks
+from tactograph.sdk import (
+    CheckRanks,
+    Dark,
+    FileKind,
+    Lens,
+    Light,
+    Mask,
+    Metrics,
+    Misfit,
+    PixelSize,
+    Stored,
+)
 
 
 class PressCalibration(NamedTuple):
@@ -39,7 +49,7 @@ class PressCalibration(NamedTuple):
         "k1 k2 cx cy a b gx gy: how the camera departs from an even grid",
     ]
     serial: Annotated[str, "the camera's serial number, if it has one"] | None = None
-    ranks: StoredRanks | None = None
+    ranks: CheckRanks | None = None
     walls: WallGain = 0.0
     matt: MattDeviation = 0.0
 

@@ -14,7 +14,7 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     refine_center,
 )
 from tactograph.sdk import F4, U1, FoundBalls, Judged, Light, Metrics, PixelSize, Port, node, warn
-from tactograph.sdk.unstable import FILM_REGIONS, PressedBall
+from tactograph.sdk.unstable import PressedBall
 
 COVERAGE_CELLS = (4, 6)
 """Rows and columns of cells into which the film is divided to measure coverage."""
@@ -139,8 +139,7 @@ def advise(pressed: F4, shape: tuple[int, int], steepest: float) -> str:
     if (pressed > 0).mean() < MIN_COVERED_SHARE:
         row, column = np.unravel_index(int(pressed.argmin()), pressed.shape)
         x, y = (column + 0.5) * width / columns, (row + 0.5) * height / rows
-        region = FILM_REGIONS[int(3 * y / height)][int(3 * x / width)]
-        return f"press {region}, around {x:.0f},{y:.0f} px: no contact reaches there"
+        return f"press around {x:.0f},{y:.0f} px: no contact reaches there"
     if steepest < MIN_RIM_SLOPE:
         return f"press deeper: half of the contacts end at a slope of {steepest:.2f}"
     return "the presses cover the film; nothing more is needed"

@@ -27,7 +27,7 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
 )
 from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
 from tactograph.sdk import F8, Light, Metrics, Odds, PixelSize, node
-from tactograph.sdk.unstable import Balls, PressedBall
+from tactograph.sdk.unstable import PressedBall
 
 MAX_PRESS_PIXELS = 1500
 """Most pixels of a press that are fitted."""
@@ -107,8 +107,9 @@ def _held_out(
 ) -> tuple[F8, list[float], float]:
     """The map fitted to all quarters, each held-out error in degrees, and their mean in um."""
     y, x = np.indices(bench.shape)
-    # The fold that holds out each pixel of each press, P x H x W.
-    number = np.stack([Balls.quarter(x - c[0], y - c[1]) for c in circles])
+    # The quarter of its ball that holds out each pixel of each press, P x H x W.
+    right, low = ([at > c[axis] for c in circles] for axis, at in enumerate((x, y)))
+    number = np.where(low, np.logical_not(right), 2 + np.asarray(right))
     whole, _ = _fit(bench, old, circles, parts, number >= 0)
     degrees, microns = [], []
     for fold in np.unique(number):

@@ -13,7 +13,7 @@ from tactograph.nodes.calibrate.ranks.rank_checks import _without_walls, rank_ch
 from tactograph.nodes.trust.check_ranks import CHECK_FIGURES, RANK_COUNT, REST_FIGURES, Ranked
 from tests.fixtures import Calibration
 
-EXACT = Doubts(level=0.0, width_mm=1.0, light=0.0, uneven=0.0, contact_mm=0.05)
+EXACT = Doubts(light=0.0, width_mm=1.0)
 FLAT, PIXEL = np.ones((4, 60, 80), np.float32), 0.1
 
 
