@@ -167,12 +167,6 @@ class Alternatives(NamedTuple):
         errors = (self.by_name[name].distance / ruler_mm - 1) / RULER_ERROR
         return errors**2 / 2 > math.log(SURE_ODDS)
 
-    @property
-    def departure(self) -> float:
-        """What is left with the values given, by the plain film or, if tried, one with a coat."""
-        named = (self.by_name.get(name) for name in (AS_STATED, WITH_COAT))
-        return min(each.departure for each in named if each is not None)
-
     def doubts(self, radius: float, misfit: float = math.inf) -> tuple[list[str], bool]:
         """Return at most one doubt of what was given, and whether the light contradicts it.
 
@@ -407,7 +401,7 @@ def _of_plain_films(evidence: FilmEvidence) -> JudgedRadius:
     fits = Alternatives.of(evidence._replace(first_lights=lights), balls, None, coated=True)
     radius, stated, scale = float(evidence.radius[0]), fits.stated, fits.scale_error()
     # What a coat explains better is no evidence of another radius or of a gamma.
-    doubts, _ = fits.doubts(radius, fits.departure)
+    doubts, _ = fits.doubts(radius, min(stated.departure, fits.by_name[WITH_COAT].departure))
     quality = {"diffuse_percent": 100 * stated.diffuse, "scale_error_percent": 100 * scale}
     noise = evidence.noise[1] / np.median(balls.reference_light) ** 2
     if stated.departure**2 <= chdtri(fits.values, FALSE_ALARMS) / fits.values * noise:
