@@ -100,11 +100,6 @@ class Balls:
         """Light that residuals are relative to: that of the samples, or more."""
         return np.maximum(self.light, MIN_WEIGHT_LIGHT)
 
-    @staticmethod
-    def quarter(x: F8, y: F8) -> NDArray[np.intp]:
-        """Return the quarter of a ball in which places from its middle lie, from 0."""
-        return np.floor(np.arctan2(y, x) / (2 * np.pi) % 1 * FOLD_COUNT).astype(int)
-
     def folds(self, some: "Balls | None" = None) -> list[NDArray[np.bool_]]:
         """Return which samples, or which of `some` of the same balls, are held out in turn."""
         numbers, held_by = np.unique(self.held_by % FOLD_COUNT), (some or self).held_by

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from tactograph.graph import NodeCall, Port
 from tactograph.nodes import F4, F8, U1, Film, Light, LightPositions, Noise, PixelSize
 from tactograph.nodes.calibrate import (
+    FOLD_COUNT,
     MAX_LED_WIDTHS,
     MAX_SAMPLE_SLOPE,
     SHIFT_DEVIATION_PX,
@@ -301,7 +302,7 @@ class FilmEvidence(NamedTuple):
             bounced=bounced - moved[ball, 2] * by_lift - film.rim * by_rim,
             by_lift=by_lift,
             by_rim=by_rim,
-            sector=Balls.quarter(x, y),
+            sector=np.floor(np.arctan2(y, x) / (2 * np.pi) % 1 * FOLD_COUNT).astype(int),
             shift_mm=SHIFT_DEVIATION_PX * pixel,
             width_mm=pixel * frame.size[1],
         )

@@ -167,22 +167,13 @@ class Alternatives(NamedTuple):
         errors = (self.by_name[name].distance / ruler_mm - 1) / RULER_ERROR
         return errors**2 / 2 > math.log(SURE_ODDS)
 
-    @property
-    def departure(self) -> float:
-        """What is left with the values given, by the plain film or, if tried, one with a coat."""
-        named = (self.by_name.get(name) for name in (AS_STATED, WITH_COAT))
-        return min(each.departure for each in named if each is not None)
-
-    def doubts(
-        self, radius: float, misfit: float = math.inf, which: str = ""
-    ) -> tuple[list[str], bool]:
+    def doubts(self, radius: float, misfit: float = math.inf) -> tuple[list[str], bool]:
         """Return at most one doubt of what was given, and whether the light contradicts it.
 
         Parameters
         ----------
         radius : the radius given, in mm
         misfit : what the film chosen for the values given leaves of the light
-        which : in brackets, where radius and pixel size are given
         """
         likely = [
             name
@@ -194,19 +185,19 @@ class Alternatives(NamedTuple):
         if likely:
             likely.sort(key=lambda name: self.by_name[name].departure)
             odds = min(self.odds(likely[0]), self.odds(likely[0], misfit))
-            return [self._contradiction(likely, radius, which)], odds > REFUSED_ODDS
+            return [self._contradiction(likely, radius)], odds > REFUSED_ODDS
         if misfit < math.inf and self.odds(AS_STATED, misfit) > REFUSED_ODDS:
             doubt = (
                 f"no model of the film explains balls and untouched film together: the best leaves "
                 f"{misfit:.1%} of the light unexplained, where a plain film leaves "
                 f"{self.stated.departure:.1%}. Check the order of the images, the focus, the "
-                f"ball's radius and the pixel size{which}; give the height of a near camera "
-                "(`film.camera`=MM), and a lens that distorts"
+                f"ball's radius and the pixel size{RADIUS_INPUTS}; give the height of a near "
+                "camera (`film.camera`=MM), and a lens that distorts"
             )
             return [doubt], False
         return [], False
 
-    def _contradiction(self, likely: list[str], radius: float, which: str) -> str:
+    def _contradiction(self, likely: list[str], radius: float) -> str:
         """What explains the light better than what was given, the likeliest first, and the cure."""
         size, power = self.by_name[OTHER_SIZE].size, self.by_name[OTHER_POWER].power
         camera = self.by_name.get(OTHER_CAMERA)
@@ -220,7 +211,7 @@ class Alternatives(NamedTuple):
                 f"one of {radius:.3g} mm",
                 f"is the radius given {wrong}, or the pixel size too "
                 f"{'small' if size < 1 else 'large'}, as by another zoom"
-                f"{near * (camera is not None)}? Measure radius and pixel size{which}",
+                f"{near * (camera is not None)}? Measure radius and pixel size{RADIUS_INPUTS}",
             ),
             OTHER_POWER: (
                 f"light that the camera raises to the power of {power:.3g}",
@@ -382,7 +373,7 @@ def judge_radius(
     mean = float(np.linalg.norm(film.lights, axis=1).mean())
     fits.by_name[AS_STATED] = fits.stated._replace(distance=mean)
     fits = fits._replace(ruler_mm=led_distance_mm)
-    doubts, is_clear = fits.doubts(first, percent, RADIUS_INPUTS)
+    doubts, is_clear = fits.doubts(first, percent)
     if is_clear and not (only_warn or of_pixels):
         raise InputError([*(other_doubts or []), *doubts][0] + ONLY_WARN_ADVICE)
     doubts += _of_distance(fits, first)
@@ -410,7 +401,7 @@ def _of_plain_films(evidence: FilmEvidence) -> JudgedRadius:
     fits = Alternatives.of(evidence._replace(first_lights=lights), balls, None, coated=True)
     radius, stated, scale = float(evidence.radius[0]), fits.stated, fits.scale_error()
     # What a coat explains better is no evidence of another radius or of a gamma.
-    doubts, _ = fits.doubts(radius, fits.departure, RADIUS_INPUTS)
+    doubts, _ = fits.doubts(radius, min(stated.departure, fits.by_name[WITH_COAT].departure))
     quality = {"diffuse_percent": 100 * stated.diffuse, "scale_error_percent": 100 * scale}
     noise = evidence.noise[1] / np.median(balls.reference_light) ** 2
     if stated.departure**2 <= chdtri(fits.values, FALSE_ALARMS) / fits.values * noise:

@@ -14,7 +14,7 @@ from annotated_types import Interval
 
 from tactograph.graph import node
 from tactograph.nodes import Film, Height, Light, Slope
-from tactograph.nodes.calibrate.ranks.drawn import Doubts, Random
+from tactograph.nodes.calibrate.ranks.drawn import Doubts
 from tactograph.nodes.files.calibration_file import FileKind
 from tactograph.nodes.light.film_bounce import MAX_ALBEDO
 
@@ -56,15 +56,10 @@ def draw_touches(
         doubts = Doubts(light, level, width, film.uneven, film.contact)
     for number in range(count):
         if film is not None:
-            possible = _possible(film, bounce, rng)
+            # The mean square of the alternatives' deviations is the variance (`LedPlaces.sampled`).
+            chance = rng.normal(size=len(film.other_lights)) / np.sqrt(len(film.other_lights))
+            moved = film.lights + np.tensordot(chance, film.other_lights - film.lights, axes=1)
+            albedo = float(np.clip(film.albedo * (1 + bounce * rng.normal()), 0, MAX_ALBEDO))
+            possible = film._replace(lights=np.asarray(moved, np.float32), albedo=albedo)
         touch = doubts.touch(rng, number, sensor.flat, float(sensor.pixel_size), rigid)
         yield DrawnTouch(*touch, possible)
-
-
-def _possible(film: Film, bounce: float, rng: Random) -> Film:
-    """The film with LEDs and light from film to film as its calibration allows them."""
-    # The mean square of the alternatives' deviations is the variance (`LedPlaces.sampled`).
-    chance = rng.normal(size=len(film.other_lights)) / np.sqrt(len(film.other_lights))
-    moved = film.lights + np.tensordot(chance, film.other_lights - film.lights, axes=1)
-    albedo = float(np.clip(film.albedo * (1 + bounce * rng.normal()), 0, MAX_ALBEDO))
-    return film._replace(lights=np.asarray(moved, np.float32), albedo=albedo)

@@ -17,7 +17,8 @@ from tactograph.nodes import (
     Slope,
     Uneven,
 )
-from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE, BallCircles, BallPress, BallRadii
+from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE
+from tactograph.nodes.calibrate.ball.find_balls import FoundBalls
 from tactograph.nodes.calibrate.lights.light_fit import LedFit, shift_of
 from tactograph.nodes.calibrate.lights.light_samples import Press, Rest, presses_of, samples_for
 from tactograph.nodes.calibrate.rating.pressed_ball import PressedBall
@@ -33,14 +34,6 @@ from tactograph.nodes.optics.sheet import (
     cut,
 )
 from tactograph.nodes.shadow.label_lights import label_lights
-
-
-class BallPlaces(NamedTuple):
-    """Circle, radius and press of every ball."""
-
-    circle: BallCircles
-    radius: BallRadii
-    of: BallPress
 
 
 class HeldOut(NamedTuple):
@@ -60,7 +53,7 @@ def hold_out_presses(
     mask: SheetMask,
     height: SheetHeight,
     lit: SheetLabels,
-    balls: BallPlaces,
+    balls: FoundBalls,
     noise: Noise,
     pixel: PixelSize,
     uneven: Uneven,

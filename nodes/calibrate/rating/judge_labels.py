@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import node
 from tactograph.nodes import Film, LabelTurn, Light, Metrics, Noise, PixelSize
-from tactograph.nodes.calibrate.rating.hold_out_presses import BallPlaces
+from tactograph.nodes.calibrate.ball.find_balls import FoundBalls
 from tactograph.nodes.calibrate.rating.pressed_ball import PressedBall
 from tactograph.nodes.calibrate.rating.verdict import Odds
 from tactograph.nodes.height.integrate_dct import integrate_dct
@@ -44,7 +44,7 @@ def judge_labels(
     flat: Light,
     height: SheetHeight,
     film: Film,
-    balls: BallPlaces,
+    balls: FoundBalls,
     noise: Noise,
     pixel: PixelSize,
 ) -> LabelGain:
@@ -94,7 +94,7 @@ def _errors(
     press: list[NDArray[np.float32]],
     flat: Light,
     film: Film,
-    balls: BallPlaces,
+    balls: FoundBalls,
     ball: int,
     noise: Noise,
     pixel: float,

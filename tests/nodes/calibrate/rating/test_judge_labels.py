@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4, Film
-from tactograph.nodes.calibrate.rating.hold_out_presses import BallPlaces
+from tactograph.nodes.calibrate.ball.find_balls import FoundBalls
 from tactograph.nodes.calibrate.rating.judge_labels import (
     CAUTIOUS_TURN_RAD,
     LabelGain,
@@ -22,10 +22,12 @@ BALL = shape_ball(
 ).height
 FLAT = np.full((4, *BALL.shape), 0.5, np.float32)
 CONTACT_PX = float(np.sqrt((BALL > 0).sum() / np.pi))
-BALLS = BallPlaces(
+BALLS = FoundBalls(
     np.array([[99.5, 99.5, CONTACT_PX]], np.float32),
+    np.ones(1, np.float32),
     np.array([RADIUS], np.float32),
     np.zeros(1, np.int32),
+    ["ball"],
 )
 
 
