@@ -36,7 +36,9 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
     Fitted,
 )
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
-from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO
+from tactograph.nodes.calibrate.film.film_misfit import Held
+from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO, Unknown
+from tactograph.nodes.calibrate.lights.descend import least_squares
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
@@ -172,8 +174,12 @@ class FilmEvidence(NamedTuple):
     px, radii B in mm, `of` the press that each ball is in; the selection is P, 1 for presses that
     are used; the first lights are K x 3 in mm, their strength K; the noise is that of the camera,
     the pixel in mm; `shape` is the film at rest if it is no plane, which then ends with the frame.
+    `usual` has what is known of an unknown by its name, before any evidence; `least_squares` finds
+    unknowns, robustly, that leave residuals the least.
     """
 
+    usual = staticmethod(Unknown.of)
+    least_squares = staticmethod(least_squares)
     light: SheetLight
     flat: Light
     circle: BallCircles
@@ -185,6 +191,14 @@ class FilmEvidence(NamedTuple):
     noise: Noise
     pixel: PixelSize
     shape: RestShape | None = None
+
+    @classmethod
+    def of_flat(cls, flat: Light, pixel: float, lights: NDArray[Any] | None = None) -> Self:
+        """Return a film at rest without presses, under `lights` if their places are known."""
+        lights = np.ones((len(flat), 3)) if lights is None else lights
+        balls = np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32)
+        placed = np.ones(0, np.uint8), lights, np.ones(len(flat), np.float32)
+        return cls(flat[:, :0], flat, *balls, *placed, np.zeros(2, np.float32), pixel)
 
     def used(self) -> Self:
         """Return the evidence of the balls alone that were found, in presses that are used."""
@@ -199,6 +213,10 @@ class FilmEvidence(NamedTuple):
     def start(self) -> Fitted:
         """Return the matt film under the LEDs as placed, from which a fit starts."""
         return Fitted.matt(self.first_lights, self.strength, len(self.circle))
+
+    def held_out(self, folds: list[tuple[Balls, Fitted]]) -> Held:
+        """Return what is known of a film by samples, fold by fold, that its fit had not."""
+        return Held(folds, self.pixel)
 
     def rest(self, bounce: NodeCall | None = None, film: Film | None = None) -> Rest | None:
         """Return the flat frame in blocks; None if none was taken.
