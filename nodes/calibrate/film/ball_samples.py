@@ -174,12 +174,8 @@ class FilmEvidence(NamedTuple):
     px, radii B in mm, `of` the press that each ball is in; the selection is P, 1 for presses that
     are used; the first lights are K x 3 in mm, their strength K; the noise is that of the camera,
     the pixel in mm; `shape` is the film at rest if it is no plane, which then ends with the frame.
-    `usual` has what is known of an unknown by its name, before any evidence; `least_squares` finds
-    unknowns, robustly, that leave residuals the least.
     """
 
-    usual = staticmethod(Unknown.of)
-    least_squares = staticmethod(least_squares)
     light: SheetLight
     flat: Light
     circle: BallCircles
@@ -192,13 +188,24 @@ class FilmEvidence(NamedTuple):
     pixel: PixelSize
     shape: RestShape | None = None
 
+    @staticmethod
+    def usual(name: str) -> Unknown:
+        """Return what is usual of an unknown before any evidence: value, deviation and limits."""
+        return Unknown.of(name)
+
+    @staticmethod
+    def least_squares(residual: Callable[[F8], F8], start: F8, spread: F8) -> F8:
+        """Return the unknowns, of usual `spread`, that leave residuals the least, robustly."""
+        return least_squares(residual, start, spread)
+
     @classmethod
     def of_flat(cls, flat: Light, pixel: float, lights: NDArray[Any] | None = None) -> Self:
         """Return a film at rest without presses, under `lights` if their places are known."""
-        lights = np.ones((len(flat), 3)) if lights is None else lights
+        placed: Any = np.ones((len(flat), 3)) if lights is None else lights
         balls = np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32)
-        placed = np.ones(0, np.uint8), lights, np.ones(len(flat), np.float32)
-        return cls(flat[:, :0], flat, *balls, *placed, np.zeros(2, np.float32), pixel)
+        strength, noise = np.ones(len(flat), np.float32), np.zeros(2, np.float32)
+        press = np.zeros(0, np.uint8)
+        return cls(flat[:, :0], flat, *balls, press, placed, strength, noise, pixel)
 
     def used(self) -> Self:
         """Return the evidence of the balls alone that were found, in presses that are used."""
