@@ -72,7 +72,8 @@ class _Prior:
 
     def __init__(self, film: Film, evidence: FilmEvidence, before: F4) -> None:
         now, then = evidence.rest(), evidence._replace(flat=before).rest()
-        self.film, self.evidence, self.fall = film, evidence, None if then is None else now
+        self.film, self.fall = film, None if then is None else now
+        self.matt = evidence.start()._replace(leds=np.zeros((len(before), 5)))
         self.light, self.ratio = 1.0, np.zeros((len(before), 0))
         if now is not None and then is not None:
             self.light = float(np.median(evidence.flat) / np.median(before))
@@ -82,12 +83,9 @@ class _Prior:
 class _Refitted:
     """A fit: the changes by name, the film, and the shifts of the balls."""
 
-    def __init__(
-        self, evidence: FilmEvidence, changed: dict[str, float], film: Film, shifts: F8
-    ) -> None:
+    def __init__(self, prior: _Prior, changed: dict[str, float], film: Film, shifts: F8) -> None:
         self.changed, self.film, self.shifts = changed, film, shifts
-        leds = np.zeros((len(film.lights), 5))
-        self.fitted = evidence.start()._replace(leds=leds, film=film, shifts=shifts)
+        self.fitted = prior.matt._replace(film=film, shifts=shifts)
 
     def scale(self, samples: _Samples) -> float:
         """Standard deviation of what the fit leaves of the balls' light."""
@@ -284,7 +282,7 @@ def _fit(
     places = balls.place_deviations.ravel()
     spread = np.concatenate([places, [deviation for _, deviation in about]])
 
-    before = _Refitted(prior.evidence, {}, film, np.zeros((count, 3))).fitted
+    before = _Refitted(prior, {}, film, np.zeros((count, 3))).fitted
     level = 0.0 if fall is None else before.at_rest(fall)
     # Without a change, the flat frames tell how alike they are.
     blocks = 1.0 if fall is None else fall.spread(prior.ratio)
@@ -292,7 +290,7 @@ def _fit(
     def at(values: F8) -> _Refitted:
         named = dict(zip(names, values[3 * count :].tolist(), strict=True))
         shifts = values[: 3 * count].reshape(-1, 3)
-        return _Refitted(prior.evidence, named, _changed(film, named), shifts)
+        return _Refitted(prior, named, _changed(film, named), shifts)
 
     def residuals(values: F8) -> F8:
         candidate = at(values)
