@@ -87,7 +87,10 @@ class GraphFile(NamedTuple):
 
     place: Path
 
-    names = staticmethod(shipped_names)
+    @staticmethod
+    def names(kind: Shipped = "graphs") -> list[str]:
+        """Return the bare names of the shipped files of a kind; of graphs with their variants."""
+        return shipped_names(kind)
 
     @classmethod
     def find(cls, name: str, beside: Path, kind: Shipped) -> Self | None:

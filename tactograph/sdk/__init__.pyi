@@ -27,9 +27,6 @@ from tactograph.graph.commands import (
 from tactograph.graph.cores import (
     cores as cores,
 )
-from tactograph.graph.declare.find_node import (
-    find_node as find_node,
-)
 from tactograph.graph.declare.node_page import (
     node_page as node_page,
 )

@@ -246,6 +246,10 @@ class Fitted(NamedTuple):
         lights = cast(F4, LedPlaces(leds).positions)
         return self._replace(leds=leds, film=self.film._replace(lights=lights))
 
+    def other_places(self, covariance: F8, width_mm: float) -> F4:
+        """Return other places of the LEDs by their covariance, as `LedPlaces.sampled` does."""
+        return LedPlaces(self.leds).sampled(covariance, width_mm)
+
     def predicted(self, balls: Balls, rest: F8 | None = None) -> F8:
         """Return the light of the balls' samples, K x N.
 

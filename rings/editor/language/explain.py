@@ -8,7 +8,7 @@ from tactograph.rings.editor.language.complete import CHANGE_VERBS
 from tactograph.rings.editor.language.cursor import Cursor, mapping
 from tactograph.rings.editor.language.declared import of_node
 from tactograph.rings.editor.language.scope import Scope, scope_at, taken_by
-from tactograph.sdk import Graph, GraphFile, InputError, find_node, read_graph
+from tactograph.sdk import Graph, GraphFile, InputError, nodes, read_graph
 
 
 class Spot(NamedTuple):
@@ -43,12 +43,12 @@ def definition_at(cursor: Cursor, file: Path, graph: Graph | None) -> Spot | Non
             found = GraphFile.find(word, near, "overlays") or GraphFile.find(word, near, "graphs")
             return Spot(found.place if found else read_graph(word).file)
         if cursor.inside == ("op",):
-            function = inspect.unwrap(find_node(word).function)
+            function = inspect.unwrap(getattr(nodes, word).function)
             return Spot(Path(inspect.getfile(function)), inspect.getsourcelines(function)[1] - 1)
         if cursor.inside == ("group",) and word not in mapping(cursor.data.get("groups")):
             group = GraphFile.find(f"{word}.group.yaml", file.parent, "groups")
             return Spot(group.place) if group else None
-    except InputError:
+    except (InputError, AttributeError):  # there is no such file, or node
         return None
     return _of_name(word.removeprefix("previous."), scope_at(cursor, file, graph))
 

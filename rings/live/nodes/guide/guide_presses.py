@@ -115,8 +115,9 @@ def guide_presses(
             about.bits = driver.bits
             _save_press(pressed / f"{count:02}", frames, about)
             tell(f"Press {count} is taken: let go.")
-            presses = read_balls(folder=pressed)[:5]
-            yield GuidedPresses(*presses, pixel, film.flat, film.dark, driver.serial or None)
+            image, first, radius, circles, names, *_ = read_balls(folder=pressed)
+            presses = GuidedPresses(image, first, radius, circles, names, pixel, *film)
+            yield presses._replace(serial=driver.serial or None)
         if not count:
             raise InputError(
                 f"the film was not pressed within {guide.patience_s:g} s; press the ball into it "
