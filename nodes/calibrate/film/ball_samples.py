@@ -265,17 +265,16 @@ class FilmEvidence(NamedTuple):
         scene = self._scene(film, fine, bounce)
         film, frame, scale = scene.film, scene.frame, scene.frame.scale(circle)
         moved = np.zeros((len(circle), 3)) if shifts is None else shifts
-        contact = circle[:, 2] if rim is None else rim / scale
-        circle = np.column_stack([circle[:, :2], contact]).astype(np.float64)
-        balls = _Placed(circle, radius, moved, of)
+        middle, contact = circle[:, :2], circle[:, 2] if rim is None else rim / scale
+        balls = _Placed(np.column_stack([middle, contact]).astype(np.float64), radius, moved, of)
         presses = cut(light, len(flat[0]))
         masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, len(flat[0]))
         thrown = {i: _thrown_on(presses[i], balls.on(i), scene) for i in np.unique(of)}
         if rim is not None and film.lights_itself:
             edge = _edges(thrown, masks, balls, scene)
-            moved = moved_with(moved, radius, circle[:, 2] * scale, edge)
-            circle = np.column_stack([circle[:, :2], edge / scale])
-            balls = _Placed(circle, radius, moved, of)
+            moved = moved_with(moved, radius, balls.circle[:, 2] * scale, edge)
+            circles = np.column_stack([middle, edge / scale]).astype(np.float64)
+            balls = _Placed(circles, radius, moved, of)
         pixels = _inside(masks, balls, scene)
         fields = (
             np.concatenate([field[:, *at] for field, at in zip(each, pixels, strict=True)], axis=1)
@@ -285,14 +284,14 @@ class FilmEvidence(NamedTuple):
         ball = np.repeat(np.arange(len(of)), [at.shape[1] for at in pixels])
         row, column = at = np.concatenate(pixels, axis=1)
         u, v = frame.place(row, column)
-        x, y = (at[::-1].T - circle[ball, :2]).T
+        x, y = (at[::-1].T - middle[ball]).T
         every = Balls(
             u=u,
             v=v,
             light=values,
             ball=ball,
-            centre=np.stack(frame.place(*circle[:, 1::-1].T), axis=1),
-            rim=circle[:, 2] * scale,
+            centre=np.stack(frame.place(*middle[:, ::-1].T), axis=1),
+            rim=balls.circle[:, 2] * scale,
             radius=radius.astype(np.float64),
             bounced=bounced - moved[ball, 2] * by_lift - film.rim * by_rim,
             by_lift=by_lift,
@@ -303,7 +302,7 @@ class FilmEvidence(NamedTuple):
         )
         if shape is not None:
             glow = scene.resting.bounced[:, row, column].astype(np.float64)
-            every = self._replace(circle=circle).laid(every, glow)
+            every = self.laid(every, glow)
         return every if most is None else every.thinned(most)
 
     def _scene(self, film: Film, fine: bool, bounce: NodeCall) -> _Scene:
