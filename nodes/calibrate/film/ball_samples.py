@@ -95,11 +95,9 @@ class _Frame(NamedTuple):
 
     def place(self, row: Any, column: Any) -> tuple[F8, F8]:
         """Places of pixels, u and v in mm."""
-        v, u = (
-            (np.asarray(at, np.float64) - (side - 1) / 2) * self.pixel
-            for at, side in zip((row, column), self.size, strict=True)
-        )
-        return u, v
+        rows, columns = self.size
+        u, v = np.asarray(column, np.float64), np.asarray(row, np.float64)
+        return (u - (columns - 1) / 2) * self.pixel, (v - (rows - 1) / 2) * self.pixel
 
     def around(self, circle: F4 | F8, reach: float) -> NDArray[np.intp]:
         """Rows and columns, 2 x N, of a square around a circle, `reach` in px to either side."""
@@ -276,11 +274,10 @@ class FilmEvidence(NamedTuple):
             circles = np.column_stack([middle, edge / scale]).astype(np.float64)
             balls = _Placed(circles, radius, moved, of)
         pixels = _inside(masks, balls, scene)
-        fields = (
-            np.concatenate([field[:, *at] for field, at in zip(each, pixels, strict=True)], axis=1)
+        values, bounced, by_lift, by_rim = (
+            np.concatenate([f[:, *at] for f, at in zip(each, pixels, strict=True)], 1, dtype=float)
             for each in zip(*(thrown[i] for i in of), strict=True)
         )
-        values, bounced, by_lift, by_rim = (field.astype(np.float64) for field in fields)
         ball = np.repeat(np.arange(len(of)), [at.shape[1] for at in pixels])
         row, column = at = np.concatenate(pixels, axis=1)
         u, v = frame.place(row, column)
