@@ -29,15 +29,11 @@ def motion_size(motion: FilmMotion) -> float:
 def motion_in_words(motion: FilmMotion) -> str:
     """Return the parts of a motion that are above its error, in words."""
     along, down, zoom, turn, *_ = motion.tolist()
-    words = []
-    for share, side in (-along, "right"), (along, "left"), (-down, "down"), (down, "up"):
-        if share > MIN_ERROR:
-            words.append(f"{share:.1%} of the image's width further {side}")
-    if abs(zoom) > MIN_ERROR:
-        words.append(f"{abs(zoom):.1%} {'smaller' if zoom > 0 else 'larger'}")
-    if abs(turn) > MIN_ERROR:
-        words.append(f"turned by {math.degrees(abs(turn)):.1f} degrees")
-    return ", ".join(words)
+    sides = (-along, "right"), (along, "left"), (-down, "down"), (down, "up")
+    parts = [(size, f"{size:.1%} of the image's width further {side}") for size, side in sides]
+    parts.append((abs(zoom), f"{abs(zoom):.1%} {'smaller' if zoom > 0 else 'larger'}"))
+    parts.append((abs(turn), f"turned by {math.degrees(abs(turn)):.1f} degrees"))
+    return ", ".join(words for size, words in parts if size > MIN_ERROR)
 
 
 def change_in_words(motion: FilmMotion) -> str:

@@ -98,11 +98,9 @@ class _Frame(NamedTuple):
 
     def place(self, row: Any, column: Any) -> tuple[F8, F8]:
         """Places of pixels, u and v in mm."""
-        v, u = (
-            (np.asarray(at, np.float64) - (side - 1) / 2) * self.pixel
-            for at, side in zip((row, column), self.size, strict=True)
-        )
-        return u, v
+        rows, columns = self.size
+        u, v = np.asarray(column, np.float64), np.asarray(row, np.float64)
+        return (u - (columns - 1) / 2) * self.pixel, (v - (rows - 1) / 2) * self.pixel
 
     def around(self, circle: F4 | F8, reach: float) -> NDArray[np.intp]:
         """Rows and columns, 2 x N, of a square around a circle, `reach` in px to either side."""
@@ -295,34 +293,32 @@ class FilmEvidence(NamedTuple):
         scene = self._scene(film, fine, bounce)
         film, frame, scale = scene.film, scene.frame, scene.frame.scale(circle)
         moved = np.zeros((len(circle), 3)) if shifts is None else shifts
-        contact = circle[:, 2] if rim is None else rim / scale
-        circle = np.column_stack([circle[:, :2], contact]).astype(np.float64)
-        balls = _Placed(circle, radius, moved, of)
+        middle, contact = circle[:, :2], circle[:, 2] if rim is None else rim / scale
+        balls = _Placed(np.column_stack([middle, contact]).astype(np.float64), radius, moved, of)
         presses = cut(light, len(flat[0]))
         masks = cut(np.ones(light.shape[1:], np.uint8) if bare is None else bare, len(flat[0]))
         thrown = {i: _thrown_on(presses[i], balls.on(i), scene) for i in np.unique(of)}
         if rim is not None and film.lights_itself:
             edge = _edges(thrown, masks, balls, scene)
-            moved = moved_with(moved, radius, circle[:, 2] * scale, edge)
-            circle = np.column_stack([circle[:, :2], edge / scale])
-            balls = _Placed(circle, radius, moved, of)
+            moved = moved_with(moved, radius, balls.circle[:, 2] * scale, edge)
+            circles = np.column_stack([middle, edge / scale]).astype(np.float64)
+            balls = _Placed(circles, radius, moved, of)
         pixels = _inside(masks, balls, scene)
-        fields = (
-            np.concatenate([field[:, *at] for field, at in zip(each, pixels, strict=True)], axis=1)
+        values, bounced, by_lift, by_rim = (
+            np.concatenate([f[:, *at] for f, at in zip(each, pixels, strict=True)], 1, dtype=float)
             for each in zip(*(thrown[i] for i in of), strict=True)
         )
-        values, bounced, by_lift, by_rim = (field.astype(np.float64) for field in fields)
         ball = np.repeat(np.arange(len(of)), [at.shape[1] for at in pixels])
         row, column = at = np.concatenate(pixels, axis=1)
         u, v = frame.place(row, column)
-        x, y = (at[::-1].T - circle[ball, :2]).T
+        x, y = (at[::-1].T - middle[ball]).T
         every = Balls(
             u=u,
             v=v,
             light=values,
             ball=ball,
-            centre=np.stack(frame.place(*circle[:, 1::-1].T), axis=1),
-            rim=circle[:, 2] * scale,
+            centre=np.stack(frame.place(*middle[:, ::-1].T), axis=1),
+            rim=balls.circle[:, 2] * scale,
             radius=radius.astype(np.float64),
             bounced=bounced - moved[ball, 2] * by_lift - film.rim * by_rim,
             by_lift=by_lift,
@@ -333,7 +329,7 @@ class FilmEvidence(NamedTuple):
         )
         if shape is not None:
             glow = scene.resting.bounced[:, row, column].astype(np.float64)
-            every = self._replace(circle=circle).laid(every, glow)
+            every = self.laid(every, glow)
         return every if most is None else every.thinned(most)
 
     def _scene(self, film: Film, fine: bool, bounce: NodeCall) -> _Scene:
