@@ -177,14 +177,18 @@ def simulated_sensor(
 
 @pytest.fixture(scope="session")
 def calibration(raytraced: Raytraced, made_once: MadeOnce) -> Calibration:
-    """The calibration of a ray-traced rig: one ball and the flat frame; the LEDs are found."""
+    """The calibration of a ray-traced rig: one ball and the flat frame; the LEDs are found.
+
+    Beside it are its warnings, of the same name with the suffix ``.warnings``.
+    """
 
     def calibrate(name: str) -> str:
         rig = raytraced / name
 
         def write(file: Path) -> None:
             params = images_of(rig) | {"out": str(file)}
-            list(open_pipeline(without_pictures(read_graph("calibrate")), params).items())
+            (result,) = open_pipeline(without_pictures(read_graph("calibrate")), params).items()
+            file.with_suffix(".warnings").write_text("\n".join(result.warnings))
 
         return str(made_once(f"{name}.npz", write))
 

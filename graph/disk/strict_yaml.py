@@ -32,6 +32,8 @@ MAX_BYTES = 100_000
 MAX_DEPTH = 20
 MAX_KEPT_BYTES = 10**7
 """Largest size of parsed files on disk, enough for a thousand graphs."""
+MAX_DOCUMENTS = 256
+"""Parsed files in memory; with fewer than there are, reading all in turn would find none again."""
 _YAML_TAG = "tag:yaml.org,2002:"
 _COLLECTION_TAGS = {f"{_YAML_TAG}map", f"{_YAML_TAG}seq"}
 _DIRECTIVE_LINE = re.compile(r"\ufeff?(?:[ \t]*(?:#[^\n]*)?\r?\n)*%")
@@ -154,7 +156,7 @@ def _rules() -> tuple[object, ...]:
     return *sources, _ruamel_version, unicodedata.unidata_version
 
 
-@lru_cache(64)
+@lru_cache(MAX_DOCUMENTS)
 def _kept(text: str, name: str) -> Document:
     """The result of `_parsed`, from disk if the same text was parsed by the same rules."""
     file = cached_file("graphs", text, *_rules())
@@ -173,7 +175,7 @@ def _kept(text: str, name: str) -> Document:
     )
 
 
-@lru_cache(64)
+@lru_cache(MAX_DOCUMENTS)
 def _parsed(text: str, name: str) -> Document:
     """Parse YAML text, cached: variants extend the same few graphs."""
     if directive := _DIRECTIVE_LINE.match(text):

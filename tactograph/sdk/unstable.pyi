@@ -4,9 +4,6 @@ from tactograph.nodes import (
 from tactograph.nodes.calibrate import (
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
 )
-from tactograph.nodes.calibrate.ball.balls_on_film import (
-    Balls as Balls,
-)
 from tactograph.nodes.calibrate.rating.pressed_ball import (
     PressedBall as PressedBall,
 )

@@ -14,7 +14,6 @@ import sys
 import venv
 import zipfile
 from collections.abc import Iterator
-from contextlib import chdir
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -40,7 +39,8 @@ tactograph run simulate_flat out=flat seed=2 --quiet
 tactograph run simulate out=ball radius_mm=7 seed=1 --quiet
 tactograph run calibrate capture=ball flat=flat ball_radius_mm=7 pixel_size_mm=0.0714286 out=cal.npz --quiet
 """  # noqa: E501
-"""Commands that several pages begin with; they run once for all of them."""
+"""Commands that several pages begin with; they run once for all of them, by the wheel."""
+MADE = [line.removesuffix(" --quiet") for line in SENSOR.splitlines()]
 
 
 class Block(NamedTuple):
@@ -111,6 +111,23 @@ def wheel(made_once: MadeOnce) -> Path:
     return made_once("wheel", install) / "venv" / "bin" / "python"
 
 
+@pytest.fixture
+def sensor(wheel: Path, made_once: MadeOnce) -> Path:
+    """A folder with what `SENSOR` writes."""
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        _run_shell(SENSOR, "the commands that pages begin with", folder, installed(wheel))
+
+    return made_once("sensor", make)
+
+
+def installed(python: Path) -> dict[str, str]:
+    """The environment in which `tactograph` is that of the wheel, with dependencies from here."""
+    path = f"{python.parent}{os.pathsep}{os.environ['PATH']}"
+    return {**os.environ, "PYTHONPATH": str(Path(np.__file__).parents[1]), "PATH": path}
+
+
 def test_the_wheel_holds_one_package_with_all_its_files(wheel: Path) -> None:
     (built,) = (wheel.parents[2] / "dist").glob("*.whl")
     names = {name for name in zipfile.ZipFile(built).namelist() if ".dist-info/" not in name}
@@ -128,8 +145,7 @@ def test_the_wheel_holds_one_package_with_all_its_files(wheel: Path) -> None:
 def test_the_repository_hides_nothing_of_an_installed_wheel(wheel: Path) -> None:
     """Python looks in the working folder first, and finds the package's own folder there."""
     ask = [str(wheel), "-c", "import tactograph.graph.errors, tactograph.nodes"]
-    environment = {**os.environ, "PYTHONPATH": str(Path(np.__file__).parents[1])}
-    subprocess.run(ask, cwd=ROOT, env=environment, check=True)
+    subprocess.run(ask, cwd=ROOT, env=installed(wheel), check=True)
 
 
 @pytest.mark.slow
@@ -153,32 +169,22 @@ def marks_of(page: Path) -> list[pytest.MarkDecorator]:
     ids=lambda page: page.name,
 )
 def test_the_examples_of_a_page_run(
-    page: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    made_once: MadeOnce,
-    request: pytest.FixtureRequest,
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    environment = dict(os.environ)
-    python, run = Path(sys.executable), _run
-    if page.name == "index.md":
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    environment, run = {**os.environ, "PATH": path}, _run
+    is_tour = page.name == "index.md"
+    if is_tour:
         # The tour uses the wheel that a user installs; only its dependencies come from here.
-        run = _run_shell
-        python = request.getfixturevalue("wheel")
-        environment["PYTHONPATH"] = str(Path(np.__file__).parents[1])
-    environment["PATH"] = f"{python.parent}{os.pathsep}{os.environ['PATH']}"
+        environment, run = installed(request.getfixturevalue("wheel")), _run_shell
     names: dict[str, Any] = {"__name__": "__main__"}
     for block in blocks(page):
-        if block.language == "sh" and block.text.startswith(SENSOR):
-
-            def set_up(folder: Path, where: str = block.where) -> None:
-                folder.mkdir()
-                with chdir(folder):
-                    _run(SENSOR, where, folder, environment)
-
-            shutil.copytree(made_once("sensor", set_up), tmp_path, dirs_exist_ok=True)
-            _run(block.text.removeprefix(SENSOR), block.where, tmp_path, environment)
+        if block.language == "sh" and (is_tour or block.text.startswith(SENSOR)):
+            shutil.copytree(request.getfixturevalue("sensor"), tmp_path, dirs_exist_ok=True)
+            lines = block.text.splitlines()
+            left = [line for line in lines if line.removesuffix(" --quiet") not in MADE]
+            run("\n".join(left), block.where, tmp_path, environment)
         elif block.language == "sh":
             run(block.text, block.where, tmp_path, environment)
         elif block.language == "python":

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.graph.files.read_graph import Source, read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import F4
 from tactograph.nodes.simulate.expose import expose
@@ -15,6 +16,7 @@ from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_flat import shape_flat
+from tests.fixtures import without_ranks
 
 PIXEL_MM, BALL_MM = 0.1, 4.0
 CANVAS = {"width_px": 160, "height_px": 120, "pixel_size_mm": PIXEL_MM}
@@ -51,15 +53,20 @@ def see(folder: Path, camera: Callable[[Image], Image]) -> None:
 
 
 def calibrated(
-    folder: Path, size_mm: float | tuple[float, float] = PIXEL_MM, out: str = "cal.npz"
+    folder: Path,
+    size_mm: float | tuple[float, float] = PIXEL_MM,
+    out: str = "cal.npz",
+    ranked: bool = True,
 ) -> Any:
-    """The result of `calibrate` for these captures."""
+    """The result of `calibrate` for these captures; touches are checked if it is `ranked`."""
+    graph = read_graph("calibrate")
     images = {"capture": str(folder / "ball"), "flat": str(folder / "flat")}
     known = {"ball_radius_mm": BALL_MM, "pixel_size_mm": size_mm}
-    return run("calibrate", **images, **known, out=str(folder / out), accept_contradictions=True)
+    params = {**images, **known, "out": str(folder / out), "accept_contradictions": True}
+    return run(graph if ranked else without_ranks(graph), **params)
 
 
-def run(graph: str, sinks: bool = True, **params: Any) -> Any:
+def run(graph: Source, sinks: bool = True, **params: Any) -> Any:
     """The result of a graph's only item."""
     (result,) = open_pipeline(graph, params, sinks=sinks).items()
     return result

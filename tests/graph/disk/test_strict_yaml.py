@@ -95,7 +95,7 @@ def test_an_empty_file_is_refused(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["a: " + "[" * 30, "[" * 30 + "]" * 30, "{a: " * 30 + "}" * 30, "[" * 20_000]
+    "text", ["a: " + "[" * 30, "[" * 30 + "]" * 30, "{a: " * 30 + "}" * 30, "[" * 2_000]
 )
 def test_deep_nesting_is_refused(text: str) -> None:
     assert "nested too deeply" in refusal(text) or "is not closed" in refusal(text)

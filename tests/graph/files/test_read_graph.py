@@ -7,8 +7,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings, strategies as st
 
 from tactograph.graph import GraphError, InputError
-from tactograph.graph.files.read_graph import read_graph, read_graphs, shipped_names
-from tests.each import each
+from tactograph.graph.files.read_graph import read_graph, read_graphs
 from tests.graph.conftest import SLOPES, Write
 
 BACKENDS = "'numpy' or 'opencl' is needed"
@@ -27,13 +26,6 @@ def test_a_graph_file_is_read(write: Write) -> None:
     assert graph.nodes["pixel"].settings == {"mm": 0.1}
     assert graph.outputs == {"height": "again", "mask": "slope.mask"}
     assert graph.prefer == ("opencl", "numpy")
-
-
-@each("name", shipped_names())
-def test_a_shipped_graph_is_found_by_its_bare_name_and_has_a_title(name: str) -> None:
-    graph = read_graph(name)
-    assert graph.name == name
-    assert graph.title
 
 
 def test_a_shipped_graph_is_found_by_its_file_name_too() -> None:

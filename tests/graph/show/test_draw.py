@@ -40,8 +40,9 @@ def test_the_back_ends_have_different_colours(write: Write, device: OpenCL) -> N
 
 
 @each("name", shipped_names())
-def test_every_edge_joins_two_nodes(name: str, device: OpenCL) -> None:
+def test_every_graph_is_drawn_and_every_edge_joins_two_nodes(name: str, device: OpenCL) -> None:
     plan = planned(name, device)
+    assert to_svg(folded(plan)).startswith("<svg ")
     assert all({a, b} <= plan.tasks.keys() for a, b, _ in unfolded(plan).edges)
 
 

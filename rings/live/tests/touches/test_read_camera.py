@@ -8,6 +8,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ import pytest
 from rings.live.tests.faulty import FaultyController, faults_of, let_fail, on_usb
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
+from tactograph.nodes import F4
 from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
@@ -40,8 +42,13 @@ SCENE = (
 )
 LATEST = 2.5
 """Seconds within which a stream has to be back, on a machine that does much else besides."""
-FLAT = np.stack([SimulatedSensor(read_scene(SCENE, Scene))._bare[k] for k in range(4)])
 DARK = np.zeros((HEIGHT, WIDTH), np.float32)
+
+
+@cache
+def flat() -> F4:
+    sensor = SimulatedSensor(read_scene(SCENE, Scene))
+    return np.stack([sensor._bare[k] for k in range(4)])
 
 
 def opened(
@@ -53,7 +60,7 @@ def opened(
 
 
 def stream_of(sensor: Rig) -> Stream:
-    return Stream(sensor, make_film(FLAT, DARK), DARK)
+    return Stream(sensor, make_film(flat(), DARK), DARK)
 
 
 class Running:
@@ -106,7 +113,7 @@ class Running:
         for _, touch in self.touches:
             for k in range(4):
                 if k + 1 != without:
-                    off = np.abs(touch.image[k] / FLAT[k] - 1)
+                    off = np.abs(touch.image[k] / flat()[k] - 1)
                     assert np.median(off) < 0.02, (touch.name, k + 1)
 
 
@@ -257,7 +264,7 @@ def test_ambient_light_is_measured_in_a_step_of_its_own_and_taken_off() -> None:
     sensor = opened(camera=f"{SCENE}&ambient=0.08", ambient=True)
     *_, touch = stream_of(sensor).touches(items=12)
     sensor.close()
-    assert np.median(touch.image / FLAT, axis=(1, 2)) == pytest.approx(1, abs=0.003)
+    assert np.median(touch.image / flat(), axis=(1, 2)) == pytest.approx(1, abs=0.003)
 
 
 def test_a_camera_at_another_rate_than_the_leds_is_reported() -> None:

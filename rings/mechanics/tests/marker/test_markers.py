@@ -1,5 +1,7 @@
 """Markers that are printed on a simulated film, pressed and dragged by a millimetre."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -31,8 +33,14 @@ def lit(height: F4) -> F4:
     return 0.7 * render(height, PIXEL_MM, FLASHED).light
 
 
-LEVEL = lit(np.zeros((ROWS, COLUMNS), np.float32))
-PRESSED = lit(press(ball(0.5, -0.3, 4.0, 1.0), PIXEL_MM))
+@cache
+def level() -> F4:
+    return lit(np.zeros((ROWS, COLUMNS), np.float32))
+
+
+@cache
+def pressed() -> F4:
+    return lit(press(ball(0.5, -0.3, 4.0, 1.0), PIXEL_MM))
 
 
 def seen(light: F4, seed: int = 1, **changed: float) -> F4:
@@ -62,7 +70,7 @@ def tracked(light: F4, markers: F4, before: F4 | None = None) -> Tracks:
 
 @pytest.mark.parametrize("print_", [DOTS, DASHES], ids=["dots", "dashes"])
 def test_markers_of_the_untouched_film_are_found_where_they_are(print_: dict[str, float]) -> None:
-    markers = find_markers(darkness(seen(LEVEL, **print_)))
+    markers = find_markers(darkness(seen(level(), **print_)))
     pitch = print_["pitch_mm"] / PIXEL_MM
     off = (markers[:, :2] - [(COLUMNS - 1) / 2, (ROWS - 1) / 2] + pitch / 2) % pitch - pitch / 2
     assert len(markers) >= (COLUMNS // pitch - 1) * (ROWS // pitch - 1)
@@ -75,9 +83,9 @@ def test_markers_are_followed_through_a_press_and_a_shear(
     print_: dict[str, float], drag: tuple[float, float]
 ) -> None:
     """Of a millimetre: 95 % are followed, each to 0.2 px."""
-    markers = find_markers(darkness(seen(LEVEL, **print_)))
+    markers = find_markers(darkness(seen(level(), **print_)))
     moved = {"drag_x_mm": drag[0], "drag_y_mm": drag[1], "reach_mm": REACH_MM}
-    found = tracked(seen(PRESSED, seed=2, **print_, **moved), markers)
+    found = tracked(seen(pressed(), seed=2, **print_, **moved), markers)
     error = np.abs(found.tracks.shift - true_shifts(markers, drag)).max(axis=1)
     followed = (found.tracks.visible > 0) & (error < 0.5)
     assert followed.mean() >= 0.95
@@ -87,16 +95,16 @@ def test_markers_are_followed_through_a_press_and_a_shear(
 
 def test_in_a_stream_the_shifts_before_carry_on() -> None:
     """All of the film moves by more than half a pitch, step by step."""
-    markers = find_markers(darkness(seen(LEVEL)))
+    markers = find_markers(darkness(seen(level())))
     before = None
     for step in (0.3, 0.6, 0.9, 1.2):
-        light = seen(LEVEL, seed=3, drag_x_mm=step, reach_mm=1e3)
+        light = seen(level(), seed=3, drag_x_mm=step, reach_mm=1e3)
         before = tracked(light, markers, before).tracks.shift
     assert np.median(before[:, 0]) == pytest.approx(1.2 / PIXEL_MM, abs=0.2)
 
 
 def test_a_film_without_markers_has_none() -> None:
-    light = (np.round(LEVEL * 255) / 255).astype(np.float32)
+    light = (np.round(level() * 255) / 255).astype(np.float32)
     assert len(find_markers(darkness(light))) == 0
     assert bare_film(darkness(light)).all()
     with collect_warnings([]) as messages:
@@ -106,9 +114,9 @@ def test_a_film_without_markers_has_none() -> None:
 
 
 def test_a_marker_is_filled_with_the_light_of_the_film_around_it() -> None:
-    light = seen(LEVEL)
+    light = seen(level())
     bare = bare_film(darkness(light), grow_px=2)
     assert 0.7 < bare.mean() < 0.95
     filled = fill_masked(light, bare)
-    assert np.abs(filled - LEVEL).max() < 0.04
+    assert np.abs(filled - level()).max() < 0.04
     np.testing.assert_array_equal(filled[:, bare > 0], light[:, bare > 0])

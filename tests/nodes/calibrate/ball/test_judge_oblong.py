@@ -29,12 +29,14 @@ def judged(
     return judge_oblong(light, flat, circle, goodness, of, pixel, radius_mm=BALL_MM)
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_square_pixels_give_no_doubt(raytraced: Raytraced, rig: str) -> None:
     assert judged(raytraced, rig) == []
     assert judged(raytraced, rig, off_px=2) == []
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_sides_that_differ_by_two_per_cent_give_a_doubt(raytraced: Raytraced, rig: str) -> None:
     (doubt,) = judged(raytraced, rig, rows=1 / 1.02)
