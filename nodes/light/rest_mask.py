@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 from annotated_types import Interval
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from tactograph.graph import node
 from tactograph.nodes import F8, Height, Mask, PixelSize
@@ -73,7 +72,8 @@ def pieces_apart(rest: Mask, free: Height) -> tuple[NDArray[np.int32], F8]:
         return pieces, np.zeros(count)
     area, sums = (np.bincount(pieces.ravel(), each, count) for each in (None, free.ravel()))
     mean = sums / np.maximum(area, 1)
-    wander = ndimage.maximum(np.abs(free - mean[pieces]), pieces, np.arange(count))
+    wander = np.zeros(count)
+    np.maximum.at(wander, pieces.ravel(), np.abs(free - mean[pieces]).ravel())
     first = border_piece(pieces)
     apart, wander[0] = mean - mean[first], np.inf
     beyond = np.maximum(np.abs(apart) - wander - wander[first], 0)
