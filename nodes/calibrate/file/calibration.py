@@ -88,18 +88,18 @@ class Calibration(NamedTuple):
     quality: Annotated[Metrics, "figures of the calibration's quality, for people"]
     doubts: Annotated[list[str], "doubts about the calibration, one sentence each"]
     area: Annotated[Mask, Stored(0, 1, plain=1), "1 where the frame shows film"]
-    serial: Annotated[str, "the camera's serial number, if it has one"] | None = None
-    blur: Annotated[
-        Blur,
-        Stored(0, 100, plain=0.0),
-        "px, standard deviation by which the camera spreads a point, beyond the pixel itself",
-    ] = 0.0
     misfit: Annotated[
         Misfit,
         Stored(0, 1e6, plain=NO_MISFIT),
         "errors of the film's model on held-out presses: radians of a normal, mm over which it is "
         "correlated, light, share of the light from film to film, radians common to all normals",
     ] = np.asarray(NO_MISFIT, np.float32)
+    serial: Annotated[str, "the camera's serial number, if it has one"] | None = None
+    blur: Annotated[
+        Blur,
+        Stored(0, 100, plain=0.0),
+        "px, standard deviation by which the camera spreads a point, beyond the pixel itself",
+    ] = 0.0
     label_turn: Annotated[
         LabelTurn,
         Stored(0, 3.2, plain=0.0),

@@ -1,22 +1,22 @@
 """Figures beside plots can be read: each has a line, and none lies over a plot or off the page."""
 
+from pathlib import Path
+
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from tactograph.nodes.drawing.new_picture import list_figures
+from tactograph.nodes.drawing.new_picture import write_picture
 
 FIGURES = {f"near_light_residual_percent{k}": -1.23456 * k for k in range(30)}
 
 
 @pytest.mark.parametrize("layout", ["constrained", None])
-def test_figures_stand_beside_the_plots(layout: str | None) -> None:
+def test_figures_stand_beside_the_plots(layout: str | None, tmp_path: Path) -> None:
     page = Figure(figsize=(13, 8), dpi=100, layout=layout)  # type: ignore[arg-type]
     if layout is None:
         page.subplots_adjust(right=0.72)
     plots = page.subplots(2, 2).flat
-    list_figures(page, FIGURES, 0.9)
-    FigureCanvasAgg(page).draw()
+    write_picture(page, tmp_path / "page.png", FIGURES, 0.9)
     (text,) = page.texts
     assert text.get_text().splitlines()[2].split() == ["near_light_residual_percent2", "-2.469"]
     place = text.get_window_extent()

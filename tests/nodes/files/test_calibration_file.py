@@ -60,7 +60,7 @@ def write(
 ) -> None:
     quality = {"entries": 50.0}
     write_calibration(
-        *ARRAYS, film, NOISE, 1.5, LENS, MISFIT, quality, doubts or [], AREA,
+        *ARRAYS, film, NOISE, 1.5, LENS, quality, doubts or [], AREA, MISFIT,
         file=target, provenance=replace(PROVENANCE, arguments={"lights": lights}),
     )  # fmt: skip
 

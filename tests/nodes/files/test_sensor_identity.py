@@ -40,7 +40,7 @@ def calibrated(tmp_path: Path) -> Calibrated:
         film = (random(4, *SIZE), random(*SIZE), *ARRAYS[2:], FILM)
         area = np.ones(SIZE, np.uint8)
         write_calibration(
-            *film, NOISE, 1.5, LENS, MISFIT, {}, [], area, serial,
+            *film, NOISE, 1.5, LENS, {}, [], area, MISFIT, serial,
             file=file, sensor=name, provenance=replace(PROVENANCE, **fields),
         )  # fmt: skip
         return file

@@ -177,7 +177,7 @@ def calibration(scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
         0.7 * scene[0], np.zeros(SENSOR, np.float32), PIXEL, np.ones((1, 4), np.float32),
         np.zeros((1, 2), np.float32), np.full(1, 15, np.uint8), nothing, nothing[:, 0],
         nothing[:, 0], 0.004, Film.matt(LIGHTS), np.array([0, SIGMA**2 / 4], np.float32), 1.0,
-        np.zeros(8, np.float32), np.array(NO_MISFIT, np.float32), {}, [], np.ones(SENSOR, np.uint8),
+        np.zeros(8, np.float32), {}, [], np.ones(SENSOR, np.uint8), np.array(NO_MISFIT, np.float32),
         file=file, provenance=Provenance({}, None, [], {}, {}, [], []),
     )  # fmt: skip
     return file
