@@ -88,14 +88,14 @@ def _rings(path: tuple[str, ...]) -> tuple[Ring, ...]:
 
 @dataclass(frozen=True)
 class Brought:
-    """A module of one kind that a ring brings."""
+    """A file of one kind that a ring brings."""
 
     ring: Ring
     kind: str
     file: Path
 
     def load(self) -> ModuleType:
-        """Import it.  Raises NodeError, which names the ring, if that fails."""
+        """Import a module.  Raises NodeError, which names the ring, if that fails."""
         try:
             return importlib.import_module(self.ring.module(self.kind, self.file))
         except Exception as error:
@@ -105,11 +105,11 @@ class Brought:
             ) from error
 
 
-def brought(kind: str) -> dict[str, Brought]:
-    """The modules of one kind that rings bring, by file name; the first ring has precedence."""
+def brought(kind: str, suffix: str = "py") -> dict[str, Brought]:
+    """The files of one kind that rings bring, by file name; the first ring has precedence."""
     names: dict[str, Brought] = {}
     for ring in rings():
-        for file in ring.files(kind, "[!_]*.py"):
+        for file in ring.files(kind, f"[!_]*.{suffix}"):
             names.setdefault(file.stem, Brought(ring, kind, file))
     return names
 

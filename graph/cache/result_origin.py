@@ -19,8 +19,7 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.provenance import installed, versions
 from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.disk.file_identity import file_identity
-from tactograph.graph.files.captures_in import CAPTURE_PARAM
-from tactograph.graph.files.flat_graph import Graph
+from tactograph.graph.files.flat_graph import CAPTURE_PARAM, Graph
 from tactograph.graph.plan import names
 from tactograph.graph.plan.draft import Draft
 

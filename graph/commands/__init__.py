@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import wraps
 from pathlib import Path
@@ -17,12 +18,15 @@ from tactograph.graph.commands.completion import (
     complete_overlay,
     complete_value,
 )
+from tactograph.graph.disk.folder_lock import alone_in
+from tactograph.graph.disk.text_names import refuse_other_names
 from tactograph.graph.errors import TactographError, printable
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
     from tactograph.graph.backends.device_backend import DeviceBackend
+    from tactograph.graph.commands.progress_line import ProgressLine
     from tactograph.graph.files.flat_graph import Graph
     from tactograph.graph.run.pipeline import Pipeline
 
@@ -229,3 +233,26 @@ class RunOptions:
         from tactograph.graph.cache.result_origin import find_origin
 
         return find_origin(graph, arguments, backend=self.backend, device=self.device)
+
+    @staticmethod
+    def progress(*, wanted: bool = True) -> ProgressLine:
+        """Return a line that shows how far the command is, and prints what it has to say."""
+        from tactograph.graph.commands.progress_line import ProgressLine
+
+        return ProgressLine(wanted=wanted)
+
+    @staticmethod
+    @contextmanager
+    def alone_in(folder: Path, out: str, over: Iterable[str] = ()) -> Iterator[None]:
+        """Keep other processes out of a folder of `out` in the block, where folders can be locked.
+
+        Raises InputError if another process is in it, or it cannot be made; if a name is not UTF-8;
+        or if `out` is one of the places `over` which the command runs.
+        """
+        for place in (out, *over):
+            refuse_other_names(place)
+        from tactograph.graph.run.open_pipeline import refuse_to_write_over
+
+        refuse_to_write_over(f"--out {out}", out, {f"--over {place}": place for place in over})
+        with alone_in(folder):
+            yield

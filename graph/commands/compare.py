@@ -73,7 +73,7 @@ def _read_study(
 ) -> Study:
     from tactograph.graph.compare.compare import Study
     from tactograph.graph.compare.sweep import read_sweep
-    from tactograph.graph.files.captures_in import captures_in
+    from tactograph.graph.files.flat_graph import Graph
     from tactograph.graph.files.read_graph import read_graphs, with_overlays
     from tactograph.graph.run.open_pipeline import refuse_to_write_over
 
@@ -84,7 +84,7 @@ def _read_study(
         raise InputError(
             "compare needs at least one graph; 'tactograph graphs' lists those that ship"
         )
-    captures = [capture for folder in folders for capture in captures_in(folder)]
+    captures = [capture for folder in folders for capture in Graph.captures_in(folder)]
     refuse_to_write_over(f"--out {out}", out, {f"--over {p}": p for p in (*folders, *captures)})
     graphs = [with_overlays(graph, overlays) for name in names for graph in read_graphs(name)]
     return Study(

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any
 from tactograph.graph.declare.check_settings import PARAM_PLACEHOLDER
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.disk.strict_yaml import Place
-from tactograph.graph.errors import GraphError, InputError, a_few, did_you_mean
-from tactograph.graph.files.captures_in import CAPTURE_PARAM
+from tactograph.graph.errors import GraphError, InputError, a_few, did_you_mean, missing
 from tactograph.graph.files.graph_model import GRAPH_FORMAT
 from tactograph.graph.files.typed_values import MAX_NAMED_SETTINGS, overlays_with, read_value
 
@@ -22,6 +21,8 @@ if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
     from tactograph.graph.files.layer import Layer
 
+CAPTURE_PARAM = "capture"
+"""The param of a graph that takes a capture's folder."""
 PREVIOUS_ITEM = "previous"
 """``previous.node.port`` is the value of the port at the previous item."""
 
@@ -182,6 +183,17 @@ class Graph:
     def at_capture(self, folder: str | Path) -> dict[str, str]:
         """That param with the capture's folder as its value; empty if the graph has none."""
         return {} if self.capture_param is None else {self.capture_param: str(folder)}
+
+    @staticmethod
+    def captures_in(folder: Path) -> list[Path]:
+        """The folder itself; if it holds folders but no file, these folders sorted by name.
+
+        Raises InputError if there is no such folder.
+        """
+        if not folder.exists():
+            raise InputError(missing(folder, "folder"))
+        inside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+        return inside if inside and all(path.is_dir() for path in inside) else [folder]
 
     def read_words(self, words: Iterable[str]) -> dict[str, Any]:
         """Read ``name=value`` words, as a user types them, for its params.

@@ -25,6 +25,9 @@ MAX_SAMPLE_SLOPE = 3.0
 """Steepest slope of a sample; a shape is least certain where it is steep."""
 SHIFT_DEVIATION_PX = 0.5
 """Standard deviation of an object's position along x and along y."""
+LED_DRIFT, LED_DRIFT_ACROSS = 0.03, 0.01
+"""Standard deviations of LEDs that warm up since the flat frame: of their light, and of how that
+changes across half the image."""
 MAX_LED_WIDTHS = 100.0
 """Distance of an LED, in widths of the image, beyond which its light is parallel."""
 MIN_PIXELS = 100

@@ -27,23 +27,26 @@ class Colour(StrEnum):
     GREY = "#9a9a9a"
 
 
-def write_picture(figure: Figure, file: Path) -> None:
+def write_picture(
+    figure: Figure, file: Path, figures: Mapping[str, float] | None = None, top: float = 1.0
+) -> None:
     """Write a figure as PNG, completely or not at all; that of a calibration next to its file.
+
+    It may list `figures` on the right, from `top` on, a share of the page counted from its bottom.
 
     Raises
     ------
     WriteError
         If it cannot be written.
     """
+    if figures is not None:
+        _list_figures(figure, figures, top)
     with atomic_file(_picture_of(file)) as target:
         FigureCanvasAgg(figure).print_png(target, pil_kwargs={"compress_level": 1})
 
 
-def list_figures(page: Figure, figures: Mapping[str, float], top: float) -> None:
-    """Write figures on the right of a page, one a line, and keep a layout to their left.
-
-    `top` is a share of the page, counted from its bottom.
-    """
+def _list_figures(page: Figure, figures: Mapping[str, float], top: float) -> None:
+    """Write figures on the right of a page, one a line, and keep a layout to their left."""
     values = {
         name: f"{int(value)}" if float(value).is_integer() else f"{value:.4g}"
         for name, value in figures.items()

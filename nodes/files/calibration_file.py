@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,6 +163,15 @@ class FileKind(NamedTuple):
         }
         return typed, _about(file, head)
 
+    @classmethod
+    def named(cls, name: str) -> Self:
+        """Return the kind of this name.  Raises InputError if no installed ring brings it."""
+        module: Any = _module(name)
+        if module is None:
+            raise InputError(f"no installed ring knows the files of a {name}")
+        kind: Self = module.KIND
+        return kind
+
     @staticmethod
     def module_of(file: Path) -> ModuleType | None:
         """Import the module of the kind that a file claims to be; None if there is none.
@@ -173,8 +182,7 @@ class FileKind(NamedTuple):
             If there is no such file, or it is damaged.
         """
         name = about_in(_load(file, "run calibrate", ABOUT_ARRAY)).get("kind")
-        kind = str(name).removeprefix("tactograph ").replace(" ", "_")
-        return bring("calibrations", f"{kind}_kind")
+        return _module(str(name).removeprefix("tactograph "))
 
     @staticmethod
     def read_sensor(file: Path) -> Any:
@@ -187,7 +195,7 @@ class FileKind(NamedTuple):
         """
         module: Any = FileKind.module_of(file)
         if module is None or "flat" not in module.KIND.values:
-            module = bring("calibrations", "calibration_kind")
+            module = _module("calibration")
         return module.read(file)
 
     def read_to_use(self, file: Path, lights: str | None = None) -> tuple[dict[str, Any], "About"]:
@@ -227,6 +235,10 @@ class FileKind(NamedTuple):
     def _is_in(self, head: Mapping[str, Any]) -> bool:
         """Whether a file of that header claims to be a calibration of this kind."""
         return bool(head.get("kind") == f"tactograph {self.name}")
+
+
+def _module(kind: str) -> ModuleType | None:
+    return bring("calibrations", f"{kind.replace(' ', '_')}_kind")
 
 
 class About(NamedTuple):

@@ -6,8 +6,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.sdk import InputError
-from tactograph.sdk.unstable import captures_in, refuse_other_names
+from tactograph.sdk import Graph, InputError
 
 
 class Captures(NamedTuple):
@@ -31,8 +30,7 @@ def find_captures(patterns: Sequence[str]) -> Captures:
 
     A pattern is a path with ``*``, ``?``, ``[...]`` and ``**`` as a shell takes them.  A folder
     that holds folders and no file stands for those folders.  Files beside matching folders are
-    passed over: a batch never mixes both kinds.  Raises InputError if a pattern matches nothing, or
-    a name is not UTF-8.
+    passed over: a batch never mixes both kinds.  Raises InputError if a pattern matches nothing.
     """
     captures: dict[str, None] = {}
     passed_over: dict[str, None] = {}
@@ -44,8 +42,6 @@ def find_captures(patterns: Sequence[str]) -> Captures:
         folders = [match for match in matches if Path(match).is_dir()]
         captures.update(dict.fromkeys(folders or matches))
         passed_over.update(dict.fromkeys(set(matches) - {*folders} if folders else ()))
-    for capture in captures:
-        refuse_other_names(capture)
     return Captures(list(captures), _common_start(spread), sorted(passed_over))
 
 
@@ -54,7 +50,7 @@ def _spread(pattern: str) -> list[str]:
     if not pattern.strip():
         raise InputError("--over is empty; give a pattern such as 'recordings/*'")
     folder = Path(pattern)
-    if not folder.is_dir() or captures_in(folder) == [folder]:
+    if not folder.is_dir() or Graph.captures_in(folder) == [folder]:
         return [pattern]
     return [f"{pattern.rstrip('/')}/*"]
 

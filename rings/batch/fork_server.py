@@ -12,7 +12,6 @@ from types import FrameType
 from typing import Any, TypeVar
 
 from tactograph.sdk import Graph, RunOptions, cores
-from tactograph.sdk.unstable import CORES_VARIABLE
 
 Answer = TypeVar("Answer")
 MIN_CAPTURES_PER_PROCESS = 256
@@ -52,13 +51,14 @@ def at_most(captures: int) -> int:
     return max(1, min(cores(), captures // MIN_CAPTURES_PER_PROCESS))
 
 
-def share_of(workers: int) -> dict[str, str]:
-    """The environment of a worker that gets its share of this process' cores.
+def share_of(workers: int) -> int:
+    """The share that each worker gets of this process' cores."""
+    return max(1, cores() // workers)
 
-    Variables that the user has set keep their values.
-    """
-    share = str(max(1, cores() // workers))
-    return {**dict.fromkeys(LIBRARY_VARIABLES, share), **os.environ, CORES_VARIABLE: share}
+
+def limited_to(share: int) -> dict[str, str]:
+    """The environment of a worker of so many cores.  Variables that the user has set stay."""
+    return {**dict.fromkeys(LIBRARY_VARIABLES, str(share)), **os.environ}
 
 
 @contextmanager
@@ -86,7 +86,7 @@ def start_importing() -> bool:
         os.environ.update(SAFE_PATH)
         return False
     multiprocessing.set_forkserver_preload(["tactograph.rings.batch.imported_ahead"])
-    with environment({**share_of(cores()), **SAFE_PATH}):
+    with environment({**limited_to(1), **SAFE_PATH}):
         # Else the server would start the tracker, and unblock Ctrl-C for that.
         resource_tracker.ensure_running()
         # Blocked here, Ctrl-C is blocked in the server and in all that it forks.
@@ -105,8 +105,9 @@ def start_processes(number: int, set_up: Callable[[], object] = int) -> ProcessP
     with this one, however it ends, and leave Ctrl-C to it: see `stop_processes`.
     """
     share = share_of(number)
+    about = share, limited_to(share), set_up
     context = multiprocessing.get_context("forkserver" if start_importing() else "spawn")
-    return ProcessPoolExecutor(number, context, initializer=_begin, initargs=(share, set_up))
+    return ProcessPoolExecutor(number, context, initializer=_begin, initargs=about)
 
 
 def hand_over(
@@ -143,10 +144,11 @@ def stop_processes() -> None:
         process.terminate()
 
 
-def _begin(share: Mapping[str, str], set_up: Callable[[], object]) -> None:
+def _begin(share: int, limits: Mapping[str, str], set_up: Callable[[], object]) -> None:
     """Set up a process; what it is forked from has imported `pyopencl`."""
     home = os.environ.get(LOADER_VARIABLE)
-    take_over({**({} if home is None else {LOADER_VARIABLE: home}), **share})
+    take_over({**({} if home is None else {LOADER_VARIABLE: home}), **limits})
+    cores(at_most=share)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     set_up()
     # On the way out half-written files are removed.  Set last: until then there are none.

@@ -6,7 +6,6 @@ from typing import Any
 
 from tactograph.rings.batch.captures import absolute
 from tactograph.sdk import Graph, InputError, Pipeline, RunOptions
-from tactograph.sdk.unstable import refuse_other_names
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,6 @@ def make_job(
     }
     if not out.strip():
         raise InputError("--out is empty; give NAME.zarr, or a folder")
-    refuse_other_names(out)
     place = absolute(out)
     if place.endswith(".zarr"):
         return Job(graph, arguments, options, place, None if maps is None else tuple(maps))

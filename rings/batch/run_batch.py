@@ -19,10 +19,9 @@ from tactograph.rings.batch.entry import DONE, FAILED, STATUS_NAMES, Entry
 from tactograph.rings.batch.fork_server import worker_count
 from tactograph.rings.batch.job import Job
 from tactograph.rings.batch.processes import Processes
-from tactograph.rings.batch.store import Store, alone_in
+from tactograph.rings.batch.store import Store
 from tactograph.rings.batch.worker import Tally, Worker
-from tactograph.sdk import atomic_file, one_line
-from tactograph.sdk.unstable import ProgressLine, refuse_to_write_over
+from tactograph.sdk import RunOptions, atomic_file, one_line
 
 MAX_NAMED = 10
 """Failed captures, and files passed over, that are printed; the table has all captures."""
@@ -33,16 +32,18 @@ def run_batch(job: Job, captures: Captures, number: int | None, *, retry_failed:
 
     Raises what `open_batch` raises, or if the place is one that is read.
     """
-    if (out := job.folders) is not None:
-        places = filter(None, (captures.below, *captures.captures))
-        refuse_to_write_over(f"--out {out}", out, {f"--over {place}": place for place in places})
-    with ProgressLine(wanted=False) as line, ExitStack() as closing:
+    place = Path(job.place)
+    # If a store exists, nothing may be left to do.
+    is_new, out = not place.exists(), job.folders or job.place
+    around = [captures.below] if job.folders and captures.below else []
+    over = [*around, *(each for each in captures.captures if not lies_in(each, job))]
+    with RunOptions.progress(wanted=False) as line, ExitStack() as closing:
+        closing.enter_context(RunOptions.alone_in(place, out, over))
         number = number or worker_count(job.graph, job.options, len(captures.captures))
         workers: Workers = Worker(job)
         if number > 1:
             workers = closing.enter_context(Processes(job, number))
-            # If a store exists, nothing may be left to do.
-            if not Path(job.place).exists():
+            if is_new:
                 workers.open_ahead()
         origin = job.options.origin(job.graph, job.arguments)
         files = [file for file in captures.passed_over if not lies_in(file, job)]
@@ -50,7 +51,6 @@ def run_batch(job: Job, captures: Captures, number: int | None, *, retry_failed:
             line.say(f"warning: {file}: passed over, as it is no folder", err=True)
         if (more := len(files) - MAX_NAMED) > 0:
             line.say(f"warning: {more} more files passed over", err=True)
-        closing.enter_context(alone_in(job.place))
         store = open_batch(job, origin, captures.captures, workers)
         if damaged := reopen_damaged(store):
             plural = "s" if damaged > 1 else ""
@@ -58,7 +58,7 @@ def run_batch(job: Job, captures: Captures, number: int | None, *, retry_failed:
         chunks = open_chunks(store, retry_failed=retry_failed)
         line.say(f"{_before(store, retry_failed=retry_failed)}; {workers.name}")
         _show(workers.run(iter(chunks)), sum(len(each.captures) for each in chunks))
-        return _conclude(line, store, job)
+        return _conclude(store, job)
 
 
 def _before(store: Store, *, retry_failed: bool) -> str:
@@ -75,7 +75,7 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
     start = time.monotonic()
     done = failed = 0
     shown_lines: set[str] = set()
-    with ProgressLine() as line:
+    with RunOptions.progress() as line:
         line.at(f"0 of {total} captures", 0.0)
         for tally in tallies:
             for text in {*tally.fallbacks} - shown_lines:
@@ -88,9 +88,9 @@ def _show(tallies: Iterator[Tally], total: int) -> None:
             )
 
 
-def _conclude(line: ProgressLine, store: Store, job: Job) -> int:
+def _conclude(store: Store, job: Job) -> int:
     """Write the table beside the store, print a summary, and return the number of failures."""
-    captures, entries = store.captures, store.read_all()
+    captures, entries, line = store.captures, store.read_all(), RunOptions.progress(wanted=False)
     failures = [(c, e) for c, e in zip(captures, entries, strict=True) if e.status == FAILED]
     for capture, entry in failures[:MAX_NAMED]:
         # Most reasons begin with the place.

@@ -12,10 +12,9 @@ the graph puts out a pixel size, arrays of these names are its coordinates in mm
 
 import json
 import math
-import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -30,7 +29,6 @@ from tactograph.rings.batch.entry import DONE, PENDING, Entry, read_figures
 from tactograph.rings.batch.job import Job
 from tactograph.rings.batch.map_types import AXIS_NAMES, MapType, axes_of
 from tactograph.sdk import MAX_PIXELS, InputError
-from tactograph.sdk.unstable import lock_folder
 
 STORE_FORMAT = 5
 MAX_CAPTURES = 10**7
@@ -343,29 +341,3 @@ def open_store(place: str) -> Store | None:
         raise InputError(f"{place}: no store of a batch, but of Zarr version 2") from None
     except _OPEN_ERRORS as error:
         raise InputError(f"{place}: no store of a batch: {error}") from None
-
-
-@contextmanager
-def alone_in(place: str) -> Iterator[None]:
-    """Keep other batches out of a store inside the block, where folders can be locked.
-
-    Two that add captures, or merge into one chunk, would undo each other's work.
-
-    Raises InputError if another batch is at work there, or its folder cannot be made.
-    """
-    try:
-        Path(place).mkdir(parents=True, exist_ok=True)
-        lock = lock_folder(Path(place))
-    except BlockingIOError:
-        raise InputError(
-            f"{place}: another batch is at work in it; wait until it is done"
-        ) from None
-    except OSError as error:
-        raise InputError(f"{place}: cannot be made: {error.strerror or error}") from None
-    try:
-        yield
-    finally:
-        if lock is not None:
-            os.close(lock)
-        with suppress(OSError):  # nothing came into it
-            Path(place).rmdir()

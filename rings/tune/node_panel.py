@@ -12,7 +12,7 @@ from tactograph.rings.tune.follow import Follow
 from tactograph.rings.tune.picture_view import ScaledPicture
 from tactograph.rings.tune.pictures import draw, planes_of
 from tactograph.rings.tune.tuning import Shown, Tuning
-from tactograph.sdk import Document, Graph, find_node
+from tactograph.sdk import Document, Graph, nodes
 
 SLIDER_INTERVAL_S = 0.02
 """Time between two places of a slider that is dragged; NiceGUI's own tells 20 a second."""
@@ -66,7 +66,7 @@ class NodePanel:
                 ).classes("t-help")
                 return
             entry = tuning.graph.nodes[name]
-            node = find_node(entry.op)
+            node = getattr(nodes, entry.op)
             about = node.about
             self._head(name)
             ui.label(about.summary.replace("``", "")).classes("t-help")
@@ -82,7 +82,7 @@ class NodePanel:
     def _head(self, name: str) -> None:
         """Name and op, and the controls of the node as a whole."""
         tuning, entry = self._tuning, self._tuning.graph.nodes[name]
-        node = find_node(entry.op)
+        node = getattr(nodes, entry.op)
         with ui.row().classes("w-full items-center gap-2 no-wrap"):
             ui.label(name).classes("t-name").props("data-testid=node")
             ui.label(entry.op).classes("t-quiet")
@@ -121,7 +121,7 @@ class NodePanel:
         ui.label(about).classes("t-help").style("margin-top: -6px")
 
     def _control(self, node: str, op: str, name: str, value: Any) -> None:
-        declared = find_node(op).parameters[name]
+        declared = getattr(nodes, op).parameters[name]
         control = control_of(declared.type, declared.limits, declared.default, value)
         # Set one by one: in a text of properties a value's quotes would end it.
         mark = {"data-testid": f"param-{name}"}

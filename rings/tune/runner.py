@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from tactograph.sdk import Cache, Graph, InputError, Pipeline, Result, load
-from tactograph.sdk.unstable import captures_in
 
 
 def captures_of(graph: Graph, params: Mapping[str, Any]) -> list[Path]:
@@ -18,7 +17,7 @@ def captures_of(graph: Graph, params: Mapping[str, Any]) -> list[Path]:
     if not isinstance(folder, str):
         return []
     try:
-        return [] if Path(folder).is_file() else captures_in(Path(folder))
+        return [] if Path(folder).is_file() else graph.captures_in(Path(folder))
     except InputError as error:
         raise InputError(f"{graph.capture_param}={error}") from None
 

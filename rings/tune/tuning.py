@@ -21,7 +21,7 @@ from tactograph.sdk import (
     Pipeline,
     Result,
     TactographError,
-    find_node,
+    nodes,
     read_graph,
 )
 
@@ -116,7 +116,7 @@ class Tuning:
         Raises InputError if there is no such back end.
         """
         entry = self.graph.entry(node)
-        if backend == "opencl" and not find_node(entry.op).has_kernel:
+        if backend == "opencl" and not getattr(nodes, entry.op).has_kernel:
             raise InputError(f"{node}: node '{entry.op}' has no OpenCL kernel")
         base = self.base.nodes
         self._take(node, lambda name: {"backend": backend or base[name].backend})
@@ -130,7 +130,7 @@ class Tuning:
 
         def as_read(name: str) -> dict[str, Any]:
             base = self.base.nodes[name]
-            defaults = {n: p.default for n, p in find_node(base.op).parameters.items()}
+            defaults = {n: p.default for n, p in getattr(nodes, base.op).parameters.items()}
             settings = {n: defaults[n] for n in self.graph.nodes[name].settings if n in defaults}
             return {**vars(base), "settings": {**settings, **base.settings}}
 
@@ -157,7 +157,7 @@ class Tuning:
     def changes(self) -> list[Change]:
         """The patch that turns the graph in the file into the one on the screen."""
         defaults = {
-            name: {n: p.default for n, p in find_node(entry.op).parameters.items()}
+            name: {n: p.default for n, p in getattr(nodes, entry.op).parameters.items()}
             for name, entry in self.base.nodes.items()
             if entry != self.graph.nodes[name]
         }

@@ -27,9 +27,6 @@ from tactograph.graph.commands import (
 from tactograph.graph.cores import (
     cores as cores,
 )
-from tactograph.graph.declare.find_node import (
-    find_node as find_node,
-)
 from tactograph.graph.declare.node_page import (
     node_page as node_page,
 )
@@ -51,6 +48,7 @@ from tactograph.graph.files.flat_graph import (
     Graph as Graph,
 )
 from tactograph.graph.files.read_graph import (
+    GraphFile as GraphFile,
     read_graph as read_graph,
 )
 from tactograph.graph.rings import (
@@ -93,6 +91,9 @@ from tactograph.nodes.calibrate.film.ball_samples import (
 )
 from tactograph.nodes.calibrate.film.shape_fit import (
     ShapeFit as ShapeFit,
+)
+from tactograph.nodes.calibrate.rating.pressed_ball import (
+    PressedBall as PressedBall,
 )
 from tactograph.nodes.calibrate.rating.verdict import (
     Judged as Judged,

@@ -248,6 +248,10 @@ class Fitted(NamedTuple):
         film = self.film._replace(lights=lights, emission=float(leds[:, 4].mean()))
         return self._replace(leds=leds, film=film)
 
+    def other_places(self, covariance: F8, width_mm: float) -> F4:
+        """Return other places of the LEDs by their covariance, as `LedPlaces.sampled` does."""
+        return LedPlaces(self.leds).sampled(covariance, width_mm)
+
     def predicted(self, balls: Balls, rest: F8 | None = None) -> F8:
         """Return the light of the balls' samples, K x N.
 

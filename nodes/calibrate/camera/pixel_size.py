@@ -1,4 +1,4 @@
-"""The side of a pixel on the film, from the user, the camera's file or the sensor's preset."""
+"""The side of a pixel on the film, from the user, the camera's file or a usual value."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,9 +7,8 @@ from annotated_types import Len
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import PixelSize
-from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
+from tactograph.nodes.files.calibration_file import FileKind
 from tactograph.nodes.files.height_files import HeightFile
-from tactograph.nodes.files.sensor_preset import SensorPreset
 from tactograph.nodes.optics.lens import oblong_lens
 
 PixelSides = PixelSize | Annotated[tuple[PixelSize, ...], Len(1, 2)]
@@ -22,36 +21,32 @@ def pixel_size(
     *,
     mm: PixelSides | None = None,
     camera: Path | None = None,
-    sensor: str | None = None,
 ) -> PixelSize:
     """Return the pixel size as a value that nodes can take as input.
 
     Parameters
     ----------
-    stated : mm per px, from a scan's file; used if nothing else is given
+    stated : mm per px, of a scan's file or a sensor's preset; used if nothing else is given
     mm
         mm per px; or x, y for pixels that are not square.  `read_lens` turns those into a lens, and
         this node returns the side of the ideal image's pixels.
     camera
         The file of a camera.  Its pixel size takes precedence over `mm`, because images
         undistorted by it have that pixel size.
-    sensor : a kind of sensor, as for `read_camera`; its pixel size is used if `mm` is not given
 
     Raises
     ------
     InputError
-        If none is given, there is no such sensor, or the file is not a camera file.
+        If none is given, or the file is not a camera file.
     """
     if mm is not None:
         mm = oblong_lens(*sides_of(mm))[1]
-    if mm is None and sensor is not None:
-        mm = SensorPreset.read(sensor).pixel_size_mm
     if camera is None:
         mm = mm or stated
         if mm is None:
             raise InputError("the pixel size is not known; give `mm`=MM, or `camera`=camera.npz")
         return mm
-    of_camera = float(CAMERA_KIND.read(camera)[0]["pixel_size"])
+    of_camera = float(FileKind.named("camera").read(camera)[0]["pixel_size"])
     if mm is None:
         return of_camera
     if not HeightFile.agree(mm, of_camera):

@@ -85,12 +85,6 @@ class Calibration(NamedTuple):
         Stored(-10, 10, plain=0.0),
         "k1 k2 cx cy a b gx gy: how the camera departs from an even grid",
     ]
-    misfit: Annotated[
-        Misfit,
-        Stored(0, 1e6, plain=NO_MISFIT),
-        "errors of the film's model on held-out presses: radians of a normal, mm over which it is "
-        "correlated, light, share of the light from film to film, radians common to all normals",
-    ]
     quality: Annotated[Metrics, "figures of the calibration's quality, for people"]
     doubts: Annotated[list[str], "doubts about the calibration, one sentence each"]
     area: Annotated[Mask, Stored(0, 1, plain=1), "1 where the frame shows film"]
@@ -100,6 +94,12 @@ class Calibration(NamedTuple):
         Stored(0, 100, plain=0.0),
         "px, standard deviation by which the camera spreads a point, beyond the pixel itself",
     ] = 0.0
+    misfit: Annotated[
+        Misfit,
+        Stored(0, 1e6, plain=NO_MISFIT),
+        "errors of the film's model on held-out presses: radians of a normal, mm over which it is "
+        "correlated, light, share of the light from film to film, radians common to all normals",
+    ] = np.asarray(NO_MISFIT, np.float32)
     label_turn: Annotated[
         LabelTurn,
         Stored(0, 3.2, plain=0.0),

@@ -7,7 +7,7 @@ import numpy as np
 from tactograph.graph import InputError, node
 from tactograph.nodes import Lens, Light
 from tactograph.nodes.calibrate.camera.pixel_size import PixelSides, sides_of
-from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND
+from tactograph.nodes.files.calibration_file import FileKind
 from tactograph.nodes.optics.lens import LENS_TERMS, oblong_lens
 
 
@@ -35,7 +35,7 @@ def read_lens(
         return oblong_lens(*sides_of(pixel_mm))[0]
     if file is None:
         return np.zeros(len(LENS_TERMS), np.float32)
-    arrays, _ = CAMERA_KIND.read(file)
+    arrays, _ = FileKind.named("camera").read(file)
     columns, rows = arrays["size"]
     if image.shape[1:] != (rows, columns):
         raise InputError(

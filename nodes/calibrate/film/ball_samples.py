@@ -36,7 +36,9 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
     Fitted,
 )
 from tactograph.nodes.calibrate.film._contact_edge import MAX_EDGE_RATIO, contact_edge
-from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO
+from tactograph.nodes.calibrate.film.film_misfit import Held
+from tactograph.nodes.calibrate.film.film_unknowns import SHARED_UNKNOWNS, USUAL_ALBEDO, Unknown
+from tactograph.nodes.calibrate.lights.descend import least_squares
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
@@ -186,6 +188,25 @@ class FilmEvidence(NamedTuple):
     pixel: PixelSize
     shape: RestShape | None = None
 
+    @staticmethod
+    def usual(name: str) -> Unknown:
+        """Return what is usual of an unknown before any evidence: value, deviation and limits."""
+        return Unknown.of(name)
+
+    @staticmethod
+    def least_squares(residual: Callable[[F8], F8], start: F8, spread: F8) -> F8:
+        """Return the unknowns, of usual `spread`, that leave residuals the least, robustly."""
+        return least_squares(residual, start, spread)
+
+    @classmethod
+    def of_flat(cls, flat: Light, pixel: float, lights: NDArray[Any] | None = None) -> Self:
+        """Return a film at rest without presses, under `lights` if their places are known."""
+        placed: Any = np.ones((len(flat), 3)) if lights is None else lights
+        balls = np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros(0, np.int32)
+        strength, noise = np.ones(len(flat), np.float32), np.zeros(2, np.float32)
+        press = np.zeros(0, np.uint8)
+        return cls(flat[:, :0], flat, *balls, press, placed, strength, noise, pixel)
+
     def used(self, most: int | None = None) -> Self:
         """Return the evidence of the balls alone that were found, in presses that are used.
 
@@ -203,6 +224,10 @@ class FilmEvidence(NamedTuple):
     def start(self) -> Fitted:
         """Return the matt film under the LEDs as placed, from which a fit starts."""
         return Fitted.matt(self.first_lights, self.strength, len(self.circle))
+
+    def held_out(self, folds: list[tuple[Balls, Fitted]]) -> Held:
+        """Return what is known of a film by samples, fold by fold, that its fit had not."""
+        return Held(folds, self.pixel)
 
     def rest(self, bounce: NodeCall | None = None, film: Film | None = None) -> Rest | None:
         """Return the flat frame in blocks; None if none was taken.

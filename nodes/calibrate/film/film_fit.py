@@ -36,7 +36,6 @@ from tactograph.nodes.calibrate.lights.descend import (
     huber,
     huber_weight,
 )
-from tactograph.nodes.calibrate.lights.light_fit import LedPlaces
 from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
 from tactograph.nodes.optics.film import FADE_WIDTH, place_terms, shades, term_count
 
@@ -247,7 +246,7 @@ class Certainty(NamedTuple):
         """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm."""
         numbers, width = self.unknowns.numbers(self.fitted), self.unknowns.width_mm
         own = np.stack([numbers[name] for name in ("x", "y", "nearness")], axis=1).ravel()
-        return LedPlaces(self.fitted.leds).sampled(self.covariance[np.ix_(own, own)], width)
+        return self.fitted.other_places(self.covariance[np.ix_(own, own)], width)
 
 
 def place_balls(balls: Balls, fitted: Fitted) -> Fitted:

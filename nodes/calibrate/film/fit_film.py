@@ -32,7 +32,6 @@ from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.film._film_search import Model, Trial, choose
 from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
 from tactograph.nodes.calibrate.film.film_fit import Fitting
-from tactograph.nodes.calibrate.film.film_misfit import Held
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
 from tactograph.nodes.optics.film import FilmPart
@@ -143,7 +142,7 @@ def fit_film(
         other_lights = sure.other_places()
     film = film._replace(other_lights=other_lights)
     residual = balls.light - best.fitted.predicted(balls)
-    held_out = Held(folds, pixel)
+    held_out = evidence.held_out(folds)
     uneven = held_out.unevenness()
     if len(balls.centre) == 1 and "diffuse" in best.parts:
         # One ball does not tell by how much the gain of touched film varies.

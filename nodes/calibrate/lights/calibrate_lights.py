@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError, Port, SizeLimit, node
-from tactograph.nodes import F4, Light, LightPlaces, LightPositions, PixelSize
+from tactograph.nodes import F4, Film, Light, PixelSize
 from tactograph.nodes.calibrate.lights.light_fit import LedFit, other_places, residual_of
 from tactograph.nodes.calibrate.lights.light_samples import Rest, presses_of, samples_for, unreached
 from tactograph.nodes.optics.rest_shape import RestShape
@@ -19,12 +19,11 @@ from tactograph.nodes.optics.sheet import (
 
 
 class LightsFit(NamedTuple):
-    """The LEDs and the residual of the fit."""
+    """A matt film under the LEDs, with the other places that they may have, and the residual."""
 
-    lights: LightPositions
+    film: Film
     strength: Annotated[F4, Port("K", "1")]
     residual: Annotated[F4, Port("K", "1")]
-    other_lights: LightPlaces
 
 
 @node(sizes={"K": SizeLimit(3, 8, "two LEDs leave two slopes, a label has 8 bits")})
@@ -66,10 +65,10 @@ def calibrate_lights(
 
     Returns
     -------
-    Positions K x 3 in mm from the middle of the image; strength K, the light of the film at rest in
-    the middle of the image, if the flat frame is missing (else 1); root mean square residual on the
-    objects, K; eight sets of LED positions sampled from the uncertainty of the fit, 8 x K x 3 in
-    mm.
+    A film with nothing but its LEDs: positions K x 3 in mm from the middle of the image, and eight
+    sets of them sampled from the uncertainty of the fit, 8 x K x 3 in mm; strength K, the light of
+    the film at rest in the middle of the image, if the flat frame is missing (else 1); root mean
+    square residual on the objects, K.
 
     Raises
     ------
@@ -93,4 +92,5 @@ def calibrate_lights(
     lit = np.hstack([each.lit for each in objects])
     spread = np.sqrt(np.square(np.hstack(residual)).sum(axis=1) / lit.sum(axis=1))
     others = other_places(objects, rest, placed, width)
-    return LightsFit(placed.lights, placed.strength, spread.astype(np.float32), others)
+    film = Film.matt(placed.lights)._replace(other_lights=others)
+    return LightsFit(film, placed.strength, spread.astype(np.float32))

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, FULL_MISFIT_SLOPE, LEVEL_MISFIT_SHARE, Height, Light, Slope
+from tactograph.nodes.calibrate import LED_DRIFT, LED_DRIFT_ACROSS
 from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.slope.height_slopes import height_slopes
 
@@ -24,17 +25,6 @@ SKIRT_SHARE = 0.1
 """Width over which film leaves an object, relative to half the object's width."""
 Random = np.random.Generator
 Form = Callable[[Random, F4, F4, float], F4]
-
-
-class LedDrift(NamedTuple):
-    """How LEDs drift since the flat frame, and how that changes across the image."""
-
-    level: float
-    across: float
-
-
-LED_DRIFT = LedDrift(level=0.03, across=0.01)
-"""Standard deviations of LEDs that warm up."""
 
 
 class Drawn(NamedTuple):
@@ -169,6 +159,6 @@ def _drift(rng: Random, count: int, size: list[int]) -> NDArray[Any]:
     if rng.random() < 1 / 2:
         return np.ones((count, 1, 1))
     u, v = (np.linspace(-1, 1, n) * n / size[1] for n in size[::-1])
-    level = rng.normal(1, LED_DRIFT.level, (count, 1, 1))
-    east, south = rng.normal(0, LED_DRIFT.across, (2, count, 1, 1))
+    level = rng.normal(1, LED_DRIFT, (count, 1, 1))
+    east, south = rng.normal(0, LED_DRIFT_ACROSS, (2, count, 1, 1))
     return np.asarray(level + east * u + south * v[:, None])

@@ -22,7 +22,6 @@ from tactograph.nodes.drawing.new_picture import (
     FIGURES_IN,
     Colour,
     NewPicture,
-    list_figures,
     write_picture,
 )
 from tactograph.nodes.optics.gauss_newton import SlopeNormal
@@ -115,8 +114,8 @@ def plot_calibration(
         _draw_area(axes[0, 0], area, wide)
     figure.suptitle(title, x=0.02, ha="left", fontsize=11)
     # Those of single LEDs are printed.
-    list_figures(figure, {name: quality[name] for name in quality if "/" not in name}, top)
-    write_picture(figure, file)
+    shown = {name: quality[name] for name in quality if "/" not in name}
+    write_picture(figure, file, shown, top)
 
 
 def _draw_circle(axes: Axes, light: F4, mask: U1, wide: int) -> None:

@@ -1,6 +1,6 @@
 """Build the look-up tables from a capture of a known object."""
 
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from tactograph.graph import InputError, node
 from tactograph.nodes import U1, Labels, Light, LutLight, LutLit, LutSlope, Mask, Slope
 from tactograph.nodes.calibrate import MIN_PIXELS
-from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope
 
 
 class Lut(NamedTuple):
@@ -21,25 +20,6 @@ class Lut(NamedTuple):
     light: LutLight
     slope: LutSlope
     lit: LutLit
-
-
-class TablePixels(NamedTuple):
-    """Pixels of the tables without a pressed object, as a sheet of one row."""
-
-    light: SheetLight
-    slope: SheetSlope
-    mask: SheetMask
-    lit: SheetLabels
-
-    @classmethod
-    def of(cls, light: NDArray[Any], slope: NDArray[Any], lit: NDArray[Any]) -> Self:
-        """Return pixels from their light K x N, slope 2 x N, and the LEDs that reach them, N."""
-        return cls(
-            np.asarray(light, np.float32)[:, None],
-            np.asarray(slope, np.float32)[:, None],
-            np.ones((1, lit.size), np.uint8),
-            np.asarray(lit, np.uint8)[None],
-        )
 
 
 @node

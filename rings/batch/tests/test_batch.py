@@ -27,6 +27,7 @@ from rings.batch.tests.stores import TAKING, job_of
 from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.cache.result_origin import find_origin
 from tactograph.graph.command import run_command
+from tactograph.graph.disk.folder_lock import alone_in
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.rings.batch import map_types
 from tactograph.rings.batch.batch import Workers, open_batch, open_chunks
@@ -34,7 +35,7 @@ from tactograph.rings.batch.captures import _common_start, find_captures
 from tactograph.rings.batch.entry import DONE, FAILED, PENDING, Entry
 from tactograph.rings.batch.processes import Processes, do_chunk
 from tactograph.rings.batch.run_batch import write_table
-from tactograph.rings.batch.store import Store, alone_in, open_store
+from tactograph.rings.batch.store import Store, open_store
 from tactograph.rings.batch.worker import Chunk, Tally, Worker
 from tests.graph.conftest import Command, Outcome, Write, graph_of, one_line
 from tests.nodes.stream.test_layer_kinds import GRAPH as WARM, WARMTH, Lay, ring, write_inputs
@@ -551,8 +552,8 @@ def test_a_folder_that_is_not_a_store_is_not_written_into(batch: Batch, tmp_path
 
 
 def test_two_batches_do_not_work_in_one_store_at_once(batch: Batch) -> None:
-    with alone_in(str(batch.place)):
-        assert "another batch is at work in it" in refusal(batch())
+    with alone_in(batch.place):
+        assert "another process is at work in it" in refusal(batch())
     assert not batch.place.exists(), "nothing came into it"
     assert batch() == (0, "")
 

@@ -6,9 +6,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator
 
+from tactograph.rings.camera.calibrations.camera_kind import KIND, CameraLens
 from tactograph.rings.camera.nodes.read_grey import GreyImage
 from tactograph.sdk import Lens, Metrics, PixelSize, Port, Provenance, node
-from tactograph.sdk.unstable import CAMERA_KIND
 
 
 @node
@@ -19,7 +19,7 @@ def write_camera(
     residual: Annotated[float, Port(unit="px")],
     quality: Metrics,
     *,
-    file: Annotated[Path, AfterValidator(CAMERA_KIND.new_file)],
+    file: Annotated[Path, AfterValidator(KIND.new_file)],
     provenance: Provenance,
 ) -> None:
     """Write lens, pixel size and residual as one ``.npz``, readable without pickle.
@@ -38,5 +38,5 @@ def write_camera(
         be written.
     """
     size = np.array(image.shape[::-1], np.int32)
-    record = CAMERA_KIND.record(lens, pixel, residual, size, quality)
-    CAMERA_KIND.write_record(file, record, {"provenance": provenance})
+    record = CameraLens(lens, pixel, residual, size, quality)
+    KIND.write_record(file, record, {"provenance": provenance})

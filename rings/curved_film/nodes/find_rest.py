@@ -203,7 +203,7 @@ def find_rest(
     of = np.arange(shown.size, dtype=np.int32)
     contacts = press_slopes(light, flat, circle, radius, of, pixel)
     leds = calibrate_lights(light, flat, *contacts, label_lit(light), pixel)
-    placed = leds.lights, leds.strength
+    placed = leds.film.lights, leds.strength
     evidence = FilmEvidence(light, flat, circle, radius, of, every, *placed, noise, pixel)
     camera = 0.0 if camera_mm is None else 1 / camera_mm
     bending = Bending(evidence, circles[shown], camera, bounce=bounce)

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 from tactograph.rings.editor.language.cursor import mapping
-from tactograph.sdk import Graph, InputError, find_node, node_page
+from tactograph.sdk import Graph, node_page, nodes
 
 _PAGE_SECTION = re.compile(r"^## (\w+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 _PAGE_ITEM = re.compile(r"^- `(\w+)` (.*)$", re.MULTILINE)
@@ -30,9 +30,8 @@ NO_DECLARATION = Declared()
 @cache
 def of_node(op: str) -> Declared:
     """What a node declares; nothing if there is none of that name."""
-    try:
-        node = find_node(op)
-    except InputError:
+    node = getattr(nodes, op, None)
+    if node is None:
         return NO_DECLARATION
     page = node_page(node)
     lines = {name: dict(_PAGE_ITEM.findall(body)) for name, body in _PAGE_SECTION.findall(page)}

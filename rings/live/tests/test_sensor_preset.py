@@ -8,10 +8,10 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
-from tactograph.nodes.files.sensor_preset import SensorPreset, shipped_presets
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import View
 from tactograph.rings.live.nodes.camera.sensor_kind import camera_settings, preset_of
+from tactograph.rings.live.nodes.camera.sensor_preset import SensorPreset, shipped_presets
 from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor, open_rig
 
 
@@ -21,11 +21,11 @@ def test_a_shipped_preset_can_be_copied(name: str, tmp_path: Path) -> None:
     copy.write_text(shipped_presets()[name].read_text().replace("turn_deg: 0 ", "turn_deg: 180"))
     mine, shipped = SensorPreset.read(str(copy)), SensorPreset.read(name)
     assert mine.size == shipped.size
-    assert pixel_size(sensor=name) == shipped.pixel_size_mm
+    assert pixel_size(stated=shipped.pixel_size_mm) == shipped.pixel_size_mm
 
 
 def test_a_stated_pixel_size_goes_before_the_sensors() -> None:
-    assert pixel_size(mm=0.05, sensor="gelsight_mini") == 0.05
+    assert pixel_size(mm=0.05, stated=SensorPreset.read("gelsight_mini").pixel_size_mm) == 0.05
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,7 @@
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.sdk import F4, F8
-from tactograph.sdk.unstable import Rest
+from tactograph.sdk import F4, F8, FilmEvidence
 
 MIN_CORRELATION = 0.9
 """Correlation above which two images show the light of one LED.  A new film leaves 0.99."""
@@ -16,15 +15,15 @@ def other_order(then: F4, now: F4, pixel: float) -> list[int] | None:
     """Return the LED, counted from 1, whose light each image has now; None if its own.
 
     How the light falls off over the film tells the LEDs apart: strength, albedo and vignetting
-    drop out (`Rest.of`).  Of all orders the one is taken in which the images correlate best with
-    those of before.
+    drop out.  Of all orders the one is taken in which the images correlate best with those of
+    before.
 
     Parameters
     ----------
     then, now : K x H x W, the untouched film
     pixel : mm per px
     """
-    before, after = Rest.of(then, pixel), Rest.of(now, pixel)
+    before, after = (FilmEvidence.of_flat(film, pixel).rest() for film in (then, now))
     if before is None or after is None:
         return None
     alike = _shape(after.logarithm) @ _shape(before.logarithm).T

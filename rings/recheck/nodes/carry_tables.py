@@ -1,17 +1,33 @@
 """Transfer the light of a calibration's tables to another film."""
 
+from typing import Annotated, NamedTuple
+
 import numpy as np
 
-from tactograph.sdk import F4, Film, node
+from tactograph.sdk import F4, U1, Film, Labels, Light, Mask, Port, Slope, node
 from tactograph.sdk.nodes import film_light
-from tactograph.sdk.unstable import TablePixels, Tables
 
 MIN_PREDICTED_LIGHT = 0.05
 """Light predicted for the old film above which the ratio of both films is used."""
 
 
+class TablePixels(NamedTuple):
+    """Pixels of the tables without a pressed object, as an image of one row."""
+
+    light: Light
+    slope: Slope
+    mask: Mask
+    lit: Labels
+
+
 @node
-def carry_tables(tables: Tables, old: Film, new: Film) -> TablePixels:
+def carry_tables(
+    lut_light: Annotated[F4, Port("N K", "1")],
+    lut_slope: Annotated[F4, Port("N 2", "mm/mm")],
+    lut_lit: Annotated[U1, Port("N", "LED bits", high=255)],
+    old: Film,
+    new: Film,
+) -> TablePixels:
     """Return the tables' pixels with the light that their slopes have on the new film.
 
     The light of each pixel is multiplied by the ratio of both films' light (`film_light`) for its
@@ -19,17 +35,18 @@ def carry_tables(tables: Tables, old: Film, new: Film) -> TablePixels:
 
     Parameters
     ----------
-    tables : N x K, N x 2 and N: those of the old calibration
+    lut_light, lut_slope, lut_lit : N x K, N x 2 and N: the tables of the old calibration
     old, new : the films; if they are equal, the light does not change by a bit
 
     Returns
     -------
     Light K x 1 x N, slope 2 x 1 x N, a mask of ones and the LEDs that reach each pixel.
     """
-    slope = np.ascontiguousarray(tables.lut_slope.T)
+    slope = np.ascontiguousarray(lut_slope.T)
     then, now = (_light(film, slope, float(old.contact)) for film in (old, new))
     ratio = np.where(then > MIN_PREDICTED_LIGHT, now / np.maximum(then, MIN_PREDICTED_LIGHT), 1)
-    return TablePixels.of(tables.lut_light.T * ratio, slope, tables.lut_lit)
+    light = np.asarray(lut_light.T * ratio, np.float32)
+    return TablePixels(light[:, None], slope[:, None], np.ones_like(lut_lit[None]), lut_lit[None])
 
 
 def _light(film: Film, slope: F4, height: float) -> F4:

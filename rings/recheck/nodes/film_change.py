@@ -11,9 +11,20 @@ from numpy.typing import NDArray
 
 from tactograph.rings.recheck.nodes import TiltResponse
 from tactograph.rings.recheck.nodes._led_order import other_order
-from tactograph.sdk import F4, F8, Height, InputError, Light, PixelSize, Port, SizeLimit, node
+from tactograph.sdk import (
+    F4,
+    F8,
+    Height,
+    InputError,
+    Light,
+    PixelSize,
+    Port,
+    SizeLimit,
+    node,
+    places,
+)
 from tactograph.sdk.nodes import integrate_dct
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, MIN_FLAT_LIGHT, terms
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, MIN_FLAT_LIGHT
 
 MIN_LIGHT = 0.002
 """Smallest light that is not dark: half a step of 8 bits."""
@@ -172,7 +183,8 @@ def _smooth_part(
     """The strengths K, the fitted ratio K x H x W, the ambient light, and the shift."""
     count, rows, columns = ratio.shape
     step = columns // MAX_FIT_WIDTH_PX + 1
-    place = terms(np.arange(rows), np.arange(columns), (rows, columns)).astype(np.float64)
+    u, v = np.meshgrid(*(places(n, np.float32(2 / columns)) for n in (columns, rows)))
+    place = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v]).astype(np.float64)
     strength = np.median(ratio[:, is_known], axis=1) if is_known.any() else np.ones(count)
     if new_film:  # six smooth terms for each LED
         each = np.eye(count)[:, None, :, None, None] * place[None, :, None]

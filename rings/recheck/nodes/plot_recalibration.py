@@ -16,7 +16,6 @@ from tactograph.sdk import (
     node,
     write_picture,
 )
-from tactograph.sdk.unstable import list_figures
 
 
 @node
@@ -50,8 +49,7 @@ def plot_recalibration(
     figure.suptitle(advice, x=0.02, ha="left", fontsize=11)
     # Those of single LEDs are drawn.
     shown = {name: quality[name] for name in quality if not name.startswith("light_percent")}
-    list_figures(figure, shown, 0.92)
-    write_picture(figure, file)
+    write_picture(figure, file, shown, top=0.92)
 
 
 def _draw_press(axes: Axes, press: F4, circles: F4) -> None:

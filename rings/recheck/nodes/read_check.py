@@ -1,17 +1,26 @@
 """Read the presses of a ball that check a film, if there are any."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.sdk import InputError, Layout, Light, node
+from tactograph.sdk import F4, InputError, Layout, Light, Port, SheetLight, StatedCircles, node
 from tactograph.sdk.nodes import read_balls
-from tactograph.sdk.unstable import BallPresses
 
 NO_BALL_MM = 1e3
 """Radius in mm where no ball was given: so large that it limits nothing."""
+
+
+class CheckPresses(NamedTuple):
+    """P presses as a sheet, the first of them alone, and known properties of their balls."""
+
+    image: SheetLight
+    first: Light
+    radius: Annotated[F4, Port("P", "mm")]
+    circles: StatedCircles
+    names: list[str]
 
 
 @node
@@ -23,7 +32,7 @@ def read_check(
     center_px: tuple[float, float] | None = None,
     contact_px: Annotated[float, Gt(0)] | None = None,
     layout: Layout,
-) -> BallPresses:
+) -> CheckPresses:
     """Read check presses as `read_balls` does; without a folder, return the film at rest.
 
     Parameters
@@ -39,7 +48,7 @@ def read_check(
     """
     if folder is None:
         radius, circles = np.full(1, NO_BALL_MM, np.float32), np.zeros((1, 3), np.float32)
-        return BallPresses(flat, flat, radius, circles, [])
+        return CheckPresses(flat, flat, radius, circles, [])
     balls = read_balls(
         folder=folder,
         radius_mm=radius_mm,
@@ -53,4 +62,4 @@ def read_check(
             f"{folder}: is {k} lights of {columns} x {rows} pixels, but the calibration is for "
             f"{flat.shape[0]} lights of {flat.shape[2]} x {flat.shape[1]}"
         )
-    return balls
+    return CheckPresses(*balls[:5])

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
 from tactograph.sdk import (
@@ -28,22 +29,13 @@ from tactograph.sdk import (
     warn,
 )
 from tactograph.sdk.nodes import film_bounce
-from tactograph.sdk.unstable import (
-    PART_UNKNOWNS,
-    Balls,
-    Fitted,
-    Held,
-    Rest,
-    Unknown,
-    least_squares,
-)
 
 SHALLOW_SHARE = 0.5
 """Smallest slopes of a check press, as a share of those pressed for the calibration."""
 THICKNESS_DEVIATION_MM = 0.3
 """Standard deviation of the thickness of a gel."""
-COAT_UNKNOWNS = PART_UNKNOWNS["lobe"]
-ANOTHER_GEL = ("thicker", "gain", "diffuse", *PART_UNKNOWNS["bounce"])
+COAT_UNKNOWNS = "base", "roughness", "refraction"
+ANOTHER_GEL = "thicker", "gain", "diffuse", "albedo", "rim"
 FILM_CHANGES = (("thicker",), ANOTHER_GEL, (*ANOTHER_GEL, *COAT_UNKNOWNS))
 """The changes tried, the simplest first: another thickness in mm, another gel, another coat.
 `diffuse` is added to the share of every LED."""
@@ -58,32 +50,45 @@ class FilmRefit(NamedTuple):
     quality: Metrics
 
 
-class _Prior(NamedTuple):
+class _Samples:
+    """Samples of the check press, with the light that a film throws on itself: all, and some."""
+
+    def __init__(
+        self, evidence: FilmEvidence, film: Film, *, last: bool = False, **options: Any
+    ) -> None:
+        self.all = evidence.sample(film, most=None, **options)
+        self.some = self.all.thinned(last=last)
+
+
+class _Prior:
     """The fit's starting point: the old film, and how the flat frame changed.
 
-    `light` is the ratio of its brightness, `ratio` the change of its fall-off's logarithm.
+    `light` is the ratio of its brightness, `ratio` the change of its fall-off's logarithm; none if
+    either frame is uniform, because none was taken.
     """
 
-    film: Film
-    light: float
-    fall: Rest
-    ratio: F8
+    def __init__(self, film: Film, evidence: FilmEvidence, before: F4) -> None:
+        now, then = evidence.rest(), evidence._replace(flat=before).rest()
+        self.film, self.evidence, self.fall = film, evidence, None if then is None else now
+        self.light, self.ratio = 1.0, np.zeros((len(before), 0))
+        if now is not None and then is not None:
+            self.light = float(np.median(evidence.flat) / np.median(before))
+            self.ratio = _level(now.logarithm - then.logarithm)
 
 
-class _Refitted(NamedTuple):
+class _Refitted:
     """A fit: the changes by name, the film, and the shifts of the balls."""
 
-    changed: dict[str, float]
-    film: Film
-    shifts: F8
+    def __init__(
+        self, evidence: FilmEvidence, changed: dict[str, float], film: Film, shifts: F8
+    ) -> None:
+        self.changed, self.film, self.shifts = changed, film, shifts
+        leds = np.zeros((len(film.lights), 5))
+        self.fitted = evidence.start()._replace(leds=leds, film=film, shifts=shifts)
 
-    @property
-    def fitted(self) -> Fitted:
-        """The fit in the form that other functions take."""
-        return Fitted(np.zeros((len(self.film.lights), 5)), self.film, self.shifts)
-
-    def scale(self, balls: Balls) -> float:
+    def scale(self, samples: _Samples) -> float:
         """Standard deviation of what the fit leaves of the balls' light."""
+        balls = samples.some
         return balls.scale(self.fitted.predicted(balls) - balls.light)
 
 
@@ -140,32 +145,30 @@ def refit_film(
     strength = np.ones(len(flat), np.float32)
     found, placed = (balls.circle, balls.radius, balls.of), (every, film.lights, strength)
     evidence = FilmEvidence(light, flat, *found, *placed, noise, pixel).used()
-    whole = evidence.sample(film, most=None, bounce=bounce)
-    some = whole.thinned()
-    if (slope := some.pressed_slope) < SHALLOW_SHARE * film.pressed_slope:
+    samples = _Samples(evidence, film, bounce=bounce)
+    if (slope := samples.some.pressed_slope) < SHALLOW_SHARE * film.pressed_slope:
         warn(
             f"the check press has slopes of up to {slope:.2f}, the calibration's presses of up to "
             f"{film.pressed_slope:.2f}: press as deep as slopes will be, and recalibrate"
         )
-    before_refit = _prior_of(precise, flat, before, pixel)
-    before_error = float(np.mean(_judged(before_refit, some, ())[1]))
-    best, errors, fold_fits = _choose(before_refit, some)
+    prior = _Prior(precise, evidence, before)
+    before_error = float(np.mean(_judged(prior, samples, ())[1]))
+    best, errors, fold_fits = _choose(prior, samples)
     if best.film.albedo > 0 and not film.lights_itself:
         # Now the light that the new film reflects from film to film is known.
-        renewed = evidence.sample(
-            best.film, most=None, shifts=best.shifts, rim=some.rim, fine=True, bounce=bounce
-        )
-        more = renewed.thinned(last=True)
-        other = _choose(before_refit, more)
+        placed_at: dict[str, Any] = {"shifts": best.shifts, "rim": samples.some.rim}
+        renewed = _Samples(evidence, best.film, last=True, **placed_at, fine=True, bounce=bounce)
+        other = _choose(prior, renewed)
         if np.mean(other[1]) < np.mean(errors):
-            whole, some, (best, errors, fold_fits) = renewed, more, other
+            samples, (best, errors, fold_fits) = renewed, other
     if precise.harmonics.any():
         plain = precise._replace(harmonics=np.zeros_like(precise.harmonics))
-        other = _choose(before_refit._replace(film=plain), some)
+        other = _choose(_Prior(plain, evidence, before), samples)
         if Odds().pays(errors, other[1]):
             best, errors, fold_fits = other
-    parts = zip(map(whole.only, some.folds(whole)), fold_fits, strict=True)
-    held_out = Held([(part, fold.fitted) for part, fold in parts], pixel)
+    some, folds = samples.some, samples.some.folds(samples.all)
+    parts = zip(map(samples.all.only, folds), fold_fits, strict=True)
+    held_out = evidence.held_out([(part, fold.fitted) for part, fold in parts])
     uneven = held_out.unevenness()
     new_misfit = held_out.misfit(film, uneven)
     rough = some.grain(some.light - best.fitted.predicted(some), flat, noise)
@@ -203,29 +206,19 @@ def _changes(old: Film, new: Film, thicker: float) -> Metrics:
     }
 
 
-def _prior_of(film: Film, flat: F4, before: F4, pixel: float) -> _Prior:
-    """The change of the flat frame; none if either frame is uniform, because none was taken."""
-    now, then = Rest.of(flat, pixel), Rest.of(before, pixel)
-    if now is None or then is None:
-        empty = np.zeros((len(flat), 0))
-        return _Prior(film, 1.0, Rest(empty, empty[0], empty[0], 1), empty)
-    light = float(np.median(flat) / np.median(before))
-    return _Prior(film, light, now, _level(now.logarithm - then.logarithm))
-
-
 def _level(logarithm: F8) -> F8:
     """Remove the LEDs' common part, which is albedo, and each LED's strength."""
     shared = logarithm - logarithm.mean(axis=0)
     return np.asarray(shared - np.median(shared, axis=1, keepdims=True))
 
 
-def _choose(prior: _Prior, balls: Balls) -> tuple[_Refitted, list[float], list[_Refitted]]:
+def _choose(prior: _Prior, samples: _Samples) -> tuple[_Refitted, list[float], list[_Refitted]]:
     """The simplest change that the held-out quarters support, its error and its folds."""
-    best, errors, fold_fits = _judged(prior, balls, FILM_CHANGES[0])
-    values = min(balls.u.size, MAX_INDEPENDENT * len(balls.centre))
+    best, errors, fold_fits = _judged(prior, samples, FILM_CHANGES[0])
+    values = min(samples.some.u.size, MAX_INDEPENDENT * len(samples.some.centre))
     for names in FILM_CHANGES[1:]:
-        candidate = _judged(prior, balls, names)
-        scales = best.scale(balls), candidate[0].scale(balls)
+        candidate = _judged(prior, samples, names)
+        scales = best.scale(samples), candidate[0].scale(samples)
         odds = Odds.of(*scales, len(names) - len(best.changed), values)
         if odds.pays(errors, candidate[1]):
             best, errors, fold_fits = candidate
@@ -233,15 +226,15 @@ def _choose(prior: _Prior, balls: Balls) -> tuple[_Refitted, list[float], list[_
 
 
 def _judged(
-    prior: _Prior, balls: Balls, names: tuple[str, ...]
+    prior: _Prior, samples: _Samples, names: tuple[str, ...]
 ) -> tuple[_Refitted, list[float], list[_Refitted]]:
     """The fit to all samples, the held-out error, and the fit without each fold."""
-    whole = _fit(prior, balls, names, {})
+    whole, some = _fit(prior, samples, names, {}), samples.some
     fold_fits, errors = [], []
-    for held_out in balls.folds():
-        fold = _fit(prior, balls.only(~held_out), names, whole.changed)
+    for held_out in some.folds():
+        fold = _fit(prior, samples, names, whole.changed, held_out)
         fold_fits.append(fold)
-        errors.append(fold.fitted.normal_error(balls.only(held_out)).degrees)
+        errors.append(fold.fitted.normal_error(some.only(held_out)).degrees)
     return whole, errors, fold_fits
 
 
@@ -251,7 +244,7 @@ def _changed(film: Film, names: dict[str, float]) -> Film:
     thicker, diffuse = values.pop("thicker", 0.0), values.pop("diffuse", 0.0)
     values["diffuse"] = film.diffuse + diffuse
     fields: dict[str, Any] = {
-        name: Unknown.of(name).within(value) for name, value in values.items()
+        name: FilmEvidence.usual(name).within(value) for name, value in values.items()
     }
     return film._replace(
         lights=film.lights + np.array([0, 0, thicker]),
@@ -260,33 +253,43 @@ def _changed(film: Film, names: dict[str, float]) -> Film:
     )
 
 
-def _usual(prior: _Prior, name: str) -> Unknown:
-    """What is expected of a change, or of the new value of a parameter."""
+def _usual(prior: _Prior, name: str) -> tuple[float, float]:
+    """What is expected of a change, or of the new value of a parameter, and the deviation."""
     if name == "thicker":
-        return Unknown(0.0, THICKNESS_DEVIATION_MM)
-    first, old = Unknown.of(name), prior.film
+        return 0.0, THICKNESS_DEVIATION_MM
+    first, old = FilmEvidence.usual(name), prior.film
     if name == "diffuse":
-        return Unknown(0.0, first.spread)
+        return 0.0, first.spread
     if name in COAT_UNKNOWNS and old.refraction == 1:
-        return first
+        return first.start, first.spread
     # The LEDs stay, so a film at rest that is darker reflects less.
-    return Unknown(getattr(old, name) * (prior.light if name == "albedo" else 1), first.spread)
+    return getattr(old, name) * (prior.light if name == "albedo" else 1), first.spread
 
 
-def _fit(prior: _Prior, balls: Balls, names: tuple[str, ...], start: dict[str, float]) -> _Refitted:
+def _fit(
+    prior: _Prior,
+    samples: _Samples,
+    names: tuple[str, ...],
+    start: dict[str, float],
+    held_out: NDArray[np.bool_] | None = None,
+) -> _Refitted:
     """Fit the named changes and the balls' positions, with priors."""
-    film, count = prior.film, len(balls.centre)
+    balls = samples.some if held_out is None else samples.some.only(~held_out)
+    film, fall, count = prior.film, prior.fall, len(balls.centre)
     about = [_usual(prior, name) for name in names]
-    usual = np.concatenate([np.zeros(3 * count), [each.start for each in about]])
+    usual = np.concatenate([np.zeros(3 * count), [first for first, _ in about]])
     places = balls.place_deviations.ravel()
-    spread = np.concatenate([places, [each.spread for each in about]])
+    spread = np.concatenate([places, [deviation for _, deviation in about]])
 
+    before = _Refitted(prior.evidence, {}, film, np.zeros((count, 3))).fitted
+    level = 0.0 if fall is None else before.at_rest(fall)
     # Without a change, the flat frames tell how alike they are.
-    blocks = prior.fall.spread(prior.ratio) if prior.fall.x.size else 1.0
+    blocks = 1.0 if fall is None else fall.spread(prior.ratio)
 
     def at(values: F8) -> _Refitted:
         named = dict(zip(names, values[3 * count :].tolist(), strict=True))
-        return _Refitted(named, _changed(film, named), values[: 3 * count].reshape(-1, 3))
+        shifts = values[: 3 * count].reshape(-1, 3)
+        return _Refitted(prior.evidence, named, _changed(film, named), shifts)
 
     def residuals(values: F8) -> F8:
         candidate = at(values)
@@ -295,15 +298,13 @@ def _fit(prior: _Prior, balls: Balls, names: tuple[str, ...], start: dict[str, f
         farther = {name: getattr(balls, name) * scale for name in ("u", "v", "centre", "rim")}
         light = candidate.fitted.predicted(replace(balls, **farther))
         parts = [((balls.light - light) / whole).ravel(), (values - usual) / spread]
-        if names and prior.fall.x.size:
-            farther = {name: getattr(prior.fall, name) * scale for name in ("x", "y")}
-            fallen = candidate.fitted.at_rest(replace(prior.fall, **farther)) - level
+        if names and fall is not None:
+            farther = {name: getattr(fall, name) * scale for name in ("x", "y")}
+            fallen = candidate.fitted.at_rest(replace(fall, **farther)) - level
             parts.append(((prior.ratio - _level(fallen)) / blocks).ravel())
         return np.concatenate(parts)
 
-    before = _Refitted({}, film, np.zeros((count, 3))).fitted
-    samples = before.scale * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
-    whole, level = balls.reference_light * samples, before.at_rest(prior.fall)
-    begin = usual.copy()
-    begin[3 * count :] = [start.get(n, each.start) for n, each in zip(names, about, strict=True)]
-    return at(least_squares(residuals, begin, spread))
+    deviation = before.scale * np.sqrt(max(balls.u.size / MAX_INDEPENDENT / count, 1))
+    whole, begin = balls.reference_light * deviation, usual.copy()
+    begin[3 * count :] = [start.get(n, first) for n, (first, _) in zip(names, about, strict=True)]
+    return at(FilmEvidence.least_squares(residuals, begin, spread))

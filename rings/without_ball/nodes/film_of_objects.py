@@ -19,6 +19,7 @@ from scipy.optimize import OptimizeResult, least_squares
 from tactograph.sdk import (
     F8,
     Film,
+    FilmEvidence,
     InputError,
     Light,
     Metrics,
@@ -32,7 +33,6 @@ from tactograph.sdk import (
     places,
 )
 from tactograph.sdk.nodes import film_bounce, film_light, integrate_dct
-from tactograph.sdk.unstable import MIN_BOUNCE_ERROR, Fitted, LedPlaces, Rest, Unknown
 
 CELLS_ACROSS = 40
 """Cells along the image: twenty unknowns need no more."""
@@ -57,9 +57,9 @@ DERIVATIVE_STEP = 1e-3
 EMISSION_LIMITS = -1.0, 4.0
 COAT_LIMITS = {"albedo": (0.0, 0.95), "roughness": (0.08, 0.6), "refraction": (1.3, 1.6)}
 """Of a film with a coat, whose base has the albedo that light from film to film has."""
-USUAL_NEARNESS = Unknown.of("nearness").start
+USUAL_NEARNESS = FilmEvidence.usual("nearness").start
 """Widths of the image over the distance of an LED."""
-SHARED_PRIORS = tuple(Unknown.of(name) for name in ("emission", *COAT_LIMITS))
+SHARED_PRIORS = tuple(FilmEvidence.usual(name) for name in ("emission", *COAT_LIMITS))
 """What all LEDs share: m, of an LED that emits as cos^m, and the coat."""
 
 
@@ -81,14 +81,22 @@ class _State(NamedTuple):
     bounced: F8
 
 
-class _Scene(NamedTuple):
+class _Scene:
     """Presses relative to the film at rest in cells, K x h x w each, and what is known."""
 
-    presses: list[F8]
-    rest: Rest
-    pixel: float
-    camera: float
-    bounce: NodeCall
+    def __init__(
+        self,
+        presses: list[F8],
+        evidence: FilmEvidence,
+        pixel: float,
+        camera: float,
+        bounce: NodeCall,
+    ) -> None:
+        rest = evidence.rest()
+        if rest is None:
+            raise InputError("`flat` is needed: the untouched film's light tells how far LEDs are")
+        self.presses, self.rest, self.matt = presses, rest, evidence.start()
+        self.pixel, self.camera, self.bounce = pixel, camera, bounce
 
     @property
     def places(self) -> tuple[F8, F8]:
@@ -136,13 +144,11 @@ def film_of_objects(
         If there is no flat frame.
     """
     factor = max(1, round(flat.shape[2] / CELLS_ACROSS))
-    rest = Rest.of(flat, pixel)
-    if rest is None:
-        raise InputError("`flat` is needed: the untouched film's light tells how far LEDs are")
     sheets = np.split(light, light.shape[1] // flat.shape[1], axis=1)
     presses = [_cells(press, factor) for press in sheets]
     camera = 0.0 if camera_mm is None else 1 / camera_mm
-    scene = _Scene(presses, rest, pixel * factor, camera, bounce)
+    evidence = FilmEvidence.of_flat(flat, pixel)
+    scene = _Scene(presses, evidence, pixel * factor, camera, bounce)
     matt = _solved(scene, _start(scene), coated=False)
     coat = np.r_[matt.x, [usual.start for usual in SHARED_PRIORS[1:]]]
     best = min(matt, _solved(scene, coat, coated=True), key=lambda solved: solved.cost)
@@ -172,12 +178,17 @@ def _units(scene: _Scene, unknowns: F8) -> F8:
     return np.r_[leds, [usual.spread for usual in SHARED_PRIORS]][: unknowns.size]
 
 
-def _film(scene: _Scene, unknowns: F8) -> Film:
+def _leds(scene: _Scene, unknowns: F8) -> F8:
+    """LEDs as of a fit, K x 5.  Strengths are what the LEDs leave of the flat frame in the mean."""
     count = len(scene.presses[0])
-    coat = unknowns[3 * count + 1 :].tolist()
-    leds = LedPlaces(unknowns[: 3 * count].reshape(count, 3))
-    film = Film.matt(leds.positions.astype(np.float32))
-    film = film._replace(camera=scene.camera)
+    emission = np.full(count, unknowns[3 * count])
+    return np.c_[unknowns[: 3 * count].reshape(count, 3), np.zeros(count), emission]
+
+
+def _film(scene: _Scene, unknowns: F8) -> Film:
+    coat = unknowns[3 * len(scene.presses[0]) + 1 :].tolist()
+    lights = scene.matt.with_leds(_leds(scene, unknowns)).film.lights
+    film = Film.matt(lights.astype(np.float32))._replace(camera=scene.camera)
     if coat:
         film = film._replace(base=coat[0], **dict(zip(COAT_LIMITS, coat, strict=True)))
     return film
@@ -275,11 +286,8 @@ def _residuals(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     shared = unknowns[3 * count :]
     about = [usual.start for usual in SHARED_PRIORS][: shared.size]
     usual = USUAL_NEARNESS / scene.width
-    # Strengths are what the LEDs leave of the flat frame in the mean.
-    leds = np.c_[
-        unknowns[: 3 * count].reshape(count, 3), np.zeros(count), np.full(count, shared[0])
-    ]
-    at_rest = Fitted(leds, film, np.zeros((0, 3))).rest_residual(scene.rest)
+    fit = scene.matt._replace(leds=_leds(scene, unknowns), film=film)
+    at_rest = fit.rest_residual(scene.rest)
     parts = [
         (unknowns[2 : 3 * count : 3] - usual) / usual,
         (shared - about) / _units(scene, unknowns)[3 * count :],
@@ -304,8 +312,8 @@ def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
     independent = count * INDEPENDENT_SAMPLES * len(scene.presses)
     variance = 2 * solved.cost / solved.fun.size * max(1, solved.fun.size / independent)
     spread = variance * np.linalg.pinv(solved.jac.T @ solved.jac, hermitian=True)
-    leds, spread = solved.x[: 3 * count].reshape(count, 3), spread[: 3 * count, : 3 * count]
-    others = LedPlaces(leds).sampled(spread, scene.width)
+    leds, spread = _leds(scene, solved.x), spread[: 3 * count, : 3 * count]
+    others = scene.matt.with_leds(leds).other_places(spread, scene.width)
     steeper: NDArray[np.float64] = np.zeros((count, 3))
     steeper[:, :2] = leds[:, :2] / np.square(leds[:, :2]).sum(axis=1, keepdims=True) / count
     scale = math.sqrt(float(steeper.ravel() @ spread @ steeper.ravel()))
@@ -318,6 +326,7 @@ def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
     if film.refraction > 1:
         figures |= {"film_albedo": film.albedo, "coat_roughness": film.roughness}
         figures |= {"coat_index": film.refraction}
-    misfit = np.array([level, 4 * scene.pixel, LIGHT_ERROR, MIN_BOUNCE_ERROR, 0], np.float32)
+    bounce = FilmEvidence.usual("bounced").spread
+    misfit = np.array([level, 4 * scene.pixel, LIGHT_ERROR, bounce, 0], np.float32)
     film = film.stored()._replace(other_lights=others)
     return FilmOfObjects(film, misfit, scale, figures, doubts)

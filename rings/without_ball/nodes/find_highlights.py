@@ -8,8 +8,7 @@ from annotated_types import Gt
 from scipy.ndimage import label
 
 from tactograph.rings.without_ball.nodes.read_lamps import far_lamps
-from tactograph.sdk import F4, Crop, InputError, Layout, LightPositions, node
-from tactograph.sdk.unstable import Channel
+from tactograph.sdk import F4, InputError, Layout, LightPositions, node
 
 BALL_SHARE = 0.98
 """Share of the ball's radius in which highlights are searched for."""
@@ -26,8 +25,7 @@ def find_highlights(
     folder: Path,
     center_px: tuple[float, float],
     radius_px: Annotated[float, Gt(1)],
-    crop: Crop | None = None,
-    channel: Channel | None = None,
+    layout: Layout,
 ) -> LightPositions:
     """Return a place far away in the direction of each lamp, K x 3 in mm.
 
@@ -38,7 +36,7 @@ def find_highlights(
     ----------
     folder : a capture of a ball that mirrors, one image per lamp
     center_px, radius_px : middle and radius of the ball's outline, in px of the (cropped) image
-    crop, channel : as for `read_capture`
+    layout : as for `read_capture`, one image per lamp
 
     Raises
     ------
@@ -46,7 +44,6 @@ def find_highlights(
         If a lamp makes no highlight on the ball, the outline lies beside the image, or two images
         differ in size.
     """
-    layout = Layout(crop=crop, channel=channel)
     files = layout.led_files(folder)
     planes = [layout.plane(file) for file in files.values()]
     if len({plane.shape for plane in planes}) > 1:

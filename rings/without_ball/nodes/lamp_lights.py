@@ -5,8 +5,18 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.sdk import F8, InputError, Light, LightPositions, Metrics, PixelSize, node, warn
-from tactograph.sdk.unstable import LedPlaces, LightPlaces, Rest
+from tactograph.sdk import (
+    F8,
+    Film,
+    FilmEvidence,
+    InputError,
+    Light,
+    LightPositions,
+    Metrics,
+    PixelSize,
+    node,
+    warn,
+)
 
 DIRECTION_DEVIATION = 0.01
 """Standard deviation of a lamp's direction in radians, and of its distance as a share of it."""
@@ -17,17 +27,16 @@ MAX_MISFIT_RATIO = 0.5
 
 
 class LampLights(NamedTuple):
-    """The lamps, other places that they may have, figures, and what speaks against the lamps."""
+    """A matt film under the lamps, figures, and what speaks against the lamps."""
 
-    lights: LightPositions
-    other_lights: LightPlaces
+    film: Film
     quality: Metrics
     doubts: list[str]
 
 
 @node
 def lamp_lights(lamps: LightPositions, flat: Light, pixel: PixelSize) -> LampLights:
-    """Return lamps of known places, once the flat frame does not contradict them.
+    """Return a matt film under lamps of known places, once the flat frame does not contradict them.
 
     Near lamps light the film unevenly, each in its own way.  What all share, such as the film's
     albedo and vignetting, is left out, and so is each lamp's strength: it is found here, and the
@@ -46,7 +55,8 @@ def lamp_lights(lamps: LightPositions, flat: Light, pixel: PixelSize) -> LampLig
     """
     quality: Metrics = {}
     doubts: list[str] = []
-    rest = Rest.of(flat, pixel)
+    evidence = FilmEvidence.of_flat(flat, pixel, lamps.astype(np.float64))
+    rest = evidence.rest()
     if rest is not None:
         places = lamps.astype(np.float64)[:, :, None]
         square = (places[:, 0] - rest.x) ** 2 + (places[:, 1] - rest.y) ** 2 + places[:, 2] ** 2
@@ -66,19 +76,15 @@ def lamp_lights(lamps: LightPositions, flat: Light, pixel: PixelSize) -> LampLig
                 "their places, the pixel size and that other light is kept out"
             ]
             warn(doubts[0])
-    return LampLights(lamps, _other_places(lamps, pixel * flat.shape[2]), quality, doubts)
+    start = evidence.start()
+    leds = start.leds[:, :3]
+    # 1 / L_z of a lamp within 1 % of its distance, and ends of directions within 0.01.
+    deviation = DIRECTION_DEVIATION * np.column_stack([1 + leds[:, :2] ** 2, leds[:, 2]])
+    others = start.other_places(np.diag(deviation.ravel() ** 2), pixel * flat.shape[2])
+    return LampLights(Film.matt(lamps)._replace(other_lights=others), quality, doubts)
 
 
 def _less_mean(logarithm: F8) -> F8:
     """Each lamp's own part, K x N: without the common part, and without its strength."""
     shared = logarithm - logarithm.mean(axis=0)
     return np.asarray(shared - shared.mean(axis=1, keepdims=True))
-
-
-def _other_places(lamps: LightPositions, width_mm: float) -> LightPlaces:
-    """Eight sets of places that the lamps may have."""
-    places = LedPlaces.of(lamps.astype(np.float64))
-    leds = places.values
-    # 1 / L_z of a lamp within 1 % of its distance, and ends of directions within 0.01.
-    deviation = DIRECTION_DEVIATION * np.column_stack([1 + leds[:, :2] ** 2, leds[:, 2]])
-    return places.sampled(np.diag(deviation.ravel() ** 2), width_mm)

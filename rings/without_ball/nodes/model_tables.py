@@ -1,12 +1,11 @@
 """The pixels of the tables by a film's model, where no object was pressed."""
 
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import F4, Film, Noise, Port, node
+from tactograph.sdk import F4, Film, Labels, Light, Mask, Noise, Port, Slope, node
 from tactograph.sdk.nodes import film_light, light_noise
-from tactograph.sdk.unstable import TablePixels
 
 TABLE_SIDE = 121
 """Rows and columns of the hemisphere of normals."""
@@ -14,6 +13,15 @@ MAX_SINE = 0.95
 """n_x and n_y go up to here: a slope of 3."""
 MIN_LIGHT = 0.02
 """Light up to which a lamp does not reach a slope."""
+
+
+class TablePixels(NamedTuple):
+    """Pixels of the tables without a pressed object, as an image of one row."""
+
+    light: Light
+    slope: Slope
+    mask: Mask
+    lit: Labels
 
 
 @node
@@ -39,6 +47,7 @@ def model_tables(film: Film, flat: Annotated[F4, Port("K h w", "1")], noise: Noi
     light = film_light(slope[:, None], np.zeros_like(slope[:1]), film, 0.0)[:, 0]
     level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None, None]
     deviation = light_noise(level, level, noise, floor=1e-3)[:, 0]
-    lit = (light > MIN_LIGHT) << np.arange(len(light))[:, None]
-    light = light + np.random.default_rng(0).normal(size=light.shape) * deviation
-    return TablePixels.of(light, slope, lit.sum(axis=0))
+    lit = ((light > MIN_LIGHT) << np.arange(len(light))[:, None]).sum(axis=0)
+    noisy = light + np.random.default_rng(0).normal(size=light.shape) * deviation
+    light, bits = noisy.astype(np.float32), lit.astype(np.uint8)
+    return TablePixels(light[:, None], slope[:, None], np.ones_like(bits[None]), bits[None])

@@ -4,8 +4,8 @@ from typing import Any
 
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import CameraSettings, View
+from tactograph.rings.live.nodes.camera.sensor_preset import SensorPreset
 from tactograph.sdk import InputError
-from tactograph.sdk.unstable import SensorPreset
 
 Size = tuple[int | None, int | None]
 """Width and height of frames in px; None: the driver's."""

@@ -26,7 +26,7 @@ from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import degree_for
 from tactograph.rings.oneshot.nodes.presses.rate_presses import advise, presses_per_cell, rim_slope
-from tactograph.sdk import F4, InputError, Light, atomic_file, node, write_image
+from tactograph.sdk import F4, InputError, Light, PixelSize, atomic_file, node, write_image
 from tactograph.sdk.nodes import find_ball, level_presses, pixel_size
 
 SMOOTHING_PX = 2.0
@@ -45,6 +45,7 @@ class GuidedColourPresses(NamedTuple):
     flat: Light
     names: list[str]
     circle: Circles
+    pixel_size: PixelSize
     serial: str | None = None
 
 
@@ -90,7 +91,7 @@ def guide_colour_presses(
     """
     folder = new_folder(guide.file)
     preset = preset_of(driver.sensor, flashing=False)
-    pixel = pixel_size(mm=pixel_size_mm, sensor=driver.sensor)
+    pixel = pixel_size(mm=pixel_size_mm, stated=preset.pixel_size_mm if preset else None)
     source = open_colour_sensor(driver, (guide.width_px, guide.height_px))
     with closing(source):
         if warm_up_s is None:
@@ -134,7 +135,7 @@ def _finer_and_finer(
         tell(f"Press {len(images)} is taken: let go. Next: {advice}.")
         if _is_finer(len(images), fitted):
             fitted = len(images)
-            yield _all(images, flat, circles)
+            yield _all(images, flat, circles, pixel)
     if len(images) < MIN_PRESSES:
         raise InputError(
             f"the film was pressed {len(images)} times within {guide.patience_s:g} s, and "
@@ -142,7 +143,7 @@ def _finer_and_finer(
             "`patience_s`=600"
         )
     if fitted < len(images):
-        yield _all(images, flat, circles)
+        yield _all(images, flat, circles, pixel)
 
 
 def _circle(press: LiveFrames, flat: Light, pixel: float, radius_mm: float) -> F4:
@@ -165,9 +166,9 @@ def _is_finer(presses: int, before: int) -> bool:
     )
 
 
-def _all(images: list[F4], flat: Light, circles: list[F4]) -> GuidedColourPresses:
+def _all(images: list[F4], flat: Light, circles: list[F4], pixel: float) -> GuidedColourPresses:
     names = [f"{i:02}" for i in range(1, len(images) + 1)]
-    return GuidedColourPresses(np.stack(images), flat, names, np.stack(circles))
+    return GuidedColourPresses(np.stack(images), flat, names, np.stack(circles), pixel)
 
 
 def _save(file: Path, picture: Plane) -> None:

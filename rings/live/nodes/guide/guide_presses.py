@@ -25,13 +25,16 @@ from tactograph.sdk import (
     Dark,
     InputError,
     Light,
+    PixelSize,
+    Port,
+    SheetLight,
+    StatedCircles,
     atomic_file,
     atomic_files,
     node,
     write_image,
 )
 from tactograph.sdk.nodes import find_ball, flat_field, pixel_size, read_balls, read_flat
-from tactograph.sdk.unstable import BallPresses
 
 USUAL_LEDS = 4
 MAX_PRESS_SATURATED = 0.01
@@ -46,7 +49,12 @@ class GuidedPresses(NamedTuple):
     `serial` is the camera's serial number, if it has one.
     """
 
-    presses: BallPresses
+    image: SheetLight
+    first: Light
+    radius: Annotated[F4, Port("P", "mm")]
+    circles: StatedCircles
+    names: list[str]
+    pixel_size: PixelSize
     flat: Light
     dark: Dark
     serial: str | None = None
@@ -87,7 +95,7 @@ def guide_presses(
     folder = new_folder(guide.file)
     pressed = folder / "pressed"
     preset = preset_of(driver.sensor, flashing=True)
-    pixel = pixel_size(mm=pixel_size_mm, sensor=driver.sensor)
+    pixel = pixel_size(mm=pixel_size_mm, stated=preset.pixel_size_mm if preset else None)
     leds = leds or (preset.leds if preset else None) or USUAL_LEDS
     size = guide.width_px, guide.height_px
     rig = open_rig(driver, port, size, leds=leds)
@@ -107,8 +115,9 @@ def guide_presses(
             about.bits = driver.bits
             _save_press(pressed / f"{count:02}", frames, about)
             tell(f"Press {count} is taken: let go.")
-            presses = read_balls(folder=pressed)
-            yield GuidedPresses(presses, film.flat, film.dark, driver.serial or None)
+            image, first, radius, circles, names, *_ = read_balls(folder=pressed)
+            presses = GuidedPresses(image, first, radius, circles, names, pixel, *film)
+            yield presses._replace(serial=driver.serial or None)
         if not count:
             raise InputError(
                 f"the film was not pressed within {guide.patience_s:g} s; press the ball into it "

@@ -13,9 +13,8 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 from scipy.interpolate import CubicSpline
 
-from tactograph.sdk import F4, InputError, LightPositions, ShapeImage, places
-from tactograph.sdk.nodes import expose, light_ring, press, render, shape_ball
-from tactograph.sdk.unstable import matt_film_light
+from tactograph.sdk import F4, Film, InputError, LightPositions, ShapeImage, places
+from tactograph.sdk.nodes import expose, film_light, light_ring, press, render, shape_ball
 
 MAX_BYTE = 255
 PAPER_PIXEL_MM = ShapeImage().pixel_size_mm
@@ -197,8 +196,8 @@ class SimulatedSensor:
     def _light(self, k: int, moment: float) -> F4:
         """H x W, the light of LED k, from 0 (equation N1; no cast shadows)."""
         film = self._film(moment)
-        led, pixel = self.lights[k : k + 1], self.scene.pixel_size_mm
-        lit = np.maximum(matt_film_light(led, film.height, film.slope, pixel)[0], 0)
+        led, pixel = Film.matt(self.lights[k : k + 1]), self.scene.pixel_size_mm
+        lit = np.maximum(film_light(film.slope, film.height, led, pixel)[0], 0)
         return np.asarray(self._bare[k] * film.bright * lit)
 
     def _brightness(self, x: float, y: float, depth: float) -> F4:

@@ -20,6 +20,7 @@ from tactograph.rings.live.nodes.camera.open_camera import (
     open_capture,
 )
 from tactograph.rings.live.nodes.camera.sensor_kind import Size, camera_settings, film_of, preset_of
+from tactograph.rings.live.nodes.camera.sensor_preset import SensorPreset
 from tactograph.rings.live.nodes.controller.led_controller import (
     ControllerLostError,
     ControllerRefusedError,
@@ -40,7 +41,6 @@ from tactograph.rings.live.nodes.simulated.simulated_sensor import (
 )
 from tactograph.rings.live.nodes.touches._match_frames import Clock
 from tactograph.sdk import Height, InputError
-from tactograph.sdk.unstable import SensorPreset
 
 NO_PORT = "none"
 """The port of LEDs that flash by themselves."""

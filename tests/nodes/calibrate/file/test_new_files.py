@@ -1,6 +1,7 @@
 """A calibration and its picture replace earlier ones of their kind, and nothing else."""
 
 from pathlib import Path
+from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
@@ -12,8 +13,10 @@ from tactograph.graph.declare.check_settings import check_settings
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.names import bind
-from tactograph.nodes.calibrate.file.camera_lens import CAMERA_KIND, CameraLens
+from tactograph.nodes import Lens
 from tactograph.nodes.drawing.new_picture import write_picture
+from tactograph.nodes.files.calibration_file import FileKind
+from tactograph.nodes.stored import Stored
 
 PROVENANCE = Provenance({}, None, [], {}, {}, [], [])
 WRITERS = ("write_calibration",)
@@ -24,9 +27,13 @@ def check(node: str, file: Path) -> None:
     check_settings(find_node(node), {"file": str(file)}, lambda name: f"{node}: {name}")
 
 
+class Camera(NamedTuple):
+    lens: Annotated[Lens, Stored(-10, 10), ""] = np.zeros(8, np.float32)
+
+
 def camera(file: Path) -> None:
-    lens = CameraLens(np.zeros(8, np.float32), 0.1, 0.1, np.array([5, 4], np.int32), {})
-    CAMERA_KIND.write_record(file, lens, {"provenance": PROVENANCE})
+    kind = FileKind("camera", 1, "run calibrate_camera", Camera, sources="", users="")
+    kind.write_record(file, Camera(), {"provenance": PROVENANCE})
 
 
 @pytest.mark.parametrize("node", WRITERS)

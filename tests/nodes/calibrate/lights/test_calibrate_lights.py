@@ -54,7 +54,7 @@ def off(fitted: F4, lights: F4) -> float:
 def test_leds_are_found(slant: float, distance: float, count: int) -> None:
     lights = light_ring(slant_deg=slant, distance_mm=distance, count=count)
     fit = calibrate(*images(lights), known())
-    assert off(fit.lights, lights) < 0.01
+    assert off(fit.film.lights, lights) < 0.01
     assert fit.residual.max() < 0.02
 
 
@@ -63,15 +63,15 @@ def test_the_error_of_the_leds_is_as_large_as_the_fit_states() -> None:
     off_by, stated = [], []
     for seed in range(4):
         fit = calibrate(*images(RING, seed, noise=0.01), known())
-        off_by.append(np.square(fit.lights - RING).mean())
-        stated.append(np.square(fit.other_lights - fit.lights).mean())
+        off_by.append(np.square(fit.film.lights - RING).mean())
+        stated.append(np.square(fit.film.other_lights - fit.film.lights).mean())
     assert 0.5 < np.sqrt(np.mean(off_by) / np.mean(stated)) < 2
 
 
 def test_a_ball_that_is_off_by_a_fraction_of_a_pixel_is_corrected() -> None:
     shifted = known(CENTER + np.array([0.3, -0.25], np.float32))
     fit = calibrate(*images(RING), shifted)
-    assert off(fit.lights, RING) < 0.01
+    assert off(fit.film.lights, RING) < 0.01
 
 
 def test_without_a_flat_frame_the_ball_alone_places_the_leds() -> None:
@@ -79,10 +79,10 @@ def test_without_a_flat_frame_the_ball_alone_places_the_leds() -> None:
     rest = render(FILM, PIXEL, RING).light
     uniform = np.ones_like(ball)
     fit = calibrate(ball, uniform, known())
-    assert off(fit.lights, RING) < 0.02
-    model = rest_light(uniform, fit.lights, fit.strength, PIXEL)
+    assert off(fit.film.lights, RING) < 0.02
+    model = rest_light(uniform, fit.film.lights, fit.strength, PIXEL)
     assert np.abs(model / rest - 1).max() < 0.01
-    assert rest_light(rest, fit.lights, fit.strength, PIXEL) is rest
+    assert rest_light(rest, fit.film.lights, fit.strength, PIXEL) is rest
 
 
 def test_any_known_height_places_the_leds() -> None:
@@ -92,7 +92,7 @@ def test_any_known_height_places_the_leds() -> None:
     light = render(height, PIXEL, RING).light
     flat = render(FILM, PIXEL, RING).light
     fit = calibrate(light, flat, BallSlopes(slope, mask, height))
-    assert off(fit.lights, RING) < 0.01
+    assert off(fit.film.lights, RING) < 0.01
 
 
 def test_an_led_that_is_off_is_named() -> None:

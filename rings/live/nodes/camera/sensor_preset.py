@@ -6,11 +6,7 @@ from typing import Annotated, Literal, Self
 from annotated_types import Interval, Len
 from pydantic import BaseModel, ConfigDict
 
-from tactograph.graph import InputError
-from tactograph.graph.disk.strict_yaml import Document
-from tactograph.graph.rings import rings
-from tactograph.nodes import PixelSize
-from tactograph.nodes.files.image_files import MAX_LEDS
+from tactograph.sdk import Document, InputError, PixelSize, brought
 
 MAX_SETTING = 1e9
 """Largest size of a number for the driver, in the driver's unit."""
@@ -49,7 +45,7 @@ class SensorPreset(_Part):
     crop: tuple[Share, Share, Share, Share] = (0.0, 0.0, 1.0, 1.0)
     size: tuple[Side, Side]
     lights: Literal["bgr", "rgb"] = "bgr"
-    leds: Annotated[int, Interval(ge=3, le=MAX_LEDS)] | None = None
+    leds: Annotated[int, Interval(ge=3, le=8)] | None = None
     pixel_size_mm: PixelSize
     warm_up_s: Annotated[float, Interval(ge=0, le=MAX_WAIT_S)] = 0.0
 
@@ -78,5 +74,4 @@ class SensorPreset(_Part):
 
 def shipped_presets() -> dict[str, Path]:
     """Return the files of the presets that rings bring, by name."""
-    files = [file for ring in rings() for file in ring.files("sensors", "*.yaml")]
-    return {file.stem: file for file in sorted(files)}
+    return {name: each.file for name, each in sorted(brought("sensors", "yaml").items())}
