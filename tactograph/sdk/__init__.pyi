@@ -92,6 +92,9 @@ from tactograph.nodes.calibrate.film.ball_samples import (
 from tactograph.nodes.calibrate.film.shape_fit import (
     ShapeFit as ShapeFit,
 )
+from tactograph.nodes.calibrate.rating.pressed_ball import (
+    PressedBall as PressedBall,
+)
 from tactograph.nodes.calibrate.rating.verdict import (
     Judged as Judged,
     Odds as Odds,

@@ -29,7 +29,19 @@ from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import (
 )
 from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
-from tactograph.sdk import F4, F8, U1, FoundBalls, InputError, Light, PixelSize, Port, node, warn
+from tactograph.sdk import (
+    F4,
+    F8,
+    U1,
+    FoundBalls,
+    InputError,
+    Light,
+    PixelSize,
+    Port,
+    PressedBall,
+    node,
+    warn,
+)
 from tactograph.sdk.nodes import (
     coarsen,
     coarsen_pixel,
@@ -38,7 +50,7 @@ from tactograph.sdk.nodes import (
     integrate_dct,
     rest_at_border,
 )
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, PressedBall
+from tactograph.sdk.unstable import DEVIATIONS_PER_MAD
 
 ROUGH_PASSES = 2
 """Solutions for the slope on cells, each with the height of the one before."""

@@ -13,8 +13,19 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     reconstruct,
     refine_center,
 )
-from tactograph.sdk import F4, U1, FoundBalls, Judged, Light, Metrics, PixelSize, Port, node, warn
-from tactograph.sdk.unstable import PressedBall
+from tactograph.sdk import (
+    F4,
+    U1,
+    FoundBalls,
+    Judged,
+    Light,
+    Metrics,
+    PixelSize,
+    Port,
+    PressedBall,
+    node,
+    warn,
+)
 
 COVERAGE_CELLS = (4, 6)
 """Rows and columns of cells into which the film is divided to measure coverage."""

@@ -26,8 +26,7 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     refine_center,
 )
 from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
-from tactograph.sdk import F8, Light, Metrics, Odds, PixelSize, node
-from tactograph.sdk.unstable import PressedBall
+from tactograph.sdk import F8, Light, Metrics, Odds, PixelSize, PressedBall, node
 
 MAX_PRESS_PIXELS = 1500
 """Most pixels of a press that are fitted."""
