@@ -4,15 +4,6 @@ from tactograph.nodes import (
 from tactograph.nodes.calibrate import (
     MIN_FLAT_LIGHT as MIN_FLAT_LIGHT,
 )
-<<<<<<< HEAD
-from tactograph.nodes.calibrate.rating.pressed_ball import (
-    PressedBall as PressedBall,
-)
-from tactograph.nodes.light.light_noise import (
-    rest_noise as rest_noise,
-)
-=======
->>>>>>> rims1
 from tactograph.nodes.optics.cache_blocks import (
     in_blocks as in_blocks,
 )

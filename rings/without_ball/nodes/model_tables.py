@@ -6,7 +6,6 @@ import numpy as np
 
 from tactograph.sdk import F4, Film, Labels, Light, Mask, Noise, Port, Slope, node
 from tactograph.sdk.nodes import film_light
-from tactograph.sdk.unstable import rest_noise
 
 TABLE_SIDE = 121
 """Rows and columns of the hemisphere of normals."""
@@ -14,6 +13,8 @@ MAX_SINE = 0.95
 """n_x and n_y go up to here: a slope of 3."""
 MIN_LIGHT = 0.02
 """Light up to which a lamp does not reach a slope."""
+MIN_LEVEL = 1e-3
+"""Least light of the film at rest that noise is compared with."""
 
 
 class TablePixels(NamedTuple):
@@ -46,8 +47,8 @@ def model_tables(film: Film, flat: Annotated[F4, Port("K h w", "1")], noise: Noi
     across = np.stack([nx[inside], ny[inside]])
     slope = (-across / np.sqrt(1 - np.square(across).sum(axis=0))).astype(np.float32)
     light = film_light(slope[:, None], np.zeros_like(slope[:1]), film, 0.0)[:, 0]
-    level = np.median(flat.reshape(len(flat), -1), axis=1)[:, None]
-    deviation = rest_noise(level, noise, floor=1e-3)
+    level = np.maximum(np.median(flat.reshape(len(flat), -1), axis=1)[:, None], MIN_LEVEL)
+    deviation = np.sqrt(noise[0] * level + noise[1]) / level
     lit = ((light > MIN_LIGHT) << np.arange(len(light))[:, None]).sum(axis=0)
     noisy = light + np.random.default_rng(0).normal(size=light.shape) * deviation
     light, bits = noisy.astype(np.float32), lit.astype(np.uint8)
