@@ -59,14 +59,17 @@ class Trial(NamedTuple):
 
     def prefers(self, larger: "Model", model: "Model") -> bool:
         """Return whether a larger model is the better one: likelier, and better held out."""
+        return pays(model.errors, larger.errors, self.odds(larger, model))
+
+    def odds(self, larger: "Model", model: "Model") -> float:
+        """Return the logarithm of a model's odds over another by the balls and by usual values."""
         both = model, larger
         scales = model.fitted.scale, larger.fitted.scale
         fewer, more = (Unknowns.of(each.parts, self.balls.width_mm) for each in both)
         unusual = more.surprise(larger.fitted) - fewer.surprise(model.fitted)
         values = min(self.balls.u.size, MAX_INDEPENDENT_SAMPLES)
         further = len(more.names) - len(fewer.names)
-        odds = Odds.of(*scales, further, values).logarithm - unusual
-        return pays(model.errors, larger.errors, odds)
+        return Odds.of(*scales, further, values).logarithm - unusual
 
 
 class Model(NamedTuple):
@@ -85,7 +88,7 @@ class Model(NamedTuple):
     """The fit without each fold, in the order of `Balls.folds`."""
 
     def __str__(self) -> str:
-        parts = [part for part in PART_UNKNOWNS if part in self.parts] or ["matt"]
+        parts = [part for part in ("aim", *PART_UNKNOWNS) if part in self.parts] or ["matt"]
         return "+".join(parts + ([f"harmonics{self.degree}"] if self.degree is not None else []))
 
 
@@ -118,7 +121,17 @@ def choose(
 
     Also every pixel of each fold of these, with the film fitted to the other folds.
     """
-    trial, best, whole = search(trial, start, [part for part in PART_UNKNOWNS if part in parts])
+    listed = [part for part in PART_UNKNOWNS if part in parts]
+    found = search(trial, start, listed)
+    if "aim" in parts and (left := found[1].fitted.left_at_rest(trial.rest)) > LIGHT_DEVIATION:
+        # The axes of points do not show.
+        disks = start._replace(film=start.film._replace(emission=1.0))
+        aimed = search(trial, disks, listed, frozenset({"aim"}))
+        left_by_aimed = aimed[1].fitted.left_at_rest(trial.rest)
+        by_flat = Odds.of_frame(left, left_by_aimed, 0, len(start.leds)).logarithm
+        if Odds(by_flat + trial.odds(aimed[1], found[1])).are_sure:
+            found = aimed
+    trial, best, whole = found
     if "harmonics" in parts and may_grow(best):
         best = bend(trial, best)
     best, balls = without_bad(trial, best)
@@ -127,17 +140,19 @@ def choose(
     return best, balls, [(b, place_balls(b, f)) for b, f in held_out if b.u.size]
 
 
-def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls]:
-    """Grow a model and settle it; without light from film to film where that settles no worse.
+def search(
+    trial: Trial, start: Fitted, parts: list[str], first: frozenset[str] = frozenset()
+) -> tuple[Trial, Model, Balls]:
+    """Grow a model from its first parts and settle it.
 
-    A gel that diffuses light looks alike on the balls at first.  Also returns every pixel of the
-    balls.
+    It has light from film to film only where it settles better by that.  A gel that diffuses light
+    looks alike on the balls at first.  Also returns every pixel of the balls.
     """
-    plain = judge(trial, frozenset(), trial.fit(frozenset(), start))
+    plain = judge(trial, first, trial.fit(first, start))
     settled = settle(*grow(trial, start, plain, parts))
     if "bounce" not in parts or not any("bounce" in name for name in trial.figures):
         return settled
-    without = search(trial, start, [part for part in parts if part != "bounce"])
+    without = search(trial, start, [part for part in parts if part != "bounce"], first)
     return settled if pays(without[1].errors, settled[1].errors) else without
 
 

@@ -57,6 +57,7 @@ LED_UNKNOWNS = {
 factor free, and without a flat frame all of them, so that a prior holds them."""
 SHARED_UNKNOWNS = {
     "emission": Unknown(PLAIN_FILM["emission"], math.log1p(NARROWEST_BEAM) / 2, low=0),
+    "aim": Unknown(1.0, 1.0),
     "gain": Unknown(PLAIN_FILM["gain"], 0.1),
     "wrap": Unknown(PLAIN_FILM["wrap"], 0.2),
     "base": USUAL_ALBEDO,
@@ -74,7 +75,7 @@ reach from a point to the narrowest lens; none emits more beside its axis.  It i
 frame only: ignoring it would give a wrong distance there, while touched film, relative to the flat
 frame, hardly depends on it."""
 SHARED_UNKNOWNS |= dict.fromkeys(STATED_UNKNOWNS, Unknown(1.0, 1.0, DERIVATIVE_STEP))
-UNKNOWNS_OF_FLAT_ALONE = "strength", "emission"
+UNKNOWNS_OF_FLAT_ALONE = "strength", "emission", "aim"
 """Unknowns without effect on the light of touched film relative to the film at rest."""
 UNKNOWNS_OF_TOUCH_ALONE = "gain", "wrap", "diffuse", "rim", "size"
 """Unknowns without effect on the film at rest."""
@@ -86,7 +87,7 @@ PART_UNKNOWNS = {
 }
 """The unknowns of each part of the model."""
 MODEL_UNKNOWNS = PART_UNKNOWNS | {"plain": ("diffuse", "gain"), "touched": ("gain",)}
-MODEL_UNKNOWNS |= {nuisance: (nuisance,) for nuisance in STATED_UNKNOWNS}
+MODEL_UNKNOWNS |= {name: (name,) for name in (*STATED_UNKNOWNS, "aim")}
 """The unknowns of each part; of a plain film, on which light ends sharply, for finding balls; and
 those that direct light determines besides the LEDs."""
 
