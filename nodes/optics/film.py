@@ -43,7 +43,7 @@ from tactograph.nodes.optics.coat import (
 )
 from tactograph.nodes.optics.near_light import wrapped
 
-FilmPart = Literal["aim", "diffuse", "lobe", "harmonics", "bounce", "camera"]
+FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "aim", "camera"]
 """Parts that equation F1 adds to a matt film; a model may omit each."""
 LIGHT_FIELDS = (
     "lights", "diffuse", "wrap", "harmonics", "flattest", "reach", "gain", "contact", "base",

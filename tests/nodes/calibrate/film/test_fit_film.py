@@ -292,7 +292,7 @@ def test_a_known_pupil_is_not_moved() -> None:
 @pytest.mark.slow
 def test_harmonics_are_found_where_physics_is_not_enough_and_not_tried_where_left_out() -> None:
     bent = MATT._replace(harmonics=harmonics(0.05), flattest=0.6, reach=10.0)
-    physics = ("diffuse", "lobe", "bounce", "camera")
+    physics = ("aim", "diffuse", "lobe", "bounce", "camera")
     fit = fitted(bent, FOUR, without=physics)
     assert fit.film.harmonics.any()
     assert fit.film.flattest == pytest.approx(np.sqrt(1 - (RIM / RADIUS) ** 2), abs=0.08)
