@@ -260,7 +260,13 @@ class Film(NamedTuple):
         float,
         Port(unit="1", low=0, high=2),
         Stored(-1, 100, plain=0.0),
-        "m: the LEDs face the middle of the film and emit as cos^m of the angle from there",
+        "m: the LEDs emit as cos^m of the angle from their axes",
+    ]
+    aim: Annotated[
+        float,
+        Port(unit="1", low=-0.5, high=1),
+        Stored(-10, 10, plain=0.0),
+        "s: LEDs at x y z emit along (s - 1) x, (s - 1) y, -z; 0: to the middle, 1: straight down",
     ]
     grain: Annotated[
         Grain,

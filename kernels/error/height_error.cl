@@ -192,7 +192,7 @@ LANED __kernel void shine(
     if (refraction != 1.0f) {
         const Film film = {
             lights, diffuse, 0, let_in_curve, 0.0f, 0.0f, 1.0f, 1.0f, 1.0f, base, roughness,
-            refraction, camera, 0.0f, K, 0};
+            refraction, camera, 0.0f, 0.0f, K, 0};
         floats noise[LED_SLOTS];
         EACH_LED(k) noise[k] = load_floats(sigma + k * frame_size + from, count);
         const ints lit = load_bytes(used + from, count);

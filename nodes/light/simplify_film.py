@@ -5,6 +5,7 @@ from tactograph.nodes import Film
 from tactograph.nodes.optics.film import FilmPart
 
 PART_FIELDS: dict[FilmPart, tuple[str, ...]] = {
+    "aim": ("aim",),
     "diffuse": ("diffuse", "gain", "wrap"),
     "lobe": ("base", "roughness", "refraction"),
     "harmonics": ("harmonics",),
@@ -29,7 +30,7 @@ def simplify_film(
     ----------
     film : the LEDs' and the film's properties
     without
-        ``diffuse`` (with the gain of touched film), ``lobe``, ``harmonics``, ``bounce``,
+        ``aim``, ``diffuse`` (with the gain of touched film), ``lobe``, ``harmonics``, ``bounce``,
         ``camera``.
     """
     matt = Film.matt(film.lights)

@@ -9,9 +9,9 @@ pupil at (0, 0, D), with unit normal n and LED k at L::
 
 b_k is the share of LED light that the gel diffuses, so that shadows are not black.  [.]_w is
 `wrapped`: scattered light reaches a little behind the terminator.  a_k is the light at P relative
-to P_0 of an LED that faces the middle of the film and emits as cos^m, such as a disk (m = 1): the
-m-th power of the ratio of the cosines, as a series of second order.  s grows from 1 to `gain`
-where an object touches the film and lifts it by `contact` mm.  e is irradiance times the
+to P_0 of an LED that emits as cos^m of the angle from its axis (`led_axis`), such as a disk (m =
+1): the m-th power of the ratio of the cosines, as a series of second order.  s grows from 1 to
+`gain` where an object touches the film and lifts it by `contact` mm.  e is irradiance times the
 reflectance of a rough dielectric coat over a matt base (`coat`)::
 
     e(n, P) = n.l / |L - P|^2 [k_d T(n.l) T(n.v) / pi
@@ -43,11 +43,11 @@ from tactograph.nodes.optics.coat import (
 )
 from tactograph.nodes.optics.near_light import wrapped
 
-FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "camera"]
+FilmPart = Literal["diffuse", "lobe", "harmonics", "bounce", "aim", "camera"]
 """Parts that equation F1 adds to a matt film; a model may omit each."""
 LIGHT_FIELDS = (
     "lights", "diffuse", "wrap", "harmonics", "flattest", "reach", "gain", "contact", "base",
-    "roughness", "refraction", "camera", "emission",
+    "roughness", "refraction", "camera", "emission", "aim",
 )  # fmt: skip
 """The fields of `Film` on which its light depends."""
 HARMONIC_COUNT, PLACE_TERMS = 8, 6
@@ -144,17 +144,24 @@ def touch_gain(film: Film, z: Array) -> Array:
     return np.asarray(1 + np.float32(film.gain - 1) * np.clip(z / np.float32(film.contact), 0, 1))
 
 
+def led_axis(film: Film, led: int) -> Array:
+    """Return where an LED turns its back: away from the film's middle, or by `aim` more upwards."""
+    light = film.lights[led]
+    return np.asarray(light * np.array([1 - film.aim, 1 - film.aim, 1], light.dtype))
+
+
 def emitted(film: Film, led: int, place: Place) -> Array:
     """Return a of equation F1 for one LED."""
     if not film.emission:
         return np.ones((), np.asarray(place[2]).dtype)
     x, y, z = place
     x0, y0 = _below(film, x, y, z)
-    lx, ly, lz = light = film.lights[led]
-    far, m = (light * light).sum(), film.emission
+    ax, ay, az = axis = led_axis(film, led)
+    light, m = film.lights[led], film.emission
+    far = (axis * light).sum()
     *_, square, _ = _way(light, x, y, z)
     *_, square0, _ = _way(light, x0, y0, np.zeros_like(z))
-    cosines = (far - lx * x - ly * y - lz * z) / (far - lx * x0 - ly * y0)
+    cosines = (far - ax * x - ay * y - az * z) / (far - ax * x0 - ay * y0)
     more = cosines * np.sqrt(square0 / square) - 1
     return np.asarray(1 + m * more * (1 + (m - 1) / 2 * more))
 

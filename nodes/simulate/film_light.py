@@ -10,7 +10,7 @@ from tactograph.nodes import Film, Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.light.matt_light import STRETCH_PX, example_film
 from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.coat import upload_curve
-from tactograph.nodes.optics.film import LIGHT_FIELDS, predict, touch_gain
+from tactograph.nodes.optics.film import LIGHT_FIELDS, emitted, predict, touch_gain
 from tactograph.nodes.optics.near_light import places
 
 
@@ -56,10 +56,11 @@ def film_light(
         place = x[part] * nearer, y[part] * nearer, z
         planes[:, part] = predict(film, n, *place, None, lift)
         if shadow is not None:
-            shaded = film.diffuse - (1 - film.diffuse) * np.float32(film.wrap)
-            shaded = touch_gain(film, lift)[None] * shaded[:, None]
-            dark = shadow.ravel()[None, part] >> np.arange(len(shaded))[:, None] & 1
-            planes[:, part] = np.where(dark > 0, shaded, planes[:, part])
+            for k, b in enumerate(film.diffuse):
+                scattered = np.float32(film.wrap) * emitted(film, k, place)
+                shaded = touch_gain(film, lift) * (b - (1 - b) * scattered)
+                dark = shadow.ravel()[part] >> k & 1
+                planes[k, part] = np.where(dark > 0, shaded, planes[k, part])
 
     in_blocks(light, height.size)
     return planes.reshape(-1, rows, columns)

@@ -23,10 +23,11 @@ FILMS: dict[str, Film] = {
     "lobe": MATT._replace(base=0.6, roughness=0.3, refraction=1.4),
     "camera": MATT._replace(camera=1 / 65),
     "disks": MATT._replace(emission=1.0),
+    "board": MATT._replace(emission=1.0, aim=1.0),
     "harmonics": MATT._replace(harmonics=harmonics(), flattest=0.5, reach=10.0),
 }
 FILMS["all"] = FILMS["diffuse"]._replace(
-    wrap=0.2, base=0.6, roughness=0.3, refraction=1.4, camera=1 / 65, emission=1.0,
+    wrap=0.2, base=0.6, roughness=0.3, refraction=1.4, camera=1 / 65, emission=1.0, aim=0.4,
     harmonics=harmonics(), flattest=0.5, reach=10.0,
 )  # fmt: skip
 

@@ -17,7 +17,14 @@ from tactograph.nodes.calibrate.lights.light_fit import (
 )
 from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
 from tactograph.nodes.optics.coat import MIN_COSINE
-from tactograph.nodes.optics.film import at_rest, predict, rest_below, rest_light, turned
+from tactograph.nodes.optics.film import (
+    at_rest,
+    led_axis,
+    predict,
+    rest_below,
+    rest_light,
+    turned,
+)
 from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, rest_share
 
 MIN_WEIGHT_LIGHT = 0.3
@@ -271,18 +278,20 @@ class Fitted(NamedTuple):
             if rest.bounced is not None:
                 light = light + self.film.albedo * rest.bounced
             model += np.log(np.maximum(light, MIN_REST_LIGHT))
-        # Cosines of emission from LEDs that face the middle of the film.
-        lx, ly, lz = self.film.lights.T[..., None].astype(np.float64)
-        high = np.sqrt(lx * lx + ly * ly + lz * lz)
-        away = np.sqrt((lx - rest.x) ** 2 + (ly - rest.y) ** 2 + lz * lz)
-        cosine = (high * high - lx * rest.x - ly * rest.y) / (high * away)
-        model += self.film.emission * np.log(np.maximum(cosine, MIN_COSINE))
+        for k, light in enumerate(self.film.lights.astype(np.float64)):
+            axis, way = led_axis(self.film, k), light - np.stack([rest.x, rest.y, 0 * rest.x], 1)
+            cosine = way @ axis / (np.linalg.norm(axis) * np.linalg.norm(way, axis=1))
+            model[k] += self.film.emission * np.log(np.maximum(cosine, MIN_COSINE))
         return np.asarray(model if self.power == 1 else model * self.power)
 
     def rest_residual(self, rest: Rest) -> F8:
         """Return the flat frame's logarithm minus `at_rest`, without the LEDs' common part."""
         model = self.at_rest(rest)
         return np.asarray(rest.logarithm - (model - model.mean(axis=0)))
+
+    def left_at_rest(self, rest: Rest | None) -> float:
+        """Return the root mean square of `rest_residual`; 0 without a flat frame."""
+        return 0.0 if rest is None else math.sqrt(np.square(self.rest_residual(rest)).mean())
 
     def normals(self, balls: Balls, uneven: float = 0.0) -> BallNormals:
         """Find the normal of every sample from its light; `uneven` as in `Film`."""

@@ -59,14 +59,17 @@ class Trial(NamedTuple):
 
     def prefers(self, larger: "Model", model: "Model") -> bool:
         """Return whether a larger model is the better one: likelier, and better held out."""
+        return self.odds(larger, model).pays(model.errors, larger.errors)
+
+    def odds(self, larger: "Model", model: "Model") -> Odds:
+        """Return the odds of a model over another by the balls and by usual values."""
         both = model, larger
         scales = model.fitted.scale, larger.fitted.scale
         fewer, more = (Unknowns.of(each.parts, self.balls.width_mm) for each in both)
         unusual = more.surprise(larger.fitted) - fewer.surprise(model.fitted)
         values = min(self.balls.u.size, MAX_INDEPENDENT_SAMPLES)
         further = len(more.names) - len(fewer.names)
-        odds = Odds.of(*scales, further, values).logarithm - unusual
-        return Odds(odds).pays(model.errors, larger.errors)
+        return Odds(Odds.of(*scales, further, values).logarithm - unusual)
 
 
 class Model(NamedTuple):
@@ -85,7 +88,7 @@ class Model(NamedTuple):
     """The fit without each fold, in the order of `Balls.folds`."""
 
     def __str__(self) -> str:
-        parts = [part for part in PART_UNKNOWNS if part in self.parts] or ["matt"]
+        parts = [part for part in ("aim", *PART_UNKNOWNS) if part in self.parts] or ["matt"]
         return "+".join(parts + ([f"harmonics{self.degree}"] if self.degree is not None else []))
 
 
@@ -118,7 +121,17 @@ def choose(
 
     Also every pixel of each fold of these, with the film fitted to the other folds.
     """
-    trial, best, whole = search(trial, start, [part for part in PART_UNKNOWNS if part in parts])
+    listed = [part for part in PART_UNKNOWNS if part in parts]
+    found = search(trial, start, listed)
+    if "aim" in parts and (left := found[1].fitted.left_at_rest(trial.rest)) > LIGHT_DEVIATION:
+        # The axes of points do not show.
+        disks = start._replace(film=start.film._replace(emission=1.0))
+        aimed = search(trial, disks, listed, frozenset({"aim"}))
+        left_by_aimed = aimed[1].fitted.left_at_rest(trial.rest)
+        by_flat = Odds.of_frame(left, left_by_aimed, 0, len(start.leds)).logarithm
+        if Odds(by_flat + trial.odds(aimed[1], found[1]).logarithm).are_sure:
+            found = aimed
+    trial, best, whole = found
     if "harmonics" in parts and may_grow(best):
         best = bend(trial, best)
     best, balls = without_bad(trial, best)
@@ -127,31 +140,33 @@ def choose(
     return best, balls, [(b, place_balls(b, f)) for b, f in held_out if b.u.size]
 
 
-def search(trial: Trial, start: Fitted, parts: list[str]) -> tuple[Trial, Model, Balls]:
-    """Return the film that presses support, settled, and every pixel of the balls.
+def search(
+    trial: Trial, start: Fitted, parts: list[str], first: frozenset[str] = frozenset()
+) -> tuple[Trial, Model, Balls]:
+    """Return the film that presses support, from its first parts, and every pixel of the balls.
 
     A gel that diffuses light, and a coat whose film lights itself, look alike on the balls at
     first.  So a film that lights itself is compared with the best one that does not, and one that
     does not with a film that is coated and lights itself from the start.
     """
-    plain = judge(trial, frozenset(), trial.fit(frozenset(), start))
+    plain = judge(trial, first, trial.fit(first, start))
     if "bounce" in parts and may_grow(plain):
         trial = trial._replace(balls=trial.samples(start.film))
     best = settle(*grow(trial, plain, parts))
     if "bounce" in best[1].parts:
-        dark = search(trial, start, [part for part in parts if part != "bounce"])
+        dark = search(trial, start, [part for part in parts if part != "bounce"], first)
         return best if Odds().pays(dark[1].errors, best[1].errors) else dark
     if not set(parts) >= SHINING_PARTS or not may_grow(best[1]):
         return best
-    bright = settle(*grow(*shining(trial, start), parts))
+    bright = settle(*grow(*shining(trial, start, SHINING_PARTS | first), parts))
     return bright if Odds().pays(best[1].errors, bright[1].errors) else best
 
 
-def shining(trial: Trial, start: Fitted) -> tuple[Trial, Model]:
+def shining(trial: Trial, start: Fitted, parts: frozenset[str]) -> tuple[Trial, Model]:
     """Fit a coated film that lights itself, from usual values, and sample the balls with it."""
-    fitted = Fitting.of(trial.balls, trial.rest, SHINING_PARTS).unknowns.opened(start)
+    fitted = Fitting.of(trial.balls, trial.rest, parts).unknowns.opened(start)
     trial, placed = _sampled_again(trial, fitted)
-    return trial, judge(trial, SHINING_PARTS, trial.fit(SHINING_PARTS, placed))
+    return trial, judge(trial, parts, trial.fit(parts, placed))
 
 
 def grow(trial: Trial, best: Model, parts: list[str]) -> tuple[Trial, Model]:

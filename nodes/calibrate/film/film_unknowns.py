@@ -63,6 +63,7 @@ LED_UNKNOWNS = {
 factor free, and without a flat frame all of them, so that a prior holds them."""
 SHARED_UNKNOWNS = {
     "emission": Unknown(PLAIN_FILM["emission"], math.log1p(NARROWEST_BEAM) / 2, low=0),
+    "aim": Unknown(1.0, 1.0),
     "gain": Unknown(PLAIN_FILM["gain"], 0.1),
     "wrap": Unknown(PLAIN_FILM["wrap"], 0.2),
     "base": USUAL_ALBEDO,
@@ -88,7 +89,7 @@ USUAL_CHANGES = {
 }
 """What is not fitted: an object's place, an LED's light since the flat frame and how that changes
 across the image, and the light from film to film over that of the model."""
-UNKNOWNS_OF_FLAT_ALONE = "strength", "emission"
+UNKNOWNS_OF_FLAT_ALONE = "strength", "emission", "aim"
 """Unknowns without effect on the light of touched film relative to the film at rest."""
 UNKNOWNS_OF_TOUCH_ALONE = "gain", "wrap", "diffuse", "rim", "size"
 """Unknowns without effect on the film at rest."""
@@ -100,7 +101,7 @@ PART_UNKNOWNS = {
 }
 """The unknowns of each part of the model."""
 MODEL_UNKNOWNS = PART_UNKNOWNS | {"plain": ("diffuse", "gain"), "touched": ("gain",)}
-MODEL_UNKNOWNS |= {nuisance: (nuisance,) for nuisance in STATED_UNKNOWNS}
+MODEL_UNKNOWNS |= {name: (name,) for name in (*STATED_UNKNOWNS, "aim")}
 """The unknowns of each part; of a plain film, on which light ends sharply, for finding balls; and
 those that direct light determines besides the LEDs."""
 

@@ -77,13 +77,14 @@ def fit_film(
     """Fit equation F1 (`optics/film`) to balls, with those of its parts that the presses support.
 
     The fit starts from the LEDs placed for a matt film.  Then parts are added one by one:
-    diffuse light with a gain of touched film, a glossy coat, light that bounces from film to
-    film, a pupil near the film.  Each time, the part that explains the presses best is taken if
-    the film is likelier with it, given how usual its values are, and if it lowers the error of
-    held-out balls by more than a standard error (`Odds.pays`).  Harmonics come last, of the highest
-    degree in position that lowers the error further.  With a single ball, quarters of it are
-    held out instead.  No part is tried where a model that leaves noise alone would gain too
-    little.
+    diffuse light with a gain of touched film, a glossy coat, light that bounces from film to film,
+    a pupil near the film. Each time, the part that explains the presses best is taken if the film
+    is likelier with it, given how usual its values are, and if it lowers the error of held-out
+    balls by more than a standard error (`Odds.pays`). Harmonics come last, of the highest degree in
+    position that lowers the error further. With a single ball, quarters of it are held out instead.
+    No part is tried where a model that leaves noise alone would gain too little. If the film at
+    rest departs by more than light does by itself, all is repeated with LEDs that need not face the
+    film's middle.
 
     Parameters
     ----------
@@ -100,7 +101,9 @@ def fit_film(
         The film at rest if it is no plane.  Then the pupil is where `shape` has it, the film ends
         with the frame, and there are no harmonics, which would take its shape for light.
     camera_mm : height of the pupil above the film, if known
-    without : parts that are not tried: ``diffuse``, ``lobe``, ``bounce``, ``camera``, ``harmonics``
+    without
+        Parts that are not tried: ``aim``, ``diffuse``, ``lobe``, ``bounce``, ``camera``,
+        ``harmonics``.
 
     Returns
     -------
@@ -161,6 +164,8 @@ def _properties(best: Model, film: Film, rest: Rest | None) -> Metrics:
     """Figures: the light left over, and properties of the sensor for which the model has a part."""
     figures: Metrics = {"film_heldout_deg": best.error}
     figures["led_emission"] = best.fitted.film.emission
+    if film.aim:
+        figures["led_aim"] = film.aim
     if film.diffuse.any():
         figures["diffuse_percent"] = float(100 * film.diffuse.mean())
         figures["touched_gain"] = film.gain
@@ -173,6 +178,5 @@ def _properties(best: Model, film: Film, rest: Rest | None) -> Metrics:
         figures["camera_mm"] = 1 / film.camera
     figures["film_residual_percent"] = 100 * best.fitted.scale
     if rest is not None:
-        residual = best.fitted.rest_residual(rest)
-        figures["flat_residual_percent"] = 100 * float(np.sqrt(np.square(residual).mean()))
+        figures["flat_residual_percent"] = 100 * best.fitted.left_at_rest(rest)
     return figures

@@ -33,7 +33,7 @@ from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
 from tactograph.nodes.calibrate.film.film_fit import Fitting
 from tactograph.nodes.calibrate.film.film_unknowns import STATED_UNKNOWNS, USUAL_NEARNESS
-from tactograph.nodes.calibrate.lights.light_fit import slants_of
+from tactograph.nodes.calibrate.lights.light_fit import LedPlaces, slants_of
 from tactograph.nodes.calibrate.rating.judge_labels import MAX_JUDGED_BALLS
 from tactograph.nodes.calibrate.rating.verdict import MAX_INDEPENDENT_REST, SURE_ODDS
 
@@ -97,6 +97,7 @@ class Alternatives(NamedTuple):
         balls: Balls,
         camera: float | None = 0.0,
         coated: bool = False,
+        aimed: Film | None = None,
     ) -> Self:
         """Fit the plain film with the values given and with each of them free.
 
@@ -106,18 +107,23 @@ class Alternatives(NamedTuple):
         camera
             One over the pupil's height above the film; 0: it is free.  None: the camera is far.
         coated : whether a film with a coat is tried, too, with the values given
+        aimed : from whose LEDs fits start, as they need not face the middle; None: they do
         """
         rest, width, start = evidence.rest(), balls.width_mm, evidence.start()
         leds = start.leds.copy()
         leds[:, 2] = USUAL_NEARNESS / width
-        start = start._replace(film=start.film._replace(camera=camera or 0.0)).with_leds(leds)
+        film = start.film._replace(camera=camera or 0.0)
+        if aimed is not None:
+            leds[:, :3] = LedPlaces.of(aimed.lights).values
+            film = film._replace(emission=aimed.emission, aim=aimed.aim)
+        start = start._replace(film=film).with_leds(leds)
         samples = balls.thinned(MAX_SAMPLES)
 
         def fitted(parts: frozenset[str], start: Fitted) -> Fitted:
-            return Fitting.of(samples, rest, parts).fitted(start)
+            return Fitting.of(samples, rest, {*parts, "aim"} if film.aim else parts).fitted(start)
 
         def explained(now: Fitted) -> Explained:
-            flat = 0.0 if rest is None else math.sqrt(np.square(now.rest_residual(rest)).mean())
+            flat = now.left_at_rest(rest)
             distance = float(np.linalg.norm(now.film.lights, axis=1).mean())
             values = now.size, now.power, now.film.camera, math.hypot(now.scale, flat), distance
             return Explained(*values, float(now.film.diffuse.mean()))
@@ -367,7 +373,7 @@ def judge_radius(
     percent = float(np.hypot(*misfit)) / 100
     # On a film that is no plane, the pupil is where its shape was seen from.
     camera = film.camera if evidence.shape is None else film.camera or None
-    fits = Alternatives.of(used, balls, camera)
+    fits = Alternatives.of(used, balls, camera, aimed=film if film.aim else None)
     departure = fits.stated.departure
     # As it is given, the LEDs are where the film that is kept has them.
     mean = float(np.linalg.norm(film.lights, axis=1).mean())

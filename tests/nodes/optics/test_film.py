@@ -35,7 +35,7 @@ def test_the_film_at_rest_has_the_flat_frames_light(name: str) -> None:
 
 @pytest.mark.parametrize("name", FILMS)
 def test_only_a_matt_film_is_a_linear_function_of_the_normal(name: str) -> None:
-    assert is_affine(FILMS[name]) == (name in {"diffuse", "soft", "disks"})
+    assert is_affine(FILMS[name]) == (name in {"diffuse", "soft", "disks", "board"})
 
 
 def test_a_coat_that_does_not_refract_has_no_effect() -> None:
@@ -80,13 +80,16 @@ def test_film_is_brighter_where_it_is_touched() -> None:
     assert predict(film, REST, X, Y, high) == pytest.approx(1.05 * tall)
 
 
-def test_a_disk_that_faces_the_middle_of_the_film_shines_by_the_cosine() -> None:
-    film = MATT._replace(emission=1.0)
+@pytest.mark.parametrize("aim", [0.0, 1.0, -0.3])
+def test_a_disk_shines_by_the_cosine_to_its_axis(aim: float) -> None:
+    """To the middle of the film, straight down, or flatter than to the middle."""
+    film = MATT._replace(emission=1.0, aim=aim)
     places = np.stack([X, Y, Z]) - LEDS[:, :, None]
     below = np.stack([X, Y, NONE]) - LEDS[:, :, None]
 
     def cosine(ray: np.ndarray) -> np.ndarray:
-        axis = -LEDS / np.linalg.norm(LEDS, axis=1, keepdims=True)
+        down = LEDS * [aim - 1, aim - 1, -1]
+        axis = down / np.linalg.norm(down, axis=1, keepdims=True)
         return np.einsum("kc,kcn->kn", axis, ray) / np.linalg.norm(ray, axis=1)
 
     by_disks = predict(MATT, N, X, Y, Z) * cosine(places) / cosine(below)

@@ -53,7 +53,7 @@ def fitted(
     """Fit to balls that are a third of a pixel off, from LEDs that are 3 % off.
 
     `contact` is the true radius of the contacts, `rim` the measured one, `emission` the exponent of
-    LEDs that face the middle, `hot` the share of pixels that are bright under every LED.
+    the LEDs in the flat frame, `hot` the share of pixels that are bright under every LED.
     """
     light = np.concatenate(
         [press(film, c, seed, contact) for seed, c in enumerate(centres)], axis=1
@@ -62,8 +62,9 @@ def fitted(
     flat = rest_light(film, X, Y)
     for plane, led in zip(flat, film.lights, strict=True):
         away = led[:, None, None] - np.stack([X, Y, np.zeros_like(X)])
-        cosine = np.einsum("c,cyx->yx", led, away) / np.linalg.norm(away, axis=0)
-        plane *= (cosine / np.linalg.norm(led)) ** emission
+        axis = led * [1 - film.aim, 1 - film.aim, 1]
+        cosine = np.einsum("c,cyx->yx", axis, away) / np.linalg.norm(away, axis=0)
+        plane *= (cosine / np.linalg.norm(axis)) ** emission
     flat = (0.6 * flat / flat.mean(axis=(1, 2), keepdims=True)).astype(np.float32)
     places = np.array(centres) / PIXEL + [63.5, 47.5] + [0.2, -0.25]
     circle = np.column_stack([places, np.full(len(centres), (rim or contact) / PIXEL)]).astype(
@@ -105,7 +106,7 @@ def tried(fit: FilmFit) -> set[str]:
 
 def test_a_matt_film_stays_matt() -> None:
     fit = fitted(MATT, FOUR)
-    for name in ("diffuse", "harmonics", "gain", "refraction", "albedo", "camera"):
+    for name in ("aim", "diffuse", "harmonics", "gain", "refraction", "albedo", "camera"):
         assert np.array_equal(getattr(fit.film, name), getattr(MATT, name)), name
     assert np.array_equal(fit.film.lights, LEDS * np.float32(1.03)), (
         "the LEDs were placed before, by all pixels"
@@ -280,6 +281,16 @@ def test_leds_behind_lenses_are_placed_right() -> None:
     assert fit.film.emission == pytest.approx(12, rel=0.05)
 
 
+@pytest.mark.parametrize("centres", [FOUR[:1], FOUR[:2]], ids=["one ball", "two"])
+def test_leds_that_face_straight_down_are_placed_right(centres: list[tuple[float, float]]) -> None:
+    """As on a flat board; taken to face the middle, they made a right radius seem wrong."""
+    fit = fitted(MATT._replace(emission=1.0, aim=1.0), centres, emission=1.0)
+    distance = np.linalg.norm(fit.film.lights, axis=1) / np.linalg.norm(LEDS, axis=1)
+    assert distance == pytest.approx(1, abs=0.03)
+    assert fit.film.aim == pytest.approx(1, abs=0.1)
+    assert fit.quality["flat_residual_percent"] < 0.2
+
+
 @pytest.mark.slow
 def test_the_pupils_height_is_found() -> None:
     fit = fitted(MATT._replace(camera=1 / 65), FOUR)
@@ -296,7 +307,7 @@ def test_a_known_pupil_is_not_moved() -> None:
 @pytest.mark.slow
 def test_harmonics_are_found_where_physics_is_not_enough_and_not_tried_where_left_out() -> None:
     bent = MATT._replace(harmonics=harmonics(0.05), flattest=0.6, reach=10.0)
-    physics = ("diffuse", "lobe", "bounce", "camera")
+    physics = ("aim", "diffuse", "lobe", "bounce", "camera")
     fit = fitted(bent, FOUR, without=physics)
     assert fit.film.harmonics.any()
     assert fit.film.flattest == pytest.approx(np.sqrt(1 - (RIM / RADIUS) ** 2), abs=0.08)
