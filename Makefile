@@ -37,7 +37,7 @@ demo-live: $(VENV)/.installed
 	TACTOGRAPH=$(BIN)/tactograph sh benchmarks/live.sh $(DEMO)/live $(LIVE_SECONDS)
 
 # What 'make test' needs: few packages, and an OpenCL device that works.  Python compiles the third
-# of their files that is imported; pip would take 15 seconds for all.
+# of their files that it imports; pip takes 20 seconds to compile all.
 $(VENV)/.tested: pyproject.toml $(CONSTRAINTS) | $(BIN)/python
 	$(PIP) --no-compile $(TESTED_WITH) -e '.[test]'
 	@$(MAKE) --no-print-directory ready

@@ -67,6 +67,16 @@ def without_ranks(graph: Graph) -> Graph:
     return replace(graph, nodes=nodes)
 
 
+def few_ranks(graph: Graph) -> Graph:
+    """A calibration with a quarter of its simulated touches, enough to doubt a wrong touch."""
+    few = {
+        name: replace(entry, settings={**entry.settings, "count": 32})
+        for name, entry in graph.nodes.items()
+        if entry.op == "rank_checks"
+    }
+    return replace(graph, nodes={**graph.nodes, **few})
+
+
 class Raytraced:
     """Captures of known shapes by an independent renderer: ``raytraced / RIG / CAPTURE``.
 

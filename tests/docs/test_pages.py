@@ -7,6 +7,7 @@ options and scripts must be there.
 
 import os
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -14,9 +15,12 @@ import sys
 import venv
 import zipfile
 from collections.abc import Iterator
+from contextlib import redirect_stdout, suppress
 from functools import cache
+from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -261,8 +265,14 @@ def test_a_script_that_is_only_shown_exists(where: str, line: str) -> None:
 
 @cache
 def help_of(script: str) -> str:
-    """The help text of a script."""
-    return python(ROOT / script, "--help").stdout
+    """The help text of a script, which runs in this process as that has its imports already."""
+    words, folders = [script, "--help"], [str((ROOT / script).parent), *sys.path]
+    with (
+        patch.object(sys, "argv", words), patch.object(sys, "path", folders),
+        redirect_stdout(StringIO()) as shown, suppress(SystemExit),
+    ):  # fmt: skip
+        runpy.run_path(str(ROOT / script), run_name="__main__")
+    return shown.getvalue()
 
 
 def _check_options(where: str, help_text: str, words: list[str]) -> None:

@@ -45,7 +45,7 @@ def _of_graphs() -> Iterator[str]:
     """The messages that name a setting without a mark."""
     settings = {name for node in shipped_nodes() for name in find_node(node).parameters}
     for file in _files():
-        for text in _sentences(_tree(file)):
+        for text in _texts(file):
             bare = _bare(text)
             if "capture.yaml" in text:
                 bare = ENTRY.sub("", bare)
@@ -62,7 +62,7 @@ def _foreign_marks() -> Iterator[str]:
         known = {
             name for node in map(find_node, nodes) for name in (*node.parameters, *node.inputs)
         }
-        for text in _sentences(_tree(file)):
+        for text in _texts(file):
             for name, _ in MARKED_NAME.findall(text):
                 if name not in known:
                     yield f"{file}: {name}: {text}"
@@ -75,9 +75,10 @@ def _files() -> list[Path]:
 
 def _sentences(tree: ast.AST) -> Iterator[str]:
     """The texts of a file that may be messages: of several words, no docstrings, no pages."""
-    inner = {node.value for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    inner |= {part for n in ast.walk(tree) if isinstance(n, ast.JoinedStr) for part in n.values}
-    for node in ast.walk(tree):
+    nodes = [*ast.walk(tree)]
+    inner = {node.value for node in nodes if isinstance(node, ast.Expr)}
+    inner |= {part for n in nodes if isinstance(n, ast.JoinedStr) for part in n.values}
+    for node in nodes:
         parts = node.values if isinstance(node, ast.JoinedStr) else [node]
         texts = [str(p.value) if isinstance(p, ast.Constant) else "{}" for p in parts]
         is_text = isinstance(node, ast.JoinedStr) or (
@@ -85,6 +86,11 @@ def _sentences(tree: ast.AST) -> Iterator[str]:
         )
         if is_text and node not in inner and " " in "".join(texts) and texts[0][:1] != "<":
             yield "".join(texts)
+
+
+@cache
+def _texts(file: Path) -> list[str]:
+    return [*_sentences(_tree(file))]
 
 
 def _bare(text: str) -> str:

@@ -76,15 +76,15 @@ def fit_film(
 ) -> FilmFit:
     """Fit equation F1 (`optics/film`) to balls, with those of its parts that the presses support.
 
-    The fit starts from the LEDs placed for a matt film.  Then parts are added one by one:
-    diffuse light with a gain of touched film, a glossy coat, light that bounces from film to film,
-    a pupil near the film. Each time, the part that explains the presses best is taken if the film
-    is likelier with it, given how usual its values are, and if it lowers the error of held-out
-    balls by more than a standard error (`Odds.pays`). Harmonics come last, of the highest degree in
-    position that lowers the error further. With a single ball, quarters of it are held out instead.
-    No part is tried where a model that leaves noise alone would gain too little. If the film at
-    rest departs by more than light does by itself, all is repeated with LEDs that need not face the
-    film's middle.
+    The fit starts from the LEDs placed for a matt film.  Then parts are added one by one: diffuse
+    light with a gain of touched film, a glossy coat, light that bounces from film to film, a pupil
+    near the film.  Each time, the part that explains the presses best is taken if the film is
+    likelier with it, given how usual its values are, and if it lowers the error of held-out balls
+    by more than a standard error (`Odds.pays`).  Harmonics come last, of the highest degree in
+    position that lowers the error further.  With a single ball, quarters of it are held out
+    instead.  No part is tried where a model that leaves noise alone would gain too little.  If the
+    film at rest departs by more than light does by itself, all is repeated with LEDs that need not
+    face the film's middle.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 import asyncio
 import sys
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -103,15 +103,14 @@ class Editor:
 Talk = Callable[[Editor], Awaitable[None]]
 
 
-@pytest.fixture
-def talk(tmp_path: Path) -> Callable[[Talk], None]:
-    """Run a talk with a server of its own."""
-
-    async def held(talk: Talk) -> None:
-        async with Editor(tmp_path / "mine.yaml") as editor:
-            await asyncio.wait_for(talk(editor), 2 * WAIT_S)
-
-    return lambda each: asyncio.run(held(each))
+@pytest.fixture(scope="module")
+def talk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[Talk], None]]:
+    """Run a talk with a server, whose start takes longer than a talk."""
+    editor = Editor(tmp_path_factory.mktemp("work") / "mine.yaml")
+    with asyncio.Runner() as loop:
+        loop.run(editor.__aenter__())
+        yield lambda each: loop.run(asyncio.wait_for(each(editor), 2 * WAIT_S))
+        loop.run(editor.__aexit__())
 
 
 def test_a_patch_is_completed_by_the_graph_that_it_changes(talk: Callable[[Talk], None]) -> None:
@@ -176,7 +175,7 @@ def test_words_are_explained_and_found(talk: Callable[[Talk], None]) -> None:
 def test_a_file_that_is_not_there_has_no_words(talk: Callable[[Talk], None]) -> None:
     async def about(editor: Editor) -> None:
         nowhere = types.Position(0, 0)
-        params = types.HoverParams(types.TextDocumentIdentifier(editor.uri), nowhere)
+        params = types.HoverParams(types.TextDocumentIdentifier(f"{editor.uri}.not"), nowhere)
         assert await editor.client.text_document_hover_async(params) is None
 
     talk(about)

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.nodes import Film
 from tactograph.rings.without_ball.nodes.find_highlights import find_highlights
 from tactograph.rings.without_ball.nodes.model_tables import model_tables
+from tests.fixtures import few_ranks
 from tests.pipelines.matt_film import FLAT, PIXEL_MM, TOUCH, leds, run, taken, warnings_of, write
 
 NEAR, FAR = leds(4), leds(4, distance_mm=1000.0)
@@ -31,7 +33,8 @@ def dome(file: Path, lamps: np.ndarray) -> str:
 def calibrated(folder: Path, lights: str, lamps: np.ndarray) -> object:
     flat = write(folder / "flat", taken(FLAT, 0, lamps))
     out = str(folder / "cal.npz")
-    return run("calibrate_lights", lights=lights, flat=flat, pixel_size_mm=PIXEL_MM, out=out)
+    graph = few_ranks(read_graph("calibrate_lights"))
+    return run(graph, lights=lights, flat=flat, pixel_size_mm=PIXEL_MM, out=out)
 
 
 def error(folder: Path, lamps: np.ndarray, graph: str = "reconstruct") -> float:
