@@ -25,6 +25,9 @@ ENOUGH_CELLS = 8192
 """Enough cells for ten coefficients; of more cells, every n-th row and column is used."""
 TERMS_OF = (1, 3, 6, 10)
 """Number of terms of a polynomial in x and y, by its degree."""
+MAX_TERMS = TERMS_OF[-1]
+FIT_SUMS = MAX_TERMS * (MAX_TERMS + 1) // 2 + MAX_TERMS
+"""Sums of the device's fit: over the products of the terms, and over terms times height."""
 
 
 @node(
@@ -94,12 +97,12 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
     window = (WINDOW_CELLS, WINDOW_CELLS)
     mean = [cv2.blur(plane, window, borderType=cv2.BORDER_REPLICATE) for plane in light]
     calm = (np.abs(np.stack(mean) - 1) < grain).all(axis=0)
-    calm &= np.isfinite(sampled)
+    apart = _apart(sampled.shape)
+    calm = (calm & np.isfinite(sampled))[::apart, ::apart]
     if calm.mean() < MIN_REST_SHARE:
         return none
     used = TERMS_OF[degree if calm.mean() >= MIN_CURVED_SHARE else min(degree, 1)]
-    apart = math.ceil(math.sqrt(calm.size / ENOUGH_CELLS))
-    terms, calm = _terms(sampled.shape, apart), calm[::apart, ::apart]
+    terms = _terms(sampled.shape, apart)
     basis = np.compress(calm.ravel(), terms[:used], axis=1)
     z = sampled[::apart, ::apart][calm].astype(np.float64)
     residual = z
@@ -114,6 +117,11 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
     return none
 
 
+def _apart(cells: tuple[int, ...]) -> int:
+    """Of more than enough rows and columns of cells, every n-th is used: this n."""
+    return math.ceil(math.sqrt(math.prod(cells) / ENOUGH_CELLS))
+
+
 @lru_cache(maxsize=8)
 def _terms(shape: tuple[int, int], apart: int) -> NDArray[np.float64]:
     """The terms of the surface at every n-th row and column of cells, in order: 10 x N."""
@@ -123,23 +131,29 @@ def _terms(shape: tuple[int, int], apart: int) -> NDArray[np.float64]:
     return np.array(terms, np.float64)
 
 
+@level_height.idle
+def _is_exact(grain: float) -> bool:
+    return not grain > 0
+
+
 @level_height.opencl()
 def _launch(run: Launch) -> None:
-    """Download the heights and the light of cells; send back ten coefficients."""
+    """Find the film at rest on cells, fit a surface to it in one group, and take it off."""
     height, light, out = run.inputs["height"], run.inputs["light"], run.outputs["level_height"]
-    rows, columns = run.sizes["H"], run.sizes["W"]
-    cell = cell_side(rows, columns, run.settings["cell"])
+    rows, columns = size = run.sizes["H"], run.sizes["W"]
     cells = run.sizes["h"], run.sizes["w"]
-    coefficients = np.zeros(len(_powers()), np.float32)
-    grain = float(run.inputs["grain"])
-    if grain > 0:
-        sampled = run.scratch(cells)
-        run.kernel("sample_cells", cells, height, sampled, rows, columns, *cells, cell)
-        settings = grain, int(run.settings["degree"])
-        lit = run.begin_download(light)
-        coefficients = _surface(run.download(sampled), lit(), *settings)
-    lanes = run.in_lanes(rows, columns)
-    run.kernel("take_off", lanes, height, out, rows, columns, *map(float, coefficients))
+    cell, apart = cell_side(rows, columns, run.settings["cell"]), _apart(cells)
+    sampled, away = (run.scratch((-(-cells[0] // apart), -(-cells[1] // apart))) for _ in range(2))
+    surface, shares = run.scratch((MAX_TERMS,)), run.scratch((FIT_SUMS, run.group))
+    run.kernel(
+        "sample_cells", run.in_row_lanes(*cells), height, light, sampled, away,
+        run.sizes["K"], *size, *cells, cell, apart, run.inputs["grain"],
+    )  # fmt: skip
+    most = TERMS_OF[run.settings["degree"]]
+    for n in range(FIT_ROUNDS):
+        fitted = sampled, away, shares, surface, *cells, apart, most, int(n == 0)
+        run.kernel("fit", (run.group,), *fitted, local=(run.group,))
+    run.kernel("take_off", run.in_lanes(*size), height, surface, out, *size)
 
 
 @level_height.example
