@@ -23,7 +23,7 @@ def in_order(before: Before, rank: Callable[[str], Any] = str) -> list[str]:
     No two names may have the same rank.
     """
     ranks = {name: rank(name) for name in sorted({*before}.union(*before.values()))}
-    return _kept("in_order", _listed(before), ranks)
+    return list(_kept("in_order", _listed(before), ranks))
 
 
 def with_all_before(before: Before, names: Iterable[str]) -> set[str]:
@@ -33,7 +33,7 @@ def with_all_before(before: Before, names: Iterable[str]) -> set[str]:
 
 def find_cycle(before: Before) -> list[str]:
     """Return a cycle, from a name back to itself; [] if there is none."""
-    return _kept("find_cycle", _listed(before))
+    return list(_kept("find_cycle", _listed(before)))
 
 
 def classes_of(names: Sequence[Name], alike: Iterable[tuple[Name, Name]]) -> dict[Name, Name]:

@@ -163,10 +163,10 @@ def unify(draft: Draft) -> SizeClasses:
     symbols = [(task.id, symbol) for task in draft.tasks.values() for symbol in task.node.symbols]
     joints = [*_joints(draft, "reads")]
     root = classes_of(symbols, _symbols(joints))
-    free = {root[symbol] for symbol in _free_sizes(draft)}
     # A size that depends on the data may differ from item to item.
-    recalled = _joints(draft, "recalls")
-    joints += (e for e in recalled if isinstance(e.maker[1], int) or root[e.maker] not in free)
+    classes = {root[symbol] for symbol in _free_sizes(draft)}
+    free: set[tuple[str, Dim]] = {symbol for symbol in symbols if root[symbol] in classes}
+    joints += (each for each in _joints(draft, "recalls") if each.maker not in free)
     root = classes_of(symbols, _symbols(joints))
     fixed = _fixed(draft, root, joints)
     limits: dict[Symbol, list[tuple[str, SizeLimit]]] = {}
