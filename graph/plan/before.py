@@ -1,13 +1,20 @@
-"""Sort names by what has to come before each: ``{"b": {"a"}}`` if b reads a."""
+"""Sort names by what has to come before each: ``{"b": {"a"}}`` if b reads a.
+
+Answers are kept on disk for later processes: importing networkx takes 0.1 s and 12 MiB.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Set as AbstractSet
-from typing import Any
+import json
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence, Set as AbstractSet
+from typing import Any, TypeVar
 
-import networkx as nx
+from tactograph.graph.disk.disk_cache import cached_file, read_cached, write_cached
 
 Before = Mapping[str, AbstractSet[str]]
+Name = TypeVar("Name", bound=Hashable)
+MAX_KEPT_BYTES = 10**7
+"""Largest size of all answers on disk, those for some hundred graphs."""
 
 
 def in_order(before: Before, rank: Callable[[str], Any] = str) -> list[str]:
@@ -15,27 +22,40 @@ def in_order(before: Before, rank: Callable[[str], Any] = str) -> list[str]:
 
     No two names may have the same rank.
     """
-    return list(nx.lexicographical_topological_sort(_dag(before), key=rank))
+    ranks = {name: rank(name) for name in sorted({*before}.union(*before.values()))}
+    return list(_kept("in_order", _listed(before), ranks))
 
 
 def with_all_before(before: Before, names: Iterable[str]) -> set[str]:
     """Return the names with all that come before them, directly or indirectly."""
-    dag, names_before = _dag(before), set(names)
-    return names_before.union(*(nx.ancestors(dag, name) for name in names_before))
+    return {*_kept("with_all_before", _listed(before), sorted(names))}
 
 
 def find_cycle(before: Before) -> list[str]:
     """Return a cycle, from a name back to itself; [] if there is none."""
-    try:
-        cycle = nx.find_cycle(_dag(before))
-    except nx.NetworkXNoCycle:
-        return []
-    return [cycle[0][0], *(edge[1] for edge in cycle)]
+    return list(_kept("find_cycle", _listed(before)))
 
 
-def _dag(before: Before) -> nx.DiGraph[str]:
-    """The graph with an edge to each name from all that come before it."""
-    dag: nx.DiGraph[str] = nx.DiGraph()
-    dag.add_nodes_from(before)
-    dag.add_edges_from((first, name) for name, firsts in before.items() for first in firsts)
-    return dag
+def classes_of(names: Sequence[Name], alike: Iterable[tuple[Name, Name]]) -> dict[Name, Name]:
+    """Return one name for each class of names that pairs join, directly or indirectly."""
+    number = {name: index for index, name in enumerate(names)}
+    pairs = [(number[one], number[other]) for one, other in alike]
+    firsts = _kept("classes_of", len(names), pairs)
+    return {name: names[first] for name, first in zip(names, firsts, strict=True)}
+
+
+def _listed(before: Before) -> dict[str, list[str]]:
+    return {name: sorted(firsts) for name, firsts in before.items()}
+
+
+def _kept(question: str, *of: Any) -> Any:
+    """The answer of a function of `_walks`, from disk if another process has asked."""
+    file = cached_file("plans", question, of)
+    if file is not None and (kept := read_cached(file)) is not None:
+        return json.loads(kept)
+    from tactograph.graph.plan import _walks
+
+    answer = getattr(_walks, question)(*of)
+    if file is not None:
+        write_cached(file, json.dumps(answer).encode(), MAX_KEPT_BYTES)
+    return answer

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, NamedTuple
-
-from networkx.utils import UnionFind
+from typing import Literal, NamedTuple
 
 from tactograph.graph.declare.ports import IMAGE_SIZES, Dim
 from tactograph.graph.declare.size_rules import SizeLimit
 from tactograph.graph.errors import GraphError, InputError
+from tactograph.graph.plan.before import classes_of
 from tactograph.graph.plan.draft import Draft, Task, Value
 
 Symbol = tuple[str, str]
@@ -162,13 +161,13 @@ def unify(draft: Draft) -> SizeClasses:
     fixed size.
     """
     symbols = [(task.id, symbol) for task in draft.tasks.values() for symbol in task.node.symbols]
-    classes: UnionFind[Any] = UnionFind(symbols)
-    joints = _united(classes, _joints(draft, "reads"))
-    free = {classes[symbol] for symbol in _free_sizes(draft)}
+    joints = [*_joints(draft, "reads")]
+    root = classes_of(symbols, _symbols(joints))
     # A size that depends on the data may differ from item to item.
-    recalled = (each for each in _joints(draft, "recalls") if classes[each.maker] not in free)
-    joints += _united(classes, recalled)
-    root = {symbol: classes[symbol] for symbol in symbols}
+    classes = {root[symbol] for symbol in _free_sizes(draft)}
+    free: set[tuple[str, Dim]] = {symbol for symbol in symbols if root[symbol] in classes}
+    joints += (each for each in _joints(draft, "recalls") if each.maker not in free)
+    root = classes_of(symbols, _symbols(joints))
     fixed = _fixed(draft, root, joints)
     limits: dict[Symbol, list[tuple[str, SizeLimit]]] = {}
     for task in draft.tasks.values():
@@ -202,13 +201,11 @@ def _joints(draft: Draft, edges: Literal["reads", "recalls"]) -> Iterator[_Joint
                     yield _Joint((task.id, one), (value.node, other), name, value)
 
 
-def _united(classes: UnionFind[Any], joints: Iterable[_Joint]) -> list[_Joint]:
-    """Join the symbols at the ends of each joint into one class."""
-    listed = list(joints)
-    for each in listed:
-        if isinstance(each.reader[1], str) and isinstance(each.maker[1], str):
-            classes.union(each.reader, each.maker)
-    return listed
+def _symbols(joints: Iterable[_Joint]) -> Iterator[tuple[Symbol, Symbol]]:
+    """The joints that have a symbol at both ends."""
+    for (reader, one), (maker, other) in (each[:2] for each in joints):
+        if isinstance(one, str) and isinstance(other, str):
+            yield (reader, one), (maker, other)
 
 
 def _fixed(

@@ -3,8 +3,6 @@
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
 
-import networkx as nx
-
 Edge = tuple[str, str, str]
 """A box, a box that reads it, and the ports of the values, separated by commas."""
 
@@ -31,6 +29,8 @@ class Sketch:
 
 def fold(sketch: Sketch, opened: Iterable[str] = ()) -> Sketch:
     """Draw each use as one box, unless it is opened, or reads values that follow from its own."""
+    import networkx as nx  # slow, and a run draws nothing
+
     opened = {*opened}
     place = {box.name: index for index, box in enumerate(sketch.boxes)}
     while True:

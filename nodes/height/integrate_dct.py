@@ -7,6 +7,7 @@ device.
 
 from collections.abc import Callable
 from functools import lru_cache, partial
+from typing import Any
 
 import cv2
 import numpy as np
@@ -44,7 +45,7 @@ def integrate_dct(slope: Slope, pixel: PixelSize) -> Height:
     return np.asarray(backwards(forwards(twice) * _to_mm(twice.shape, pixel)), np.float32)
 
 
-def _cosine_transforms(shape: tuple[int, ...]) -> tuple[Callable[[F4], F4], Callable[[F4], F4]]:
+def _cosine_transforms(shape: tuple[int, ...]) -> tuple[Callable[[F4], Any], Callable[[F4], Any]]:
     """The orthonormal DCT-II and its inverse.
 
     SciPy's are twice as fast, but its import takes 0.2 s of a first start and 20 MiB.
