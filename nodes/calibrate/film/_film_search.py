@@ -129,7 +129,8 @@ def choose(
         aimed = search(trial, disks, listed, frozenset({"aim"}))
         left_by_aimed = aimed[1].fitted.left_at_rest(trial.rest)
         by_flat = Odds.of_frame(left, left_by_aimed, 0, len(start.leds)).logarithm
-        if Odds(by_flat + trial.odds(aimed[1], found[1]).logarithm).are_sure:
+        odds = Odds(by_flat + trial.odds(aimed[1], found[1]).logarithm)
+        if odds.are_sure and not Odds().pays(aimed[1].errors, found[1].errors):
             found = aimed
     trial, best, whole = found
     if "harmonics" in parts and may_grow(best):

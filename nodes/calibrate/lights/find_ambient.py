@@ -1,7 +1,5 @@
 """Estimate the ambient light where no image with all LEDs off was taken."""
 
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,17 +8,15 @@ from scipy import optimize
 from scipy.ndimage import uniform_filter
 
 from tactograph.graph import SizeLimit, node
-from tactograph.nodes import F4, Dark, Film, Light, Metrics, PixelSize
+from tactograph.nodes import F4, Dark, Light, Metrics, PixelSize
 from tactograph.nodes.calibrate.lights.light_fit import LedFit
 from tactograph.nodes.calibrate.lights.light_samples import (
     MAX_SAMPLES_EACH,
-    Press,
     Rest,
     presses_of,
     unreached,
 )
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
-from tactograph.nodes.light.film_bounce import MAX_ALBEDO, film_bounce
 from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.rest_shape import RestShape
@@ -30,8 +26,6 @@ MIN_AMBIENT = 0.01
 """Ambient light, relative to the film at rest, too weak to tell from an imperfect ball."""
 AMBIENT_TOLERANCE = 0.002
 """Tolerance of the search, relative to the film at rest."""
-ALBEDO_TOLERANCE = 0.02
-"""Tolerance of the search for an albedo, which `fit_film` finds better."""
 DARK_PERCENT = 0.1
 """Per cent of the pixels that may be darker than the ambient light: dead pixels and noise."""
 MAX_MISFIT_SHARE = 0.5
@@ -71,8 +65,7 @@ def find_ambient(
     Daylight and the camera's black level add the same light to the object and to the film at
     rest.  Divided by the film's light, the object's is ``n.v + (1 - n.v) b``, where b is their
     share of the film's light: as if every LED stood nearer to the camera's axis.  LEDs are
-    placed for different b (`calibrate_lights`), and the b with the smallest misfit is taken, unless
-    an albedo of the film, whose light from film to film is similar, leaves a smaller misfit.
+    placed for different b (`calibrate_lights`), and the b with the smallest misfit is taken.
     It cannot exceed the light of the darkest pixels, since ambient light reaches them, too.
 
     Parameters
@@ -104,27 +97,46 @@ def find_ambient(
     film = float(np.median(flat))
     if not presses or most < MIN_AMBIENT * film:
         return nothing
-    sensor = _Sensor(flat, presses, pixel, shape)
-    lights, plain = sensor.placed()
-    if plain <= sensor.placed(MIN_AMBIENT * film)[1]:
+
+    def placed(ambient: float, emitted: F4 | float) -> tuple[F4, float]:
+        """Place LEDs after this much ambient light is subtracted; return them and their misfit.
+
+        Divided by what LEDs `emitted`, the film at rest is lit by ones that emit alike everywhere.
+        """
+        rest_light, dark = _led_light(flat, ambient), np.full(flat.shape[1:], ambient, np.float32)
+        objects = []
+        for press in presses:
+            light = flat_field(press.light, rest_light, dark)
+            brightened = press._replace(light=light, lit=label_lit(light))
+            objects.append(brightened.samples(pixel, MAX_SAMPLES_EACH, shape))
+        if unreached(objects):
+            return np.zeros((len(flat), 3), np.float32), np.inf
+        rest = Rest.of(np.asarray(rest_light / emitted, np.float32), pixel, shape)
+        fit = LedFit.of(objects, rest, pixel * flat.shape[2])
+        return fit.lights, fit.cost(objects, rest)
+
+    lights, plain = placed(0.0, 1.0)
+    if plain <= placed(MIN_AMBIENT * film, 1.0)[1]:
         return nothing
     # LEDs that face the film's middle light its sides less, which looks like ambient light.
     facing = _emitted(lights, flat.shape, pixel)
+    stop = {"xatol": AMBIENT_TOLERANCE * film}
+    minimize: Any = optimize.minimize_scalar  # its stubs know no bounds
 
-    def misfit(ambient: float, emitted: F4 | float = 1.0) -> float:
-        return sensor.placed(ambient, emitted)[1]
+    def misfit(ambient: float, emitted: F4 | float) -> float:
+        return placed(ambient, emitted)[1]
 
-    tolerance = AMBIENT_TOLERANCE * film
-    found = [(*_least(misfit, most, tolerance, each), each) for each in (1.0, facing)]
-    residual, ambient, emitted = min(found, key=lambda each: each[0])
+    def least(emitted: F4 | float) -> tuple[float, float, F4 | float]:
+        found = minimize(misfit, bounds=(0, most), args=(emitted,), method="bounded", options=stop)
+        return float(found.fun), float(found.x), emitted
+
+    residual, ambient, emitted = min(least(1.0), least(facing), key=lambda each: each[0])
+    if ambient < MIN_AMBIENT * film:
+        return nothing
     beyond = misfit(MAX_DARK_RATIO * most, emitted)
-    if ambient < MIN_AMBIENT * film or beyond < residual:
-        return nothing
-    # Light diffused in the gel has a similar effect, which `fit_film` models.
-    if residual > MAX_MISFIT_SHARE * misfit(0.0, emitted):
-        return nothing
-    # So has light reflected from film to film.
-    if shape is None and sensor.least_by_albedo(lights) < residual:
+    if residual > MAX_MISFIT_SHARE * misfit(0.0, emitted) or beyond < residual:
+        # Light diffused in the gel or reflected from film to film has a similar effect, which
+        # `fit_film` models.
         return nothing
     percent = 100 * ambient
     doubt = (
@@ -136,67 +148,6 @@ def find_ambient(
     return WithoutAmbient(rest_light, dark, {"ambient_percent": percent}, [doubt])
 
 
-class _Sensor(NamedTuple):
-    """What LEDs are placed by: the flat frame, presses, mm per px, and the film at rest."""
-
-    flat: F4
-    presses: list[Press]
-    pixel: float
-    shape: RestShape | None
-
-    def placed(
-        self,
-        ambient: float = 0.0,
-        emitted: F4 | float = 1.0,
-        thrown: list[F4] | None = None,
-        albedo: float = 0.0,
-    ) -> tuple[F4, float]:
-        """Place LEDs after ambient light, and that from film to film, is subtracted.
-
-        Divided by what LEDs `emitted`, the film at rest is lit by ones that emit alike everywhere.
-        `thrown` is the light from film to film on each press for an albedo of 1.
-
-        Returns
-        -------
-        The positions, K x 3 in mm, and the misfit.
-        """
-        flat, pixel = self.flat, self.pixel
-        rest_light, dark = _led_light(flat, ambient), np.full(flat.shape[1:], ambient, np.float32)
-        objects = []
-        for number, press in enumerate(self.presses):
-            light = flat_field(press.light, rest_light, dark)
-            if thrown:
-                light = light - np.float32(albedo) * thrown[number]
-            known = press._replace(light=light, lit=label_lit(light))
-            objects.append(known.samples(pixel, MAX_SAMPLES_EACH, self.shape))
-        if unreached(objects):
-            return np.zeros((len(flat), 3), np.float32), np.inf
-        rest = Rest.of(np.asarray(rest_light / emitted, np.float32), pixel, self.shape)
-        fit = LedFit.of(objects, rest, pixel * flat.shape[2])
-        return fit.lights, fit.cost(objects, rest)
-
-    def least_by_albedo(self, lights: F4) -> float:
-        """The least misfit if the film, instead of ambient light, adds light to the presses."""
-        film, dark = Film.matt(lights)._replace(albedo=MAX_ALBEDO), np.zeros_like(self.flat[0])
-        light = (flat_field(press.light, self.flat, dark) for press in self.presses)
-        thrown = [
-            film_bounce(each, press.height, film, self.pixel) / np.float32(MAX_ALBEDO)
-            for each, press in zip(light, self.presses, strict=True)
-        ]
-        by = partial(self.placed, 0.0, 1.0, thrown)
-        return _least(lambda albedo: by(albedo)[1], MAX_ALBEDO, ALBEDO_TOLERANCE)[0]
-
-
-def _least(
-    misfit: Callable[..., float], most: float, tolerance: float, *known: Any
-) -> tuple[float, float]:
-    """Return the least misfit of an unknown from 0 to `most`, and the unknown."""
-    minimize: Any = optimize.minimize_scalar  # its stubs know no bounds
-    stop = {"xatol": tolerance}
-    found = minimize(misfit, bounds=(0, most), args=known, method="bounded", options=stop)
-    return float(found.fun), float(found.x)
-
-
 def _led_light(flat: F4, ambient: float) -> F4:
     return np.asarray(np.maximum(flat - np.float32(ambient), 0), np.float32)
 
@@ -204,7 +155,9 @@ def _led_light(flat: F4, ambient: float) -> F4:
 def _emitted(lights: F4, shape: tuple[int, ...], pixel: float) -> F4:
     """Return what disks that face the film's middle emit towards it, over that to its middle."""
     x, y = np.meshgrid(*(places(count, np.float32(pixel)) for count in (shape[2], shape[1])))
-    leds = lights[:, :, None, None]
-    to = leds - np.stack([x, y, np.zeros_like(x)])
-    cosine = (to * leds).sum(axis=1) / np.sqrt(np.square(to).sum(axis=1))
-    return np.asarray(cosine / np.linalg.norm(leds, axis=1))
+    planes = []
+    for led in lights:
+        to = [led[0] - x, led[1] - y, np.full_like(x, led[2])]
+        square = sum(part * part for part in to)
+        planes.append(sum(part * end for part, end in zip(to, led, strict=True)) / np.sqrt(square))
+    return np.stack(planes) / np.linalg.norm(lights, axis=1)[:, None, None]

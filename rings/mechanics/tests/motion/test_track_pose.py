@@ -133,7 +133,7 @@ def test_the_covariance_is_that_of_the_error(variance: F4 | None, reach_mm: floa
     A height's zero is known better here than in general.
     """
     rng, kept, apart = np.random.default_rng(5), [0, 1, 3, 4, 5], []
-    for _ in range(24):
+    for _ in range(40):
         motions = [moved(*(rng.uniform(-1, 1, 6) * [0.5, 0.5, 0.02, 1, 1, 4])) for _ in range(2)]
         found = pose_of_film(motions, rng, variance, reach_mm)
         off = astray(found, motions[1] @ np.linalg.inv(motions[0]))

@@ -8,7 +8,6 @@ import pytest
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.press_slopes import press_slopes
 from tactograph.nodes.calibrate.lights.find_ambient import WithoutAmbient, find_ambient
-from tactograph.nodes.simulate.interreflect import interreflect
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.render import render
 
@@ -30,9 +29,9 @@ def test_ambient_light_is_found_doubted_and_subtracted(ambient: float) -> None:
     assert result.quality["ambient_percent"] == pytest.approx(100 * ambient, abs=0.6)
     assert "`taken`=FILE" in result.doubts[0]
     placed = calibrate(ball - result.dark, result.flat, known())
-    assert off(placed.film.lights, RING) < 0.02
+    assert off(placed.lights, RING) < 0.02
     flat = images(RING)[1] + np.float32(ambient)
-    assert off(calibrate(ball, flat, known()).film.lights, RING) > 0.03
+    assert off(calibrate(ball, flat, known()).lights, RING) > 0.03
 
 
 def test_without_ambient_light_nothing_changes() -> None:
@@ -41,16 +40,6 @@ def test_without_ambient_light_nothing_changes() -> None:
     assert np.array_equal(result.flat, images(RING)[1])
     assert not result.doubts
     assert not result.quality
-
-
-def test_light_from_film_to_film_is_no_ambient_light() -> None:
-    lights = light_ring(slant_deg=31.0, distance_mm=270.0)
-    rest = render(FILM, PIXEL, lights).light
-    of_leds = render(known().height, PIXEL, lights, samples=2).light
-    film = interreflect(of_leds, rest, known().height, lights, PIXEL, albedo=0.5)
-    noise = np.random.default_rng(0).normal(0, 0.002, (2, *rest.shape))
-    ball, flat = (np.asarray(each, np.float32) for each in (film + noise[0], rest + noise[1]))
-    assert not find_ambient(ball, flat, BLACK, *known(), PIXEL).quality
 
 
 def test_a_dark_image_that_was_taken_is_kept() -> None:
