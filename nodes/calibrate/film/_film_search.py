@@ -16,7 +16,7 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
 )
 from tactograph.nodes.calibrate.film.ball_samples import moved_with
 from tactograph.nodes.calibrate.film.film_fit import Fitting, add_harmonics, place_balls
-from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, Unknowns
+from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, Unknown, Unknowns
 from tactograph.nodes.calibrate.lights.descend import HUBER_DEVIATIONS
 from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
 from tactograph.nodes.calibrate.rating.verdict import Odds
@@ -160,7 +160,9 @@ def search(
     if not set(parts) >= SHINING_PARTS or not may_grow(best[1]):
         return best
     bright = settle(*grow(*shining(trial, start, SHINING_PARTS | first), parts))
-    return bright if Odds().pays(best[1].errors, bright[1].errors) else best
+    # An albedo at its limit is not found.
+    is_found = bright[1].fitted.film.albedo < Unknown.of("albedo").high
+    return bright if is_found and Odds().pays(best[1].errors, bright[1].errors) else best
 
 
 def shining(trial: Trial, start: Fitted, parts: frozenset[str]) -> tuple[Trial, Model]:

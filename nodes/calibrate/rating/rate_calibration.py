@@ -227,7 +227,7 @@ def _of_scale(
             f"than {MAX_LED_WIDTHS:.0f} widths of the image: check the ball's radius, the pixel "
             "size and the order of the images"
         ]
-    if albedo > MAX_ALBEDO and not is_explained:
+    if albedo > MAX_ALBEDO:
         return [
             f"the film's albedo is found as {albedo:.2f}, the largest possible: check the "
             "ball's radius and the pixel size"

@@ -29,9 +29,9 @@ def test_ambient_light_is_found_doubted_and_subtracted(ambient: float) -> None:
     assert result.quality["ambient_percent"] == pytest.approx(100 * ambient, abs=0.6)
     assert "`taken`=FILE" in result.doubts[0]
     placed = calibrate(ball - result.dark, result.flat, known())
-    assert off(placed.lights, RING) < 0.02
+    assert off(placed.film.lights, RING) < 0.02
     flat = images(RING)[1] + np.float32(ambient)
-    assert off(calibrate(ball, flat, known()).lights, RING) > 0.03
+    assert off(calibrate(ball, flat, known()).film.lights, RING) > 0.03
 
 
 def test_without_ambient_light_nothing_changes() -> None:
