@@ -1,5 +1,6 @@
 """A sensor whose film is no plane: its shape by a drawing, or found from presses."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -59,16 +60,9 @@ def test_a_round_film_declared_flat_is_named(tmp_path: Path) -> None:
     """In place of the ball's radius, the pixel size or the images' order."""
     rig = ROOT / "tests/data/dome"
     arguments = {"ball_radius_mm": 6.0, "pixel_size_mm": 10 / 70}
-    with pytest.raises(
-        InputError, match=r"no plane at rest: a bend with a radius of 3\d.* odds of"
-    ):
-        run(
-            "calibrate",
-            tmp_path / "cal.npz",
-            capture=rig / "presses",
-            flat=rig / "flat",
-            **arguments,
-        )
+    images = {"capture": rig / "presses", "flat": rig / "flat"}
+    doubt, *_ = run("calibrate", tmp_path / "cal.npz", **images, **arguments).warnings
+    assert re.search(r"no plane at rest: a bend with a radius of 3\d.* odds of", doubt)
 
 
 @pytest.mark.slow
