@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, CoarseLight, Grain, Height
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, CoarseLight, Grain, Height
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
 from tactograph.nodes.optics.near_light import places
 
@@ -27,9 +27,6 @@ ENOUGH_CELLS = 8192
 """Enough cells for ten coefficients; of more cells, every n-th row and column is used."""
 TERMS_OF = (1, 3, 6, 10)
 """Number of terms of a polynomial in x and y, by its degree."""
-MAX_TERMS = TERMS_OF[-1]
-FIT_SUMS = MAX_TERMS * (MAX_TERMS + 1) // 2 + MAX_TERMS
-"""Sums of the device's fit: over the products of the terms, and over terms times height."""
 
 
 @node(
@@ -50,8 +47,8 @@ def level_height(
 
     An error of the light of 0.1 % tilts the surface by 1 um per mm.  The true height of the film at
     rest is 0, so a polynomial fitted to its heights by robust least squares (Cauchy) estimates the
-    error.  It starts from a plane through the film at rest at the frame's border.  If the grain is
-    0 there is no such error, and the height is returned unchanged.
+    error, from all calm film or from that at the frame's border, whichever leaves less.  If the
+    grain is 0 there is no such error, and the height is returned unchanged.
 
     Parameters
     ----------
@@ -100,33 +97,35 @@ def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
     window = (WINDOW_CELLS, WINDOW_CELLS)
     mean = [cv2.blur(plane, window, borderType=cv2.BORDER_REPLICATE) for plane in light]
     calm = (np.abs(np.stack(mean) - 1) < grain).all(axis=0)
-    apart = _apart(sampled.shape)
-    calm = (calm & np.isfinite(sampled))[::apart, ::apart]
+    calm &= np.isfinite(sampled)
     if calm.mean() < MIN_REST_SHARE:
         return none
     used = TERMS_OF[degree if calm.mean() >= MIN_CURVED_SHARE else min(degree, 1)]
-    basis = np.compress(calm.ravel(), _terms(sampled.shape, apart)[:used], axis=1)
+    apart = math.ceil(math.sqrt(calm.size / ENOUGH_CELLS))
+    terms, calm = _terms(sampled.shape, apart), calm[::apart, ::apart]
+    basis = np.compress(calm.ravel(), terms[:used], axis=1)
     z = sampled[::apart, ::apart][calm].astype(np.float64)
-    # Film on the flat top of an object is as calm as the film at rest, but higher: the first round
-    # fits a plane to the frame's border.
-    inner = np.zeros_like(calm)
-    inner[1:-1, 1:-1] = True
-    weight, terms = np.where(inner[calm], INNER_WEIGHT, 1.0), min(used, TERMS_OF[1])
-    for _ in range(FIT_ROUNDS):
-        sure = basis[:terms] * weight
-        square = sure @ basis[:terms].T
-        ridge = 1e-9 * np.trace(square) * np.eye(terms)
-        coefficients = np.linalg.solve(square + ridge, sure @ z)
-        residual = z - coefficients @ basis[:terms]
-        spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual)) + 1e-9
-        weight, terms = 1 / (1 + (residual / spread) ** 2), used
-    none[:used] = coefficients
+    # Film on the flat top of an object is as calm as the film at rest, but higher.  So rounds that
+    # begin with the frame's border compete with those that begin with all calm film.
+    border = np.ones_like(calm)
+    border[1:-1, 1:-1] = False
+    starts = [np.ones(z.size), border[calm] + INNER_WEIGHT]
+    fits = [_robust(basis, z, weight) for weight in starts]
+    none[:used] = min(fits, key=lambda fit: fit[1])[0]
     return none
 
 
-def _apart(cells: tuple[int, ...]) -> int:
-    """Of more than enough rows and columns of cells, every n-th is used: this n."""
-    return math.ceil(math.sqrt(math.prod(cells) / ENOUGH_CELLS))
+def _robust(basis: F8, z: F8, weight: F8) -> tuple[F8, float]:
+    """Fit by Cauchy's weights, after a first round with these; also the residuals' deviation."""
+    for _ in range(FIT_ROUNDS):
+        sure = basis * weight
+        square = sure @ basis.T
+        ridge = 1e-9 * np.trace(square) * np.eye(len(basis))
+        coefficients = np.linalg.solve(square + ridge, sure @ z)
+        residual = z - coefficients @ basis
+        spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(residual))) + 1e-9
+        weight = 1 / (1 + (residual / spread) ** 2)
+    return coefficients, spread
 
 
 @lru_cache(maxsize=8)
@@ -138,42 +137,35 @@ def _terms(shape: tuple[int, int], apart: int) -> NDArray[np.float64]:
     return np.array(terms, np.float64)
 
 
-@level_height.idle
-def _is_exact(grain: float) -> bool:
-    return not grain > 0
-
-
 @level_height.opencl()
 def _launch(run: Launch) -> None:
-    """Find the film at rest on cells, fit a surface to it in one group, and take it off."""
+    """Download the heights and the light of cells; send back ten coefficients."""
     height, light, out = run.inputs["height"], run.inputs["light"], run.outputs["level_height"]
-    rows, columns = size = run.sizes["H"], run.sizes["W"]
+    rows, columns = run.sizes["H"], run.sizes["W"]
+    cell = cell_side(rows, columns, run.settings["cell"])
     cells = run.sizes["h"], run.sizes["w"]
-    cell, apart = cell_side(rows, columns, run.settings["cell"]), _apart(cells)
-    sampled, away = (run.scratch((-(-cells[0] // apart), -(-cells[1] // apart))) for _ in range(2))
-    surface, shares = run.scratch((MAX_TERMS,)), run.scratch((FIT_SUMS, run.group))
-    run.kernel(
-        "sample_cells", run.in_row_lanes(*cells), height, light, sampled, away,
-        run.sizes["K"], *size, *cells, cell, apart, run.inputs["grain"],
-    )  # fmt: skip
-    most = TERMS_OF[run.settings["degree"]]
-    for n in range(FIT_ROUNDS):
-        fitted = sampled, away, shares, surface, *cells, apart, most, int(n == 0)
-        run.kernel("fit", (run.group,), *fitted, local=(run.group,))
-    run.kernel("take_off", run.in_lanes(*size), height, surface, out, *size)
+    coefficients = np.zeros(len(_powers()), np.float32)
+    grain = float(run.inputs["grain"])
+    if grain > 0:
+        sampled = run.scratch(cells)
+        run.kernel("sample_cells", cells, height, sampled, rows, columns, *cells, cell)
+        settings = grain, int(run.settings["degree"])
+        lit = run.begin_download(light)
+        coefficients = _surface(run.download(sampled), lit(), *settings)
+    lanes = run.in_lanes(rows, columns)
+    run.kernel("take_off", lanes, height, out, rows, columns, *map(float, coefficients))
 
 
 @level_height.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, h: int, w: int) -> dict[str, Any]:
-    """A film at rest that lies on a smooth surface, touched at one side, with a flat top inside."""
+    """A film at rest that lies on a smooth surface, touched at one side."""
     u, v = _axes((H, W))
     height = sum(rng.uniform(-0.05, 0.05) * u**i * v**j for i, j in _powers())
     touched = np.broadcast_to(u > 0.5, (H, W))
-    top = (np.abs(u + 0.25) < 0.3) & (np.abs(v) < 0.5 * H / W)
     light = np.ones((K, h, w), np.float32)
     light[:, :, 3 * w // 4 :] = 1.3
     return {
-        "height": np.asarray(height + 0.5 * touched + 0.3 * top, np.float32),
+        "height": np.asarray(height + 0.5 * touched, np.float32),
         "light": light,
         "grain": 0.02,
     }
