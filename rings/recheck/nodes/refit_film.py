@@ -70,7 +70,7 @@ class _Prior:
     def __init__(self, film: Film, evidence: FilmEvidence, before: F4) -> None:
         now, then = evidence.rest(), evidence._replace(flat=before).rest()
         self.film, self.fall = film, None if then is None else now
-        self.matt = evidence.start()._replace(leds=np.zeros((len(before), 5)))
+        self.matt = evidence.start()._replace(leds=np.zeros((len(before), 4)))
         self.light, self.ratio = 1.0, np.zeros((len(before), 0))
         if now is not None and then is not None:
             self.light = float(np.median(evidence.flat) / np.median(before))

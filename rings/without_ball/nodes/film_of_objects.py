@@ -179,10 +179,9 @@ def _units(scene: _Scene, unknowns: F8) -> F8:
 
 
 def _leds(scene: _Scene, unknowns: F8) -> F8:
-    """LEDs as of a fit, K x 5.  Strengths are what the LEDs leave of the flat frame in the mean."""
+    """LEDs as of a fit, K x 4.  Strengths are what the LEDs leave of the flat frame in the mean."""
     count = len(scene.presses[0])
-    emission = np.full(count, unknowns[3 * count])
-    return np.c_[unknowns[: 3 * count].reshape(count, 3), np.zeros(count), emission]
+    return np.c_[unknowns[: 3 * count].reshape(count, 3), np.zeros(count)]
 
 
 def _film(scene: _Scene, unknowns: F8) -> Film:
@@ -286,7 +285,8 @@ def _residuals(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     shared = unknowns[3 * count :]
     about = [usual.start for usual in SHARED_PRIORS][: shared.size]
     usual = USUAL_NEARNESS / scene.width
-    fit = scene.matt._replace(leds=_leds(scene, unknowns), film=film)
+    emitting = film._replace(emission=float(shared[0]))
+    fit = scene.matt._replace(leds=_leds(scene, unknowns), film=emitting)
     at_rest = fit.rest_residual(scene.rest)
     parts = [
         (unknowns[2 : 3 * count : 3] - usual) / usual,

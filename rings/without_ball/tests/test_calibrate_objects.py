@@ -42,7 +42,8 @@ def test_three_objects_tell_as_much_of_a_coated_film_as_a_ball(
     for piece in ("cat_film", "corner_film", "teapot_film"):
         shutil.copytree(scene / piece, tmp_path / "pieces" / piece)
     arguments = {"flat": scene / "flat", "pixel_size_mm": 5 / 70, "camera_mm": 65.0}
-    run("calibrate_objects", file, capture=tmp_path / "pieces", **arguments)
+    quality = run("calibrate_objects", file, capture=tmp_path / "pieces", **arguments)["quality"]
+    assert quality["led_emission"] > 0.5
     found = run("reconstruct", capture=scene / "sphere_film", calibration=file)
     truth = np.load(scene / "sphere_film" / "truth_height_mm.npy")
     assert abs(scale_of(found["height"], truth) - 1) < MAX_SCALE_ERROR
