@@ -5,7 +5,6 @@
 #include "pixels.clh"
 #include "cells.clh"
 #include "group.clh"
-#include "least_squares.clh"
 #include "drift.clh"
 #include "ring.clh"
 
@@ -67,9 +66,14 @@ LANED __kernel void look_around(
     const int K, const int H, const int W)
 {
     GRID_PARTS_OF_ROWS(row, x, count, K * H, W)
-    const int k = row / H;
-    __global const float *plane = light + k * H * W;
-    const floats mean = mean_around(plane, WINDOW_CELLS, row - k * H, x, count, H, W);
+    const int k = row / H, y = row - k * H;
+    floats total = 0.0f;
+    for (int dy = -(WINDOW_CELLS / 2); dy <= WINDOW_CELLS / 2; ++dy) {
+        __global const float *line = light + (k * H + clamp(y + dy, 0, H - 1)) * W;
+        for (int dx = -(WINDOW_CELLS / 2); dx <= WINDOW_CELLS / 2; ++dx)
+            total += load_within_border(line, x + dx, count, W, REPLICATE);
+    }
+    const floats mean = total / (float)(WINDOW_CELLS * WINDOW_CELLS);
     store_floats(mean, around + row * W + x, count);
 }
 
@@ -244,7 +248,36 @@ static ONCE void tally(
             mine[CHANCE + k] += weight * chance * chance;
         }
     }
-    give_sums(mine, last, shares, sums);
+    for (int j = 0; j < last; ++j) shares[last * PLACE_IN_GROUP + j] = sum_of_lanes(mine[j]);
+    WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
+    for (int half_ = last * GROUP / 2; half_ >= last; half_ /= 2) {
+        for (int j = PLACE_IN_GROUP; j < half_; j += GROUP) shares[j] += shares[j + half_];
+        WAIT_FOR_GROUP(CLK_GLOBAL_MEM_FENCE);
+    }
+    for (int j = PLACE_IN_GROUP; j < last; j += GROUP) sums[j] = shares[j];
+    WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
+}
+
+// x with A x = b by Cholesky; A symmetric, its rows below the diagonal.
+static void solve(const float *a, const float *b, float *x, const int n)
+{
+    float l[TERM_PAIRS];
+    for (int i = 0; i < n; ++i)
+        for (int j = 0; j <= i; ++j) {
+            float sum = a[i * (i + 1) / 2 + j];
+            for (int m = 0; m < j; ++m) sum -= l[i * (i + 1) / 2 + m] * l[j * (j + 1) / 2 + m];
+            l[i * (i + 1) / 2 + j] = i == j ? sqrt(sum) : sum / l[j * (j + 1) / 2 + j];
+        }
+    for (int i = 0; i < n; ++i) {
+        float sum = b[i];
+        for (int m = 0; m < i; ++m) sum -= l[i * (i + 1) / 2 + m] * x[m];
+        x[i] = sum / l[i * (i + 1) / 2 + i];
+    }
+    for (int i = n - 1; i >= 0; --i) {
+        float sum = x[i];
+        for (int m = i + 1; m < n; ++m) sum -= l[m * (m + 1) / 2 + i] * x[m];
+        x[i] = sum / l[i * (i + 1) / 2 + i];
+    }
 }
 
 // The drift of LED k from the sums: its shape follows by `rate`, its level at once.  It stays the old

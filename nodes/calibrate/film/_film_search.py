@@ -155,7 +155,7 @@ def search(
         trial = trial._replace(balls=trial.samples(start.film))
     best = settle(*grow(trial, plain, parts))
     if "bounce" in best[1].parts:
-        dark = search(trial, start, [part for part in parts if part != "bounce"], first)
+        dark = settle(*grow(trial, plain, [part for part in parts if part != "bounce"]))
         return best if Odds().pays(dark[1].errors, best[1].errors) else dark
     if not set(parts) >= SHINING_PARTS or not may_grow(best[1]):
         return best
