@@ -68,6 +68,8 @@ def read_image(file: Path) -> NDArray[Any]:
         raise InputError(f"{file}: too large for a camera image") from None
     except FileNotFoundError:
         raise InputError(missing(file, "file")) from None
+    except IsADirectoryError:
+        raise InputError(f"{file}: is a folder; one image is needed here") from None
     except (InputError, MemoryError):
         raise
     except Exception as error:  # a damaged file fails anywhere inside its decoder
