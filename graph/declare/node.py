@@ -333,8 +333,9 @@ class Node:
     def example(self, function: Callable[..., dict[str, Any]]) -> Callable[..., dict[str, Any]]:
         """Register a function that makes test inputs, for nodes whose inputs depend on one another.
 
-        It is called as ``f(rng, **sizes)`` and returns inputs by port name.  All further inputs are
-        drawn from their ports' ranges.
+        It is called as ``f(rng, **sizes)`` and returns inputs by port name, whose arrays are
+        converted to the ports' element types.  All further inputs are drawn from their ports'
+        ranges.
         """
         self.make_example = function
         return function

@@ -65,6 +65,11 @@ class Entry:
         place = self.places[nearest]
         return str(place if nearest or not key else place._replace(path=f"{place.path}.{key}"))
 
+    @property
+    def params(self) -> dict[str, str]:
+        """The params of the graph that its settings take, by setting."""
+        return params_in(self.settings)
+
     def as_dict(self) -> dict[str, Any]:
         plain: dict[str, Any] = {"op": self.op}
         if self.inputs:
@@ -363,6 +368,11 @@ class Group:
     def nodes(self) -> dict[str, Entry | Use]:
         """Its nodes, then its uses of other groups."""
         return {**self.body.nodes, **self.body.uses}
+
+
+def params_in(settings: Mapping[str, Any]) -> dict[str, str]:
+    """The params that settings take as ``$name``, by setting."""
+    return {n: v[1:] for n, v in settings.items() if isinstance(v, str) and v.startswith("$")}
 
 
 def split_reference(reference: str, nodes: Container[str]) -> tuple[str, str | None]:
