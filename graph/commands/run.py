@@ -202,12 +202,11 @@ def _ending(pipeline: Pipeline, warnings: Collection[str]) -> str:
     """The last line: where the results are, and the number of warnings."""
     plan = pipeline.plan
     places = {
-        str(plan.arguments.get(name[1:], param.default)): None
+        str(plan.arguments.get(name, param.default)): None
         for task in plan.tasks.values()
         if task.node.sink
-        for name in task.entry.settings.values()
-        if isinstance(name, str) and name.startswith("$")
-        if (param := plan.graph.params[name[1:]]).kind == "path"
+        for name in task.entry.params.values()
+        if (param := plan.graph.params[name]).kind == "path"
     }
     written = ", ".join(place for place in places if Path(place).exists())
     warned = (

@@ -125,6 +125,13 @@ class Node:
     def _sized(self) -> dict[tuple[str, ...], Node]:
         return {}
 
+    @property
+    def page(self) -> str:
+        """All about it in Markdown: its docstring, inputs, parameters, outputs and errors."""
+        from tactograph.graph.declare.node_page import node_page
+
+        return node_page(self)
+
     @cached_property
     def about(self) -> Description:
         """The parsed docstring."""
@@ -333,8 +340,9 @@ class Node:
     def example(self, function: Callable[..., dict[str, Any]]) -> Callable[..., dict[str, Any]]:
         """Register a function that makes test inputs, for nodes whose inputs depend on one another.
 
-        It is called as ``f(rng, **sizes)`` and returns inputs by port name.  All further inputs are
-        drawn from their ports' ranges.
+        It is called as ``f(rng, **sizes)`` and returns inputs by port name, whose arrays are
+        converted to the ports' element types.  All further inputs are drawn from their ports'
+        ranges.
         """
         self.make_example = function
         return function

@@ -11,7 +11,7 @@ from typing import Any
 from tactograph.graph.declare.ports import CONDITION_INPUT, RESTING_INPUT
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError
-from tactograph.graph.files.flat_graph import Graph, Group, Param, Use
+from tactograph.graph.files.flat_graph import Graph, Group, Param, Use, params_in
 
 Turns = Sequence[Mapping[str, Any]]
 """The params of each turn, in addition to those of all turns."""
@@ -36,7 +36,7 @@ def in_turns(
     name = f"{len(turns)} x {use.group}"
     shared = {each: each for each in use.inputs if each != CONDITION_INPUT}
     values = [{**use.settings, **turn} for turn in turns]
-    passed = {v[1:] for turn in values for v in turn.values() if _is_param(v)}
+    passed = {param for turn in values for param in params_in(turn).values()}
     uses: dict[str, Use] = {}
     for index, settings in enumerate(values):
         carried = {port: f"{index}.{output}" for port, output in carry.items()} if index else {}
@@ -52,10 +52,6 @@ def in_turns(
         settings={each: f"${each}" for each in passed},
         turns=Group({each: Param("") for each in shared}, body),
     )
-
-
-def _is_param(value: Any) -> bool:
-    return isinstance(value, str) and value.startswith("$")
 
 
 def _of_turn(

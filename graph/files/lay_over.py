@@ -117,9 +117,9 @@ def _named_in(change: Change) -> set[str]:
 
 def _without_unread(graph: Graph, stated: Container[str]) -> Graph:
     """The graph without params that no node takes, except those `stated` here."""
-    read = {v for e in graph.nodes.values() for v in e.settings.values() if isinstance(v, str)}
+    read = {param for entry in graph.nodes.values() for param in entry.params.values()}
     params = graph.params.items()
-    return replace(graph, params={n: p for n, p in params if n in stated or f"${n}" in read})
+    return replace(graph, params={n: p for n, p in params if n in stated or n in read})
 
 
 def _stated(change: PatchModel) -> list[Change]:

@@ -1,7 +1,5 @@
 """Pass 1: find every node, resolve every reference and parameter, and refuse cycles."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -330,15 +328,13 @@ def settings_of(
     """A node's parameters, with the value of each `$name`.  Raises the errors of `bind`."""
     settings = dict(entry.settings)
     places: dict[str, str] = {}
-    for name, value in entry.settings.items():
-        if isinstance(value, str) and value.startswith("$"):
-            param = value[1:]
-            settings[name] = _param(param, graph, arguments, entry.where(f"with.{name}"))
-            if name in node.parameters and param in arguments:
-                places[name] = f"{graph.name}: {param}"
-            elif name in node.parameters and graph.params[param].kind == "path":
-                # A default that does not fit is not the fault of the graph file.
-                places[name] = f"{graph.name}: give {param}=, since its default is not usable"
+    for name, param in entry.params.items():
+        settings[name] = _param(param, graph, arguments, entry.where(f"with.{name}"))
+        if name in node.parameters and param in arguments:
+            places[name] = f"{graph.name}: {param}"
+        elif name in node.parameters and graph.params[param].kind == "path":
+            # A default that does not fit is not the fault of the graph file.
+            places[name] = f"{graph.name}: give {param}=, since its default is not usable"
 
     def where(name: str) -> str:
         return places.get(name) or entry.where(f"with.{name}")

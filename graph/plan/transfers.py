@@ -1,7 +1,5 @@
 """Pass 5: bring every array to its readers, with one transfer per value."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial

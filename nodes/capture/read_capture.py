@@ -33,6 +33,7 @@ from tactograph.nodes.files.image_files import (
     MEAN_OF_CHANNELS,
     Channel,
     Crop,
+    ImageFile,
     Leds,
     Lights,
     channels,
@@ -41,7 +42,6 @@ from tactograph.nodes.files.image_files import (
     cropped,
     grey,
     lights_of,
-    read_image,
     read_numbers,
     read_truth,
     size_of,
@@ -166,7 +166,7 @@ class Layout(NamedTuple):
         InputError
             If the file is missing, damaged or of another depth, or the crop exceeds it.
         """
-        plane = cropped(grey(read_image(file), self.channel), self.crop, file)
+        plane = cropped(grey(ImageFile(file).read(), self.channel), self.crop, file)
         if plane.dtype not in (np.uint8, np.uint16):
             raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit is needed")
         stated = bits or (usual_bits if plane.dtype == np.uint16 else None)
@@ -192,11 +192,11 @@ class Layout(NamedTuple):
         stated = CaptureFile.read(folder.parent if is_frame else folder)
         if lights == "leds":
             files = [*self.led_files(folder, stated).values()]
-            planes = [grey(read_image(file), self.channel) for file in files]
+            planes = [grey(ImageFile(file).read(), self.channel) for file in files]
         else:
             file = folder if is_frame else _only_image(folder)
             planes = channels(
-                read_image(file), file, lights, self.leds or tuple(stated.leds or ()) or None
+                ImageFile(file).read(), file, lights, self.leds or tuple(stated.leds or ()) or None
             )
             files = [file] * len(planes)
         check_alike(planes, files)
@@ -270,7 +270,7 @@ def read_capture(
     InputError
         Naming the folder or file, for anything that is missing, ambiguous, damaged, too dark
         to measure, of a different size or depth than its neighbours, or not grey; for an image
-        whose pixels are not plain, see `read_image`; for a capture of another sensor.
+        whose pixels are not plain, see `ImageFile.read`; for a capture of another sensor.
     """
     _check_folder(folder)
     frames = colour_frames(folder) if _lights(folder, layout) != "leds" else []
@@ -351,7 +351,7 @@ def _true_slope(file: Path, crop: Crop | None, image: Light) -> Slope | None:
 def _true_shadow(file: Path, crop: Crop | None, image: Light) -> Labels | None:
     if not file.is_file():
         return None
-    labels = read_image(file)
+    labels = ImageFile(file).read()
     if labels.ndim != 2 or labels.dtype != np.uint8:
         raise InputError(f"{file}: shadow labels are one 8-bit grey image, a bit per LED")
     return _fitting(labels, crop, image, file)

@@ -22,7 +22,7 @@ from tactograph.nodes import (
     HeightError,
     Labels,
 )
-from tactograph.nodes.files.image_files import write_image
+from tactograph.nodes.files.image_files import ImageFile
 from tactograph.nodes.files.layer_files import picture_file
 from tactograph.nodes.stream.touch import ColourMap, LedLabels, Regions, Touch
 
@@ -193,7 +193,7 @@ class _Plate:
         for artist in (*self._axes.spines.values(), self._title):
             self._axes.draw_artist(artist)
         picture = np.asarray(self._canvas.buffer_rgba())[..., 2::-1]
-        write_image(file, picture)
+        ImageFile(file).write(picture)
 
 
 _mine = threading.local()

@@ -317,11 +317,6 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     if rng.random() < 0.5:
         sigma *= 10
         light += np.float32(0.015) * np.sin(np.arange(W) / 3)
-    return {
-        "light": light.astype(np.float32),
-        "sigma": sigma.astype(np.float32),
-        "before": before.astype(np.float32),
-        "bounced": bounced.astype(np.float32),
-        "thrown": (0.3 * bounced).astype(np.float32),
-        "share": rng.uniform(0.8, 1.3, light.shape).astype(np.float32),
-    }
+    share = rng.uniform(0.8, 1.3, light.shape)
+    inputs = {"light": light, "sigma": sigma, "before": before, "share": share}
+    return {**inputs, "bounced": bounced, "thrown": 0.3 * bounced}

@@ -30,9 +30,9 @@ from tactograph.nodes.optics.film import LIGHT_NOISE_SHARE
 from tactograph.nodes.optics.near_light import (
     brightness_share,
     expected_light,
+    image_places,
     light_vectors,
     matt_film_light,
-    places,
     vectors_at,
 )
 
@@ -184,9 +184,9 @@ def _lag_products(
     )
     rows, columns = (_reach(counts.any(axis=axis), lag) for axis in (1, 0))
     counts, slopes = counts[rows, columns], slope[:, rows, columns]
-    x = places(height.shape[1], np.float32(pixel))[None, columns]
-    y = places(height.shape[0], np.float32(pixel))[rows, None]
-    model_light = expected_light(vectors_at(lights, x, y, height[rows, columns]), slopes)
+    x, y = image_places(height.shape, pixel)
+    vectors = vectors_at(lights, x[:, columns], y[rows], height[rows, columns])
+    model_light = expected_light(vectors, slopes)
     departs = light[:, rows, columns] - model_light
     departs -= brighter(departs, model_light, uneven) * model_light
     product: F4 | np.float32 = np.float32(0)
@@ -257,15 +257,14 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     down, across = np.arange(H)[:, None] / 11, np.arange(W) / 17
     departs = np.sin(down + turn) * np.sin(across + 1 + 2 * turn)
     light = expected_light(vectors, slope) * (1 + 0.1 * departs)
+    noisy = light + rng.normal(0, 0.01, light.shape)
+    geometry = {"slope": slope, "height": height, "lights": lights, "pixel": 0.05}
     return {
-        "light": (light + rng.normal(0, 0.01, light.shape)).astype(np.float32),
-        "slope": slope,
-        "height": height,
-        "used": np.where(rng.random((H, W)) < 0.1, 1, (1 << K) - 1).astype(np.uint8),
-        "lights": lights.astype(np.float32),
-        "pixel": 0.05,
+        **geometry,
+        "light": noisy,
+        "used": np.where(rng.random((H, W)) < 0.1, 1, (1 << K) - 1),
         "uneven": 0.03,
-        "rest": (np.arange(H)[:, None] + np.arange(W) > (H + W) / 2).astype(np.uint8),
-        "tilt": rng.normal(0, 0.2, (2, H, W)).astype(np.float32),
-        "misfit": np.array([0.003, 1, 0.002, 0.05, 0.002], np.float32),
+        "rest": np.arange(H)[:, None] + np.arange(W) > (H + W) / 2,
+        "tilt": rng.normal(0, 0.2, (2, H, W)),
+        "misfit": [0.003, 1, 0.002, 0.05, 0.002],
     }

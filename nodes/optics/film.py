@@ -139,6 +139,13 @@ def _below(film: Film, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
     return x / nearer, y / nearer
 
 
+def place_seen(film: Film, u: Array, v: Array, apparent: Array) -> Place:
+    """Return x, y, z of the film that the camera sees at places of the film at rest and heights."""
+    by = np.float32(film.camera)
+    z = np.asarray(apparent / (1 + by * apparent))
+    return u * (1 - by * z), v * (1 - by * z), z
+
+
 def touch_gain(film: Film, z: Array) -> Array:
     """Return s of equation F1."""
     return np.asarray(1 + np.float32(film.gain - 1) * np.clip(z / np.float32(film.contact), 0, 1))

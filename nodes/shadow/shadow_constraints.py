@@ -236,9 +236,6 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     shadow = patches.repeat(4, axis=0).repeat(6, axis=1)[: shape[0], : shape[1]]
     around = rng.uniform(0, 2 * np.pi, sizes["K"])
     lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
-    return {
-        "shadow": np.ascontiguousarray(shadow),
-        "used": np.where(rng.random(shape) < 0.9, 15, 1).astype(np.uint8),
-        "height": rng.uniform(0, 0.5, shape).astype(np.float32),
-        "lights": lights.astype(np.float32),
-    }
+    used = np.where(rng.random(shape) < 0.9, 15, 1)
+    height = rng.uniform(0, 0.5, shape)
+    return {"shadow": shadow, "used": used, "height": height, "lights": lights}
