@@ -162,7 +162,7 @@ class Items:
             item={value: host[value] for value in yielded},
             total=total,
             reused=executor.reused,
-            told_before=before,
+            shared_warnings=before,
         )
         executor.end()
         return result

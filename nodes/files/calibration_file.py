@@ -161,13 +161,7 @@ class FileKind(NamedTuple):
         return typed, _about(file, about_in(arrays))
 
     def stored(self, file: Path) -> dict[str, NDArray[Any]]:
-        """Return all arrays of a file of this kind and version, unchecked, by name.
-
-        Raises
-        ------
-        InputError
-            If the file is missing, damaged, of another kind or version, or holds a pickle.
-        """
+        """Return all arrays of a file by name, of which only kind and version are checked."""
         arrays = _load(file, self.maker)
         _check_head(file, self, about_in(arrays))
         return arrays
