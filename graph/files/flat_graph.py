@@ -222,9 +222,7 @@ class Graph:
         """
         if not folder.exists():
             raise InputError(missing(folder, "folder"))
-        inside = sorted(
-            path for path in folder.iterdir() if path.name[0] != "." and path.suffix != ".yaml"
-        )
+        inside = sorted(p for p in folder.iterdir() if p.name[0] != "." and p.suffix != ".yaml")
         return inside if inside and all(path.is_dir() for path in inside) else [folder]
 
     def read_words(self, words: Iterable[str]) -> dict[str, Any]:
