@@ -128,6 +128,13 @@ def full_disk(error: BaseException) -> WriteError | None:
     return WriteError(f"{where}: {reason}; make room, or set TMPDIR to a folder with room")
 
 
+def of_system(error: BaseException) -> InputError | None:
+    """An error for the user if a disk is full or a file is not theirs to use, else None."""
+    if isinstance(error, PermissionError) and error.filename:
+        return InputError(f"{error.filename}: {error.strerror}")
+    return full_disk(error)
+
+
 def printable(text: str) -> str:
     """Text whose control characters are replaced by ``\\x1b`` and the like."""
     return "".join(c if c in "\n\t" or not _is_control(c) else f"\\x{ord(c):02x}" for c in text)

@@ -359,6 +359,17 @@ def test_a_full_disk_is_named_in_the_error(
     assert "tactograph: /tmp/x: No space left on device; make room, or set TMPDIR" in message
 
 
+def test_a_file_of_another_user_is_named_in_the_error(
+    tactograph: Command, about: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done = about("run", lit_by("forbidden"))
+    assert done.code == 2
+    assert "node 'light' (forbidden): /tmp/x: Permission denied" in one_line(done)
+    failing(monkeypatch, PermissionError(errno.EACCES, "Permission denied", "/tmp/x"))
+    done = tactograph("check", "paper")
+    assert (done.code, one_line(done).strip()) == (2, "tactograph: /tmp/x: Permission denied")
+
+
 @each("name", shipped_names())
 def test_each_shipped_graph_is_found_verified_explained_and_resolved(
     tactograph: Command, write: Write, name: str
