@@ -100,6 +100,7 @@ def touch_misfit(
     (p, q), lag = slope, _lag(misfit, pixel)
     steep = p * p + q * q > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE
     counts = (used == (1 << len(lights)) - 1) & steep
+    # Only the blocks around steep film that all LEDs reach.
     rows, columns = part = tuple(_reach(counts.any(axis=axis), lag) for axis in (1, 0))
     counts, (x, y) = counts[part], image_places(height.shape, pixel)
     vectors = vectors_at(lights, x[:, columns], y[rows], height[part])
@@ -113,6 +114,7 @@ def touch_misfit(
     pairs = counts[:-lag, :-lag] * (counts[lag:, :-lag].astype(np.float32) + counts[:-lag, lag:])
     mean = np.asarray(product / np.float32(len(lights)), np.float32)
     residual = _typical(block_sums(mean, BLOCK_PX), block_sums(pairs, BLOCK_PX))
+    # The departure of the film at rest, by LED and block.
     level = np.zeros((2, *height.shape), np.float32) if tilt is None else tilt
     calm = (rest != 0).astype(np.float32)
     planes = (light - matt_film_light(lights, height, level, pixel)) * calm

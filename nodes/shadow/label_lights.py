@@ -239,24 +239,24 @@ def label_lights(
     of them; the kernel skips outputs that are not ``wanted``.
     """
     x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
-    gel = wrap or 0.0
+    wrapping = wrap or 0.0
 
     def label_rows(rows: slice) -> Labelled:
         vectors = vectors_at(lights, x, y[rows, None], height[rows]).swapaxes(0, 1)
         images = light[:, rows], sigma[:, rows], vectors, prior[:, rows]
         m, spread, v, expected = (image.reshape(*image.shape[:-2], -1) for image in images)
         spread = np.maximum(spread, 1e-5)
-        above_shadow, weight = wrapped(m, gel) + gel, np.reciprocal(spread * spread)
+        above_shadow, weight = wrapped(m, wrapping) + wrapping, np.reciprocal(spread * spread)
         below = (above_shadow < rules.floor * spread) & (rules.dark > 0)
         shade_cost = np.where(below, 0, np.square(above_shadow / MAX_SHADE_LIGHT))
         pixels = Pixels(m, weight, v, expected, above_shadow, below, shade_cost)
-        best = _best_set(pixels, rules, uneven, gel, turn or 0.0)
+        best = _best_set(pixels, rules, uneven, wrapping, turn or 0.0)
         normals = best.normal, best.twin
         slope, twin = (-n[:2] / np.maximum(n[2], 1 / rules.steepest) for n in normals)
         unevens = np.where(best.used.sum(axis=0) > 2, np.float32(uneven), 0)
         variance = slope_variance(v, m, weight * best.used, best.normal, slope, unevens)
         # An LED is shadowed if its light is missing; without a slope, if it is below the floor.
-        due = np.maximum(wrapped(dot(v, best.normal), gel) + gel, MIN_EXPECTED_LIGHT)
+        due = np.maximum(wrapped(dot(v, best.normal), wrapping) + wrapping, MIN_EXPECTED_LIGHT)
         missing = (above_shadow < due / 2) & (~best.used | below)
         shadow = _labels(np.where(best.used.any(axis=0), missing, below))
         planes: Any = slope, twin, variance, _labels(best.used & ~below), shadow, best.misfit
