@@ -37,11 +37,13 @@ def say(text: str = "", *, err: bool = False, nl: bool = True) -> None:
 
 
 def print_table(title: str, headings: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
-    """Print a table that cuts no cell."""
+    """Print a table that cuts no cell; milliseconds go right."""
     from rich.console import Console
-    from rich.table import Column, Table
+    from rich.table import Table
 
-    table = Table(*(Column(each, overflow="fold") for each in headings), title=title)
+    table = Table(title=title)
+    for each in headings:
+        table.add_column(each, justify="right" if each == "ms" else "left", overflow="fold")
     for row in rows:
         table.add_row(*row)
     console = Console(markup=False)

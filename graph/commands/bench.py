@@ -74,9 +74,9 @@ def _places(options: RunOptions) -> list[RunOptions]:
 
 def _report(row: Mapping[str, Any]) -> None:
     """A table of the steps that run for every item, and the total."""
-    steps = ((node["node"], node["backend"], f"{node['ms']:9.3f}") for node in row["nodes"])
+    steps = ((node["node"], node["backend"], f"{node['ms']:.3f}") for node in row["nodes"])
     title = f"{row['device']}: {row['items']} items"
-    print_table(title, ("step", "back end", "       ms"), steps)
+    print_table(title, ("step", "back end", "ms"), steps)
     ready, total = row["ready_s"], row["ms"]
     rate = 1e3 / total
     say(f"an item {total:.2f} ms, {rate:.1f} items per second; ready after {ready:.1f} s")
