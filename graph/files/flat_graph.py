@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from tactograph.graph.declare.check_settings import PARAM_PLACEHOLDER
 from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.disk.content_hash import digest
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, InputError, a_few, did_you_mean, missing
 from tactograph.graph.files.graph_model import GRAPH_FORMAT
@@ -187,8 +186,7 @@ class Graph:
         del plain["title"]
         for param in plain["params"].values():
             param.pop("help", None)
-        text = json.dumps(plain, sort_keys=True, separators=(",", ":"))
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        return digest(plain)
 
     @property
     def backends(self) -> list[str]:
@@ -253,11 +251,8 @@ class Graph:
 
     def settings_called(self, name: str) -> str:
         """The parameters of that name in all nodes, as for ``--set``; "" if there is none."""
-        nodes = [
-            node_id
-            for node_id, entry in self.nodes.items()
-            if name in find_node(entry.op, self.own).parameters
-        ]
+        entries = self.nodes.items()
+        nodes = [n for n, entry in entries if name in find_node(entry.op, self.own).parameters]
         return a_few([f"--set {node_id}.{name}=VALUE" for node_id in nodes], MAX_NAMED_SETTINGS)
 
     @property

@@ -44,10 +44,8 @@ def shipped_titles() -> dict[str, dict[str, str]]:
         for key, variant in _variants(layer).items():
             titles[f"{variant.base}_{key}"] = variant.model.title
     overlays = shipped("overlays").items()
-    return {
-        **by_heading,
-        _OVERLAY_FOLDER: {name: read_layer(file).model.title for name, file in overlays},
-    }
+    by_heading[_OVERLAY_FOLDER] = {name: read_layer(file).model.title for name, file in overlays}
+    return by_heading
 
 
 def read_graph(source: Source) -> Graph:
