@@ -214,13 +214,13 @@ class Graph:
 
     @staticmethod
     def captures_in(folder: Path) -> list[Path]:
-        """The folder itself; if it holds folders but no file, these folders sorted by name.
+        """The folder itself; if it holds folders but no file except YAML, these folders by name.
 
         Raises InputError if there is no such folder.
         """
         if not folder.exists():
             raise InputError(missing(folder, "folder"))
-        inside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+        inside = sorted(p for p in folder.iterdir() if p.name[0] != "." and p.suffix != ".yaml")
         return inside if inside and all(path.is_dir() for path in inside) else [folder]
 
     def read_words(self, words: Iterable[str]) -> dict[str, Any]:
