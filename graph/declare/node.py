@@ -38,7 +38,7 @@ from tactograph.graph.declare.ports import (
     record_values,
 )
 from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
-from tactograph.graph.declare.tolerance import Close, Tolerance
+from tactograph.graph.declare.tolerance import Close
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.description import Description
@@ -62,7 +62,7 @@ class Node:
     stream: bool
     named: NamedPorts | None = None
     neutral: float | str | None = None
-    tolerance: Tolerance = field(default_factory=Close)
+    tolerance: Close = field(default_factory=Close)
     sizes: Mapping[str, SizeLimit] = field(default_factory=dict)
     derived: Mapping[str, SizeRule] = field(default_factory=dict)
     package: str = "tactograph"

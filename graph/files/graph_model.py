@@ -190,13 +190,14 @@ class UseModel(_Strict):
 _AN_OP, _A_GROUP = "(op)", "(group)"
 
 
-def _op_or_group(value: Any) -> str:
-    return _A_GROUP if isinstance(value, dict) and "group" in value else _AN_OP
+def _by_key(key: str, tag: str, other: str) -> Discriminator:
+    """Take the model `tag` for a mapping with this key, else the `other`."""
+    return Discriminator(lambda value: tag if isinstance(value, dict) and key in value else other)
 
 
 AnyNode = Annotated[
     Annotated[NodeModel, Tag(_AN_OP)] | Annotated[UseModel, Tag(_A_GROUP)],
-    Discriminator(_op_or_group),
+    _by_key("group", _A_GROUP, _AN_OP),
 ]
 
 
@@ -259,14 +260,10 @@ class SharedGroupModel(_Strict):
 _FROM_FILE, _IN_PLACE = "(extends)", "(nodes)"
 
 
-def _file_or_here(value: Any) -> str:
-    return _FROM_FILE if isinstance(value, dict) and "extends" in value else _IN_PLACE
-
-
 _MODEL_TAGS = (_AN_OP, _A_GROUP, _FROM_FILE, _IN_PLACE)
 AnyGroup = Annotated[
     Annotated[SharedGroupModel, Tag(_FROM_FILE)] | Annotated[GroupModel, Tag(_IN_PLACE)],
-    Discriminator(_file_or_here),
+    _by_key("extends", _FROM_FILE, _IN_PLACE),
 ]
 
 

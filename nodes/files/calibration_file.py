@@ -155,10 +155,8 @@ class FileKind(NamedTuple):
             raise InputError(
                 f"{file}: not as this version writes it: {error}; calibrate again"
             ) from None
-        typed = {
-            n: arrays[n] if value.port.dims else float(arrays[n])
-            for n, value in self.values.items()
-        }
+        values = self.values.items()
+        typed = {n: arrays[n] if v.port.dims else float(arrays[n]) for n, v in values}
         return typed, _about(file, about_in(arrays))
 
     def stored(self, file: Path) -> dict[str, NDArray[Any]]:

@@ -48,7 +48,8 @@ def integrate_frankot_chellappa(slope: Slope, pixel: PixelSize) -> Height:
 def _multipliers(shape: tuple[int, ...]) -> tuple[C8, C8]:
     """-i v / (u^2 + v^2) and -i u / (u^2 + v^2), which multiply the spectra of q and of p."""
     v, u = _frequencies(shape)
-    inverse = np.complex64(-1j) * _inverse(u, v)
+    square = u * u + v * v
+    inverse = np.complex64(-1j) * np.divide(1, square, np.zeros_like(square), where=square > 0)
     return v * inverse, u * inverse
 
 
@@ -62,11 +63,6 @@ def _frequencies(shape: tuple[int, ...]) -> tuple[F4, F4]:
     if shape[1] % 2 == 0:
         u[:, -1] = 0
     return v.astype(np.float32), u.astype(np.float32)
-
-
-def _inverse(u: F4, v: F4) -> F4:
-    square = u * u + v * v
-    return np.asarray(np.where(square > 0, 1 / np.where(square > 0, square, 1), 0), np.float32)
 
 
 def _can_run(device: DeviceTraits) -> Obstacle | None:

@@ -236,7 +236,7 @@ def turned(
     s, t = s * shrink, t * shrink
     new = np.stack([nx + s * nz, ny + t * nz, nz - s * nx - t * ny])
     np.maximum(new[2], FLATTEST_TRIED, out=new[2])
-    return _unit(new)
+    return np.asarray(new / np.sqrt((new * new).sum(0)))
 
 
 def _changes(
@@ -298,10 +298,6 @@ def _shades_change(film: Film, n: Array, along: Array) -> Array:
     fade = _fade(film, n)
     fading = np.where((fade > 0) & (fade < 1), dz / FADE_WIDTH, 0)
     return np.asarray(fade * change + fading * shades(n))
-
-
-def _unit(n: Array) -> Array:
-    return np.asarray(n / np.sqrt((n * n).sum(0)))
 
 
 def rest_light(film: Film, x: Array, y: Array) -> Array:
