@@ -35,7 +35,7 @@ from tactograph.graph.run.result import Result
 from tactograph.nodes import BAND_DEVIATIONS, Light, Metrics
 from tactograph.nodes.capture.read_capture import read_capture
 from tactograph.nodes.drawing.new_picture import write_picture
-from tactograph.nodes.files.image_files import read_image
+from tactograph.nodes.files.image_files import ImageFile
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.rings.metrology.nodes.scan.judge_light_model import judge_light_model
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
@@ -258,7 +258,7 @@ def dome(sensor: ScanLight) -> NDArray[np.float32]:
 
 def show_speed(_: Path | None) -> None:
     """Seconds of one scan, by the clock and of the processor: medians."""
-    images = np.stack([read_image(GRIDS / f"balls_1/led{k}.png") for k in range(1, 7)])
+    images = np.stack([ImageFile(GRIDS / f"balls_1/led{k}.png").read() for k in range(1, 7)])
     given = {"model": MODEL, "pixel_size_mm": PIXEL_MM}
     warm = load("reconstruct_scan", **given)
     head("six images of 5 megapixels", "clock / s", "processor / s")

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from traceback import walk_tb
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, Self, TypeVar
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -46,6 +46,12 @@ class InputError(TactographError):
     """The user's graph, file or value is wrong.  One clear line; exit code 2."""
 
     exit_code = 2
+
+    @classmethod
+    def unknown(cls, message: str, name: str, known: Iterable[str]) -> Self:
+        """Return the error of a name that is none of those `known`, with the closest, or all."""
+        names = [*known]
+        return cls(message + (did_you_mean(name, names) or f"; there are: {', '.join(names)}"))
 
 
 class GraphError(InputError):

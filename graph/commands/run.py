@@ -170,8 +170,8 @@ class _Report:
             self._news(result.warnings)
         else:
             name = _name_of(result)
-            self.warnings(result.warnings[: result.lasting])
-            self.warnings(result.warnings[result.lasting :], f"{name}: " if name else "")
+            self.warnings(result.warnings[: result.shared_warnings])
+            self.warnings(result.warnings[result.shared_warnings :], f"{name}: " if name else "")
         kind = warning_kind(" ".join(v for v in result.outputs.values() if isinstance(v, str)))
         news, self._last_kind = number == 1 or kind != self._last_kind, kind
         if not self._quiet and (not endless or news):

@@ -22,8 +22,6 @@ def atomic_file(path: Path) -> Iterator[Path]:
     Raises WriteError if `path` cannot be written; InputError if its name is not UTF-8, or the block
     could not read another file.
     """
-    refuse_other_names(path)
-    _refuse_special(path)
     with atomic_files(path.parent, target=path) as folder:
         yield folder / path.name
 
@@ -34,7 +32,8 @@ def atomic_files(
 ) -> Iterator[Path]:
     """Yield a temporary folder; move every file in it to `folder` if the block succeeds.
 
-    Errors name `target`, or else `folder`.  New folders that stay empty are removed again.
+    Errors name `target`, the one file that is written, or else `folder`.  New folders that stay
+    empty are removed again.
 
     The file `last` lists the other files, and is moved after them.  Before that, files of
     `instead_of` that the block did not write are removed.  A kill leaves the temporary folder, and
@@ -44,7 +43,9 @@ def atomic_files(
     Raises WriteError if `folder` cannot be made or written; InputError if its name is not UTF-8, or
     if the block could not read another file.
     """
-    refuse_other_names(folder)
+    refuse_other_names(target or folder)
+    if target is not None:
+        _refuse_special(target)
     place = target or (folder if folder.name else folder.absolute())
     new_folders: list[Path] = []
     try:

@@ -14,11 +14,13 @@ from tactograph.graph.disk.content_hash import digest
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, InputError, a_few, did_you_mean, missing
 from tactograph.graph.files.graph_model import GRAPH_FORMAT
+from tactograph.graph.files.graph_places import Shipped, find_file
 from tactograph.graph.files.typed_values import MAX_NAMED_SETTINGS, overlays_with, read_value
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
     from tactograph.graph.files.layer import Layer
+    from tactograph.graph.files.read_graph import Source
 
 CAPTURE_PARAM = "capture"
 """The param of a graph that takes a capture's folder."""
@@ -127,6 +129,29 @@ class Graph:
     """Nodes that a change removed, with the place of the change."""
     inherited: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
     """Params of the graph below the last change."""
+
+    @staticmethod
+    def read(source: Source) -> Graph:
+        """Read a graph: a path, the name of a shipped one, or plain data (`read_graph`)."""
+        from tactograph.graph.files.read_graph import read_graph
+
+        return read_graph(source)
+
+    @staticmethod
+    def parsed(text: str, file: Path) -> list[Graph]:
+        """Return the graph and the variants of a file's text; none for a group or an overlay."""
+        from tactograph.graph.files.read_graph import graphs_of
+
+        return graphs_of(text, file)
+
+    @staticmethod
+    def names(kind: Shipped = "graphs") -> list[str]:
+        """Return the bare names of the shipped files of a kind; of graphs with their variants."""
+        from tactograph.graph.files.read_graph import shipped_names
+
+        return shipped_names(kind)
+
+    find = staticmethod(find_file)
 
     def where(self, key: str) -> str:
         """``file:line:column: path`` of a key such as ``outputs.height``."""
@@ -238,10 +263,8 @@ class Graph:
     def check_param(self, name: str) -> None:
         """Refuse a value for a param that the graph does not have."""
         if name not in self.params:
-            raise InputError(
-                f"{self.name} has no parameter '{name}'{did_you_mean(name, self.params)}"
-                f" (it takes: {', '.join(self.params) or 'none'})"
-            )
+            hint, has = did_you_mean(name, self.params), ", ".join(self.params) or "none"
+            raise InputError(f"{self.name} has no parameter '{name}'{hint} (it takes: {has})")
 
     def check_node(self, node_id: str, where: str) -> None:
         """Refuse a reference at `where` to a node that does not exist.

@@ -73,9 +73,19 @@ def _whole(value: Any) -> Any:
 Format = Annotated[
     Literal[1], BeforeValidator(_whole), Field(description="The version of this file format.")
 ]
+
+
+def _listed(value: Any) -> Any:
+    if isinstance(value, str):
+        return [value]
+    if not isinstance(value, list):
+        raise PydanticCustomError("names", "a name or a list of names is needed")
+    return value
+
+
 _ONE_OR_MORE = (
     Field(min_length=1),
-    BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
+    BeforeValidator(_listed),
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}),
 )
 Names = Annotated[list[str], *_ONE_OR_MORE]
@@ -376,7 +386,8 @@ def _sentence(first: ErrorDetails, document: Document, whole: type[BaseModel]) -
         return f"{place}: '{path[-1]}' is missing"
     value = shortened(repr(first.get("input")))
     if kind == "string_pattern_mismatch":
-        return f"{place}: {value} is not a name such as 'cal' or 'cal.flat'"
+        hint = "; a decimal number is written with a point" if first["input"].isdigit() else ""
+        return f"{place}: {value} is not a name such as 'cal' or 'cal.flat'{hint}"
     if path == ("format",):
         return f"{place}: this version reads format {GRAPH_FORMAT}, not {value}"
     what = _WANTED_BY_TYPE.get(kind)

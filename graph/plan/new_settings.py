@@ -28,6 +28,8 @@ class NewSettings(NamedTuple):
 
 def with_parameters(plan: Plan, node: str, parameters: Mapping[str, Any]) -> NewSettings:
     """Change parameters of a node, or of all nodes that a name stands for; see `Pipeline.set`."""
+    if not isinstance(node, str):
+        raise InputError(f"set: {node!r} is not a node's name")
     before = plan.graph
     changes = {f"{node}.{name}": value for name, value in parameters.items()}
     graph = with_changes(before, changes, "set")

@@ -33,6 +33,7 @@ from tactograph.nodes.files.image_files import (
     MEAN_OF_CHANNELS,
     Channel,
     Crop,
+    ImageFile,
     Leds,
     Lights,
     channels,
@@ -41,7 +42,6 @@ from tactograph.nodes.files.image_files import (
     cropped,
     grey,
     lights_of,
-    read_image,
     read_numbers,
     read_truth,
     size_of,
@@ -79,7 +79,7 @@ Place = Annotated[float, Interval(ge=-1e6, le=1e6)]
 
 
 class CaptureFile(BaseModel):
-    """Entries of the optional ``capture.yaml`` beside the images.
+    """Entries of the optional ``capture.yaml`` beside the images, or in their parent folder.
 
     The ball's entries are for calibration (`read_balls`); `sensor` is the sensor's name, `serial`
     its camera's.
@@ -97,6 +97,13 @@ class CaptureFile(BaseModel):
 
     @classmethod
     def read(cls, folder: Path) -> Self:
+        """Read ``capture.yaml``, if there is one, and that of the folder of captures around it."""
+        around = cls._read_alone(folder.absolute().parent)
+        own = cls._read_alone(folder).model_dump(exclude_none=True)
+        return around.model_copy(update=own)
+
+    @classmethod
+    def _read_alone(cls, folder: Path) -> Self:
         """Read ``capture.yaml``, if there is one."""
         file = folder / CAPTURE_FILE
         if file.exists() and not file.is_file():
@@ -159,7 +166,7 @@ class Layout(NamedTuple):
         InputError
             If the file is missing, damaged or of another depth, or the crop exceeds it.
         """
-        plane = cropped(grey(read_image(file), self.channel), self.crop, file)
+        plane = cropped(grey(ImageFile(file).read(), self.channel), self.crop, file)
         if plane.dtype not in (np.uint8, np.uint16):
             raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit is needed")
         stated = bits or (usual_bits if plane.dtype == np.uint16 else None)
@@ -185,11 +192,11 @@ class Layout(NamedTuple):
         stated = CaptureFile.read(folder.parent if is_frame else folder)
         if lights == "leds":
             files = [*self.led_files(folder, stated).values()]
-            planes = [grey(read_image(file), self.channel) for file in files]
+            planes = [grey(ImageFile(file).read(), self.channel) for file in files]
         else:
             file = folder if is_frame else _only_image(folder)
             planes = channels(
-                read_image(file), file, lights, self.leds or tuple(stated.leds or ()) or None
+                ImageFile(file).read(), file, lights, self.leds or tuple(stated.leds or ()) or None
             )
             files = [file] * len(planes)
         check_alike(planes, files)
@@ -263,7 +270,7 @@ def read_capture(
     InputError
         Naming the folder or file, for anything that is missing, ambiguous, damaged, too dark
         to measure, of a different size or depth than its neighbours, or not grey; for an image
-        whose pixels are not plain, see `read_image`; for a capture of another sensor.
+        whose pixels are not plain, see `ImageFile.read`; for a capture of another sensor.
     """
     _check_folder(folder)
     frames = colour_frames(folder) if _lights(folder, layout) != "leds" else []
@@ -299,13 +306,9 @@ def _check_folder(folder: Path) -> None:
 
 
 def _check_sensor(folder: Path, calibration: Path | None, another_sensor: bool) -> None:
-    """Refuse a capture of another sensor, named in its file or in that of its parent folder."""
-    if calibration is None:
-        return
-    for place in (folder, folder.absolute().parent):
-        if any(order := SensorIdentity.stated_in(CaptureFile.read(place).model_dump())):
-            order.check(place, calibration, another_sensor)
-            return
+    """Refuse a capture of another sensor."""
+    of = SensorIdentity.stated_in(CaptureFile.read(folder).model_dump())
+    of.check(folder, calibration, another_sensor)
 
 
 def _read(folder: Path, layout: Layout, name: str, integers: KeepIntegers) -> Capture:
@@ -348,7 +351,7 @@ def _true_slope(file: Path, crop: Crop | None, image: Light) -> Slope | None:
 def _true_shadow(file: Path, crop: Crop | None, image: Light) -> Labels | None:
     if not file.is_file():
         return None
-    labels = read_image(file)
+    labels = ImageFile(file).read()
     if labels.ndim != 2 or labels.dtype != np.uint8:
         raise InputError(f"{file}: shadow labels are one 8-bit grey image, a bit per LED")
     return _fitting(labels, crop, image, file)

@@ -10,7 +10,7 @@ from annotated_types import Interval
 from tactograph.graph import node
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.nodes import Height, Labels, Light, LightPositions, PixelSize, Slope
-from tactograph.nodes.files.image_files import Lights, write_image
+from tactograph.nodes.files.image_files import ImageFile, Lights
 
 
 @node
@@ -50,15 +50,15 @@ def write_capture(
         counts = np.rint(image * full).astype(dtype)
         if order == "leds":
             for k, plane in enumerate(counts, start=1):
-                write_image(target / f"led{k}.png", plane)
+                ImageFile(target / f"led{k}.png").write(plane)
         else:
             colours = counts if order == "bgr" else counts[::-1]
-            write_image(target / "touch.png", np.ascontiguousarray(np.moveaxis(colours, 0, -1)))
+            ImageFile(target / "touch.png").write(np.ascontiguousarray(np.moveaxis(colours, 0, -1)))
         np.save(target / "truth_height_mm.npy", height)
         np.save(target / "truth_slope.npy", slope)
         scene: dict[str, Any] = {"pixel_size_mm": pixel}
         if labels is not None:
-            write_image(target / "truth_shadow.png", labels)
+            ImageFile(target / "truth_shadow.png").write(labels)
         if lights is not None:
             scene["lights_mm"] = lights.astype(float).tolist()
         (target / "scene.json").write_text(json.dumps(scene, indent=1) + "\n")

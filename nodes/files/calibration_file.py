@@ -129,8 +129,7 @@ class FileKind(NamedTuple):
             As `read`, or if the file cannot be written.
         """
         typed = {n: np.asarray(array, self.values[n].dtype) for n, array in arrays.items()}
-        every = _load(file, self.maker) | typed
-        _check_head(file, self, about_in(every))
+        every = self.stored(file) | typed
         try:
             _check_arrays(self, every)
         except ValueError as error:
@@ -148,9 +147,7 @@ class FileKind(NamedTuple):
             under an LED; if the arrays cannot be of one sensor; if the header's figures are not
             numbers by name, or its doubts not sentences.
         """
-        arrays = _load(file, self.maker)
-        head = about_in(arrays)
-        _check_head(file, self, head)
+        arrays = self.stored(file)
         try:
             _check_arrays(self, arrays)
         except ValueError as error:
@@ -159,7 +156,13 @@ class FileKind(NamedTuple):
             ) from None
         values = self.values.items()
         typed = {n: arrays[n] if v.port.dims else float(arrays[n]) for n, v in values}
-        return typed, _about(file, head)
+        return typed, _about(file, about_in(arrays))
+
+    def stored(self, file: Path) -> dict[str, NDArray[Any]]:
+        """Return all arrays of a file by name, of which only kind and version are checked."""
+        arrays = _load(file, self.maker)
+        _check_head(file, self, about_in(arrays))
+        return arrays
 
     @classmethod
     def named(cls, name: str) -> Self:

@@ -2,8 +2,9 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import cv2
 import numpy as np
@@ -18,8 +19,6 @@ from tactograph.graph.errors import missing
 MAX_LEDS = 8
 """A label has 8 bits."""
 IMAGE_FORMATS = ("PNG", "TIFF", "PPM", "BMP", "JPEG")
-MAX_PIXELS = 2**25
-"""Most pixels of one image: 33 million, as of an 8K camera."""
 MAX_HEIGHT_MM = 1e4
 """Largest absolute value of a height map in mm."""
 EXIF_ORIENTATION = 0x0112
@@ -39,53 +38,75 @@ PGM_HEAD = re.compile(rb"P[25](?:\s+|#[^\n]*\n)*\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#
 """The head of a PGM, up to the value of white."""
 
 
-def read_image(file: Path) -> NDArray[Any]:
-    """Decode one image file: H x W, or H x W x 3 in the order blue, green, red; ``.npy`` as it is.
+@dataclass(frozen=True)
+class ImageFile:
+    """An image, or an array (``.npy``), in a file."""
 
-    The pixels are taken as stored in the file.  A truncated or foreign file is refused, never
-    partly read.  So is a file whose pixels are ambiguous: with an orientation tag, several pages
-    or frames, or transparency, and a TIFF in which 0 is white.
+    file: Path
+    MAX_PIXELS: ClassVar = 2**25
+    """Most pixels of one image: 33 million, as of an 8K camera."""
 
-    Raises
-    ------
-    InputError
-        If the file is missing, empty, damaged, not an image, or its pixels are ambiguous.
-    """
-    if file.suffix.lower() == ".npy":
-        return read_numbers(file)
-    try:
-        if file.stat().st_size == 0:
-            raise InputError(f"{file}: the file is empty")
-        with Image.open(file, formats=IMAGE_FORMATS) as image:
-            _check_plain(image, file)
-            plane = np.asarray(image)
-            plain = image.mode == "L"
-        # Pillow reports damage precisely, but converts some bit depths.
-        pixels = plane if plain else cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
-    except UnidentifiedImageError:
-        raise InputError(f"{file}: not an image, or damaged at its start") from None
-    except Image.DecompressionBombError:
-        raise InputError(f"{file}: too large for a camera image") from None
-    except FileNotFoundError:
-        raise InputError(missing(file, "file")) from None
-    except (InputError, MemoryError):
-        raise
-    except Exception as error:  # a damaged file fails anywhere inside its decoder
-        if isinstance(error, OSError) and error.strerror:
-            raise InputError(f"{file}: cannot be read: {error.strerror}") from None
-        raise InputError(f"{file}: cannot be decoded, the file is damaged: {error}") from None
-    if pixels is None:
-        raise InputError(f"{file}: cannot be decoded; save it as 8 or 16 bit grey or RGB")
-    return _without_alpha(np.asarray(pixels), file)
+    def read(self) -> NDArray[Any]:
+        """Decode it: H x W, or H x W x 3 in the order blue, green, red; ``.npy`` as it is.
+
+        The pixels are taken as stored in the file.  A truncated or foreign file is refused, never
+        partly read.  So is a file whose pixels are ambiguous: with an orientation tag, several
+        pages or frames, or transparency, and a TIFF in which 0 is white.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, empty, damaged, not an image, or its pixels are ambiguous.
+        """
+        file = self.file
+        if file.suffix.lower() == ".npy":
+            return read_numbers(file)
+        try:
+            if file.stat().st_size == 0:
+                raise InputError(f"{file}: the file is empty")
+            with Image.open(file, formats=IMAGE_FORMATS) as image:
+                _check_plain(image, file)
+                plane = np.asarray(image)
+                plain = image.mode == "L"
+            # Pillow reports damage precisely, but converts some bit depths.
+            pixels = plane if plain else cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+        except UnidentifiedImageError:
+            raise InputError(f"{file}: not an image, or damaged at its start") from None
+        except Image.DecompressionBombError:
+            raise InputError(f"{file}: too large for a camera image") from None
+        except FileNotFoundError:
+            raise InputError(missing(file, "file")) from None
+        except IsADirectoryError:
+            raise InputError(f"{file}: is a folder; one image is needed here") from None
+        except (InputError, MemoryError):
+            raise
+        except Exception as error:  # a damaged file fails anywhere inside its decoder
+            if isinstance(error, OSError) and error.strerror:
+                raise InputError(f"{file}: cannot be read: {error.strerror}") from None
+            raise InputError(f"{file}: cannot be decoded, the file is damaged: {error}") from None
+        if pixels is None:
+            raise InputError(f"{file}: cannot be decoded; save it as 8 or 16 bit grey or RGB")
+        return _without_alpha(np.asarray(pixels), file)
+
+    def write(self, image: NDArray[Any]) -> None:
+        """Write H x W, or H x W x 3 in the order blue, green, red; the suffix says how.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be written; `atomic_files` makes it a `WriteError`.
+        """
+        # On a full disk `cv2.imwrite` returns False and gives no reason.
+        self.file.write_bytes(cv2.imencode(self.file.suffix, image)[1].tobytes())
 
 
 def _check_plain(image: Image.Image, file: Path) -> None:
     """Refuse an image that could be read in more than one way."""
     width, height = image.size
-    if width * height > MAX_PIXELS:
+    if width * height > ImageFile.MAX_PIXELS:
         raise InputError(
             f"{file}: {width} x {height} pixels are too large for a camera image "
-            f"(at most {MAX_PIXELS // 10**6} million)"
+            f"(at most {ImageFile.MAX_PIXELS // 10**6} million)"
         )
     if depth := SHALLOW_MODE.search(_raw_mode(image)):
         raise InputError(
@@ -125,18 +146,6 @@ def _without_alpha(image: NDArray[Any], file: Path) -> NDArray[Any]:
     if (image[..., -1] != full).any():
         raise InputError(f"{file}: is transparent in places; save it without an alpha channel")
     return np.ascontiguousarray(image[..., :-1])
-
-
-def write_image(file: Path, image: NDArray[Any]) -> None:
-    """Write H x W, or H x W x 3 in the order blue, green, red; the suffix says how.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written; `atomic_files` makes it a `WriteError`.
-    """
-    # On a full disk `cv2.imwrite` returns False and gives no reason.
-    file.write_bytes(cv2.imencode(file.suffix, image)[1].tobytes())
 
 
 def read_truth(file: Path) -> NDArray[np.float32]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.graph.declare.ports import read_port
-from tactograph.nodes.files.image_files import write_image
+from tactograph.nodes.files.image_files import ImageFile
 from tactograph.nodes.stream.touch import Layer, LayerKinds
 
 
@@ -19,7 +19,7 @@ def write_layer(layer: Layer, folder: Path) -> None:
         np.save(folder / f"{name}.npy", value)
         return
     is_flag = read_port(name, layer.kind.quantity).unit == "flag"
-    write_image(folder / f"{name}.png", value * np.uint8(255) if is_flag else value)
+    ImageFile(folder / f"{name}.png").write(value * np.uint8(255) if is_flag else value)
 
 
 def picture_file(layer: Layer, folder: Path) -> Path:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, CoarseLight, Grain, Height
+from tactograph.nodes import F4, F8, CoarseLight, Grain, Height
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
 from tactograph.nodes.optics.near_light import image_places
+from tactograph.nodes.optics.robust import robust_deviation
 
 WINDOW_CELLS = 5
 """Side in cells over which calm light is averaged."""
@@ -122,7 +123,7 @@ def _robust(basis: F8, z: F8, weight: F8) -> tuple[F8, float]:
         ridge = 1e-9 * np.trace(square) * np.eye(len(basis))
         coefficients = np.linalg.solve(square + ridge, sure @ z)
         residual = z - coefficients @ basis
-        spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(residual))) + 1e-9
+        spread = float(robust_deviation(residual)) + 1e-9
         weight = 1 / (1 + (residual / spread) ** 2)
     return coefficients, spread
 

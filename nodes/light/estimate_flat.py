@@ -8,7 +8,8 @@ from numpy.polynomial.chebyshev import chebvander2d
 from numpy.typing import NDArray
 
 from tactograph.graph import node
-from tactograph.nodes import DEVIATIONS_PER_MAD, Light
+from tactograph.nodes import Light
+from tactograph.nodes.optics.robust import robust_deviation
 
 FIT_ROUNDS = 8
 MAX_FIT_PIXELS = 20_000
@@ -55,6 +56,6 @@ def _robust(basis: NDArray[Any], values: NDArray[Any]) -> NDArray[Any]:
     for _ in range(FIT_ROUNDS):
         coefficients, *_ = np.linalg.lstsq(basis[inliers], values[inliers], rcond=None)
         residual = np.abs(values - basis @ coefficients)
-        spread = DEVIATIONS_PER_MAD * np.median(residual[inliers])
+        spread = robust_deviation(residual[inliers])
         inliers = residual <= max(OUTLIER_SIGMAS * spread, 1e-6)
     return np.asarray(coefficients)

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError
-from tactograph.graph.errors import did_you_mean
 from tactograph.graph.rings import bring, brought
 from tactograph.graph.show.colours import BIT_COLOURS, label_colour
 from tactograph.nodes import F4, F8, U1, Height, HeightError, Light, Metrics, PixelSize
@@ -234,9 +233,7 @@ class LayerKinds(Mapping[str, LayerKind]):
     def __getitem__(self, name: str) -> LayerKind:
         module = bring("layers", name)
         if module is None:
-            names = [*self]
-            hint = did_you_mean(name, names) or f"; the kinds are {', '.join(names)}"
-            raise InputError(f"no layer of a touch is called '{name}'{hint}")
+            raise InputError.unknown(f"no layer of a touch is called '{name}'", name, self)
         kind = getattr(module, "KIND", None)
         if not isinstance(kind, LayerKind):
             raise InputError(f"layer '{name}': KIND of {module.__name__} is not a LayerKind")

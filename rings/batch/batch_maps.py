@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.batch.entry import DONE
-from tactograph.sdk import InputError, did_you_mean, need
+from tactograph.sdk import InputError, need
 
 if TYPE_CHECKING:
     from tactograph.rings.batch.store import Store
@@ -53,8 +53,8 @@ class BatchMaps:
         store = self._store()
         for name in names:
             if name not in store.types:
-                has = did_you_mean(name, store.types) or f"; it has {', '.join(store.types)}"
-                raise InputError(f"{place}: there is no map '{name}'{has}")
+                message = f"{place}: there is no map '{name}'"
+                raise InputError.unknown(message, name, store.types)
         self.arguments = store.arguments
         self.names = names or tuple(store.types)
         self._numbers = np.flatnonzero(store.statuses == DONE)

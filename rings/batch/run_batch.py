@@ -21,7 +21,7 @@ from tactograph.rings.batch.job import Job
 from tactograph.rings.batch.processes import Processes
 from tactograph.rings.batch.store import Store
 from tactograph.rings.batch.worker import Tally, Worker
-from tactograph.sdk import RunOptions, atomic_file, one_line
+from tactograph.sdk import RunOptions, atomic_files, one_line
 
 MAX_NAMED = 10
 """Failed captures, and files passed over, that are printed; the table has all captures."""
@@ -113,7 +113,10 @@ def write_table(file: Path, captures: Sequence[str], entries: Sequence[Entry]) -
     """Write a line for each capture."""
     figures = sorted({name for entry in entries for name in entry.figures})
     headings = ["number", "capture", "status", "milliseconds", *figures, "warnings", "reason"]
-    with atomic_file(file) as target, target.open("w", newline="") as stream:
+    with (
+        atomic_files(file.parent, target=file) as target,
+        (target / file.name).open("w", newline="") as stream,
+    ):
         writer = csv.writer(stream)
         writer.writerow(headings)
         for number, (capture, entry) in enumerate(zip(captures, entries, strict=True)):

@@ -28,7 +28,7 @@ from zarr.storage import LocalStore
 from tactograph.rings.batch.entry import DONE, PENDING, Entry, read_figures
 from tactograph.rings.batch.job import Job
 from tactograph.rings.batch.map_types import AXIS_NAMES, MapType, axes_of
-from tactograph.sdk import MAX_PIXELS, InputError
+from tactograph.sdk import ImageFile, InputError
 
 STORE_FORMAT = 5
 MAX_CAPTURES = 10**7
@@ -86,7 +86,7 @@ class Store:
             fits = array.ndim == 1 + len(shape) and array.shape[1:] == shape
             if not fits or array.shape[0] < count or array.chunks[0] > MAX_CHUNK:
                 raise self._damage(f"'{name}' is of shape {array.shape}, chunks {array.chunks}")
-            if count > MAX_CAPTURES or math.prod(shape) > MAX_PIXELS:
+            if count > MAX_CAPTURES or math.prod(shape) > ImageFile.MAX_PIXELS:
                 raise self._damage(f"'{name}' is of shape {array.shape}")
 
     @property

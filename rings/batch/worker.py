@@ -16,7 +16,7 @@ from tactograph.rings.batch.entry import DONE, FAILED, Entry
 from tactograph.rings.batch.job import Job
 from tactograph.rings.batch.map_types import MapType
 from tactograph.rings.batch.store import Store, open_store
-from tactograph.sdk import InputError, Pipeline, Result, TactographError, did_you_mean
+from tactograph.sdk import InputError, Pipeline, Result, TactographError
 
 PIXEL_UNIT = "mm/px"
 
@@ -89,11 +89,8 @@ class Worker:
         ]
         for name in wanted or ():
             if name not in arrays:
-                raise InputError(
-                    f"--maps: {plan.graph.name} puts out no array '{name}' of every capture"
-                    f"{did_you_mean(name, arrays)} "
-                    f"(it puts out: {', '.join(arrays)})"
-                )
+                message = f"--maps: {plan.graph.name} puts out no array '{name}' of every capture"
+                raise InputError.unknown(message, name, arrays)
         if wanted is None:
             return [name for name in arrays if len(plan.port(name).dims) == 2]
         return list(dict.fromkeys(wanted))

@@ -9,7 +9,7 @@ from typing import Any
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.main import YAML
 
-from tactograph.sdk import Graph, InputError, atomic_file, read_graph
+from tactograph.sdk import Graph, InputError, atomic_files
 
 Change = dict[str, Any]
 
@@ -84,6 +84,6 @@ def write_variant(file: Path, source: str, changes: list[Change], title: str) ->
     yaml = YAML()
     yaml.indent(mapping=2, sequence=4, offset=2)
     yaml.width = 100
-    with atomic_file(file) as stage, stage.open("w", encoding="utf-8") as stream:
-        yaml.dump(document, stream)
-    return read_graph(file)
+    with atomic_files(file.parent, target=file) as stage:
+        yaml.dump(document, stage / file.name)
+    return Graph.read(file)

@@ -27,18 +27,13 @@ from tactograph.graph.commands import (
 from tactograph.graph.cores import (
     cores as cores,
 )
-from tactograph.graph.declare.node_page import (
-    node_page as node_page,
-)
 from tactograph.graph.disk.atomic_files import (
-    atomic_file as atomic_file,
     atomic_files as atomic_files,
 )
 from tactograph.graph.disk.strict_yaml import (
     Document as Document,
 )
 from tactograph.graph.errors import (
-    did_you_mean as did_you_mean,
     one_line as one_line,
 )
 from tactograph.graph.extras import (
@@ -46,10 +41,6 @@ from tactograph.graph.extras import (
 )
 from tactograph.graph.files.flat_graph import (
     Graph as Graph,
-)
-from tactograph.graph.files.read_graph import (
-    GraphFile as GraphFile,
-    read_graph as read_graph,
 )
 from tactograph.graph.rings import (
     brought as brought,
@@ -63,8 +54,6 @@ from tactograph.graph.run.result import (
 from tactograph.nodes import (
     F4 as F4,
     F8 as F8,
-    U1 as U1,
-    UM_PER_MM as UM_PER_MM,
     Contacts as Contacts,
     Dark as Dark,
     Film as Film,
@@ -127,18 +116,19 @@ from tactograph.nodes.files.height_files import (
     HeightFile as HeightFile,
 )
 from tactograph.nodes.files.image_files import (
-    MAX_PIXELS as MAX_PIXELS,
     Crop as Crop,
+    ImageFile as ImageFile,
     Lights as Lights,
     cropped as cropped,
-    read_image as read_image,
-    write_image as write_image,
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
 )
 from tactograph.nodes.files.stored_result import (
     StoredResult as StoredResult,
+)
+from tactograph.nodes.optics.cache_blocks import (
+    in_blocks as in_blocks,
 )
 from tactograph.nodes.optics.camera_view import (
     View as View,
@@ -151,6 +141,9 @@ from tactograph.nodes.optics.near_light import (
 )
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
+)
+from tactograph.nodes.optics.robust import (
+    robust_deviation as robust_deviation,
 )
 from tactograph.nodes.optics.shape import (
     Length as Length,
@@ -177,4 +170,7 @@ from tactograph.nodes.stream.touch import (
 )
 from tactograph.nodes.trust.check_ranks import (
     CheckRanks as CheckRanks,
+)
+from tactograph.nodes.trust.light_departure import (
+    LightDeparture as LightDeparture,
 )

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from tactograph.graph import NodeCall, Port, SizeLimit, node
 from tactograph.nodes import (
-    DEVIATIONS_PER_MAD,
     F4,
     MIN_CAMERA_MM,
     Film,
@@ -37,6 +36,7 @@ from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
 from tactograph.nodes.optics.film import FilmPart
 from tactograph.nodes.optics.radiosity import cell_grid
 from tactograph.nodes.optics.rest_shape import RestShape
+from tactograph.nodes.optics.robust import robust_deviation
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask
 
 MIN_CONTACT_CELLS = 4
@@ -154,7 +154,7 @@ def fit_film(
     return FilmFit(
         film.stored()._replace(uneven=uneven, grain=rough, pressed_slope=slope),
         misfit=held_out.misfit(film, uneven),
-        residual=np.asarray(DEVIATIONS_PER_MAD * np.median(np.abs(residual), axis=1), np.float32),
+        residual=np.asarray(robust_deviation(residual, axis=1), np.float32),
         quality=trial.figures | _properties(best, film, rest),
         evidence=evidence,
     )

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from tactograph.graph import node
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, Light
+from tactograph.nodes import F4, Light
 from tactograph.nodes.calibrate import MIN_FLAT_LIGHT
 from tactograph.nodes.optics.block_sums import block_sums
+from tactograph.nodes.optics.robust import robust_deviation
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 SCALES_PX = (4.0, 8.0, 16.0, 32.0)
@@ -65,7 +66,7 @@ def _confirmed(flat: F4, presses: list[F4]) -> F4:
         whole = sum((square * c).sum() for c in calm)
         share = np.float32(np.clip(shared / whole, 0, 1)) if whole > 0 else np.float32(1)
         mean = np.mean(others, axis=0)
-        spread = DEVIATIONS_PER_MAD * np.median(np.abs(band))
+        spread = robust_deviation(band)
         mark = (np.abs(band) > MARK_DEVIATIONS * spread) & (
             band * mean > CONFIRMED_SHARE * band * band
         )

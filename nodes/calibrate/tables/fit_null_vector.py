@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import DEVIATIONS_PER_MAD, Labels, Light, Mask, NullVector, Spread
+from tactograph.nodes import Labels, Light, Mask, NullVector, Spread
 from tactograph.nodes.calibrate import MIN_PIXELS
+from tactograph.nodes.optics.robust import robust_deviation
 
 
 class NullFit(NamedTuple):
@@ -52,6 +53,6 @@ def fit_null_vector(light: Light, mask: Mask, lit: Labels) -> NullFit:
     null = np.linalg.eigh(lit_light @ lit_light.T)[1][:, 0]
     null *= np.sign(null[np.argmax(np.abs(null))])
     residual = null @ lit_light
-    # Median absolute deviation, so that the few remaining shadowed pixels do not increase it.
-    spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual - np.median(residual)))
+    # Robust, so that the few remaining shadowed pixels do not increase it.
+    spread = robust_deviation(residual - np.median(residual))
     return NullFit(null.astype(np.float32), float(spread))

@@ -18,7 +18,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.undistort_presses import undistort_presses
 from tactograph.nodes.calibrate.camera.pixel_size import pixel_size
 from tactograph.nodes.calibrate.file.read_lens import read_lens
-from tactograph.nodes.files.image_files import write_image
+from tactograph.nodes.files.image_files import ImageFile
 from tactograph.nodes.light.undistort import undistort
 from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.optics.lens import half_diagonal, ideal_places
@@ -353,7 +353,7 @@ def test_arrays_of_other_programs_stay(tmp_path: Path) -> None:
 
 def test_a_grid_may_be_a_colour_image(tmp_path: Path) -> None:
     colours = np.random.default_rng(1).integers(0, 255, (6, 8, 3)).astype(np.uint8)
-    write_image(tmp_path / "grid.png", colours)
+    ImageFile(tmp_path / "grid.png").write(colours)
     found = read_grey(file=tmp_path / "grid.png")
     assert np.allclose(found, colours.mean(axis=-1) / 255, atol=1e-6)
     green = read_grey(file=tmp_path / "grid.png", channel="green")

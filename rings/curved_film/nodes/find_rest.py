@@ -11,7 +11,6 @@ from tactograph.rings.curved_film.nodes.read_rest import by_rays
 from tactograph.sdk import (
     F4,
     F8,
-    UM_PER_MM,
     FilmEvidence,
     InputError,
     Light,
@@ -218,7 +217,7 @@ def find_rest(
             )
         bend = bending.found(SHINING_PARTS, bend._replace(fit=coat))
     whole = bent((even.shape[1], even.shape[2]), even_pixel, camera, bend.unknowns)
-    figures = {"rest_deviation_um": UM_PER_MM * bend.deviation()}
+    figures = {"rest_deviation_um": 1e3 * bend.deviation()}
     for axis, k in (("x", bend.unknowns[0]), ("y", bend.unknowns[2])):
         figures[f"rest_radius_{axis}_mm"] = float(1 / k) if k else math.inf
     return FoundRest(whole.height, whole.binned(factor), figures, bend.scale_error())

@@ -17,7 +17,7 @@ from tactograph.graph import InputError, Provenance
 from tactograph.graph.command import SIGPIPE_EXIT_CODE, run_command
 from tactograph.graph.errors import WriteError
 from tactograph.nodes.calibrate.kinds.calibration_kind import _dots
-from tactograph.nodes.files.image_files import write_image
+from tactograph.nodes.files.image_files import ImageFile
 from tactograph.nodes.stream.touch import Touch
 from tactograph.nodes.write.write_result import write_result
 from tests.nodes.files.test_calibration_file import write as write_flashed
@@ -97,7 +97,7 @@ def test_captures_show_their_light(tmp_path: Path, shown: Shown) -> None:
     for touch in "a", "b":
         (tmp_path / "touches" / touch).mkdir(parents=True)
         for led, image in enumerate(images, start=1):
-            write_image(tmp_path / "touches" / touch / f"led{led}.png", image)
+            ImageFile(tmp_path / "touches" / touch / f"led{led}.png").write(image)
     printed = shown(tmp_path / "touches" / "a")
     assert "images: 4 lights of 32 x 24 pixels" in printed
     assert "  4: median 0.400, brightest 0.800" in printed

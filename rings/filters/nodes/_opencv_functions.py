@@ -9,7 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from tactograph.sdk import F4, InputError, did_you_mean
+from tactograph.sdk import F4, InputError
 
 WITH_DEPTH = frozenset({"filter2D", "sepFilter2D", "Sobel", "Scharr", "Laplacian"})
 """Functions with an argument for the depth of their output."""
@@ -50,10 +50,8 @@ def call_opencv(plane: F4, call: Mapping[str, Mapping[str, Any]]) -> F4:
         raise InputError(f"name one function of OpenCV, not {', '.join(call) or 'none'}")
     ((name, arguments),) = call.items()
     if name not in FUNCTION_NAMES:
-        raise InputError(
-            f"'{name}' is not on the list of OpenCV's functions"
-            + (did_you_mean(name, FUNCTION_NAMES) or f"; it has {', '.join(FUNCTION_NAMES)}")
-        )
+        message = f"'{name}' is not on the list of OpenCV's functions"
+        raise InputError.unknown(message, name, FUNCTION_NAMES)
     keywords = {"borderType": cv2.BORDER_REPLICATE} if name in WITH_BORDER else {}
     try:
         keywords |= {argument: _as_opencv(argument, arguments[argument]) for argument in arguments}

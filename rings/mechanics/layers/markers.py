@@ -3,14 +3,17 @@
 from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from tactograph.rings.mechanics.nodes.marker.find_markers import Markers
-from tactograph.sdk import F4, U1, Arrows, LayerKind, Port, Touch
+from tactograph.sdk import F4, Arrows, LayerKind, Port, Touch
 
 Shifts = Annotated[F4, Port("M 2", "px")]
 """The shift of each marker, x and y."""
 
 
-Visible = Annotated[U1, Port("M", "flag", high=1)]
+Visible = Annotated[NDArray[np.uint8], Port("M", "flag", high=1)]
 """0: a marker is not seen; its shift is predicted from its neighbours."""
 
 

@@ -11,7 +11,7 @@ from tactograph.rings.metrology.nodes.surface.areal_surface import (
     surface_in_metres,
     surfalize,
 )
-from tactograph.sdk import MAX_PIXELS, Height, HeightError, HeightFile, InputError
+from tactograph.sdk import Height, HeightError, HeightFile, ImageFile, InputError
 
 COLUMNS_AT, COLUMNS_AND_ROWS = 108, struct.Struct("<2i")
 """Position of the numbers of columns and rows."""
@@ -47,6 +47,6 @@ def read(file: Path) -> HeightFile:
     if len(header) < COLUMNS_AT + COLUMNS_AND_ROWS.size:
         raise InputError(f"{file}: ends within its header")
     columns, rows = COLUMNS_AND_ROWS.unpack_from(header, COLUMNS_AT)
-    if min(columns, rows) < 1 or columns * rows > MAX_PIXELS:
+    if min(columns, rows) < 1 or columns * rows > ImageFile.MAX_PIXELS:
         raise InputError(f"{file}: says {columns} x {rows} heights, which no sensor has")
     return read_in_metres(file, surface_in_metres)

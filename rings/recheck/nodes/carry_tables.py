@@ -3,8 +3,9 @@
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tactograph.sdk import F4, U1, Film, Labels, Light, Mask, Port, Slope, node
+from tactograph.sdk import F4, Film, Labels, Light, Mask, Port, Slope, node
 from tactograph.sdk.nodes import film_light
 
 MIN_PREDICTED_LIGHT = 0.05
@@ -24,7 +25,7 @@ class TablePixels(NamedTuple):
 def carry_tables(
     lut_light: Annotated[F4, Port("N K", "1")],
     lut_slope: Annotated[F4, Port("N 2", "mm/mm")],
-    lut_lit: Annotated[U1, Port("N", "LED bits", high=255)],
+    lut_lit: Annotated[NDArray[np.uint8], Port("N", "LED bits", high=255)],
     old: Film,
     new: Film,
 ) -> TablePixels:

@@ -22,10 +22,12 @@ from tactograph.sdk import (
     SizeLimit,
     node,
     places,
+    robust_deviation,
 )
-from tactograph.sdk.nodes import integrate_dct
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD, MIN_FLAT_LIGHT
+from tactograph.sdk.nodes import flat_field, integrate_dct
 
+MIN_FLAT_LIGHT = np.float32(flat_field.parameters["floor"].default)
+"""Light of the film at rest below which it is not used as a divisor."""
 MIN_LIGHT = 0.002
 """Smallest light that is not dark: half a step of 8 bits."""
 MAX_FIT_WIDTH_PX = 160
@@ -231,7 +233,7 @@ def _robust(basis: F8, ratio: F8, doubted: F8) -> F8:
             np.linalg.solve(normal + np.diag(ridge), weighted @ ratio), np.float64
         )
         residual = ratio - coefficients @ basis
-        spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual)) + 1e-9
+        spread = robust_deviation(residual) + 1e-9
         weight = 1 / (1 + (residual / (CAUCHY_DEVIATIONS * spread)) ** 2)
     return np.asarray(coefficients)
 

@@ -10,9 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.recheck.nodes.film_change import FilmChange
-from tactograph.sdk import F4, FilmEvidence, Judged, Metrics, PixelSize, node
-from tactograph.sdk.unstable import (
-    DEVIATIONS_PER_MAD,
+from tactograph.sdk import (
+    F4,
+    FilmEvidence,
+    Judged,
+    Metrics,
+    PixelSize,
+    node,
+    robust_deviation,
 )
 
 PLACE_PX, LED_DRIFT, LED_DRIFT_ACROSS = (
@@ -130,7 +135,7 @@ def _strongest(marks: list[_Mark]) -> _Mark:
 
 def _noise(plane: F4) -> float:
     """What noise reaches in a map, normally distributed about 0 at each of its pixels."""
-    return Judged.reach(plane.size) * (DEVIATIONS_PER_MAD * float(np.median(np.abs(plane))))
+    return Judged.reach(plane.size) * float(robust_deviation(plane))
 
 
 def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from tactograph.rings.export.height_levels import OFFSET_MM, STEP_MM, UNKNOWN_LEVEL, height_levels
 from tactograph.rings.recording.files.level_pictures import levels_picture
-from tactograph.sdk import F4, U1, InputError, Light, Touch, need
+from tactograph.sdk import F4, InputError, Light, Touch, need
 
 MAX_BYTE = 255
 NS_PER_S = 10**9
@@ -99,7 +99,7 @@ def touch_columns(
     return columns
 
 
-def lights_picture(lights: Light) -> U1:
+def lights_picture(lights: Light) -> NDArray[np.uint8]:
     """Return up to three lights, 0 to 1, as the channels of a picture H x W x 3 of 8 bits."""
     picture = np.zeros((*lights.shape[1:], PICTURE_CHANNELS), np.uint8)
     for channel, plane in enumerate(lights):

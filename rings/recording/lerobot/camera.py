@@ -16,7 +16,7 @@ from tactograph.rings.export.height_levels import height_levels
 from tactograph.rings.frames.calibrated_film import calibrated_film
 from tactograph.rings.recording.files.lerobot_rows import MAX_BYTE, PICTURE_CHANNELS, lights_picture
 from tactograph.rings.recording.files.level_pictures import levels_picture
-from tactograph.sdk import U1, load
+from tactograph.sdk import load
 
 START_S = 60.0
 """Longest wait for the first picture: the graph is compiled before."""
@@ -77,7 +77,7 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
         self._thread: threading.Thread | None = None
         self._ended = threading.Event()
         self._error: Exception | None = None
-        self._picture: U1 = np.empty((0, 0, PICTURE_CHANNELS), np.uint8)
+        self._picture: NDArray[np.uint8] = np.empty((0, 0, PICTURE_CHANNELS), np.uint8)
         self._time = -math.inf
         self._count = self._read = 0
 
@@ -191,7 +191,7 @@ class TactographCamera(Camera):  # type: ignore[misc, unused-ignore]
                 self._ended.set()
                 self._arrival.notify_all()
 
-    def _drawn(self, value: NDArray[Any]) -> U1:
+    def _drawn(self, value: NDArray[Any]) -> NDArray[np.uint8]:
         if self.config.picture == "lights":
             return lights_picture(value[:PICTURE_CHANNELS])
         if self.config.picture == "levels":

@@ -18,7 +18,7 @@ from tactograph.rings.recording.files.lerobot_rows import (
     time_column,
 )
 from tactograph.rings.recording.files.level_pictures import picture_levels
-from tactograph.sdk import U1, Height, InputError, Labels, Light, Port, SensorIdentity, Slope, node
+from tactograph.sdk import Height, InputError, Labels, Light, Port, SensorIdentity, Slope, node
 from tactograph.sdk.nodes import read_capture
 
 
@@ -108,7 +108,7 @@ def _height_info(dataset: Path, rows: Any, sensor: str) -> dict[str, Any]:
     return info
 
 
-def _bytes(picture: Any) -> U1:
+def _bytes(picture: Any) -> NDArray[np.uint8]:
     """LeRobot's 3 x H x W tensor, 0 to 1, as H x W x 3 of bytes again."""
     values: NDArray[Any] = np.asarray(picture)
     return np.rint(values * MAX_BYTE).astype(np.uint8).transpose(1, 2, 0)

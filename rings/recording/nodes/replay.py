@@ -26,7 +26,7 @@ from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.files.mcap_read import McapFile, Read
 from tactograph.rings.recording.files.ros_messages import read_image
 from tactograph.rings.recording.nodes.record import RECORDING_FORMAT
-from tactograph.sdk import MAX_PIXELS, InputError, Light, LiveState, SensorIdentity, node, warn
+from tactograph.sdk import ImageFile, InputError, Light, LiveState, SensorIdentity, node, warn
 from tactograph.sdk.nodes import read_calibration, read_capture
 
 IMAGE_TOPIC = re.compile(r"/(?:led(\d)|off|(colour))/image_raw")
@@ -229,7 +229,7 @@ class _Recording:
             raise InputError(f"{path}: {error}") from None
         led = ALL_LIT if topic[2] else int(topic[1] or 0)
         is_of_kind = (data.ndim > 2) == (led == ALL_LIT) and led <= self.leds
-        if not is_of_kind or data.dtype.kind != "u" or not 0 < data.size <= MAX_PIXELS:
+        if not is_of_kind or data.dtype.kind != "u" or not 0 < data.size <= ImageFile.MAX_PIXELS:
             raise InputError(
                 f"{path}: {message.topic} holds {data.dtype} numbers of shape {data.shape}, which "
                 f"no camera above {self.leds} LEDs gives"

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.sdk import F8, InputError, Length, Shape, ShapeImage, node, read_image
+from tactograph.sdk import F8, ImageFile, InputError, Length, Shape, ShapeImage, node
 
 PAPER_PIXEL_MM = ShapeImage().pixel_size_mm
 
@@ -35,7 +35,7 @@ def shape_image(
     InputError
         If the file cannot be read, is not two-dimensional or not finite, or needs `rise_mm`.
     """
-    values = read_image(file)
+    values = ImageFile(file).read()
     if values.ndim != 2:
         raise InputError(f"{file} is not grey (its shape is {values.shape}); convert")
     if values.dtype.kind not in "iuf":

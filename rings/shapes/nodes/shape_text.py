@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from annotated_types import Ge
 
-from tactograph.sdk import F8, MAX_PIXELS, InputError, Length, Shape, ShapeImage, node
+from tactograph.sdk import F8, ImageFile, InputError, Length, Shape, ShapeImage, node
 
 LETTER_SUBSAMPLES = 4
 """Letters are drawn this many times finer than the image, so that their outline is smooth."""
@@ -58,7 +58,7 @@ def _depth_inside(text: str, size_mm: float, cell_mm: float) -> tuple[np.ndarray
     low, high = points.min(0) - 2 * cell_mm, points.max(0) + 2 * cell_mm
     middle = (low + high) / 2
     columns, rows = np.ceil((high - low) / cell_mm).astype(int)
-    if columns * rows > MAX_PIXELS:
+    if columns * rows > ImageFile.MAX_PIXELS:
         raise InputError(
             f"`size_mm`={size_mm:g} draws the text on {columns} x {rows} fine pixels; "
             "make the letters smaller or the pixels larger"

@@ -11,7 +11,7 @@ from PIL import Image
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.capture.read_capture import CaptureFile, read_capture
-from tactograph.nodes.files.image_files import read_image
+from tactograph.nodes.files.image_files import ImageFile
 
 RNG = np.random.default_rng(0)
 IMAGES = RNG.integers(1, 250, (4, 12, 16)).astype(np.uint8)
@@ -139,7 +139,7 @@ def test_less_than_eight_bits_are_refused(tmp_path: Path, file: str, bits: int) 
     ramp = Image.fromarray(np.arange(0, 256, 4, np.uint8).reshape(8, 8))
     (ramp.convert("1") if bits == 1 else ramp.quantize(2**bits)).save(tmp_path / file)
     with pytest.raises(InputError, match=rf"has {bits} bits a pixel; save it with 8 or 16"):
-        read_image(tmp_path / file)
+        ImageFile(tmp_path / file).read()
 
 
 @pytest.mark.parametrize("side", [1, 3])
@@ -206,7 +206,7 @@ SPOIL = {
     "led4.png: cannot be decoded": lambda d: (d / "led4.png").write_bytes(
         (d / "led4.png").read_bytes()[:-40]
     ),
-    "led5.png: cannot be read: Is a directory": lambda d: (d / "led5.png").mkdir(),
+    "led5.png: is a folder; one image is needed": lambda d: (d / "led5.png").mkdir(),
     "led5.png: cannot be read: Too many levels": lambda d: (d / "led5.png").symlink_to("led5.png"),
     "led4.png: not an image": lambda d: (d / "led4.png").write_text("hello"),
     "led2.png: a colour image": colour,

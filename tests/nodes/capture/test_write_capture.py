@@ -12,7 +12,7 @@ from tactograph import nodes
 from tactograph.graph.errors import WriteError
 from tactograph.nodes.capture.read_capture import read_capture
 from tactograph.nodes.capture.write_capture import write_capture
-from tactograph.nodes.files.image_files import Lights, read_image, write_image
+from tactograph.nodes.files.image_files import ImageFile, Lights
 
 LIGHT, LEVEL = np.full((4, 6, 8), 0.5, np.float32), np.zeros((6, 8), np.float32)
 
@@ -26,8 +26,8 @@ def write(folder: Path) -> None:
 
 def test_an_image_is_read_as_it_was_written(tmp_path: Path) -> None:
     image = np.random.default_rng(0).integers(0, 65535, (6, 8, 3)).astype(np.uint16)
-    write_image(tmp_path / "a.png", image)
-    assert np.array_equal(read_image(tmp_path / "a.png"), image)
+    ImageFile(tmp_path / "a.png").write(image)
+    assert np.array_equal(ImageFile(tmp_path / "a.png").read(), image)
 
 
 def test_a_full_disk_leaves_no_capture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

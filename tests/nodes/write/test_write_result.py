@@ -22,7 +22,7 @@ from tactograph.nodes.drawing.result_pictures import (
     draw_map,
     draw_regions,
 )
-from tactograph.nodes.files.image_files import read_image
+from tactograph.nodes.files.image_files import ImageFile
 from tactograph.nodes.layers.error import ERROR_MAP
 from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.stream.touch import ColourMap, Touch
@@ -260,8 +260,8 @@ def test_an_outlier_in_a_corner_does_not_widen_the_colours_and_the_range_is_stat
     draw_height(height, None, 0.1, tmp_path / "plain.png")
     height[0, :2] = 40
     draw_height(height, None, 0.1, tmp_path / "corner.png")
-    assert titles[0] == "height"
-    assert titles[2] == "height (0 to 40 mm in all)"
+    assert titles[0] == "height, 0 to 1 mm"
+    assert titles[2] == "height, 0 to 40 mm"
     assert titles[3].endswith("0.05 mm"), "the section is not drawn through the corner"
 
 
@@ -270,5 +270,5 @@ def test_an_error_that_spans_decades_is_drawn_by_its_logarithm(tmp_path: Path) -
     for name, plane in (("spans", spans), ("none", 0 * spans), ("unknown", np.nan * spans)):
         draw_map(plane, ERROR_MAP, 0.1, tmp_path / f"{name}.png")
     draw_map(spans, ColourMap("", "", "magma"), 0.1, tmp_path / "linear.png")
-    log, linear = (read_image(tmp_path / f"{name}.png") for name in ("spans", "linear"))
+    log, linear = (ImageFile(tmp_path / f"{name}.png").read() for name in ("spans", "linear"))
     assert log[150:250].mean() > linear[150:250].mean() + 10

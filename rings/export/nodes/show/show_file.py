@@ -11,7 +11,7 @@ from tactograph.rings.export.nodes.show._calibration import show_calibration
 from tactograph.rings.export.nodes.show._capture import show_capture
 from tactograph.rings.export.nodes.show._result import show_result
 from tactograph.rings.export.shown import Shown
-from tactograph.sdk import InputError, StoredResult, atomic_file, brought, node, one_line
+from tactograph.sdk import InputError, StoredResult, atomic_files, brought, node, one_line
 
 
 @node
@@ -37,9 +37,10 @@ def show_file(*, file: Path, folder: Path | None = None) -> None:
     click.echo("\n".join(map(one_line, content.lines)))
     if folder is None:
         return
-    for name, draw in content.pictures.items():
-        with atomic_file(folder / name) as target:
-            draw(target)
+    with atomic_files(folder) as target:
+        for name, draw in content.pictures.items():
+            draw(target / name)
+    for name in content.pictures:
         click.echo(one_line(f"drawn: {folder / name}"))
 
 

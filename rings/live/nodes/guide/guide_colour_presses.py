@@ -26,7 +26,7 @@ from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import degree_for
 from tactograph.rings.oneshot.nodes.presses.rate_presses import advise, presses_per_cell, rim_slope
-from tactograph.sdk import F4, InputError, Light, PixelSize, atomic_file, node, write_image
+from tactograph.sdk import F4, ImageFile, InputError, Light, PixelSize, atomic_files, node
 from tactograph.sdk.nodes import find_ball, level_presses, pixel_size
 
 SMOOTHING_PX = 2.0
@@ -172,5 +172,5 @@ def _all(images: list[F4], flat: Light, circles: list[F4], pixel: float) -> Guid
 
 
 def _save(file: Path, picture: Plane) -> None:
-    with atomic_file(file) as target:
-        write_image(target, picture)
+    with atomic_files(file.parent) as target:
+        ImageFile(target / file.name).write(picture)

@@ -23,16 +23,15 @@ from tactograph.sdk import (
     F4,
     CaptureFile,
     Dark,
+    ImageFile,
     InputError,
     Light,
     PixelSize,
     Port,
     SheetLight,
     StatedCircles,
-    atomic_file,
     atomic_files,
     node,
-    write_image,
 )
 from tactograph.sdk.nodes import find_ball, flat_field, pixel_size, read_balls, read_flat
 
@@ -147,9 +146,9 @@ def _save_film(folder: Path, image: Light, dark: Dark) -> None:
     """Save means of many frames with 16 bits, because they are finer than the camera's steps."""
     with atomic_files(folder / "untouched") as target:
         for k, plane in enumerate(image, start=1):
-            write_image(target / f"led{k}.png", _levels(plane))
-    with atomic_file(folder / "dark.png") as file:
-        write_image(file, _levels(dark))
+            ImageFile(target / f"led{k}.png").write(_levels(plane))
+    with atomic_files(folder) as target:
+        ImageFile(target / "dark.png").write(_levels(dark))
 
 
 def _levels(plane: F4) -> NDArray[np.uint16]:
@@ -160,6 +159,6 @@ def _save_press(folder: Path, frames: dict[int, Plane], about: CaptureFile) -> N
     """Save a capture for `read_balls`: the raw frames, and the properties of the ball."""
     with atomic_files(folder) as target:
         for led, data in frames.items():
-            write_image(target / f"led{led}.png", data)
+            ImageFile(target / f"led{led}.png").write(data)
         # JSON is YAML, too.
         (target / "capture.yaml").write_text(about.model_dump_json(exclude_none=True) + "\n")

@@ -12,7 +12,6 @@ from PIL import Image, ImageDraw, ImageFont
 
 from tactograph.sdk import (
     F4,
-    U1,
     Arrows,
     ColourMap,
     Height,
@@ -179,7 +178,7 @@ def _coloured(image: Light, lights: Lights, like: Picture) -> Picture:
     return _as_bytes(picture)
 
 
-def _labelled(numbers: U1, grey: Picture, colours: Picture) -> Picture:
+def _labelled(numbers: NDArray[np.uint8], grey: Picture, colours: Picture) -> Picture:
     rows, columns = grey.shape[:2]
     labels = cv2.resize(numbers, (columns, rows), interpolation=cv2.INTER_NEAREST)
     dim = cv2.convertScaleAbs(grey, alpha=DIMMED_SHARE)

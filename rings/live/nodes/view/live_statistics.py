@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.sdk import Height, LiveState, Metrics, Port, Provenance, Session, atomic_file, node
+from tactograph.sdk import Height, LiveState, Metrics, Port, Provenance, Session, atomic_files, node
 
 BIN_S = 1e-4
 """Width of the bins that count latencies, so that memory does not grow with time."""
@@ -135,9 +135,9 @@ class Statistics:
             print(f"  {name:<{width}}  {figure:.6g}")
         sys.stdout.flush()
         if self._folder is not None:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            with atomic_file(self._folder / "result.json") as target:
-                target.write_text(json.dumps(self._summary(figures), indent=1) + "\n")
+            text = json.dumps(self._summary(figures), indent=1) + "\n"
+            with atomic_files(self._folder) as target:
+                (target / "result.json").write_text(text)
 
     def _summary(self, figures: Mapping[str, float]) -> dict[str, Any]:
         about = self._provenance.as_dict() if self._provenance is not None else {}

@@ -13,12 +13,13 @@ from annotated_types import Gt
 from tactograph.rings.live.nodes.view._live_picture import Picture, draw_touch, round_up
 from tactograph.sdk import (
     Height,
+    ImageFile,
     InputError,
     Lights,
     LiveState,
     Session,
     Touch,
-    atomic_file,
+    atomic_files,
     node,
     warn,
 )
@@ -111,10 +112,9 @@ class _Files:
 
     def show(self, picture: Picture) -> bool:
         """Write a picture; return False once that has become impossible."""
-        encoded = cv2.imencode(".png", picture[..., ::-1])[1].tobytes()
         try:
-            with atomic_file(self._folder / "latest.png") as target:
-                target.write_bytes(encoded)
+            with atomic_files(self._folder) as target:
+                ImageFile(target / "latest.png").write(picture[..., ::-1])
         except InputError as error:
             if not self._wrote:
                 raise

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from tactograph.rings.mechanics.layers.markers import MarkerTracks, Shifts
 from tactograph.rings.mechanics.nodes.marker.find_markers import Markers, find_markers
 from tactograph.rings.mechanics.nodes.marker.marker_darkness import Darkness
-from tactograph.sdk import F4, F8, U1, Metrics, PixelSize, node, warn
+from tactograph.sdk import F4, F8, Metrics, PixelSize, node, warn
 
 NEIGHBOUR_PITCHES = 1.6
 """Distance, in pitches, within which markers move alike."""
@@ -89,7 +89,7 @@ def _figures(shift: F8 | F4, matched: NDArray[np.generic], pixel: float) -> Metr
 
 def _follow(
     places: F8, spots: F8, pitch: float, farthest: float, before: F8 | None
-) -> tuple[F8, U1]:
+) -> tuple[F8, NDArray[np.uint8]]:
     """Match markers with spots, proceeding from sure markers to their neighbours."""
     tree, is_assigned = cKDTree(spots), np.zeros(len(spots), bool)
     pairs = cKDTree(places).query_pairs(NEIGHBOUR_PITCHES * pitch, output_type="ndarray")

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from tactograph.rings.mechanics.layers.markers import MARKER_ARROWS
-from tactograph.sdk import InputError, Touch, atomic_files, node, write_image
+from tactograph.sdk import ImageFile, InputError, Touch, atomic_files, node
 
 MARKER_COLUMNS = "x_px,y_px,dx_px,dy_px,x_mm,y_mm,dx_mm,dy_mm,visible"
 MIN_WIDTH_PX = 640
@@ -49,4 +49,4 @@ def write_markers(touch: Touch, *, folder: Path) -> None:
     with atomic_files(folder / touch.name if touch.name else folder) as target:
         formats = ["%.3f"] * 4 + ["%.4f"] * 4 + ["%d"]
         np.savetxt(target / "markers.csv", table, formats, ",", header=MARKER_COLUMNS, comments="")
-        write_image(target / "markers.png", picture[..., ::-1])
+        ImageFile(target / "markers.png").write(picture[..., ::-1])

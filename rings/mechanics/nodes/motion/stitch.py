@@ -32,7 +32,6 @@ from tactograph.rings.mechanics.nodes.motion.read_touches import TouchHeights
 from tactograph.sdk import (
     F4,
     F8,
-    U1,
     InputError,
     Metrics,
     PixelSize,
@@ -56,7 +55,7 @@ Stitched = Annotated[F4, Port("Y X", "mm", nan=True)]
 """Surface on a grid of the touches' pixel size; NaN where nothing touched."""
 
 
-Sources = Annotated[U1, Port("Y X", "touch number", high=255)]
+Sources = Annotated[NDArray[np.uint8], Port("Y X", "touch number", high=255)]
 """The touch that counts most, from 1; 0: none."""
 
 
@@ -250,7 +249,7 @@ def _fused(
     poses: dict[int, F8],
     leans: dict[int, F8],
     grid: Surface,
-) -> tuple[F4, F4, F4, U1, float]:
+) -> tuple[F4, F4, F4, NDArray[np.uint8], float]:
     """Height, its deviation by the touches' errors and by their poses', the touch of most weight,
     and the touches' root mean square difference from their mean, in deviations.
     """

@@ -7,13 +7,13 @@ import numpy as np
 from tactograph.rings.mechanics.nodes.motion.stitch import Sources, Stitched
 from tactograph.sdk import (
     HeightFile,
+    ImageFile,
     Metrics,
     PixelSize,
     Provenance,
     StoredResult,
     Touch,
     node,
-    write_image,
 )
 
 
@@ -60,6 +60,6 @@ def write_stitched(
         for name in formats:
             HeightFile(height, pixel).write(target / f"height.{name}")
         np.save(target / "error.npy", error)
-        write_image(target / "source.png", source)
+        ImageFile(target / "source.png").write(source)
         draw_result(touch, target)
         draw_seams(height, source, pixel, target / "seams.png")

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from tactograph.rings.metrology.nodes.certify.transfer_function import CUT_OFF_SHARE
 from tactograph.rings.metrology.nodes.certify.uncertainty_budget import BudgetRow
-from tactograph.sdk import F8, UM_PER_MM, Colour, Metrics
+from tactograph.sdk import F8, Colour, Metrics
 
 PAGE_TEXT = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
@@ -93,7 +93,7 @@ def _budget(rows: Sequence[BudgetRow], figures: Metrics) -> str:
 def _response(curve: F8 | None, figures: Metrics) -> tuple[str, str] | None:
     if curve is None:
         return None
-    true, apart, spread = UM_PER_MM * curve
+    true, apart, spread = 1e3 * curve
     figure = Figure(figsize=(9, 3.5), dpi=100, layout="constrained")
     axes = figure.subplots()
     z = np.linspace(true.min(), true.max(), 100)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactograph.rings.metrology.nodes.certify.measure_touches import Heights
-from tactograph.sdk import UM_PER_MM, Metrics, node
+from tactograph.sdk import Metrics, node
 
 
 @node
@@ -24,7 +24,7 @@ def flatness_deviation(height: Heights | None = None) -> Metrics:
     """
     if height is None:
         return {}
-    maps = UM_PER_MM * height.astype(np.float64)
+    maps = 1e3 * height.astype(np.float64)
     flat = np.nanmean(maps, axis=0)
     square = float(np.nanvar(flat))
     if len(maps) > 1:

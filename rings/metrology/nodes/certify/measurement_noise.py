@@ -3,7 +3,7 @@
 import numpy as np
 
 from tactograph.rings.metrology.nodes.certify.measure_touches import Heights
-from tactograph.sdk import UM_PER_MM, InputError, Metrics, node
+from tactograph.sdk import InputError, Metrics, node
 
 MIN_REPEATS = 2
 
@@ -38,7 +38,7 @@ def measurement_noise(height: Heights | None = None) -> Metrics:
         return {}
     if len(height) < MIN_REPEATS:
         raise InputError("one still capture was given; noise is what two or more differ by")
-    maps = UM_PER_MM * height.astype(np.float64)
+    maps = 1e3 * height.astype(np.float64)
     apart = np.diff(maps, axis=0)
     apart = apart - np.nanmean(apart, axis=(1, 2), keepdims=True)
     noise = float(np.sqrt(np.nanmean(np.square(apart)) / 2))

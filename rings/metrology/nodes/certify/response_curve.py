@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.metrology.nodes.certify.compare_shapes import Compared
-from tactograph.sdk import F8, UM_PER_MM, Metrics, Port, node
+from tactograph.sdk import F8, Metrics, Port, node
 
 LEVEL_COUNT = 10
 """Levels of the response curve, of equally many points each."""
@@ -61,9 +61,9 @@ def response_curve(compared: Compared) -> Response:
     parts = response_parts(true, measured, shape)
     figures: Metrics = {
         "amplification_coefficient": parts.amplification,
-        "linearity_deviation_um": UM_PER_MM * parts.linearity,
-        "topography_fidelity_um": UM_PER_MM * float(np.sqrt(np.mean(np.square(measured - true)))),
-        "height_range_um": UM_PER_MM * float(np.ptp(true)),
+        "linearity_deviation_um": 1e3 * parts.linearity,
+        "topography_fidelity_um": 1e3 * float(np.sqrt(np.mean(np.square(measured - true)))),
+        "height_range_um": 1e3 * float(np.ptp(true)),
         "known_shapes": float(len(parts.shapes)),
         "known_touches": float(len(np.unique(touch))),
     }

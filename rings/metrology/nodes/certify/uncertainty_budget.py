@@ -9,7 +9,7 @@ from scipy.stats import norm, t
 
 from tactograph.rings.metrology.nodes.certify.compare_shapes import Compared
 from tactograph.rings.metrology.nodes.certify.response_curve import response_parts
-from tactograph.sdk import F8, UM_PER_MM, Metrics, node
+from tactograph.sdk import F8, Metrics, node
 
 COVERED_SHARE = 0.9545
 """Share of a normal distribution within two standard deviations: k = 2 (GUM 6.3.3)."""
@@ -85,12 +85,12 @@ def uncertainty_budget(
         ``held_out_error_percent``; of a stated error ``stated_error_percent``, the points within
         twice.
     """
-    reference = radius_error_um / UM_PER_MM / radius_mm if radius_error_um and radius_mm else None
+    reference = radius_error_um / 1e3 / radius_mm if radius_error_um and radius_mm else None
     rows = _rows(compared, noise, flatness, reference)
     true, measured, stated, shape, _ = compared
     if true is None or measured is None or shape is None:
         return Budget(rows, {})
-    top = UM_PER_MM * float(np.abs(true).max())
+    top = 1e3 * float(np.abs(true).max())
     constant, relative = (float(np.sqrt(_variances(rows, z).sum())) for z in (0.0, 1.0))
     relative = float(np.sqrt(relative**2 - constant**2))
     standard, factor = _standard(rows, top)
@@ -130,8 +130,8 @@ def _rows(
         parts = response_parts(true, measured, shape)
         shapes = float(len(parts.shapes))
         amplification = float(np.sqrt(np.mean(np.square(parts.shapes - 1))))
-        linearity = UM_PER_MM * parts.linearity / np.sqrt(3)
-        square = UM_PER_MM**2 * float(np.mean(np.square(parts.residual)))
+        linearity = 1e3 * parts.linearity / np.sqrt(3)
+        square = 1e6 * float(np.mean(np.square(parts.residual)))
         independent = (n or 0.0) ** 2 + (f or 0.0) ** 2 + linearity**2
         fidelity = float(np.sqrt(max(square - independent, 0.0)))
     return [
@@ -199,7 +199,7 @@ def _held_out(compared: Compared, *others: Any) -> tuple[float, float] | None:
 
 
 def _within(true: F8, measured: F8, rows: list[BudgetRow]) -> NDArray[np.bool_]:
-    height = UM_PER_MM * np.abs(true)
+    height = 1e3 * np.abs(true)
     at = np.linspace(0, height.max(), CURVE_POINTS)
     half = np.interp(height, at, [np.prod(_standard(rows, float(z))) for z in at])
-    return np.asarray(UM_PER_MM * np.abs(measured - true) <= half)
+    return np.asarray(1e3 * np.abs(measured - true) <= half)

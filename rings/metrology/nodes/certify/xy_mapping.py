@@ -7,7 +7,7 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.rings.metrology.nodes.certify._sensor import certified_sensor
-from tactograph.sdk import UM_PER_MM, Crop, InputError, Metrics, View, node
+from tactograph.sdk import Crop, InputError, Metrics, View, node
 from tactograph.sdk.nodes import find_grid, read_grey
 
 
@@ -61,7 +61,7 @@ def xy_mapping(
     mirrored = np.vdot(true.conj(), measured) / np.vdot(true, true).real
     if abs(mirrored) > abs(turn):
         turn, true = mirrored, true.conj()
-    residual = UM_PER_MM * np.abs(measured - turn * true)
+    residual = 1e3 * np.abs(measured - turn * true)
     return {
         "xy_amplification_coefficient": float(abs(turn)),
         "xy_mapping_deviation_um": float(residual.max()),

@@ -4,7 +4,7 @@ import numpy as np
 
 from tactograph.rings.metrology.nodes.filled.level_plane import level_plane
 from tactograph.rings.metrology.nodes.filled.scale_height import Scale
-from tactograph.sdk import UM_PER_MM, Height, HeightError, PixelSize, ScaleError, Slope, node, warn
+from tactograph.sdk import Height, HeightError, PixelSize, ScaleError, Slope, node, warn
 from tactograph.sdk.nodes import integrate_dct
 
 MAX_SLOPE_CHANGE = np.float32(0.3)
@@ -51,8 +51,7 @@ def doubt_brightness(
     share = level_plane(integrate_dct(change, pixel), level=level) / 2
     combined = np.hypot(np.hypot(error, share), height * (scale_error or 0.0))
     of_brightness, of_all = (
-        UM_PER_MM * float(np.sqrt(np.nanmean(np.square(each, dtype=float))))
-        for each in (share, combined)
+        1e3 * float(np.sqrt(np.nanmean(np.square(each, dtype=float)))) for each in (share, combined)
     )
     if of_brightness**2 > of_all**2 - of_brightness**2:
         warn(

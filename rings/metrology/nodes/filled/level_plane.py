@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.sdk import F8, Height, InputError, node, read_image, warn
+from tactograph.sdk import F8, Height, ImageFile, InputError, node, warn
 
 MAX_FITTED = 50_000
 """Pixels that the plane is fitted to; more add nothing."""
@@ -103,7 +103,7 @@ def level_part(level: str, shape: tuple[int, int], cell: int = 1) -> NDArray[np.
         border = np.ones(shape, bool)
         border[width:-width, width:-width] = False
         return border
-    mask = read_image(Path(level))
+    mask = ImageFile(Path(level)).read()
     marked: NDArray[np.bool_] = (mask if mask.ndim == 2 else mask.max(axis=2)) > 0
     marked = marked[::cell, ::cell]
     if marked.shape != shape:

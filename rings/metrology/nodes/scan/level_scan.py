@@ -19,7 +19,6 @@ from tactograph.rings.metrology.nodes.scan.scale_step import ScaleStep
 from tactograph.rings.metrology.nodes.surface.measure_step import ErrorParts
 from tactograph.sdk import (
     F4,
-    UM_PER_MM,
     Height,
     HeightError,
     Metrics,
@@ -129,7 +128,7 @@ def level_scan(
     # What is level is at zero on pixels, too, where edges hold another share of the height.
     bend = height - by_cells + (apart - levelling.levelled(apart))
     drifting = np.tensordot(levelling.drift[:, 1:], levelling.terms[1:], 1)
-    bow = UM_PER_MM * float(np.ptp(integrate_dct(np.float32(drifting), pixel)))
+    bow = 1e3 * float(np.ptp(integrate_dct(np.float32(drifting), pixel)))
     lean = float(np.abs(drifting).max())
     if lean > MAX_UNTOUCHED_SLOPE:
         warn(

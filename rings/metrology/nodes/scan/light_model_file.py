@@ -14,7 +14,7 @@ from tactograph.rings.metrology.nodes.scan.scan_file import (
     read_entries,
     read_scan,
 )
-from tactograph.sdk import MAX_PIXELS, InputError, PixelSize
+from tactograph.sdk import ImageFile, InputError, PixelSize
 
 LIGHT_TERMS = 10
 """Terms of the light model per LED: a00, a01, a02, a11, a12, a22, b0, b1, b2, c."""
@@ -89,7 +89,7 @@ def read_light_model_file(file: Path) -> LightModelFile:
         If it cannot be read, or a matrix does not have the size that LEDs and terms demand.
     """
     entries = read_entries(file, LightModelFile)
-    if entries.width * entries.height > MAX_PIXELS:
+    if entries.width * entries.height > ImageFile.MAX_PIXELS:
         raise InputError(f"{file}: {entries.width} x {entries.height} px are no frame of a camera")
     for name, values in (
         ("black", entries.black),

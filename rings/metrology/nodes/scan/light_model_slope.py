@@ -4,6 +4,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
+from numpy.typing import NDArray
 
 from tactograph.rings.metrology.nodes.scan.light_model import (
     LightModel,
@@ -11,8 +12,18 @@ from tactograph.rings.metrology.nodes.scan.light_model import (
     modelled_light,
     monomials,
 )
-from tactograph.sdk import F4, U1, Close, Labels, Light, Port, SizeLimit, Slope, SlopeNormal, node
-from tactograph.sdk.unstable import in_blocks
+from tactograph.sdk import (
+    F4,
+    Close,
+    Labels,
+    Light,
+    Port,
+    SizeLimit,
+    Slope,
+    SlopeNormal,
+    in_blocks,
+    node,
+)
 
 MAX_TURN_RAD = np.float32(0.3)
 """Longest step, as the angle in radians by which it turns the normal."""
@@ -90,7 +101,9 @@ def light_model_slope(
     return ModelSlope(np.stack([p, q]), brightness, residual, shadow.reshape(rows, columns))
 
 
-def _solution(image: F4, u: F4, v: F4, model: LightModel, steps: int) -> tuple[F4, U1]:
+def _solution(
+    image: F4, u: F4, v: F4, model: LightModel, steps: int
+) -> tuple[F4, NDArray[np.uint8]]:
     """4 x N: p, q, brightness and residual; and the labels."""
     powers = monomials(u, v, int(model.degree))
     terms = coefficients(model.quadratic, powers)

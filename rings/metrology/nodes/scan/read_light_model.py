@@ -16,7 +16,7 @@ from tactograph.rings.metrology.nodes.scan.light_model_file import (
     read_light_model_file,
 )
 from tactograph.rings.metrology.nodes.scan.scan_file import is_scan
-from tactograph.sdk import F4, Crop, InputError, Light, PixelSize, cropped, node, read_image
+from tactograph.sdk import F4, Crop, ImageFile, InputError, Light, PixelSize, cropped, node
 from tactograph.sdk.nodes import coarsen
 
 TILES_PER_ROW = 3
@@ -130,7 +130,7 @@ def _by_term(stored: Matrix, leds: int, terms: int) -> F4:
 def _gain(flat: FlatField, file: Path, size: tuple[int, int], crop: Crop | None) -> F4:
     """K x H x W: what brings each LED's flat frame to its scale."""
     image = file.parent / PureWindowsPath(flat.image).name
-    sheet = read_image(image)
+    sheet = ImageFile(image).read()
     if sheet.ndim != 2:
         raise InputError(f"{image}: flat frames are one grey image, three tiles a row")
     across, down = TILES_PER_ROW, -(-len(flat.scale) // TILES_PER_ROW)

@@ -16,12 +16,12 @@ from tactograph.sdk import (
     CaptureFile,
     Crop,
     Height,
+    ImageFile,
     InputError,
     Light,
     PixelSize,
     atomic_files,
     node,
-    write_image,
 )
 
 HEIGHT_FILE = "heightmap.tmd"
@@ -75,7 +75,7 @@ def write_scan(
         lines += _marks(marked / (name or ""), pixel, crop)
     with atomic_files(folder / name if name else folder) as target:
         for each, plane in zip(names, levels, strict=True):
-            write_image(target / each, plane)
+            ImageFile(target / each).write(plane)
         if height is not None:
             tmd.write(target / HEIGHT_FILE, height, pixel)
             lines.append(f"activeheightmap: {HEIGHT_FILE}")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.sdk import UM_PER_MM, Height, need
+from tactograph.sdk import Height, need
 
 METRES_PER_UM = 1e-6
 
@@ -28,7 +28,7 @@ def surfalize() -> Any:
 def areal_surface(height: Height, pixel: float, omitted: NDArray[np.bool_] | None = None) -> Any:
     """Return a ``surfalize.Surface`` of a height map in mm, with the points `omitted` masked."""
     return surfalize().Surface(
-        UM_PER_MM * height.astype(np.float64), UM_PER_MM * pixel, UM_PER_MM * pixel, mask=omitted
+        1e3 * height.astype(np.float64), 1e3 * pixel, 1e3 * pixel, mask=omitted
     )
 
 

@@ -7,7 +7,6 @@ from matplotlib.figure import Figure
 
 from tactograph.rings.metrology.nodes.surface.measure_step import Across, EdgeCount, step_profiles
 from tactograph.sdk import (
-    UM_PER_MM,
     Colour,
     Height,
     Metrics,
@@ -44,11 +43,11 @@ def plot_step(
         return
     profiles = step_profiles(height, pixel, None, along, edges)
     median_profile = sorted(profiles, key=lambda profile: profile.depth)[len(profiles) // 2]
-    x, z = pixel * median_profile.x, UM_PER_MM * median_profile.z
+    x, z = pixel * median_profile.x, 1e3 * median_profile.z
     figure = Figure(figsize=(9, 4), dpi=100, layout="constrained")
     axes = figure.subplots()
     axes.plot(x, z, color=Colour.GREY, linewidth=1)
-    half = UM_PER_MM * median_profile.depth / 2
+    half = 1e3 * median_profile.depth / 2
     for part, level, colour in (
         (median_profile.upper, half, Colour.BLUE),
         (median_profile.lower, -half, Colour.ORANGE),

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.rings.metrology.nodes.surface.measure_step import ErrorParts, parts_within
-from tactograph.sdk import Crop, HeightFile, InputError, node, read_image
+from tactograph.sdk import Crop, HeightFile, ImageFile, InputError, node
 
 PARTS_FILE = "error_parts.npy"
 
@@ -31,7 +31,7 @@ def read_error_parts(*, height: Path, crop: Crop | None = None) -> ErrorParts | 
     file, stated = height.parent / PARTS_FILE, HeightFile.read(height)
     if stated.error is not None or not file.is_file():
         return None
-    parts = read_image(file)
+    parts = ImageFile(file).read()
     if parts.ndim != 3 or not parts.size or not np.isfinite(parts).all():
         raise InputError(f"{file}: is damaged; run the reconstruction again")
     return parts_within(parts, crop, stated.height.shape)

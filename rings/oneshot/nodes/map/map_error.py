@@ -20,9 +20,9 @@ from tactograph.sdk import (
     Slope,
     SlopeNormal,
     node,
+    robust_deviation,
 )
 from tactograph.sdk.nodes import calm_film, edge_variance, integrate_dct, rest_at_border, rest_mask
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD
 
 
 @node
@@ -62,7 +62,7 @@ def map_error(
     walls = rest_at_border(integrate_dct(doubt, pixel))
     rest = _film_at_rest(light, height.shape)
     heights_at_rest = height[rest] if rest.any() else height
-    usual = np.float32(DEVIATIONS_PER_MAD * np.median(np.abs(heights_at_rest)))
+    usual = np.float32(robust_deviation(heights_at_rest))
     at_rest = np.where(rest, np.maximum(np.abs(height), usual), usual)
     return np.asarray(np.hypot(at_rest, walls), np.float32)
 

@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import F4, F8, SlopeNormal
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD
+from tactograph.sdk import F4, F8, SlopeNormal, robust_deviation
 
 PLACE_DEGREE = 4
 PLACE_TERMS = 15
@@ -77,7 +76,7 @@ def ball_pixels(light: F4, flat: F4, circle: F8, most: int = PIXELS_PER_PRESS) -
 
 def robust_weights(error: F8, weight: F8) -> F8:
     """Return `weight` lowered where errors are large against their median (Cauchy)."""
-    spread = DEVIATIONS_PER_MAD * np.median(np.abs(error), axis=-1, keepdims=True) + 1e-9
+    spread = robust_deviation(error, axis=-1, keepdims=True) + 1e-9
     return np.asarray(weight / (1 + (error / (CAUCHY_SIGMAS * spread)) ** 2))
 
 

@@ -7,6 +7,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Interval
+from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     NO_LIGHT,
@@ -32,7 +33,6 @@ from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
 from tactograph.sdk import (
     F4,
     F8,
-    U1,
     FoundBalls,
     InputError,
     Light,
@@ -40,6 +40,7 @@ from tactograph.sdk import (
     Port,
     PressedBall,
     node,
+    robust_deviation,
     warn,
 )
 from tactograph.sdk.nodes import (
@@ -50,7 +51,6 @@ from tactograph.sdk.nodes import (
     integrate_dct,
     rest_at_border,
 )
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD
 
 ROUGH_PASSES = 2
 """Solutions for the slope on cells, each with the height of the one before."""
@@ -80,7 +80,7 @@ class MapFit(NamedTuple):
 
     reflectance: ReflectanceMap
     circle: Circles
-    selection: Annotated[U1, Port("B", "flag", high=1)]
+    selection: Annotated[NDArray[np.uint8], Port("B", "flag", high=1)]
     rim: Annotated[float, Port(unit="mm")]
     residual: Annotated[F4, Port("K", "1")]
 
@@ -331,7 +331,7 @@ def _robust_fit(basis: F8, light: F8, even: F8, steep: F8, lambertian: F8) -> F8
         model_light = coefficients @ basis
         residual = light - np.maximum(model_light, NO_LIGHT)
         weight = robust_weights(residual, even * (model_light > NO_LIGHT))
-        spread = np.square(DEVIATIONS_PER_MAD * np.median(np.abs(residual)) / LAMBERT_DEVIATION)
+        spread = np.square(robust_deviation(residual) / LAMBERT_DEVIATION)
         steep_weight = spread * ((coefficients @ steep > NO_LIGHT) | (lambertian > NO_LIGHT))
     return coefficients
 
@@ -358,6 +358,6 @@ def _outliers(
         y, x = np.clip(circles[i, 1::-1].round().astype(int), 0, np.subtract(bench.shape, 1))
         residual[i] = np.sqrt(np.average(squares[i], weights=bench.flat[:, y, x]))
     middle = np.median(residual[is_used])
-    spread = DEVIATIONS_PER_MAD * np.median(np.abs(residual[is_used] - middle))
+    spread = robust_deviation(residual[is_used] - middle)
     high = max(middle + MAX_DEVIATIONS * spread, MAX_MEDIANS * middle)
     return np.asarray(is_used & (residual > high))

@@ -6,9 +6,10 @@ from typing import Annotated
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.presses import Circles
-from tactograph.sdk import F4, U1, Colour, Light, NewPicture, Port, node, write_picture
+from tactograph.sdk import F4, Colour, Light, NewPicture, Port, node, write_picture
 
 TITLE_LETTERS = 120
 """Letters in a line of the title."""
@@ -18,7 +19,7 @@ TITLE_LETTERS = 120
 def plot_presses(
     flat: Light,
     circle: Circles,
-    selection: Annotated[U1, Port("B", "flag", high=1)],
+    selection: Annotated[NDArray[np.uint8], Port("B", "flag", high=1)],
     heldout_deg: Annotated[F4, Port("B", "deg")],
     verdict: str,
     advice: str,

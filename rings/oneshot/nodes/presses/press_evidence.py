@@ -4,12 +4,21 @@ from typing import Annotated
 
 import numpy as np
 from annotated_types import Gt
+from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.rings.oneshot.nodes.presses.sheet_presses import sheet_presses
-from tactograph.sdk import F4, U1, FilmEvidence, FoundBalls, Light, PixelSize, Port, node
+from tactograph.sdk import (
+    F4,
+    FilmEvidence,
+    FoundBalls,
+    Light,
+    PixelSize,
+    Port,
+    node,
+    robust_deviation,
+)
 from tactograph.sdk.nodes import flat_presses
-from tactograph.sdk.unstable import DEVIATIONS_PER_MAD
 
 
 @node
@@ -17,7 +26,7 @@ def press_evidence(
     image: PressImages,
     flat: Light,
     circle: Circles,
-    selection: Annotated[U1, Port("B", "flag", high=1)],
+    selection: Annotated[NDArray[np.uint8], Port("B", "flag", high=1)],
     pixel: PixelSize,
     balls: FoundBalls | None = None,
     *,
@@ -48,5 +57,4 @@ def press_evidence(
 
 def _variance(light: F4) -> float:
     """Variance of a pixel's light, by differences of second order along the rows."""
-    bends = np.diff(light, 2, axis=2)
-    return float(DEVIATIONS_PER_MAD * np.median(np.abs(bends))) ** 2 / 6
+    return float(robust_deviation(np.diff(light, 2, axis=2))) ** 2 / 6

@@ -4,6 +4,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt
+from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
@@ -15,7 +16,6 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
 )
 from tactograph.sdk import (
     F4,
-    U1,
     FoundBalls,
     Judged,
     Light,
@@ -53,7 +53,7 @@ def rate_presses(
     flat: Light,
     balls: FoundBalls,
     circle: Circles,
-    selection: Annotated[U1, Port("B", "flag", high=1)],
+    selection: Annotated[NDArray[np.uint8], Port("B", "flag", high=1)],
     rim: Annotated[float, Port(unit="mm")],
     residual: Annotated[F4, Port("K", "1")],
     pixel: PixelSize,
