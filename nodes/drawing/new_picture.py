@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -12,6 +12,7 @@ from PIL import Image
 from pydantic import AfterValidator
 
 from tactograph.graph.disk.atomic_files import atomic_file
+from tactograph.graph.errors import WriteError
 
 FIGURES_IN = 3.2
 """Width in inches of the list of figures on the right of a page."""
@@ -25,24 +26,6 @@ class Colour(StrEnum):
     ORANGE = "#ffb000"
     BLUE = "#3c8fe6"
     GREY = "#9a9a9a"
-
-
-def write_picture(
-    figure: Figure, file: Path, figures: Mapping[str, float] | None = None, top: float = 1.0
-) -> None:
-    """Write a figure as PNG, completely or not at all; that of a calibration next to its file.
-
-    It may list `figures` on the right, from `top` on, a share of the page counted from its bottom.
-
-    Raises
-    ------
-    WriteError
-        If it cannot be written.
-    """
-    if figures is not None:
-        _list_figures(figure, figures, top)
-    with atomic_file(_picture_of(file)) as target:
-        FigureCanvasAgg(figure).print_png(target, pil_kwargs={"compress_level": 1})
 
 
 def _list_figures(page: Figure, figures: Mapping[str, float], top: float) -> None:
@@ -83,6 +66,36 @@ def _free(file: Path) -> Path:
     return file
 
 
-NewPicture = Annotated[Path, AfterValidator(_free)]
-"""Path of a picture, or of a calibration whose picture goes next to it, ``.png`` for ``.npz``; a
-file of another kind is refused before the work starts."""
+class NewPicture(NamedTuple):
+    """The picture that a node draws.
+
+    Parameters
+    ----------
+    file
+        Its path, or that of a calibration that it goes next to, ``.png`` for ``.npz``; a file of
+        another kind is refused before the work starts.
+    """
+
+    file: Annotated[Path, AfterValidator(_free)]
+
+    def write(
+        self, figure: Figure, figures: Mapping[str, float] | None = None, top: float = 1.0
+    ) -> None:
+        """Write a figure as PNG, completely or not at all.
+
+        It may list `figures` on the right, from `top` on, a share of the page counted from its
+        bottom.
+
+        Raises
+        ------
+        WriteError
+            If it cannot be written, or a file of another kind has that name.
+        """
+        try:
+            picture = _picture_of(_free(self.file))
+        except ValueError as error:
+            raise WriteError(str(error)) from None
+        if figures is not None:
+            _list_figures(figure, figures, top)
+        with atomic_file(picture) as target:
+            FigureCanvasAgg(figure).print_png(target, pil_kwargs={"compress_level": 1})

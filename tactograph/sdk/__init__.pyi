@@ -42,6 +42,10 @@ from tactograph.graph.extras import (
 from tactograph.graph.files.flat_graph import (
     Graph as Graph,
 )
+from tactograph.graph.files.read_graph import (
+    GraphFile as GraphFile,
+    read_graph as read_graph,
+)
 from tactograph.graph.rings import (
     brought as brought,
 )
@@ -104,10 +108,6 @@ from tactograph.nodes.contact.largest_contacts import (
 from tactograph.nodes.drawing.new_picture import (
     Colour as Colour,
     NewPicture as NewPicture,
-    write_picture as write_picture,
-)
-from tactograph.nodes.drawing.result_pictures import (
-    draw_result as draw_result,
 )
 from tactograph.nodes.files.calibration_file import (
     FileKind as FileKind,
@@ -160,12 +160,9 @@ from tactograph.nodes.stream.touch import (
     Arrows as Arrows,
     Axes as Axes,
     ColourMap as ColourMap,
-    Layer as Layer,
+    LabelMap as LabelMap,
     LayerKind as LayerKind,
-    LedLabels as LedLabels,
     LiveState as LiveState,
-    Placed as Placed,
-    Regions as Regions,
     Touch as Touch,
 )
 from tactograph.nodes.trust.check_ranks import (

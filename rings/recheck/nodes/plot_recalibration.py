@@ -14,7 +14,6 @@ from tactograph.sdk import (
     NewPicture,
     SheetLight,
     node,
-    write_picture,
 )
 
 
@@ -28,7 +27,7 @@ def plot_recalibration(
     quality: Metrics,
     advice: str,
     *,
-    file: NewPicture,
+    picture: NewPicture,
 ) -> None:
     """Draw both films at rest, the check press, and maps of albedo and dents.
 
@@ -49,7 +48,7 @@ def plot_recalibration(
     figure.suptitle(advice, x=0.02, ha="left", fontsize=11)
     # Those of single LEDs are drawn.
     shown = {name: quality[name] for name in quality if not name.startswith("light_percent")}
-    write_picture(figure, file, shown, top=0.92)
+    picture.write(figure, shown, top=0.92)
 
 
 def _draw_press(axes: Axes, press: F4, circles: F4) -> None:

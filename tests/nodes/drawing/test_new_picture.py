@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from matplotlib.figure import Figure
 
-from tactograph.nodes.drawing.new_picture import write_picture
+from tactograph.nodes.drawing.new_picture import NewPicture
 
 FIGURES = {f"near_light_residual_percent{k}": -1.23456 * k for k in range(30)}
 
@@ -16,7 +16,7 @@ def test_figures_stand_beside_the_plots(layout: str | None, tmp_path: Path) -> N
     if layout is None:
         page.subplots_adjust(right=0.72)
     plots = page.subplots(2, 2).flat
-    write_picture(page, tmp_path / "page.png", FIGURES, 0.9)
+    NewPicture(tmp_path / "page.png").write(page, FIGURES, 0.9)
     (text,) = page.texts
     assert text.get_text().splitlines()[2].split() == ["near_light_residual_percent2", "-2.469"]
     place = text.get_window_extent()

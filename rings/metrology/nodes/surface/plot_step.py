@@ -13,7 +13,6 @@ from tactograph.sdk import (
     NewPicture,
     PixelSize,
     node,
-    write_picture,
 )
 
 
@@ -23,7 +22,7 @@ def plot_step(
     pixel: PixelSize,
     figures: Metrics,
     *,
-    file: NewPicture | None = None,
+    file: Path | None = None,
     along: Across = "x",
     edges: EdgeCount = 2,
 ) -> None:
@@ -61,4 +60,4 @@ def plot_step(
     axes.set(xlabel=f"{along} / mm", ylabel="height without the levels' slope / µm")
     depth, doubt = figures["step_depth_um"], figures["step_uncertainty_um"]
     axes.set_title(f"{depth:.2f} ± {doubt:.2f} µm by {len(profiles)} profiles; the middle one")
-    write_picture(figure, Path(file))
+    NewPicture(file).write(figure)
