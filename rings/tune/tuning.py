@@ -15,14 +15,7 @@ from typing import Any
 from tactograph.rings.tune.runner import Runner, captures_of
 from tactograph.rings.tune.variant import Change, changes_between, write_variant
 from tactograph.rings.tune.watch import Stamp, files_of, stamp
-from tactograph.sdk import (
-    Graph,
-    InputError,
-    Pipeline,
-    Result,
-    TactographError,
-    nodes,
-)
+from tactograph.sdk import Graph, InputError, Pipeline, Result, TactographError, nodes
 
 RATE_WINDOW_S = 1.0
 REST_S = 0.12

@@ -115,7 +115,6 @@ from tactograph.nodes.files.image_files import (
     Crop as Crop,
     ImageFile as ImageFile,
     Lights as Lights,
-    cropped as cropped,
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,

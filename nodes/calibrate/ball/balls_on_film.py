@@ -26,6 +26,7 @@ from tactograph.nodes.optics.film import (
     turned,
 )
 from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, rest_share
+from tactograph.nodes.optics.robust import robust_deviation
 
 MIN_WEIGHT_LIGHT = 0.3
 """Light below which a sample's weight no longer grows."""
@@ -147,8 +148,7 @@ class Balls:
 
     def scale(self, residual: F8) -> float:
         """Return the robust standard deviation of a sample's residual."""
-        spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(residual / self.reference_light)))
-        return max(LIGHT_DEVIATION, spread)
+        return max(LIGHT_DEVIATION, float(robust_deviation(residual / self.reference_light)))
 
     def grain(self, residual: F8, flat: F4, noise: F4) -> float:
         """Relative standard deviation of the light from the model, beyond the camera's noise.

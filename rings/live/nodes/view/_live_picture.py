@@ -10,17 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from tactograph.sdk import (
-    F4,
-    Arrows,
-    ColourMap,
-    Height,
-    InputError,
-    LabelMap,
-    Light,
-    Lights,
-    Touch,
-)
+from tactograph.sdk import F4, Arrows, ColourMap, Height, InputError, LabelMap, Light, Lights, Touch
 
 Picture = NDArray[np.uint8]
 """H x W x 3, red, green, blue."""
