@@ -70,6 +70,7 @@ from tactograph.nodes import (
     ScaleError as ScaleError,
     Slope as Slope,
     SlopeVariance as SlopeVariance,
+    robust_deviation as robust_deviation,
 )
 from tactograph.nodes.calibrate.ball.find_balls import (
     FoundBalls as FoundBalls,
@@ -135,9 +136,6 @@ from tactograph.nodes.optics.near_light import (
 )
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
-)
-from tactograph.nodes.optics.robust import (
-    robust_deviation as robust_deviation,
 )
 from tactograph.nodes.optics.shape import (
     Length as Length,

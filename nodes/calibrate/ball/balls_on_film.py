@@ -8,7 +8,7 @@ from typing import NamedTuple, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, Film
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, Film, robust_deviation
 from tactograph.nodes.calibrate import FOLD_COUNT, MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.ball.ball_surface import ball_height, sunk
 from tactograph.nodes.calibrate.lights.light_fit import (
@@ -26,7 +26,6 @@ from tactograph.nodes.optics.film import (
     turned,
 )
 from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, rest_share
-from tactograph.nodes.optics.robust import robust_deviation
 
 MIN_WEIGHT_LIGHT = 0.3
 """Light below which a sample's weight no longer grows."""

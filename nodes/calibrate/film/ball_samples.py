@@ -15,11 +15,8 @@ from tactograph.graph import NodeCall, Port
 from tactograph.nodes import F4, F8, U1, Film, Light, LightPositions, Noise, PixelSize
 from tactograph.nodes.calibrate import (
     FOLD_COUNT,
-    LED_DRIFT,
-    LED_DRIFT_ACROSS,
     MAX_LED_WIDTHS,
     MAX_SAMPLE_SLOPE,
-    MIN_BOUNCE_ERROR,
     SHIFT_DEVIATION_PX,
     BallCircles,
     BallPress,
@@ -205,12 +202,6 @@ class FilmEvidence(NamedTuple):
     noise: Noise
     pixel: PixelSize
     shape: RestShape | None = None
-    SHIFT_PX = SHIFT_DEVIATION_PX
-    """Standard deviation of an object's place."""
-    DRIFT, DRIFT_ACROSS = LED_DRIFT, LED_DRIFT_ACROSS
-    """Of an LED's light since the flat frame, and of how that changes across half the image."""
-    BOUNCE_ERROR = MIN_BOUNCE_ERROR
-    """Relative error of the light from film to film, at least."""
 
     @staticmethod
     def prior(name: str) -> Unknown:

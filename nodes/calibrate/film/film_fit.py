@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4, F8
+from tactograph.nodes import F4, F8, robust_deviation
 from tactograph.nodes.calibrate.ball.balls_on_film import (
     MAX_INDEPENDENT_SAMPLES,
     MAX_ROUNDS,
@@ -38,7 +38,6 @@ from tactograph.nodes.calibrate.lights.descend import (
 )
 from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
 from tactograph.nodes.optics.film import FADE_WIDTH, place_terms, shades, term_count
-from tactograph.nodes.optics.robust import robust_deviation
 
 
 class Fitting(NamedTuple):

@@ -8,6 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F8, Film
+from tactograph.nodes.calibrate import (
+    LED_DRIFT,
+    LED_DRIFT_ACROSS,
+    MIN_BOUNCE_ERROR,
+    SHIFT_DEVIATION_PX,
+)
 from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
 from tactograph.nodes.calibrate.lights.descend import DERIVATIVE_STEP
 from tactograph.nodes.calibrate.lights.light_fit import INFINITY_MM
@@ -25,7 +31,7 @@ class Unknown(NamedTuple):
     @staticmethod
     def of(name: str) -> "Unknown":
         """Return an unknown of LEDs or film; the limits are those of a `Film`."""
-        each = (LED_UNKNOWNS | SHARED_UNKNOWNS)[name]
+        each = (LED_UNKNOWNS | SHARED_UNKNOWNS | USUAL_CHANGES)[name]
         if name not in Film._fields:
             return each
         stored = FILM_VALUES[name].stored
@@ -75,6 +81,14 @@ reach from a point to the narrowest lens; none emits more beside its axis.  It i
 frame only: ignoring it would give a wrong distance there, while touched film, relative to the flat
 frame, hardly depends on it."""
 SHARED_UNKNOWNS |= dict.fromkeys(STATED_UNKNOWNS, Unknown(1.0, 1.0, DERIVATIVE_STEP))
+USUAL_CHANGES = {
+    "place_px": Unknown(spread=SHIFT_DEVIATION_PX),
+    "led_drift": Unknown(1.0, LED_DRIFT),
+    "led_drift_across": Unknown(spread=LED_DRIFT_ACROSS),
+    "bounced": Unknown(1.0, MIN_BOUNCE_ERROR),
+}
+"""What is not fitted: an object's place, an LED's light since the flat frame and how that changes
+across the image, and the light from film to film over that of the model."""
 UNKNOWNS_OF_FLAT_ALONE = "strength", "emission", "aim"
 """Unknowns without effect on the light of touched film relative to the film at rest."""
 UNKNOWNS_OF_TOUCH_ALONE = "gain", "wrap", "diffuse", "rim", "size"

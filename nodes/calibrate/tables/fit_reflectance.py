@@ -5,10 +5,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError, Port, node
-from tactograph.nodes import F4, Labels, Light, Mask, Reflectance, Slope
+from tactograph.nodes import F4, Labels, Light, Mask, Reflectance, Slope, robust_deviation
 from tactograph.nodes.calibrate import MIN_PIXELS
 from tactograph.nodes.optics.gauss_newton import SlopeNormal
-from tactograph.nodes.optics.robust import robust_deviation
 
 
 class ReflectanceFit(NamedTuple):

@@ -12,6 +12,10 @@ from numpy.typing import NDArray
 from tactograph.rings.recheck.nodes.film_change import FilmChange
 from tactograph.sdk import F4, FilmEvidence, Judged, Metrics, PixelSize, node, robust_deviation
 
+PLACE_PX, LED_DRIFT, LED_DRIFT_ACROSS = (
+    FilmEvidence.prior(name).spread for name in ("place_px", "led_drift", "led_drift_across")
+)
+"""Deviations that are usual: of the image in px, of an LED's light and of its change across it."""
 MAX_AMBIENT = 0.004
 """Tolerated light that comes from no LED, as a fraction of full scale: one 8-bit step."""
 MAX_BLACK_LEVEL = 0.1
@@ -64,7 +68,7 @@ def judge_film(change: FilmChange, pixel: PixelSize) -> Verdicts:
         "ambient": _of_ambient(ambient),
         "camera": f"the image has moved by {shift[0]:+.1f},{shift[1]:+.1f} px: fix the camera and "
         "calibrate again"
-        if moved > FilmEvidence.SHIFT_PX
+        if moved > PLACE_PX
         else "",
     }
     # No LED gives less than no light, no black level falls by more than it stood at, and no dent is
@@ -134,7 +138,7 @@ def _dent(dent: F4, pixel: float) -> tuple[float, tuple[int, int]]:
     by_y, by_x = np.gradient(dent, pixel)
     slopes = np.stack([by_y, by_x])
     # LEDs that drift across the image turn film by as much.
-    if np.abs(slopes).max() < max(_noise(slopes), FilmEvidence.DRIFT_ACROSS):
+    if np.abs(slopes).max() < max(_noise(slopes), LED_DRIFT_ACROSS):
         return 0.0, (0, 0)
     y, x = np.unravel_index(int(np.abs(dent).argmax()), dent.shape)
     return float(dent[y, x]), (int(x), int(y))
@@ -144,7 +148,7 @@ def _of_leds(strength: F4) -> str:
     usual = float(np.median(strength))
     k = int(np.abs(strength / usual - 1).argmax())
     percent = 100 * float(strength[k]) / usual
-    drift = Judged.reach(strength.size) * FilmEvidence.DRIFT
+    drift = Judged.reach(strength.size) * LED_DRIFT
     if abs(percent - 100) > 100 * drift:
         return (
             f"LED {k + 1} has {percent:.0f} % of the light that the others have: check it and its "

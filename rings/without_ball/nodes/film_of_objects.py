@@ -326,7 +326,7 @@ def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
     if film.refraction > 1:
         figures |= {"film_albedo": film.albedo, "coat_roughness": film.roughness}
         figures |= {"coat_index": film.refraction}
-    errors = level, 4 * scene.pixel, LIGHT_ERROR, FilmEvidence.BOUNCE_ERROR, 0
-    misfit = np.array(errors, np.float32)
+    bounce = FilmEvidence.prior("bounced").spread
+    misfit = np.array([level, 4 * scene.pixel, LIGHT_ERROR, bounce, 0], np.float32)
     film = film.stored()._replace(other_lights=others)
     return FilmOfObjects(film, misfit, scale, figures, doubts)
