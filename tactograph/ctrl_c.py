@@ -6,7 +6,8 @@ import threading
 import time
 from types import FrameType
 
-AGAIN_S = 0.02
+RETRY_S = 0.02
+"""Pause before Ctrl-C is sent again."""
 PATIENCE_S = 5.0
 """An import that takes longer than that is interrupted all the same."""
 _first: float | None = None
@@ -27,7 +28,7 @@ def interrupt(number: int, frame: FrameType | None) -> None:
     now = time.monotonic()
     _first = now if _first is None else _first
     if _is_in_import(frame) and now - _first < PATIENCE_S:
-        timer = threading.Timer(AGAIN_S, _send, [number])
+        timer = threading.Timer(RETRY_S, _send, [number])
         timer.daemon = True
         timer.start()
         return

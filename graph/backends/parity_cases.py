@@ -77,7 +77,9 @@ def make_inputs(node: Node, case: Case) -> dict[str, Any]:
     rng = np.random.default_rng(zlib.crc32(f"{node.name} {case}".encode()))
     arrays: dict[str, Any] = {}
     if node.make_example is not None:
-        arrays = dict(node.make_example(rng, **case.sizes))
+        for name, value in node.make_example(rng, **case.sizes).items():
+            dtype = node.inputs[name].dtype
+            arrays[name] = value if dtype is None else np.ascontiguousarray(value, dtype)
     for name, port in node.inputs.items():
         if name not in arrays and port.kind != "object":
             arrays[name] = _drawn(port, case, rng)

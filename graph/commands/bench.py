@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import FILE_PATH, RunOptions, graph_command, say
+from tactograph.graph.commands import FILE_PATH, RunOptions, graph_command, print_table, say
 from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
@@ -73,14 +73,9 @@ def _places(options: RunOptions) -> list[RunOptions]:
 
 def _report(row: Mapping[str, Any]) -> None:
     """A table of the steps that run for every item, and the total."""
-    from rich.console import Console
-    from rich.table import Column, Table
-
-    headings = Column("step", overflow="fold"), "back end", Column("ms", justify="right")
-    table = Table(*headings, title=f"{row['device']}: {row['items']} items")
-    for node in row["nodes"]:
-        table.add_row(node["node"], node["backend"], f"{node['ms']:.3f}")
-    Console(markup=False).print(table)
+    steps = ((node["node"], node["backend"], f"{node['ms']:.3f}") for node in row["nodes"])
+    title = f"{row['device']}: {row['items']} items"
+    print_table(title, ("step", "back end", "ms"), steps)
     ready, total = row["ready_s"], row["ms"]
     rate = 1e3 / total
     say(f"an item {total:.2f} ms, {rate:.1f} items per second; ready after {ready:.1f} s")

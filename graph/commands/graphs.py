@@ -1,7 +1,5 @@
 """``tactograph graphs``: the graphs that ship."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import click

@@ -169,8 +169,8 @@ class _Report:
             self._news(result.warnings)
         else:
             name = _name_of(result)
-            self.warnings(result.warnings[: result.lasting])
-            self.warnings(result.warnings[result.lasting :], f"{name}: " if name else "")
+            self.warnings(result.warnings[: result.shared_warnings])
+            self.warnings(result.warnings[result.shared_warnings :], f"{name}: " if name else "")
         kind = warning_kind(" ".join(v for v in result.outputs.values() if isinstance(v, str)))
         news, self._last_kind = number == 1 or kind != self._last_kind, kind
         if not self._quiet and (not endless or news):
@@ -201,12 +201,11 @@ def _ending(pipeline: Pipeline, warnings: Collection[str]) -> str:
     """The last line: where the results are, and the number of warnings."""
     plan = pipeline.plan
     places = {
-        str(plan.arguments.get(name[1:], param.default)): None
+        str(plan.arguments.get(name, param.default)): None
         for task in plan.tasks.values()
         if task.node.sink
-        for name in task.entry.settings.values()
-        if isinstance(name, str) and name.startswith("$")
-        if (param := plan.graph.params[name[1:]]).kind == "path"
+        for name in task.entry.params.values()
+        if (param := plan.graph.params[name]).kind == "path"
     }
     written = ", ".join(place for place in places if Path(place).exists())
     warned = (

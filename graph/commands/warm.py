@@ -1,7 +1,5 @@
 """``tactograph warm``: build a graph's kernels ahead of its first run."""
 
-from __future__ import annotations
-
 from tactograph.graph.commands import RunOptions, graph_command, say
 from tactograph.graph.errors import InputError
 

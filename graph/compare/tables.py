@@ -252,23 +252,22 @@ def _cells(
 
 def _write_csv(lines: Sequence[Line], file: Path) -> None:
     names, targets = columns(lines, details=True), sweep_columns(lines)
-    several = any(len(line.rows) > 1 for line in lines)
-    spread = [f"{name}_{end}" for name in names for end in ("low", "high")] if several else []
+    several, rows = any(len(line.rows) > 1 for line in lines), list[dict[str, Any]]()
+    for line in lines:
+        row = {"variant": line.variant, "capture": line.capture, "backend": line.backend}
+        row |= {target: line.sweep.get(target, "") for target in targets}
+        figures = {name: line.figures.get(name) for name in names}
+        row |= {name: "" if f is None else f.mean for name, f in figures.items()}
+        if several:
+            row["runs"] = len(line.rows)
+            for name, f in figures.items():
+                row[f"{name}_low"], row[f"{name}_high"] = ("", "") if f is None else (f.low, f.high)
+        row |= {"hash": line.hash, "warnings": "; ".join(line.warnings), "error": line.error}
+        rows.append(row)
     with file.open("w", newline="") as stream:
-        writer = csv.writer(stream)
-        extra = ["runs", *spread] if several else []
-        writer.writerow(
-            ["variant", "capture", "backend", *targets, *names, *extra, "hash", "warnings", "error"]
-        )
-        for line in lines:
-            swept = [line.sweep.get(target, "") for target in targets]
-            figures = [line.figures.get(name) for name in names]
-            means = ["" if f is None else f.mean for f in figures]
-            ends = [end for f in figures for end in (("", "") if f is None else (f.low, f.high))]
-            more = [len(line.rows), *ends] if several else []
-            start = [line.variant, line.capture, line.backend]
-            messages = ["; ".join(line.warnings), line.error]
-            writer.writerow([*start, *swept, *means, *more, line.hash, *messages])
+        writer = csv.DictWriter(stream, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def _markdown(lines: Sequence[Line], names: Sequence[str]) -> str:

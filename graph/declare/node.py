@@ -38,7 +38,7 @@ from tactograph.graph.declare.ports import (
     record_values,
 )
 from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
-from tactograph.graph.declare.tolerance import Close, Tolerance
+from tactograph.graph.declare.tolerance import Close
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.description import Description
@@ -62,7 +62,7 @@ class Node:
     stream: bool
     named: NamedPorts | None = None
     neutral: float | str | None = None
-    tolerance: Tolerance = field(default_factory=Close)
+    tolerance: Close = field(default_factory=Close)
     sizes: Mapping[str, SizeLimit] = field(default_factory=dict)
     derived: Mapping[str, SizeRule] = field(default_factory=dict)
     package: str = "tactograph"
@@ -346,8 +346,9 @@ class Node:
     def example(self, function: Callable[..., dict[str, Any]]) -> Callable[..., dict[str, Any]]:
         """Register a function that makes test inputs, for nodes whose inputs depend on one another.
 
-        It is called as ``f(rng, **sizes)`` and returns inputs by port name.  All further inputs are
-        drawn from their ports' ranges.
+        It is called as ``f(rng, **sizes)`` and returns inputs by port name, whose arrays are
+        converted to the ports' element types.  All further inputs are drawn from their ports'
+        ranges.
         """
         self.make_example = function
         return function

@@ -73,9 +73,19 @@ def _whole(value: Any) -> Any:
 Format = Annotated[
     Literal[1], BeforeValidator(_whole), Field(description="The version of this file format.")
 ]
+
+
+def _listed(value: Any) -> Any:
+    if isinstance(value, str):
+        return [value]
+    if not isinstance(value, list):
+        raise PydanticCustomError("names", "a name or a list of names is needed")
+    return value
+
+
 _ONE_OR_MORE = (
     Field(min_length=1),
-    BeforeValidator(lambda value: [value] if isinstance(value, str) else value),
+    BeforeValidator(_listed),
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}),
 )
 Names = Annotated[list[str], *_ONE_OR_MORE]
@@ -180,13 +190,14 @@ class UseModel(_Strict):
 _AN_OP, _A_GROUP = "(op)", "(group)"
 
 
-def _op_or_group(value: Any) -> str:
-    return _A_GROUP if isinstance(value, dict) and "group" in value else _AN_OP
+def _by_key(key: str, tag: str, other: str) -> Discriminator:
+    """Take the model `tag` for a mapping with this key, else the `other`."""
+    return Discriminator(lambda value: tag if isinstance(value, dict) and key in value else other)
 
 
 AnyNode = Annotated[
     Annotated[NodeModel, Tag(_AN_OP)] | Annotated[UseModel, Tag(_A_GROUP)],
-    Discriminator(_op_or_group),
+    _by_key("group", _A_GROUP, _AN_OP),
 ]
 
 
@@ -249,14 +260,10 @@ class SharedGroupModel(_Strict):
 _FROM_FILE, _IN_PLACE = "(extends)", "(nodes)"
 
 
-def _file_or_here(value: Any) -> str:
-    return _FROM_FILE if isinstance(value, dict) and "extends" in value else _IN_PLACE
-
-
 _MODEL_TAGS = (_AN_OP, _A_GROUP, _FROM_FILE, _IN_PLACE)
 AnyGroup = Annotated[
     Annotated[SharedGroupModel, Tag(_FROM_FILE)] | Annotated[GroupModel, Tag(_IN_PLACE)],
-    Discriminator(_file_or_here),
+    _by_key("extends", _FROM_FILE, _IN_PLACE),
 ]
 
 
@@ -379,7 +386,8 @@ def _sentence(first: ErrorDetails, document: Document, whole: type[BaseModel]) -
         return f"{place}: '{path[-1]}' is missing"
     value = shortened(repr(first.get("input")))
     if kind == "string_pattern_mismatch":
-        return f"{place}: {value} is not a name such as 'cal' or 'cal.flat'"
+        hint = "; a decimal number is written with a point" if first["input"].isdigit() else ""
+        return f"{place}: {value} is not a name such as 'cal' or 'cal.flat'{hint}"
     if path == ("format",):
         return f"{place}: this version reads format {GRAPH_FORMAT}, not {value}"
     what = _WANTED_BY_TYPE.get(kind)

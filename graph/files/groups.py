@@ -19,6 +19,7 @@ from tactograph.graph.files.flat_graph import (
     Group,
     Param,
     Use,
+    params_in,
     split_previous,
 )
 
@@ -132,7 +133,7 @@ def refuse_idle(name: str, group: Group) -> None:
     body, nodes = group.body, group.nodes
     references = [split_previous(r)[0] for e in nodes.values() for r in e.inputs.values()]
     read = {reference.partition(".")[0] for reference in references}
-    params = {v for e in nodes.values() for v in e.settings.values() if isinstance(v, str)}
+    params = {param for e in nodes.values() for param in params_in(e.settings).values()}
     for each in group.inputs:
         where = body.where(f"inputs.{each}")
         if each in nodes:
@@ -140,7 +141,7 @@ def refuse_idle(name: str, group: Group) -> None:
         if each not in read:
             raise GraphError(f"{where}: no node of the group '{name}' reads the input '{each}'")
     for each in body.params:
-        if f"${each}" not in params:
+        if each not in params:
             where = body.where(f"params.{each}")
             raise GraphError(f"{where}: no node of the group '{name}' takes the param '${each}'")
     for output, reference in body.outputs.items():
@@ -307,15 +308,11 @@ def _settings(
         return dict(settings)
     use = graph.uses[scope]
     resolved = dict(settings)
-    for key, value in settings.items():
-        if isinstance(value, str) and value.startswith("$"):
-            if value[1:] not in use.settings:
-                hint = did_you_mean(value[1:], use.settings)
-                raise GraphError(
-                    f"{entry.where(f'with.{key}')}: the group '{use.group}' has no param "
-                    f"'{value[1:]}'{hint}"
-                )
-            resolved[key] = use.settings[value[1:]]
+    for key, param in params_in(settings).items():
+        if param not in use.settings:
+            where, hint = entry.where(f"with.{key}"), did_you_mean(param, use.settings)
+            raise GraphError(f"{where}: the group '{use.group}' has no param '{param}'{hint}")
+        resolved[key] = use.settings[param]
     return resolved
 
 
@@ -323,10 +320,8 @@ def _used_by(use: Use, entry: Entry) -> dict[str, Place]:
     """Places of a group's entry, each with the place of the use, which names the node."""
     stated = {f"in.{port}": f"in.{r.partition('.')[0]}" for port, r in entry.inputs.items()}
     stated |= {f"with.{key}": f"with.{str(v)[1:]}" for key, v in entry.settings.items()}
-    return {
-        key: place._replace(use=use.place(stated.get(key, "")))
-        for key, place in entry.places.items()
-    }
+    places = entry.places.items()
+    return {key: place._replace(use=use.place(stated.get(key, ""))) for key, place in places}
 
 
 def _joined(name: str, rest: str) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, did_you_mean
-from tactograph.graph.files.flat_graph import Entry, Graph, Use
+from tactograph.graph.files.flat_graph import Entry, Graph, Use, params_in
 from tactograph.graph.files.groups import (
     flat_reference,
     in_scope,
@@ -164,18 +164,16 @@ def _set_use(graph: Graph, path: str, values: Mapping[str, Any], places: Places)
     body = graph.definition(use).body
     settings = {**use.settings, **values}
     graph = replace(graph, uses={**graph.uses, path: replace(use, settings=settings)})
-    words = {f"${name}": value for name, value in values.items()}
-    for name in values:
-        nodes = graph.definition(use).nodes.values()
-        if not any(f"${name}" in each.settings.values() for each in nodes):
-            raise GraphError(
-                f"{places['']}: set: no node of the group '{use.group}' takes the param '{name}' "
-                "any more, since an earlier change gave its reader a value"
-            )
+    nodes = graph.definition(use).nodes.values()
+    for name in values.keys() - {p for each in nodes for p in params_in(each.settings).values()}:
+        raise GraphError(
+            f"{places['']}: set: no node of the group '{use.group}' takes the param '{name}' "
+            "any more, since an earlier change gave its reader a value"
+        )
 
     def taken(entry: Entry | Use) -> dict[str, Any]:
-        settings = entry.settings.items()
-        return {key: words[v] for key, v in settings if isinstance(v, str) and v in words}
+        params = params_in(entry.settings).items()
+        return {key: values[param] for key, param in params if param in values}
 
     for name, entry in body.nodes.items():
         node = f"{path}.{name}"

@@ -76,30 +76,19 @@ def _settings(node: Node, definitions: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rule(node: Node) -> dict[str, Any]:
-    about = node.about
+    about, text = node.about, {"type": "string"}
+    words = {
+        n: f"{about.arguments[n]} ({node.inputs.get(n, 'a record')})" for n in node.input_names
+    }
+    words |= dict.fromkeys(node.further_names, "")
+    words[CONDITION_INPUT] = "Run only where this is not zero."
+    words[RESTING_INPUT] = "With `when`: the node whose values replace these if it rests."
     properties: dict[str, Any] = {
         "op": {"description": about.summary},
         "with": {"$ref": f"#/$defs/with_{node.name}"},
         "in": {
-            "properties": {
-                name: {
-                    "type": "string",
-                    "description": f"{about.arguments[name]} ({node.inputs.get(name, 'a record')})",
-                }
-                for name in node.input_names
-            }
-            | {name: {"type": "string"} for name in node.further_names}
-            | {
-                CONDITION_INPUT: {
-                    "type": "string",
-                    "description": "Run only where this is not zero.",
-                },
-                RESTING_INPUT: {
-                    "type": "string",
-                    "description": "With `when`: the node whose values replace these if it rests.",
-                },
-            },
-            "additionalProperties": {"type": "string"} if node.repeated else False,
+            "properties": {n: text | ({"description": w} if w else {}) for n, w in words.items()},
+            "additionalProperties": text if node.repeated else False,
         },
     }
     this = {"required": ["op"], "properties": {"op": {"const": node.name}}}

@@ -3,8 +3,6 @@
 Answers are kept on disk for later processes: importing networkx takes 0.1 s and 12 MiB.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence, Set as AbstractSet
 from typing import Any, TypeVar

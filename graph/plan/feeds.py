@@ -25,8 +25,8 @@ def feed_of(plan: Plan, task: Task, name: str) -> str | None:
 
 def _params(task: Task) -> dict[str, str]:
     """The graph's params by the node's parameters that they set, in the order of declaration."""
-    settings = ((name, task.entry.settings.get(name)) for name in task.node.parameters)
-    return {n: v[1:] for n, v in settings if isinstance(v, str) and v.startswith("$")}
+    params = task.entry.params
+    return {name: params[name] for name in task.node.parameters if name in params}
 
 
 def _param_behind(plan: Plan, value: Value, name: str) -> str | None:

@@ -28,6 +28,8 @@ class NewSettings(NamedTuple):
 
 def with_parameters(plan: Plan, node: str, parameters: Mapping[str, Any]) -> NewSettings:
     """Change parameters of a node, or of all nodes that a name stands for; see `Pipeline.set`."""
+    if not isinstance(node, str):
+        raise InputError(f"set: {node!r} is not a node's name")
     before = plan.graph
     changes = {f"{node}.{name}": value for name, value in parameters.items()}
     graph = with_changes(before, changes, "set")
@@ -46,13 +48,12 @@ def with_values(plan: Plan, values: Mapping[str, Any]) -> NewSettings:
     graph, arguments = plan.graph, {**plan.arguments, **values}
     for name in values:
         graph.check_param(name)
-    words = {f"${name}" for name in values}
     settings: dict[str, dict[str, Any]] = {}
     for task in plan.tasks.values():
-        used = [v for v in task.entry.settings.values() if isinstance(v, str) and v in words]
+        used = [param for param in task.entry.params.values() if param in values]
         if used and not task.stream:
             raise InputError(
-                f"{graph.name}: '{task.id}' runs once and takes {used[0]}; "
+                f"{graph.name}: '{task.id}' runs once and takes ${used[0]}; "
                 "it cannot differ from item to item"
             )
         if used:

@@ -1,7 +1,5 @@
 """Pass 6: put the steps in order, and mark the last reader of each value on the device."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

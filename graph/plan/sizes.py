@@ -4,8 +4,6 @@ A symbol (K, H, W) belongs to its node; an edge makes the symbols at its ends on
 Fixed sizes are checked before anything runs, all others as soon as the sources have yielded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
@@ -133,9 +131,8 @@ class SizeClasses:
 
 def _in_graph(task: Task, port: str) -> str:
     """A port in words, led by the first of the graph's params that its node takes."""
-    settings = (s for s in task.entry.settings.values() if isinstance(s, str) and s[:1] == "$")
-    param = None if task.stand_in else next(settings, None)
-    return f"{task.id}.{port}" if param is None else f"{param[1:]}= ({task.id}.{port})"
+    param = None if task.stand_in else next(iter(task.entry.params.values()), None)
+    return f"{task.id}.{port}" if param is None else f"{param}= ({task.id}.{port})"
 
 
 def _clash_in_words(dim: str, dims: tuple[Dim, ...], one: Bound, other: Bound) -> str:

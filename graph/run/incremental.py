@@ -161,7 +161,9 @@ class OnlyChanged(Executor):
                 runs.append({name: times[name] for name in self._ran if name in times})
                 self._to_repeat = {s.name for s in steps if s.stream} & self._ran
         except BaseException:
-            self._take_back()
+            for spot, cached in self._captured:  # its value may be incomplete
+                self._cache.drop(cached)
+                self._here.pop(spot, None)
             raise
         for step in steps:
             if step.name in self._ran:
@@ -312,9 +314,3 @@ class OnlyChanged(Executor):
             [(name, self._before.get(value)) for name, value in task.recalls.items()],
             sorted((n, key) for n, key in outside if n in self._keys),
         )
-
-    def _take_back(self) -> None:
-        """Forget the values of a failed walk: they may be incomplete."""
-        for spot, cached in self._captured:
-            self._cache.drop(cached)
-            self._here.pop(spot, None)

@@ -148,6 +148,7 @@ class Items:
         same_item: bool,
     ) -> Result:
         executor, host = self._executor, self.runner.host
+        before = len(self.runner.notes)
         executor.begin(same_item=same_item)
         total = self._run(part, yields, repeats, outputs)
         tasks = self._plan.tasks
@@ -161,7 +162,7 @@ class Items:
             item={value: host[value] for value in yielded},
             total=total,
             reused=executor.reused,
-            lasting=self._lasting,
+            shared_warnings=before,
         )
         executor.end()
         return result

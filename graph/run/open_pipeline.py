@@ -214,21 +214,15 @@ def _stand_ins(graph: Graph, arguments: Mapping[str, Any]) -> frozenset[str]:
 
     Raises InputError if one that is given changes nothing but what these sources would read.
     """
-
-    def is_missing(setting: Any) -> bool:
-        if not isinstance(setting, str) or not setting.startswith("$"):
-            return False
-        param = graph.params.get(setting[1:])
-        return param is not None and param.required and setting[1:] not in arguments
-
+    lacking = graph.placeholders.keys() - arguments.keys()
     ungiven = frozenset(
         node_id
         for node_id, entry in graph.nodes.items()
-        if any(map(is_missing, entry.settings.values()))
+        if not lacking.isdisjoint(entry.params.values())
         and find_node(entry.op, graph.own).may_be_handed_in
     )
     for name in arguments:
-        readers = [n for n, each in graph.nodes.items() if f"${name}" in each.settings.values()]
+        readers = [n for n, entry in graph.nodes.items() if name in entry.params.values()]
         if readers and ungiven.issuperset(readers):
             raise InputError(
                 f"{graph.name}: only {readers[0]} reads {name}=, and it is not run, as its images "

@@ -26,8 +26,9 @@ class Result(Mapping[str, Any]):
         Milliseconds of wall time from the source to the last output.
     reused
         Steps that did not run, since their results were in the cache.
-    lasting
-        Number of warnings, the first ones, that hold for every item.
+    shared_warnings
+        Number of warnings, the first ones, that are not about the item: of nodes that ran once, and
+        of the source, which names its files itself.
     """
 
     outputs: dict[str, Any]
@@ -37,7 +38,7 @@ class Result(Mapping[str, Any]):
     item: dict[Value, Any] = field(default_factory=dict)
     total: float = 0.0
     reused: frozenset[str] = frozenset()
-    lasting: int = 0
+    shared_warnings: int = 0
 
     def svg(self, opened: Iterable[str] = ()) -> str:
         """The plan with its times as SVG; a group's use is one box unless it is in `opened`."""

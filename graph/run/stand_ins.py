@@ -123,11 +123,7 @@ def _converted(array: NDArray[Any], port: PortType) -> NDArray[Any]:
 def _values(array: Any, name: str, port: PortType) -> NDArray[Any]:
     """The array, if it has the dimensions and dtype of a port."""
     values = _array(array, name, nan=port.port.nan)
-    fits = values.ndim == len(port.dims) and all(
-        isinstance(dim, str) or dim == size
-        for dim, size in zip(port.dims, values.shape, strict=True)
-    )
-    if port.dtype is None or not fits:
+    if port.dtype is None or not port.fits(values.shape):
         raise InputError(
             f"{name} is {port}, not of shape {values.shape}{_one_by_one(values, port)}"
         )
@@ -165,28 +161,19 @@ def _array(array: Any, name: str, *, nan: bool = False) -> NDArray[Any]:
 def _images(array: Any) -> NDArray[Any]:
     """A stack K x H x W of unsigned integers or finite floats."""
     stack = _array(array, "a stack of images")
-    if stack.ndim == 3 and stack.shape[2] <= MAX_LIGHTS < stack.shape[0]:
-        raise InputError(
-            f"a stack of images is K x H x W; {stack.shape} looks like H x W x K: "
-            "np.moveaxis(stack, -1, 0) puts the lights first"
-        )
-    if stack.ndim == 4 and stack.shape[3] in (3, 4):
-        raise InputError(
-            f"a stack of images is K x H x W; {stack.shape} looks like K colour images: "
-            "stack[..., 1] takes one channel of each"
-        )
-    if stack.ndim == 2:
-        raise InputError(
-            f"a stack of images is K x H x W, not one image of {stack.shape}: "
-            "np.stack([led1, led2, …]) makes one of an image per LED"
-        )
-    if stack.ndim == 4:
-        raise InputError(
-            f"a stack of images is K x H x W; {stack.shape} looks like several: go through "
-            "pipeline.stream(stacks)"
-        )
-    if stack.ndim != 3:
-        raise InputError(f"a stack of images is K x H x W, not of shape {stack.shape}")
+    shape, but = stack.shape, ""
+    if stack.ndim == 3 and shape[2] <= MAX_LIGHTS < shape[0]:
+        but = f"; {shape} looks like H x W x K: np.moveaxis(stack, -1, 0) puts the lights first"
+    elif stack.ndim == 4 and shape[3] in (3, 4):
+        but = f"; {shape} looks like K colour images: stack[..., 1] takes one channel of each"
+    elif stack.ndim == 4:
+        but = f"; {shape} looks like several: go through pipeline.stream(stacks)"
+    elif stack.ndim == 2:
+        but = f", not one image of {shape}: np.stack([led1, led2, …]) makes one of an image per LED"
+    elif stack.ndim != 3:
+        but = f", not of shape {shape}"
+    if but:
+        raise InputError(f"a stack of images is K x H x W{but}")
     if stack.dtype.kind not in "uf":
         cure = "; stack.astype(np.uint8) if they are 8 bit" if stack.dtype.kind == "i" else ""
         raise InputError(

@@ -74,11 +74,9 @@ def draw_errors(panels: Panels, unit: str) -> tuple[str, float]:
     Returns the picture, and the end of the scale.
     """
     everything = np.abs(_finite(panels))
-    end = (
-        float(np.percentile(everything, ERROR_PERCENTILE)) or float(everything.max()) or 1.0
-        if everything.size
-        else 1.0
-    )
+    end = 1.0
+    if everything.size:
+        end = float(np.percentile(everything, ERROR_PERCENTILE)) or float(everything.max()) or end
     return _maps(panels, unit, "RdBu_r", Normalize(-end, end), "both"), end
 
 

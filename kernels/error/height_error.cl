@@ -16,6 +16,7 @@
 #define FULL_MISFIT_SLOPE 0.1f
 #define LEVEL_MISFIT_SHARE 0.3f
 #define MIN_SHARPNESS 0.5f
+#define FOLD_VARIANCES 10.006145f
 #define ERROR_COUNT 8
 // The number of LEDs: if the compiler knows it, loops over them are unrolled.
 #ifdef LEDS
@@ -209,6 +210,23 @@ LANED __kernel void shine(
     store_floats(1.0f / sharper, blunt + i, count);
 }
 
+// From what lies before a pixel, by the two pixels there, up to the pixel and to what lies after it.
+typedef struct { floats up, across; } Sides;
+
+static Sides sides_at(
+    __global const float *plane, const int y, const int x, const int count, const int H,
+    const int W, const int stride, const int down)
+{
+    floats at[5];
+    for (int n = -2; n <= 2; ++n) {
+        __global const float *row = plane + clamp(y + n * down, 0, H - 1) * stride;
+        at[n + 2] = load_within_border(row, x + n * (1 - down), count, W, REPLICATE);
+    }
+    const floats before = 2.0f * at[1] - at[0], after = 2.0f * at[3] - at[4];
+    const Sides sides = {at[2] - before, after - before};
+    return sides;
+}
+
 // The errors of the slopes inside the window, all in one launch because they read the same data:
 // the lights' noise; errors that all pixels of an LED share, of the LEDs' positions and light and
 // of the bounced light; errors of a pixel's mean slope and of the blur; and normals that lean in
@@ -221,7 +239,7 @@ LANED __kernel void err_slopes(
     __global const float *restrict light, __global const float *restrict blunt,
     __global float *restrict out, const int K, const int frame_height, const int frame_width,
     const int top, const int left, const int H, const int W, const float pixel,
-    const float shared, const float uneven, const float half_spread,
+    const float shared, const float uneven, const float half_spread, const int coated,
     __global const float *restrict kinds,
     __global const uint *restrict keys, __global const float *misfit,
     __global const float *apparent,
@@ -287,8 +305,32 @@ LANED __kernel void err_slopes(
             }
         }
     }
+    // What folds under a coat hide of the mean slope (`folds` of nodes/error/_slope_errors.py).
+    const floats tiny = 1e-10f;
+    floats turn = FOLD_VARIANCES * (pp + qq), hidden_p = 0.0f, hidden_q = 0.0f;
+    for (int down = 0; coated && down < 2; ++down) {
+        __global const float *first = slope + top * frame_width + left;
+        const Sides of_p = sides_at(first, row, column, count, H, W, frame_width, down);
+        first += frame_size;
+        const Sides of_q = sides_at(first, row, column, count, H, W, frame_width, down);
+        const floats product =
+            of_p.up * (of_p.across - of_p.up) + of_q.up * (of_q.across - of_q.up);
+        const ints folded = product > turn;
+        floats along = 0.0f, square = tiny;
+        EACH_LED(k) {
+            const Sides lit = sides_at(light + k * H * W, row, column, count, H, W, W, down);
+            along += lit.up * lit.across;
+            square += lit.across * lit.across;
+        }
+        const floats part = within(along / square - 0.5f, 0.5f) + 0.5f;
+        turn = folded ? product : turn;
+        hidden_p = folded ? part * of_p.across - of_p.up : hidden_p;
+        hidden_q = folded ? part * of_q.across - of_q.up : hidden_q;
+    }
+    mean_p += hidden_p;
+    mean_q += hidden_q;
     // A square root of the covariance of p and q.
-    const floats tiny = 1e-10f, alone = sqrt(pp), along = pq / MORE_OF(alone, tiny);
+    const floats alone = sqrt(pp), along = pq / MORE_OF(alone, tiny);
     const floats rest_ = qq - along * along, across = sqrt(MORE_OF(rest_, none));
     for (int n = 0; n < ERROR_COUNT; ++n) {
         const floats first = drawn_from(i, keys[n]);

@@ -79,7 +79,7 @@ Place = Annotated[float, Interval(ge=-1e6, le=1e6)]
 
 
 class CaptureFile(BaseModel):
-    """Entries of the optional ``capture.yaml`` beside the images.
+    """Entries of the optional ``capture.yaml`` beside the images, or in their parent folder.
 
     The ball's entries are for calibration (`read_balls`); `sensor` is the sensor's name, `serial`
     its camera's.
@@ -97,6 +97,13 @@ class CaptureFile(BaseModel):
 
     @classmethod
     def read(cls, folder: Path) -> Self:
+        """Read ``capture.yaml``, if there is one, and that of the folder of captures around it."""
+        around = cls._read_alone(folder.absolute().parent)
+        own = cls._read_alone(folder).model_dump(exclude_none=True)
+        return around.model_copy(update=own)
+
+    @classmethod
+    def _read_alone(cls, folder: Path) -> Self:
         """Read ``capture.yaml``, if there is one."""
         file = folder / CAPTURE_FILE
         if file.exists() and not file.is_file():
@@ -303,13 +310,9 @@ def _check_folder(folder: Path) -> None:
 
 
 def _check_sensor(folder: Path, calibration: Path | None, another_sensor: bool) -> None:
-    """Refuse a capture of another sensor, named in its file or in that of its parent folder."""
-    if calibration is None:
-        return
-    for place in (folder, folder.absolute().parent):
-        if any(order := SensorIdentity.stated_in(CaptureFile.read(place).model_dump())):
-            order.check(place, calibration, another_sensor)
-            return
+    """Refuse a capture of another sensor."""
+    of = SensorIdentity.stated_in(CaptureFile.read(folder).model_dump())
+    of.check(folder, calibration, another_sensor)
 
 
 def _read(folder: Path, layout: Layout, name: str, integers: KeepIntegers) -> Capture:

@@ -58,12 +58,12 @@ def draw_height(height: Height, error: HeightError | None, pixel: float, file: P
     figure = Figure(figsize=(10, 4), dpi=DPI)
     figure.subplots_adjust(left=0.06, right=0.985, bottom=0.13, top=0.91, wspace=0.2)
     left, right = figure.subplots(1, 2, width_ratios=(1.25, 1))
-    picture, of_all = _coloured(left, height, ColourMap("height", "mm"), pixel)
+    picture, span = _coloured(left, height, ColourMap("height", "mm"), pixel)
     coloured = np.where(height <= picture.get_clim()[1], height, -np.inf)
     top = int(np.unravel_index(int(coloured.argmax()), height.shape)[0])
     y = (top - (rows - 1) / 2) * pixel
     left.axhline(y, color="white", linewidth=0.7, linestyle="--")
-    left.set(xlabel="x / mm", ylabel="y / mm", title=f"height{of_all}")
+    left.set(xlabel="x / mm", ylabel="y / mm", title=f"height{span}")
     figure.colorbar(picture, ax=left, label="mm")
     across = (np.arange(columns) - (columns - 1) / 2) * pixel
     right.plot(across, height[top], linewidth=1)
@@ -79,14 +79,14 @@ def draw_height(height: Height, error: HeightError | None, pixel: float, file: P
 def draw_map(plane: F4, how: ColourMap, pixel: float, file: Path) -> None:
     """Draw a map in a colour scale."""
     figure, axes = _one_plane()
-    picture, of_all = _coloured(axes, how.scale * plane, how, pixel)
-    axes.set(xlabel="x / mm", ylabel="y / mm", title=f"{how.title}{of_all}")
+    picture, span = _coloured(axes, how.scale * plane, how, pixel)
+    axes.set(xlabel="x / mm", ylabel="y / mm", title=f"{how.title}{span}")
     figure.colorbar(picture, ax=axes, label=how.unit)
     FigureCanvasAgg(figure).print_png(file)
 
 
 def _coloured(axes: Axes, plane: F4, how: ColourMap, pixel: float) -> tuple[AxesImage, str]:
-    """Draw a map in colours; return the full range in words if the colours leave out a few pixels.
+    """Draw a map in colours; return its full range in words.
 
     The colours leave out one pixel in a thousand on either side if those pixels span a larger range
     than all others; otherwise a single bad corner would leave one colour for the rest.
@@ -101,9 +101,7 @@ def _coloured(axes: Axes, plane: F4, how: ColourMap, pixel: float) -> tuple[Axes
     is_log = how.logarithmic and low < high
     scale = LogNorm(least, most) if is_log else Normalize(least, most)
     picture = axes.imshow(plane, cmap=how.colours, extent=_extent(plane, pixel), norm=scale)
-    if not wide:
-        return picture, ""
-    return picture, f" ({low:.3g} to {high:.3g} {how.unit} in all)"
+    return picture, f", {low:.3g} to {high:.3g} {how.unit}"
 
 
 def _extent(plane: F4, pixel: float) -> tuple[float, float, float, float]:

@@ -11,7 +11,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import F4, FULL_MISFIT_SLOPE, LEVEL_MISFIT_SHARE, U1, Film, Misfit
+from tactograph.nodes import (
+    BAND_DEVIATIONS,
+    F4,
+    FULL_MISFIT_SLOPE,
+    LEVEL_MISFIT_SHARE,
+    U1,
+    Film,
+    Misfit,
+)
 from tactograph.nodes.error._random_errors import (
     BOUNCE_SIGNS,
     ERROR_COUNT,
@@ -39,6 +47,9 @@ MIN_DIVISOR = np.float32(1e-10)
 """Lower bound on a variance, or deviation of a slope, in a denominator."""
 MAX_SLOPE = np.float32(3)
 """Largest error of a slope."""
+FOLD_VARIANCES = np.float32(BAND_DEVIATIONS * math.sqrt(37))
+"""Noise of `folds`, at the end of the 90 % band, over the variance of a slope: slopes extrapolated
+from two pixels differ from the one between them by 6 variances, and both share it by -1."""
 
 
 class Unperturbed(NamedTuple):
@@ -95,6 +106,8 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
         light[:, part], sharper[part] = _shown(unperturbed.rows(part), film)
 
     in_blocks(shine, rows, columns)
+    hidden, turn = folds(unperturbed.slope, light)
+    turn *= film.refraction != 1
     gathered = causes.spread / 2 * np.stack([sum(second_differences(plane)) for plane in light])
 
     def enter(part: slice) -> None:
@@ -104,6 +117,8 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
         by_apparent = by_light / sharper[part]
         root = _root_of_noise(by_apparent * (causes.shared * inside.sigma))
         mean = inside.averaged - (by_apparent * gathered[:, part]).sum(axis=1)
+        noise = sum(each * each for each in root)
+        mean += np.where(turn[part] > FOLD_VARIANCES * noise, hidden[:, part], np.float32(0))
         for number, other in enumerate(film.other_lights):
             elsewhere = (other - film.lights)[:, :, None, None]
             wrong = (by_place * elsewhere).sum(axis=1)
@@ -121,6 +136,31 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
 
     in_blocks(enter, rows, columns)
     return errors
+
+
+def folds(slope: F4, light: F4) -> tuple[F4, F4]:
+    """Return what folds hide of pixels' mean slopes, 2 x h x w, and how sharply they turn, h x w.
+
+    A pixel on a fold has a mixture of the light of both sides, which two pixels on each side tell.
+    The mean slope is the same mixture of their slopes, but under a coat it is not the slope that
+    has this light.  On a fold the product of the slope's differences from both sides is positive;
+    smooth film bends away from both, and it is negative.
+    """
+    film = np.concatenate([slope, light])
+    hidden, turn = np.zeros_like(slope), np.zeros_like(slope[0])
+    for axis in (1, 2):
+        around = np.pad(film, [(2 * (axis == n),) * 2 for n in range(3)], mode="edge")
+        far, near, _, next_, last = (
+            around.take(np.arange(film.shape[axis]) + n, axis) for n in range(5)
+        )
+        before, after = 2 * near - far, 2 * next_ - last
+        across, up = after - before, film - before
+        product = (up[:2] * (across - up)[:2]).sum(axis=0)
+        along, square = (up * across)[2:].sum(axis=0), (across * across)[2:].sum(axis=0)
+        share = np.clip(along / np.maximum(square, MIN_DIVISOR), 0, 1)
+        hidden = np.where(product > turn, share * across[:2] - up[:2], hidden)
+        turn = np.maximum(turn, product)
+    return hidden, turn
 
 
 def slope_by_light(unperturbed: Unperturbed, causes: Causes) -> F4:

@@ -111,8 +111,9 @@ def height_error(
     - an error of each LED's light, common to all pixels: the departure of the film at rest, since
       LEDs drift, and the light that a touch throws on the film around it is not well known;
     - the difference between a pixel's mean slope and the slope of its mean normal, whose expansion
-      fails across an edge, and the effect of a blur, which is not corrected: to second order light
-      changes by half the blur's variance times the Laplacian of the light of the slopes;
+      fails across an edge; what folds hide under a coat (`folds`); and the effect of a blur, which
+      is not corrected: to second order light changes by half the blur's variance times the
+      Laplacian of the light of the slopes;
     - errors of the shadows' rises: an independent error, and the departure of the height from the
       rise.  At a rim that no pixel resolves, slopes pull the height down, with everything that
       stands on the rim.  In a gel that diffuses light shadows end softly, and the departure is an
@@ -275,6 +276,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
         slopes, *frame, *networks.place, networks.pixel,
         float(STUDENT_FACTOR) * math.sqrt(inputs.get("correlation") or 1.0),
         inputs["film.uneven"], (inputs.get("blur") or 0.0) ** 2 / 2,
+        int(inputs["film.refraction"] != 1),
         run.keep("kinds", lambda: run.put(kinds())), run.put(np.array(keys)), inputs["misfit"],
         inputs["apparent"], *(inputs.get(name) for name in ("bounced", "earlier", "tilt")),
         # The data of a work-item fill a cache, and a CPU holds those of all items of a group.

@@ -43,8 +43,8 @@ class FileKind(NamedTuple):
     The operations on a kind are in a module of its name, ``calibrations/NAME_kind.py``
     (`nodes.calibrate.kinds`).  The file keeps the fields of `record` that are `Stored`.  Every kind
     holds a `pixel_size`, and all but a camera's a `flat`.  `sources` lists the causes to check if a
-    calibration fails, `users` the graphs that take it.  `check` raises a `ValueError` if the
-    arrays, each valid by itself, cannot be of one sensor.
+    calibration fails without a doubt, `users` the graphs that take it.  `check` raises a
+    `ValueError` if the arrays, each valid by itself, cannot be of one sensor.
     """
 
     name: str
@@ -110,8 +110,9 @@ class FileKind(NamedTuple):
         try:
             _check_arrays(self, typed)
         except ValueError as error:
+            advice, *_ = values.get("doubts") or [f"check {self.sources}"]
             raise InputError(
-                f"{file}: the calibration failed and is not written: {error}; check {self.sources}"
+                f"{file}: the calibration failed and is not written: {error}; {advice}"
             ) from None
         _write_archive(file, {ABOUT_ARRAY: np.array(json.dumps(head)), **typed})
 
@@ -129,8 +130,7 @@ class FileKind(NamedTuple):
             As `read`, or if the file cannot be written.
         """
         typed = {n: np.asarray(array, self.values[n].dtype) for n, array in arrays.items()}
-        every = _load(file, self.maker) | typed
-        _check_head(file, self, about_in(every))
+        every = self.stored(file) | typed
         try:
             _check_arrays(self, every)
         except ValueError as error:
@@ -148,20 +148,22 @@ class FileKind(NamedTuple):
             under an LED; if the arrays cannot be of one sensor; if the header's figures are not
             numbers by name, or its doubts not sentences.
         """
-        arrays = _load(file, self.maker)
-        head = about_in(arrays)
-        _check_head(file, self, head)
+        arrays = self.stored(file)
         try:
             _check_arrays(self, arrays)
         except ValueError as error:
             raise InputError(
                 f"{file}: not as this version writes it: {error}; calibrate again"
             ) from None
-        typed = {
-            n: arrays[n] if value.port.dims else float(arrays[n])
-            for n, value in self.values.items()
-        }
-        return typed, _about(file, head)
+        values = self.values.items()
+        typed = {n: arrays[n] if v.port.dims else float(arrays[n]) for n, v in values}
+        return typed, _about(file, about_in(arrays))
+
+    def stored(self, file: Path) -> dict[str, NDArray[Any]]:
+        """Return all arrays of a file by name, of which only kind and version are checked."""
+        arrays = _load(file, self.maker)
+        _check_head(file, self, about_in(arrays))
+        return arrays
 
     @classmethod
     def named(cls, name: str) -> Self:

@@ -76,6 +76,8 @@ class ImageFile:
             raise InputError(f"{file}: too large for a camera image") from None
         except FileNotFoundError:
             raise InputError(missing(file, "file")) from None
+        except IsADirectoryError:
+            raise InputError(f"{file}: is a folder; one image is needed here") from None
         except (InputError, MemoryError):
             raise
         except Exception as error:  # a damaged file fails anywhere inside its decoder
@@ -126,7 +128,7 @@ def _check_plain(image: Image.Image, file: Path) -> None:
             "save it with black as 0"
         )
     if image.format == "JPEG":
-        warn(f"{file.parent}: JPEG compression costs accuracy; record PNG or TIFF")
+        warn("JPEG compression costs accuracy; record PNG or TIFF")
 
 
 def _raw_mode(image: Image.Image) -> str:

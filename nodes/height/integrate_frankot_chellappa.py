@@ -1,7 +1,6 @@
 """Integrate slopes by Frankot and Chellappa's projection in the frequency domain."""
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +11,7 @@ from tactograph.graph.backends.launch import Launch
 from tactograph.graph.cores import cores
 from tactograph.graph.declare.kernel_declaration import DeviceTraits, Obstacle
 from tactograph.nodes import F4, Height, PixelSize, Slope
-from tactograph.nodes.height._fourier import (
-    fourier_transform,
-    missing_vkfft,
-)
+from tactograph.nodes.height._fourier import fourier_transform, missing_vkfft
 
 C8 = NDArray[np.complex64]
 
@@ -52,7 +48,8 @@ def integrate_frankot_chellappa(slope: Slope, pixel: PixelSize) -> Height:
 def _multipliers(shape: tuple[int, ...]) -> tuple[C8, C8]:
     """-i v / (u^2 + v^2) and -i u / (u^2 + v^2), which multiply the spectra of q and of p."""
     v, u = _frequencies(shape)
-    inverse = np.complex64(-1j) * _inverse(u, v)
+    square = u * u + v * v
+    inverse = np.complex64(-1j) * np.divide(1, square, np.zeros_like(square), where=square > 0)
     return v * inverse, u * inverse
 
 
@@ -68,11 +65,6 @@ def _frequencies(shape: tuple[int, ...]) -> tuple[F4, F4]:
     return v.astype(np.float32), u.astype(np.float32)
 
 
-def _inverse(u: F4, v: F4) -> F4:
-    square = u * u + v * v
-    return np.asarray(np.where(square > 0, 1 / np.where(square > 0, square, 1), 0), np.float32)
-
-
 def _can_run(device: DeviceTraits) -> Obstacle | None:
     missing = missing_vkfft()
     slower = "SciPy transforms faster than VkFFT on a CPU" if device.is_cpu else None
@@ -83,7 +75,7 @@ def _can_run(device: DeviceTraits) -> Obstacle | None:
 def _launch(run: Launch) -> None:
     """Transform both slopes, combine them, transform back."""
     height, width = shape = run.sizes["H"], run.sizes["W"]
-    v, u = run.keep(("frequencies", shape), lambda: _uploaded(run, _frequencies(shape)))
+    v, u = run.keep(("frequencies", shape), lambda: [*map(run.put, _frequencies(shape))])
     # Both real fields as one complex field p + i q: one transform instead of two.
     packed = run.scratch(shape, np.complex64)
     fourier = fourier_transform(run, shape)
@@ -94,8 +86,3 @@ def _launch(run: Launch) -> None:
     fourier.inverse(run, spectrum)
     out = run.outputs["integrate_frankot_chellappa"]
     run.kernel("real_part", shape, spectrum, out, height, width, float(run.inputs["pixel"]))
-
-
-def _uploaded(run: Launch, frequencies: tuple[F4, F4]) -> tuple[Any, Any]:
-    v, u = frequencies
-    return run.put(v), run.put(u)

@@ -13,7 +13,7 @@ from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, F8, CoarseLight, Grain, Height, robust_deviation
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
-from tactograph.nodes.optics.near_light import places
+from tactograph.nodes.optics.near_light import image_places
 
 WINDOW_CELLS = 5
 """Side in cells over which calm light is averaged."""
@@ -85,8 +85,7 @@ def _powers() -> list[tuple[int, int]]:
 
 def _axes(shape: tuple[int, ...]) -> tuple[F4, F4]:
     """x and y from the middle, divided by half the width: 1 x W and H x 1."""
-    v, u = (places(count, np.float32(2 / shape[1])) for count in shape)
-    return u[None, :], v[:, None]
+    return image_places(shape, 2 / shape[1])
 
 
 def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
@@ -162,10 +161,6 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, h: int, w: int) -
     u, v = _axes((H, W))
     height = sum(rng.uniform(-0.05, 0.05) * u**i * v**j for i, j in _powers())
     touched = np.broadcast_to(u > 0.5, (H, W))
-    light = np.ones((K, h, w), np.float32)
+    light = np.ones((K, h, w))
     light[:, :, 3 * w // 4 :] = 1.3
-    return {
-        "height": np.asarray(height + 0.5 * touched, np.float32),
-        "light": light,
-        "grain": 0.02,
-    }
+    return {"height": height + 0.5 * touched, "light": light, "grain": 0.02}

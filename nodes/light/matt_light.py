@@ -12,15 +12,24 @@ from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.coat import upload_curve
 from tactograph.nodes.optics.film import (
     LIGHT_FIELDS,
+    Place,
     direct_share,
     emitted,
     is_affine,
+    place_seen,
     predict,
     rest_below,
     touch_gain,
     turned,
 )
-from tactograph.nodes.optics.near_light import lights_around, places, unwrapped, vectors_at, wrapped
+from tactograph.nodes.optics.near_light import (
+    image_places,
+    lights_around,
+    unwrapped,
+    vectors_at,
+    wrapped,
+)
+from tactograph.nodes.optics.normals import normals_of
 
 STRETCH_PX = 64
 """Pixels of a row per work-item on a CPU, about a kilobyte of data for each LED."""
@@ -85,26 +94,29 @@ def matt_light(
     direct = light if thrown is None else light - thrown
     lifted = height if rest is None else height - rest
     flat = tuple(a.reshape(*a.shape[:-2], -1) for a in (direct, sigma, slope, height, lifted))
-    rows, columns = height.shape
-    x = np.tile(places(columns, np.float32(pixel)), rows)
-    y = np.repeat(places(rows, np.float32(pixel)), columns)
+    x, y = map(np.ravel, np.broadcast_arrays(*image_places(height.shape, pixel)))
     planes = np.empty_like(flat[0]), np.empty_like(flat[1])
 
     turns = steps if film.refraction != 1 else uncoated_steps
 
     def convert(part: slice) -> None:
         m, spread, expected, z, lift = (a[..., part] for a in flat)
-        scale = _scale(film, x[part], y[part], z, lift)
+        place = place_seen(film, x[part], y[part], z)
+        scale = _scale(film, place, lift)
         if is_affine(film):
-            diffused = touch_gain(film, lift) * film.diffuse[:, None]
-            planes[0][:, part] = (m - diffused) * scale
+            converted = (m - touch_gain(film, lift) * film.diffuse[:, None]) * scale
         else:
             above = None if rest is None else lift
-            place = x[part], y[part], z
-            planes[0][:, part] = _by_normal(film, m, expected, place, scale, turns, above)
+            n, at_rest = normals_of(expected), rest_below(film, *place)
+            for _ in range(turns):
+                n = turned(film, m, n, place, rest=at_rest, lift=above)
+            residual = m - predict(film, n, *place, at_rest, above)
+            vectors = vectors_at(film.lights, x[part], y[part], z)
+            converted = residual * scale + wrapped(np.einsum("kcn,cn->kn", vectors, n), film.wrap)
         grain = np.float32(film.grain) * m
         noise = np.sqrt(spread * spread + grain * grain) * scale
-        planes[0][:, part], planes[1][:, part] = unwrapped(planes[0][:, part], noise, film.wrap)
+        matt = np.asarray(converted, np.float32)
+        planes[0][:, part], planes[1][:, part] = unwrapped(matt, noise, film.wrap)
 
     in_blocks(convert, height.size)
     return MattLight(*(plane.reshape(light.shape) for plane in planes))
@@ -171,41 +183,9 @@ def example_film(rng: np.random.Generator, K: int, H: int, W: int) -> dict[str, 
     }
 
 
-def _scale(film: Film, u: F4, v: F4, apparent: F4, lift: F4) -> F4:
-    """1 / (s (1 - b) a) of equation F1, by places as the camera sees them: K x N."""
-    z = apparent / (1 + np.float32(film.camera) * apparent)
-    nearer = 1 - np.float32(film.camera) * z
-    scale = np.empty((len(film.lights), u.size), np.float32)
+def _scale(film: Film, place: Place, lift: F4) -> F4:
+    """1 / (s (1 - b) a) of equation F1: K x N."""
+    scale = np.empty((len(film.lights), lift.size), np.float32)
     for k, direct in enumerate(direct_share(film)):
-        shine = emitted(film, k, (u * nearer, v * nearer, z))
-        scale[k] = 1 / (touch_gain(film, lift) * direct * shine)
+        scale[k] = 1 / (touch_gain(film, lift) * direct * emitted(film, k, place))
     return scale
-
-
-def _by_normal(
-    film: Film,
-    light: F4,
-    slope: F4,
-    place: tuple[F4, F4, F4],
-    scale: F4,
-    steps: int,
-    lift: F4 | None,
-) -> F4:
-    """Matt light of N pixels, from their normals."""
-    u, v, apparent = place
-    z = apparent / (1 + np.float32(film.camera) * apparent)
-    nearer = 1 - np.float32(film.camera) * z
-    x, y = u * nearer, v * nearer
-    vectors = vectors_at(film.lights, u, v, apparent)
-    n, rest = _normal(slope), rest_below(film, x, y, z)
-    for _ in range(steps):
-        n = turned(film, light, n, (x, y, z), rest=rest, lift=lift)
-    residual = light - predict(film, n, x, y, z, rest, lift)
-    matt = np.einsum("kcn,cn->kn", vectors, n)
-    return np.asarray(residual * scale + wrapped(matt, film.wrap), np.float32)
-
-
-def _normal(slope: F4) -> F4:
-    p, q = slope
-    nz = 1 / np.sqrt(1 + p * p + q * q)
-    return np.stack([-p * nz, -q * nz, nz])

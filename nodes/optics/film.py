@@ -139,6 +139,13 @@ def _below(film: Film, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
     return x / nearer, y / nearer
 
 
+def place_seen(film: Film, u: Array, v: Array, apparent: Array) -> Place:
+    """Return x, y, z of the film that the camera sees at places of the film at rest and heights."""
+    by = np.float32(film.camera)
+    z = np.asarray(apparent / (1 + by * apparent))
+    return u * (1 - by * z), v * (1 - by * z), z
+
+
 def touch_gain(film: Film, z: Array) -> Array:
     """Return s of equation F1."""
     return np.asarray(1 + np.float32(film.gain - 1) * np.clip(z / np.float32(film.contact), 0, 1))
@@ -229,7 +236,7 @@ def turned(
     s, t = s * shrink, t * shrink
     new = np.stack([nx + s * nz, ny + t * nz, nz - s * nx - t * ny])
     np.maximum(new[2], FLATTEST_TRIED, out=new[2])
-    return _unit(new)
+    return np.asarray(new / np.sqrt((new * new).sum(0)))
 
 
 def _changes(
@@ -291,10 +298,6 @@ def _shades_change(film: Film, n: Array, along: Array) -> Array:
     fade = _fade(film, n)
     fading = np.where((fade > 0) & (fade < 1), dz / FADE_WIDTH, 0)
     return np.asarray(fade * change + fading * shades(n))
-
-
-def _unit(n: Array) -> Array:
-    return np.asarray(n / np.sqrt((n * n).sum(0)))
 
 
 def rest_light(film: Film, x: Array, y: Array) -> Array:

@@ -31,6 +31,12 @@ def places(count: int, pixel: np.float32) -> F4:
     return (np.arange(count, dtype=np.float32) - middle) * pixel
 
 
+def image_places(shape: tuple[int, ...], pixel: float) -> tuple[F4, F4]:
+    """Return x, 1 x W, and y, H x 1, of the pixels of an image H x W: `places`."""
+    y, x = (places(side, np.float32(pixel)) for side in shape)
+    return x[None], y[:, None]
+
+
 def lights_around(rng: np.random.Generator, count: int) -> F4:
     """Return LEDs around a film, K x 3 in mm, for generated examples."""
     azimuth = (np.arange(count) + rng.uniform(-0.2, 0.2, count)) * 2 * np.pi / count
@@ -48,9 +54,7 @@ def light_vectors(lights: F4, height: F4, pixel: float) -> F4:
     height : H x W in mm
     pixel : mm per px
     """
-    x = places(height.shape[1], np.float32(pixel))[None, :]
-    y = places(height.shape[0], np.float32(pixel))[:, None]
-    return vectors_at(lights, x, y, height)
+    return vectors_at(lights, *image_places(height.shape, pixel), height)
 
 
 def expected_light(vectors: F4, slope: F4) -> F4:

@@ -27,6 +27,13 @@ UNKNOWN_VARIANCE = 1e12
 MIN_DIVISOR = 1e-20
 
 
+def normals_of(slope: Any) -> F4:
+    """The unit normals of slopes, 2 x ..., towards the camera: 3 x ..."""
+    p, q = slope
+    nz = 1 / np.sqrt(1 + p * p + q * q)
+    return np.stack([-p * nz, -q * nz, nz])
+
+
 def linear_normal(v: F4, light: F4, weight: F4) -> F4:
     """The direction of the n that minimises the squares of m - n.v, by Cramer's rule."""
     share = weight / weight.sum(axis=0)

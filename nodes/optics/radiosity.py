@@ -13,6 +13,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.optics.between_cells import between_cells
 from tactograph.nodes.optics.difference import difference
 from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, irradiance_ratio
+from tactograph.nodes.optics.normals import normals_of
 
 MAX_RIM_CELLS = 64
 """Distance from the frame, in cells, beyond which the film's light is negligible."""
@@ -135,16 +136,12 @@ def cells_of(
         steep = np.maximum(1 + by * (mean_height - (p * u + q * v)), MIN_VIEW_SHARE)
         p, q = p / steep, q / steep
     nearer: F4 = np.float32(1) / (np.float32(1) + by * mean_height)
-    upright = 1 / np.sqrt(1 + p * p + q * q)
     rest = np.empty((len(lights), *mean_height.shape), np.float32)
     for plane, (lx, ly, lz) in zip(rest, lights, strict=True):
         dx, dy = lx - u, ly - v
         plane[:] = irradiance_ratio(lz * lz, dx * dx + dy * dy + lz * lz)
-    return Cells(
-        np.stack([u * nearer, v * nearer, mean_height * nearer]),
-        np.stack([-p * upright, -q * upright, upright]),
-        rest,
-    )
+    at = np.stack([u * nearer, v * nearer, mean_height * nearer])
+    return Cells(at, normals_of((p, q)), rest)
 
 
 def _middles(count: int, pixel: np.float32, grid: Grid) -> tuple[F4, F4]:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from tactograph.nodes import F4, F8, Film
 from tactograph.nodes.optics.difference import difference
 from tactograph.nodes.optics.film import predict
-from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, places
+from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, image_places
+from tactograph.nodes.optics.normals import normals_of
 
 MIN_REST_LIGHT = 0.02
 """Lower bound on the light of the film at rest over a plane's, in a denominator: light of an LED
@@ -52,7 +53,7 @@ class RestShape:
         by = np.float32(camera)
         apparent = np.asarray(height / (1 - by * height), np.float32)
         p, q = tilt = np.stack([difference(apparent, axis) for axis in (1, 0)]) / np.float32(pixel)
-        u, v = _places(height.shape, pixel)
+        u, v = image_places(height.shape, pixel)
         slope = tilt / np.maximum(1 + by * (apparent - p * u - q * v), MIN_VIEW_SHARE)
         high, low, down, away = (
             np.asarray(each, np.float32) for each in (height, apparent, slope, tilt)
@@ -80,12 +81,10 @@ class RestShape:
 
     def light(self, film: Film) -> F4:
         """Return r of F5 without bounces, K x H x W."""
-        u, v = _places(self.height.shape, self.pixel)
-        p, q = self.slope.reshape(2, -1)
-        nz = 1 / np.sqrt(1 + p * p + q * q)
+        u, v = image_places(self.height.shape, self.pixel)
         nearer = 1 - np.float32(self.camera) * self.height
         place = (part.ravel() for part in (u * nearer, v * nearer, self.height))
-        light = rest_share(film, np.stack([-p * nz, -q * nz, nz]), *place)
+        light = rest_share(film, normals_of(self.slope.reshape(2, -1)), *place)
         return np.asarray(light.reshape(-1, *self.height.shape), np.float32)
 
     def binned(self, factor: int) -> Self:
@@ -114,9 +113,3 @@ class RestShape:
 def rest_share(film: Film, n: Numbers, x: Numbers, y: Numbers, z: Numbers) -> F8:
     """Return r of F5 without bounces, K x N: F1 of untouched film with normals 3 x N."""
     return np.asarray(predict(film._replace(gain=1.0), n, x, y, z))
-
-
-def _places(shape: tuple[int, ...], pixel: float) -> tuple[F4, F4]:
-    """u, 1 x W, and v, H x 1, in mm."""
-    v, u = (places(side, np.float32(pixel)) for side in shape)
-    return u[None], v[:, None]

@@ -108,13 +108,8 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     light = matt_film_light(lights, height, slope, 0.1)
     light += rng.normal(0, 0.01, light.shape) + (rng.random(light.shape) < 0.1)
     light *= rng.random(light.shape) < 0.9
-    return {
-        "light": light.astype(np.float32),
-        "sigma": np.full_like(light, 0.01),
-        "lights": lights,
-        "height": height,
-        "pixel": 0.1,
-    }
+    sigma = np.full_like(light, 0.01)
+    return {"light": light, "sigma": sigma, "lights": lights, "height": height, "pixel": 0.1}
 
 
 def _mirrored(

@@ -7,16 +7,7 @@ from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 
 from tactograph.graph import Close, SizeLimit, node
-from tactograph.nodes import (
-    F4,
-    Confidence,
-    Height,
-    Labels,
-    Light,
-    LightPositions,
-    PixelSize,
-    Slope,
-)
+from tactograph.nodes import Confidence, Height, Labels, Light, LightPositions, PixelSize, Slope
 from tactograph.nodes.optics.near_light import expected_light, light_vectors
 
 MIN_EXPECTED_LIGHT = np.float32(0.02)
@@ -118,11 +109,6 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     blocks = rng.integers(0, 1 << K, (-(-H // 8), -(-W // 8)))
     shadow = np.kron(blocks, np.ones((8, 8), int))[:H, :W]
     flips = np.where(rng.random((H, W)) < 0.1, rng.integers(0, 1 << K, (H, W)), 0)
-    slope: F4 = rng.uniform(-1, 1, (2, H, W)).astype(np.float32)
-    return {
-        "shadow": shadow.astype(np.uint8),
-        "image_labels": (shadow ^ flips).astype(np.uint8),
-        "sigma": rng.uniform(0.002, 0.05, (K, H, W)).astype(np.float32),
-        "slope": slope,
-        "lights": lights.astype(np.float32),
-    }
+    slope, sigma = rng.uniform(-1, 1, (2, H, W)), rng.uniform(0.002, 0.05, (K, H, W))
+    labels = {"shadow": shadow, "image_labels": shadow ^ flips}
+    return {**labels, "sigma": sigma, "slope": slope, "lights": lights}

@@ -10,8 +10,9 @@ from tactograph.nodes import Film, Height, Labels, Light, PixelSize, Slope
 from tactograph.nodes.light.matt_light import STRETCH_PX, example_film
 from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.coat import upload_curve
-from tactograph.nodes.optics.film import LIGHT_FIELDS, emitted, predict, touch_gain
-from tactograph.nodes.optics.near_light import places
+from tactograph.nodes.optics.film import LIGHT_FIELDS, emitted, place_seen, predict, touch_gain
+from tactograph.nodes.optics.near_light import image_places
+from tactograph.nodes.optics.normals import normals_of
 
 
 @node(
@@ -40,21 +41,15 @@ def film_light(
     shadow : H x W, the LEDs in whose shadow a pixel is, from `cast_shadows`
     rest : H x W in mm, the film at rest as the camera sees it; None: a plane
     """
-    rows, columns = height.shape
-    x = np.tile(places(columns, np.float32(pixel)), rows)
-    y = np.repeat(places(rows, np.float32(pixel)), columns)
-    p, q = slope.reshape(2, -1)
-    heights, low = height.ravel(), None if rest is None else rest.ravel()
+    x, y = map(np.ravel, np.broadcast_arrays(*image_places(height.shape, pixel)))
+    slopes, heights = slope.reshape(2, -1), height.ravel()
+    low = None if rest is None else rest.ravel()
     planes = np.empty((len(film.lights), height.size), np.float32)
 
     def light(part: slice) -> None:
-        upright = 1 / np.sqrt(1 + p[part] ** 2 + q[part] ** 2)
-        n = np.stack([-p[part] * upright, -q[part] * upright, upright])
-        z = heights[part] / (1 + np.float32(film.camera) * heights[part])
-        nearer = 1 - np.float32(film.camera) * z
-        lift = z if low is None else heights[part] - low[part]
-        place = x[part] * nearer, y[part] * nearer, z
-        planes[:, part] = predict(film, n, *place, None, lift)
+        place = place_seen(film, x[part], y[part], heights[part])
+        lift = place[2] if low is None else heights[part] - low[part]
+        planes[:, part] = predict(film, normals_of(slopes[:, part]), *place, None, lift)
         if shadow is not None:
             for k, b in enumerate(film.diffuse):
                 scattered = np.float32(film.wrap) * emitted(film, k, place)
@@ -63,7 +58,7 @@ def film_light(
                 planes[k, part] = np.where(dark > 0, shaded, planes[k, part])
 
     in_blocks(light, height.size)
-    return planes.reshape(-1, rows, columns)
+    return planes.reshape(-1, *height.shape)
 
 
 @film_light.opencl()

@@ -9,6 +9,7 @@ from annotated_types import Ge
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Blur, Slope, SlopeVariance
+from tactograph.nodes.optics.difference import difference
 
 
 @node(neutral="variance", tolerance=Close(1e-5, 1e-3, why="differences of rounded normals"))
@@ -45,8 +46,7 @@ def edge_variance(
 def _change(planes: F4, axis: int) -> F4:
     """Half the difference of the neighbours along `axis`; the border repeats."""
     wide = np.pad(planes, [(int(each == axis),) * 2 for each in range(3)], mode="edge")
-    last = wide.shape[axis]
-    return np.asarray((wide.take(range(2, last), axis) - wide.take(range(last - 2), axis)) / 2)
+    return difference(wide, axis).take(range(1, wide.shape[axis] - 1), axis)
 
 
 @edge_variance.idle

@@ -8,7 +8,7 @@ from annotated_types import Interval
 from tactograph.graph import Close, node
 from tactograph.nodes import F4, Slope
 from tactograph.nodes.optics.cache_blocks import in_blocks
-from tactograph.nodes.optics.difference import second_differences
+from tactograph.nodes.optics.difference import difference, second_differences
 
 PIXEL_VARIANCE = np.float32(1 / 12)
 
@@ -57,7 +57,7 @@ def _corrected(slope: F4, rows: slice, most: np.float32, inverse: bool) -> F4:
     slope, square = slope[:, rows], square[rows]
     add = np.zeros_like(slope)
     for axis in (1, 2):
-        change = _change(normal, axis)[:, rows]
+        change = difference(normal, axis)[:, rows]
         along, dz = change[:2], change[2]
         add += dz * (along + slope * dz)
     limit = most * square
@@ -72,13 +72,6 @@ def _beyond_differences(slope: F4) -> F4:
     (p_across, p_along), (q_across, q_along) = map(second_differences, slope)
     third = np.float32(3)
     return np.stack([p_along - third * p_across, q_across - third * q_along]) * (PIXEL_VARIANCE / 2)
-
-
-def _change(planes: F4, axis: int) -> F4:
-    """Change per pixel along `axis`: central, one-sided at the ends."""
-    if planes.shape[axis] == 1:
-        return np.zeros_like(planes)
-    return np.asarray(np.gradient(planes, axis=axis), np.float32)
 
 
 pixel_mean_slope.opencl(grid="H W", lanes="rows")

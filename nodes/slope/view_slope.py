@@ -6,7 +6,7 @@ import numpy as np
 
 from tactograph.graph import Close, node
 from tactograph.nodes import Height, PixelSize, Slope, Vergence
-from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, places
+from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, image_places
 
 MAX_SQUARE = 1 / MIN_VIEW_SHARE**2 - 1
 """Square of the steepest slope that the camera sees."""
@@ -42,9 +42,7 @@ def view_slope(
     if is_orthographic(camera):
         return slope
     by = np.float32(camera)
-    u = places(height.shape[1], np.float32(pixel))[None, :]
-    v = places(height.shape[0], np.float32(pixel))[:, None]
-    p, q = slope
+    (u, v), (p, q) = image_places(height.shape, pixel), slope
     if inverse:
         return slope / np.maximum(1 + by * (height - p * u - q * v), MIN_VIEW_SHARE)
     z = height / (1 + by * height)

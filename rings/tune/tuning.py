@@ -15,7 +15,15 @@ from typing import Any
 from tactograph.rings.tune.runner import Runner, captures_of
 from tactograph.rings.tune.variant import Change, changes_between, write_variant
 from tactograph.rings.tune.watch import Stamp, files_of, stamp
-from tactograph.sdk import Graph, InputError, Pipeline, Result, TactographError, nodes
+from tactograph.sdk import (
+    Graph,
+    InputError,
+    Pipeline,
+    Result,
+    TactographError,
+    nodes,
+    read_graph,
+)
 
 RATE_WINDOW_S = 1.0
 REST_S = 0.12
@@ -60,7 +68,7 @@ class Tuning:
         device: str | None = None,
     ) -> None:
         self.source, self.params = source, dict(params)
-        self.base = Graph.read(source)
+        self.base = read_graph(source)
         self.captures = captures_of(self.base, params)
         self.asked = Asked(self.base, 0, 0, None)
         self.shown = Shown()
@@ -180,7 +188,7 @@ class Tuning:
             return False
         self._stamp = now
         try:
-            base = Graph.read(self.source)
+            base = read_graph(self.source)
             Pipeline.verify(base)
         except TactographError as error:
             self._unreadable = " ".join(str(error).split())

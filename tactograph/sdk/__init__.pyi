@@ -41,6 +41,10 @@ from tactograph.graph.extras import (
 from tactograph.graph.files.flat_graph import (
     Graph as Graph,
 )
+from tactograph.graph.files.read_graph import (
+    GraphFile as GraphFile,
+    read_graph as read_graph,
+)
 from tactograph.graph.rings import (
     brought as brought,
 )

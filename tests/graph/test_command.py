@@ -238,6 +238,9 @@ def test_a_warning_names_its_item_unless_it_holds_for_all_and_is_counted(about: 
     at_rest = "  dark:   {op: noticed, in: {image: cal.flat}}\n  light:"
     done = about("run", STREAM.replace("  light:", at_rest).replace("flat: cal.flat", "flat: dark"))
     assert done.err == "warning: a warning\n"
+    done = about("run", STREAM.replace("op: touches", "op: noticed_touches"))
+    assert done.err == "warning: a warning of the source\n"
+    assert done.out.endswith("\n1 warning, see above\n")
     assert about("run", STREAM, "--quiet") == Outcome(0, "", "")
 
 

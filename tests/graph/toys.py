@@ -128,6 +128,14 @@ def shrinking_touches() -> Iterator[Touch]:
 
 
 @node
+def noticed_touches(*, count: int = 3) -> Iterator[Touch]:
+    """A stream whose source warns of every item."""
+    for touch in touches.function(count=count):
+        warn("a warning of the source")
+        yield touch
+
+
+@node
 def byte_touches() -> Iterator[Touch]:
     """A stream whose images are not of the type that is declared."""
     yield Touch(np.full((3, 4, 5), 255, np.uint8))

@@ -35,6 +35,8 @@ def huber_weight(residual: F8) -> F8:
     )
 
 
+# A state whose light no number holds gains nothing, and is refused.
+@np.errstate(over="ignore", divide="ignore", invalid="ignore")
 def descend(
     now: State,
     cost: Callable[[State], float],
@@ -53,10 +55,8 @@ def descend(
     for _ in range(MAX_STEPS):
         before, trial_at = cost(now), linear(now)
         while damping < MAX_DAMPING:
-            # A trial whose light no number holds gains nothing, and is refused.
-            with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-                trial = trial_at(damping)
-                gain = before - cost(trial)
+            trial = trial_at(damping)
+            gain = before - cost(trial)
             if gain >= 0:
                 break
             damping *= 10

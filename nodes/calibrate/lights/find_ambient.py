@@ -5,18 +5,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import optimize
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import binary_dilation, uniform_filter
 
-from tactograph.graph import SizeLimit, node
-from tactograph.nodes import F4, Dark, Light, Metrics, PixelSize
+from tactograph.graph import NodeCall, SizeLimit, node
+from tactograph.nodes import F4, Dark, Film, Light, Metrics, PixelSize
+from tactograph.nodes.calibrate.lights.descend import least_squares
 from tactograph.nodes.calibrate.lights.light_fit import LedFit
 from tactograph.nodes.calibrate.lights.light_samples import (
+    EDGE_MARGIN_PX,
+    LIGHT_DEVIATION,
     MAX_SAMPLES_EACH,
+    Press,
     Rest,
     presses_of,
     unreached,
 )
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
+from tactograph.nodes.light.film_bounce import MAX_ALBEDO, film_bounce
 from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.rest_shape import RestShape
@@ -59,6 +64,7 @@ def find_ambient(
     shape: RestShape | None = None,
     *,
     taken: Path | None = None,
+    bounce: NodeCall = film_bounce,
 ) -> WithoutAmbient:
     """Return flat frame and dark image of a sensor that ambient light reaches.
 
@@ -67,6 +73,8 @@ def find_ambient(
     share of the film's light: as if every LED stood nearer to the camera's axis.  LEDs are
     placed for different b (`calibrate_lights`), and the b with the smallest misfit is taken.
     It cannot exceed the light of the darkest pixels, since ambient light reaches them, too.
+    Light from film to film looks alike on the object, but also brightens the film beside it, where
+    ambient light changes nothing; what that film tells is taken off first.
 
     Parameters
     ----------
@@ -90,53 +98,24 @@ def find_ambient(
     if taken is not None or Rest.of(flat, pixel) is None:
         return nothing
     presses = presses_of(image, slope, mask, height, label_lit(image), flat.shape[1])
-    presses = [press for press in presses if press.mask.any()][:MAX_PRESSES]
+    sensor = _Sensor([p for p in presses if p.mask.any()][:MAX_PRESSES], flat, pixel, shape)
     # The light that all but a few pixels exceed under every LED.
     smooth = [uniform_filter(plane, (SMOOTHING_PX, SMOOTHING_PX)) for plane in image]
     most = min(float(np.percentile(plane, DARK_PERCENT)) for plane in smooth)
-    film = float(np.median(flat))
-    if not presses or most < MIN_AMBIENT * film:
+    least = MIN_AMBIENT * float(np.median(flat))
+    if not sensor.presses or most < least:
         return nothing
-
-    def placed(ambient: float, emitted: F4 | float) -> tuple[F4, float]:
-        """Place LEDs after this much ambient light is subtracted; return them and their misfit.
-
-        Divided by what LEDs `emitted`, the film at rest is lit by ones that emit alike everywhere.
-        """
-        rest_light, dark = _led_light(flat, ambient), np.full(flat.shape[1:], ambient, np.float32)
-        objects = []
-        for press in presses:
-            light = flat_field(press.light, rest_light, dark)
-            brightened = press._replace(light=light, lit=label_lit(light))
-            objects.append(brightened.samples(pixel, MAX_SAMPLES_EACH, shape))
-        if unreached(objects):
-            return np.zeros((len(flat), 3), np.float32), np.inf
-        rest = Rest.of(np.asarray(rest_light / emitted, np.float32), pixel, shape)
-        fit = LedFit.of(objects, rest, pixel * flat.shape[2])
-        return fit.lights, fit.cost(objects, rest)
-
-    lights, plain = placed(0.0, 1.0)
-    if plain <= placed(MIN_AMBIENT * film, 1.0)[1]:
+    lights, plain = sensor.placed(0.0)
+    if plain <= sensor.placed(least)[1]:
         return nothing
+    sensor = sensor.unbounced(lights, bounce)
     # LEDs that face the film's middle light its sides less, which looks like ambient light.
     facing = _emitted(lights, flat.shape, pixel)
-    stop = {"xatol": AMBIENT_TOLERANCE * film}
-    minimize: Any = optimize.minimize_scalar  # its stubs know no bounds
-
-    def misfit(ambient: float, emitted: F4 | float) -> float:
-        return placed(ambient, emitted)[1]
-
-    def least(emitted: F4 | float) -> tuple[float, float, F4 | float]:
-        found = minimize(misfit, bounds=(0, most), args=(emitted,), method="bounded", options=stop)
-        return float(found.fun), float(found.x), emitted
-
-    residual, ambient, emitted = min(least(1.0), least(facing), key=lambda each: each[0])
-    if ambient < MIN_AMBIENT * film:
-        return nothing
-    beyond = misfit(MAX_DARK_RATIO * most, emitted)
-    if residual > MAX_MISFIT_SHARE * misfit(0.0, emitted) or beyond < residual:
-        # Light diffused in the gel or reflected from film to film has a similar effect, which
-        # `fit_film` models.
+    found = (sensor.likeliest(most, emitted) for emitted in (1.0, facing))
+    residual, ambient, emitted = min(found, key=lambda each: each[0])
+    beyond, without = (sensor.placed(a, emitted)[1] for a in (MAX_DARK_RATIO * most, 0.0))
+    if ambient < least or residual > MAX_MISFIT_SHARE * without or beyond < residual:
+        # Light diffused in the gel has a similar effect, which `fit_film` models.
         return nothing
     percent = 100 * ambient
     doubt = (
@@ -146,6 +125,65 @@ def find_ambient(
     )
     rest_light, dark = _led_light(flat, ambient), np.full_like(dark, ambient)
     return WithoutAmbient(rest_light, dark, {"ambient_percent": percent}, [doubt])
+
+
+class _Sensor(NamedTuple):
+    """Presses and the film at rest as captured, with light of which a part may be ambient."""
+
+    presses: list[Press]
+    flat: Light
+    pixel: float
+    shape: RestShape | None
+
+    def placed(self, ambient: float, emitted: F4 | float = 1.0) -> tuple[F4, float]:
+        """Place LEDs after this much ambient light is subtracted; return them and their misfit.
+
+        Divided by what LEDs `emitted`, the film at rest is lit by ones that emit alike everywhere.
+        """
+        flat, (_, rows, columns) = _led_light(self.flat, ambient), self.flat.shape
+        dark, objects = np.full((rows, columns), ambient, np.float32), []
+        for press in self.presses:
+            light = flat_field(press.light, flat, dark)
+            brightened = press._replace(light=light, lit=label_lit(light))
+            objects.append(brightened.samples(self.pixel, MAX_SAMPLES_EACH, self.shape))
+        if unreached(objects):
+            return np.zeros((len(flat), 3), np.float32), np.inf
+        rest = Rest.of(np.asarray(flat / emitted, np.float32), self.pixel, self.shape)
+        fit = LedFit.of(objects, rest, self.pixel * columns)
+        return fit.lights, fit.cost(objects, rest)
+
+    def likeliest(self, most: float, emitted: F4 | float) -> tuple[float, float, F4 | float]:
+        """Return the least misfit, the ambient light that leaves it, and what LEDs emitted."""
+        minimize: Any = optimize.minimize_scalar  # its stubs know no bounds
+        stop = {"xatol": AMBIENT_TOLERANCE * float(np.median(self.flat))}
+        found = minimize(
+            lambda ambient: self.placed(ambient, emitted)[1],
+            bounds=(0, most), method="bounded", options=stop,
+        )  # fmt: skip
+        return float(found.fun), float(found.x), emitted
+
+    def unbounced(self, lights: F4, bounce: NodeCall) -> "_Sensor":
+        """Return the sensor without light from film to film.
+
+        That brightens film beside a press, too, where ambient light changes nothing: there it is
+        told.  Film that hangs or lies in shadow is darker, and tells less.
+        """
+        film, presses = Film.matt(lights)._replace(albedo=MAX_ALBEDO), []
+        for press in self.presses if self.shape is None else ():
+            light = flat_field(press.light, self.flat, np.zeros_like(press.height))
+            thrown = bounce(light, press.height, film, self.pixel)
+            beside = ~binary_dilation(press.height > 0, iterations=EDGE_MARGIN_PX)
+            more, by = (each.mean(axis=0, dtype=float)[beside] for each in (light - 1, thrown))
+            # A share of that light, and the LEDs' drift.
+            slopes = np.column_stack([by, np.ones_like(by)]) / LIGHT_DEVIATION
+            share, _ = least_squares(
+                lambda u, by=slopes, more=more: by @ u - more / LIGHT_DEVIATION,
+                np.zeros(2),
+                jacobian=lambda _, by=slopes: by,
+            )
+            direct = press.light - self.flat * thrown * np.float32(np.clip(share, 0, 1))
+            presses.append(press._replace(light=direct))
+        return self._replace(presses=presses or self.presses)
 
 
 def _led_light(flat: F4, ambient: float) -> F4:

@@ -12,7 +12,6 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 
 from tactograph.graph import load, node
-from tactograph.graph.disk.array_files import load_arrays
 from tactograph.nodes import F8, Light
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND
 from tactograph.nodes.files.calibration_file import FileKind
@@ -66,8 +65,10 @@ def rank_checks(
     """
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the calibration has reported its doubts
-        arrays, brought = load_arrays(file), FileKind.module_of(file)
-        kind = CALIBRATION_KIND if brought is None else brought.KIND
+        brought: Any = FileKind.module_of(file)
+        has_film = brought is not None and "flat" in brought.KIND.values
+        kind = brought.KIND if has_film else CALIBRATION_KIND
+        arrays = kind.stored(file)
         small, even = Path(folder) / "small.npz", Path(folder) / "own.npz"
         # Large images are drawn with fewer, larger pixels, since checks use few cells.
         few = few_cells(arrays["flat"], MAX_CELLS * USUAL_SIDE**2).shape[1:]
@@ -77,7 +78,7 @@ def rank_checks(
         if presses:
             size = presses[0].shape[1:]
             np.savez(even, **_resized(arrays, size, kind.record))  # type: ignore[arg-type]
-        if brought is not None and kind is not CALIBRATION_KIND:
+        if kind is not CALIBRATION_KIND:
             drawn = _drawn(brought.GRAPH, brought.OVERLAY, params)
             pressed = _press_figures(brought.GRAPH, presses, even, ONE_SHOT_PORTS)[0]
             ranks = [ranked(drawn, pressed)] * len(Ranked)

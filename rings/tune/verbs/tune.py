@@ -28,9 +28,9 @@ def command(
     Values are given as NAME=VALUE, as to 'run'.  Nothing is written but what is saved.
     """
     # Readers of graphs take longer to load than all that --help needs.
-    from tactograph.sdk import Graph
+    from tactograph.sdk import read_graph
 
-    params = Graph.read(graph).read_words(values)
+    params = read_graph(graph).read_words(values)
     need("tune", "tune", "nicegui")
     from tactograph.rings.tune.page import serve
     from tactograph.rings.tune.tuning import Tuning

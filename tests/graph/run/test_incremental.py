@@ -231,12 +231,13 @@ def test_a_wrong_setting_changes_nothing() -> None:
     pipeline = load(graph_of(CHAIN), backend="numpy")
     before = pipeline.plan.graph.hash
     for node, settings, message in (
+        (3, {"above": 1}, "set: 3 is not a node's name"),
         ("hihg", {"above": 1}, "there is no node 'hihg'; did you mean 'high'"),
         ("high", {"abov": 1}, "has no parameter 'abov'; did you mean 'above'"),
         ("high", {"above": "much"}, "a number is needed, not 'much'"),
     ):
         with pytest.raises(InputError, match=message):
-            pipeline.set(node, **settings)
+            pipeline.set(node, **settings)  # type: ignore[arg-type]
     assert pipeline.plan.graph.hash == before
     pipeline.set("high", above=2)
     assert pipeline.plan.graph.hash != before

@@ -191,6 +191,18 @@ def test_the_white_of_a_pgm_is_full_scale(tmp_path: Path, bits: int) -> None:
         read_one(tmp_path)
 
 
+def test_what_a_folder_of_captures_states_holds_for_each_unless_its_own_file_differs(
+    tmp_path: Path,
+) -> None:
+    for name in ("a", "b"):
+        write(tmp_path / name, [f"led{k}.png" for k in (1, 2, 3, 4)], IMAGES.astype(np.uint16))
+    (tmp_path / "capture.yaml").write_text("bits: 12\nleds: [4, 1, 2]\n")
+    (tmp_path / "b" / "capture.yaml").write_text("bits: 10\n")
+    first, second = read_capture(folder=tmp_path)
+    assert np.allclose(first.image, IMAGES[[3, 0, 1]] / 4095, atol=1e-6)
+    assert np.allclose(second.image, IMAGES[[3, 0, 1]] / 1023, atol=1e-6)
+
+
 PLATEAUS = {"12 bits at the top of 16": (65520, np.uint16), "video": (235, np.uint8)}
 
 

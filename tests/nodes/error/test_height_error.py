@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tactograph.nodes import F4, Film, ShadowRises
-from tactograph.nodes.error._slope_errors import Unperturbed, _shown as shown_light
+from tactograph.nodes.error._slope_errors import Unperturbed, _shown as shown_light, folds
 from tactograph.nodes.error.doubt_rest import doubt_rest
 from tactograph.nodes.error.height_error import height_error
 from tactograph.nodes.height.height_equations import HeightSystem
@@ -108,6 +108,40 @@ def test_a_blur_changes_a_coats_light_by_half_its_variance_times_the_laplacian()
     assert (
         np.corrcoef(actual[inside][smooth[inside]], expected[inside][smooth[inside]])[0, 1] > 0.98
     )
+
+
+@pytest.mark.parametrize("axis", [1, 2])
+def test_a_fold_hides_the_slope_that_its_light_is_a_mixture_for(axis: int) -> None:
+    level, wall = np.float32([0, 0]), np.float32([0.4, -0.1])
+    dark, bright, one = np.float32([1, 1]), np.float32([0.6, 1.5]), np.ones((1, 4), np.float32)
+
+    def profile(before: F4, on: F4, after: F4) -> F4:
+        half = np.repeat(before[:, None], 4, axis=1)
+        along = np.concatenate([half, on[:, None], np.repeat(after[:, None], 4, axis=1)], axis=1)
+        plane = along[:, None] * one.T
+        return plane if axis == 2 else plane.swapaxes(1, 2)
+
+    found = 0.1 * wall
+    light = profile(dark, 0.7 * dark + 0.3 * bright, bright)
+    hidden, turn = (part.take(4, -(3 - axis)) for part in folds(profile(level, found, wall), light))
+    assert hidden == pytest.approx(np.repeat((0.3 * wall - found)[:, None], 4, axis=1), abs=1e-6)
+    assert turn == pytest.approx(0.1 * 0.9 * (wall @ wall), rel=1e-5)
+
+
+def test_smooth_film_hides_nothing() -> None:
+    bending = np.linspace(0, 1, 40, dtype=np.float32) ** 2 + np.zeros((2, 30, 1), np.float32)
+    hidden, turn = (part[..., 2:-2] for part in folds(bending, 1 + bending))
+    assert not hidden.any()
+    assert not turn.any()
+
+
+def test_all_behind_a_fold_shares_its_error_under_a_coat() -> None:
+    z, slope = (0.08 * part for part in table())
+    matt, coated = (stated_error(z, slope, 1e-6, refraction=n)[TOP] for n in (1.0, 1.5))
+    assert coated.min() > 10 * matt.max()
+    # What noise may have bent is no fold, and the error is that of noise alone.
+    some, twice = (stated_error(z, slope, noise, refraction=1.5)[TOP] for noise in (0.1, 0.2))
+    assert twice == pytest.approx(2 * some, rel=0.05)
 
 
 def test_uncertain_leds_are_an_error_where_the_film_is_not_at_rest() -> None:

@@ -260,8 +260,8 @@ def test_an_outlier_in_a_corner_does_not_widen_the_colours_and_the_range_is_stat
     draw_height(height, None, 0.1, tmp_path / "plain.png")
     height[0, :2] = 40
     draw_height(height, None, 0.1, tmp_path / "corner.png")
-    assert titles[0] == "height"
-    assert titles[2] == "height (0 to 40 mm in all)"
+    assert titles[0] == "height, 0 to 1 mm"
+    assert titles[2] == "height, 0 to 40 mm"
     assert titles[3].endswith("0.05 mm"), "the section is not drawn through the corner"
 
 

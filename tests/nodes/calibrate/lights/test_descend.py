@@ -22,3 +22,15 @@ def test_a_step_that_overflows_is_refused_without_a_warning() -> None:
         warnings.simplefilter("error")
         solution = least_squares(residual, np.array([0.0]), jacobian=slope)
     assert solution == pytest.approx(1, abs=1e-3)
+
+
+def test_a_derivative_that_is_infinite_ends_the_descent_without_a_warning() -> None:
+    """The light of an LED whose beam misses the film has such derivatives."""
+
+    def slope(unknown: F8) -> F8:
+        return np.diag(0.5 / np.sqrt(unknown))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        solution = least_squares(lambda x: np.sqrt(x) - 1, np.array([0.0]), jacobian=slope)
+    assert solution == 0

@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tactograph.nodes import F4
+from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.ball.press_slopes import press_slopes
 from tactograph.nodes.calibrate.lights.find_ambient import WithoutAmbient, find_ambient
+from tactograph.nodes.light.film_bounce import film_bounce
 from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.render import render
 
@@ -74,3 +75,16 @@ def test_leds_that_face_the_film_are_no_ambient_light(ambient: float) -> None:
     )
     found = find_ambient(ball, flat, BLACK, shape.slope, shape.mask, shape.height, PIXEL)
     assert found.quality.get("ambient_percent", 0) == pytest.approx(100 * ambient, abs=0.6)
+
+
+@pytest.mark.one_case
+@pytest.mark.parametrize("ambient", [0.0, 0.1])
+def test_light_from_film_to_film_is_no_ambient_light(ambient: float) -> None:
+    """Both fill shadows of the object alike, but film beside it is brightened by film alone."""
+    direct, flat = images(RING)
+    film, ball = Film.matt(RING)._replace(albedo=0.6), direct
+    for _ in range(6):
+        ball = direct + flat * film_bounce(ball / flat, known().height, film, PIXEL)
+    both = (plane + np.float32(ambient) for plane in (ball, flat))
+    found = find_ambient(*both, BLACK, *known(), PIXEL)
+    assert found.quality.get("ambient_percent", 0) == pytest.approx(100 * ambient, abs=1)

@@ -75,3 +75,12 @@ def test_the_film_beside_a_rigid_ball_tells_of_film_at_rest() -> None:
         others = 10 if len(presses) > 1 else np.median(drawn, axis=0)
         assert np.array_equal(figures[0], np.where(REST_FIGURES, 5, others))
     assert not _without_walls(rigid[:0], np.zeros(0, bool), drawn).size
+
+
+def test_only_a_calibration_has_ranks(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such calibration file"):
+        rank_checks(file=tmp_path / "missing.npz")
+    other = tmp_path / "other.npz"
+    np.savez(other, flat=np.ones((4, 8, 8)))
+    with pytest.raises(InputError, match=r"other\.npz: not a calibration"):
+        rank_checks(file=other)
