@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 
 @graph_command("bench", short_help="Time a graph on every back end and device.")
-@RunOptions.add
 @click.option(
     "--repeats", type=click.IntRange(2), default=11, help="The first, which compiles, is left out."
 )

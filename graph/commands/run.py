@@ -35,7 +35,6 @@ WARNING_INTERVAL_S = 10.0
 
 
 @graph_command("run", short_help="Run a graph.")
-@RunOptions.add
 @click.option(
     "--keep",
     metavar="PORTS",
