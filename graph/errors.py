@@ -51,7 +51,7 @@ class InputError(TactographError):
     def unknown(cls, message: str, name: str, known: Iterable[str]) -> Self:
         """Return the error of a name that is none of those `known`, with the closest, or all."""
         names = [*known]
-        return cls(message + (did_you_mean(name, names) or f"; there are: {', '.join(names)}"))
+        return cls(message + (did_you_mean(name, names) or f"; it has {', '.join(names)}"))
 
 
 class GraphError(InputError):

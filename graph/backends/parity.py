@@ -29,7 +29,7 @@ MAX_DIFFERENCES = 5
 def check(node: Node, device: str | None = None) -> int:
     """Compare a node's kernel with its NumPy function over all generated cases.
 
-    For the test of a node: ``def test_brighten(): parity.check(brighten)``.
+    For the test of a node: ``def test_brighten(): brighten.check_parity()``.
 
     Parameters
     ----------
@@ -123,7 +123,8 @@ def _on_device(
     """The outputs, and the inputs after the launch."""
     integers = node.kernels.integers if case.fill in INTEGER_FILLS else None
     if integers is not None:
-        dtype, full = INTEGER_FILLS[case.fill]
+        dtype = INTEGER_FILLS[case.fill]
+        full = np.iinfo(dtype).max
         inputs = {**inputs, integers: np.rint(inputs[integers] * full).astype(dtype)}
     remote = {
         name: device.upload(value) if isinstance(value, np.ndarray) else value

@@ -150,15 +150,20 @@ FILE_PATH = click.Path(dir_okay=False, path_type=Path)
 graph_argument = click.argument("graph", type=GraphName())
 
 
-def graph_command(name: str, *, short_help: str) -> Callable[[Callable[..., None]], click.Command]:
-    """Decorate a function as a command that takes a graph and values for its params."""
+def graph_command(
+    name: str, *, short_help: str, plans: bool = True
+) -> Callable[[Callable[..., None]], click.Command]:
+    """Decorate a function as a command that takes a graph and values for its params.
+
+    If it `plans` the graph, it also takes `RunOptions`, as `options`.
+    """
     values = click.argument(
         "values", nargs=-1, metavar="[NAME=VALUE]...", shell_complete=complete_value
     )
 
     def make(function: Callable[..., None]) -> click.Command:
         command = click.command(name, cls=GraphCommand, short_help=short_help)
-        return command(graph_argument(values(function)))
+        return command(graph_argument(values(RunOptions.add(function) if plans else function)))
 
     return make
 

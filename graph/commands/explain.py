@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 @graph_command("explain", short_help="Say what would run, where and why.")
 @click.option("--all", "every", is_flag=True, help="Every node of the groups, and transfers.")
-@RunOptions.add
 def command(graph: str, values: tuple[str, ...], every: bool, options: RunOptions) -> None:
     """Print the plan of GRAPH, and which of its results may be on disk.
 

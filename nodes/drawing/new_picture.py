@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -48,19 +49,12 @@ def _picture_of(file: Path) -> Path:
     return file.with_suffix(".png") if file.suffix == ".npz" else file
 
 
-def _is_free(picture: Path) -> bool:
-    """Return whether there is no such file, or one that Matplotlib drew."""
-    if not picture.exists():
-        return True
-    try:
-        with Image.open(picture) as image:
-            return str(image.info.get("Software", "")).startswith(DRAWN_BY)
-    except OSError:
-        return False
-
-
 def _free(file: Path) -> Path:
-    if not _is_free(picture := _picture_of(file)):
+    """Return a path where there is no picture, or one that Matplotlib drew."""
+    picture, drawn_by = _picture_of(file), ""
+    with suppress(OSError), Image.open(picture) as image:
+        drawn_by = str(image.info.get("Software", ""))
+    if picture.exists() and not drawn_by.startswith(DRAWN_BY):
         raise ValueError(
             f"{picture} exists and is no picture of a calibration; another name is needed"
         )

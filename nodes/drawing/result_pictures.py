@@ -14,14 +14,7 @@ from matplotlib.image import AxesImage
 
 from tactograph.graph.cache.keys import content_key
 from tactograph.graph.show.colours import BIT_COLOURS, SEVERAL_COLOUR, label_numbers
-from tactograph.nodes import (
-    BAND_DEVIATIONS,
-    F4,
-    Contacts,
-    Height,
-    HeightError,
-    Labels,
-)
+from tactograph.nodes import BAND_DEVIATIONS, F4, Contacts, Height, HeightError, Labels
 from tactograph.nodes.files.image_files import ImageFile
 from tactograph.nodes.files.layer_files import picture_file
 from tactograph.nodes.stream.touch import ColourMap, LabelMap, Touch

@@ -14,7 +14,6 @@ from tactograph.graph import (
     TactographError as TactographError,
     load as load,
     node as node,
-    parity as parity,
     warn as warn,
 )
 from tactograph.graph.backends.launch import (
@@ -75,6 +74,7 @@ from tactograph.nodes import (
     ScaleError as ScaleError,
     Slope as Slope,
     SlopeVariance as SlopeVariance,
+    robust_deviation as robust_deviation,
 )
 from tactograph.nodes.calibrate.ball.find_balls import (
     FoundBalls as FoundBalls,
@@ -119,7 +119,6 @@ from tactograph.nodes.files.image_files import (
     Crop as Crop,
     ImageFile as ImageFile,
     Lights as Lights,
-    cropped as cropped,
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
@@ -141,9 +140,6 @@ from tactograph.nodes.optics.near_light import (
 )
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
-)
-from tactograph.nodes.optics.robust import (
-    robust_deviation as robust_deviation,
 )
 from tactograph.nodes.optics.shape import (
     Length as Length,

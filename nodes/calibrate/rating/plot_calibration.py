@@ -18,11 +18,7 @@ from tactograph.nodes.calibrate.ball.find_balls import FoundBalls
 from tactograph.nodes.calibrate.rating.hold_out_presses import HeldOut
 from tactograph.nodes.calibrate.tables.build_lut import in_tables
 from tactograph.nodes.calibrate.tables.fit_null_vector import NullFit
-from tactograph.nodes.drawing.new_picture import (
-    FIGURES_IN,
-    Colour,
-    NewPicture,
-)
+from tactograph.nodes.drawing.new_picture import FIGURES_IN, Colour, NewPicture
 from tactograph.nodes.optics.gauss_newton import SlopeNormal
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 

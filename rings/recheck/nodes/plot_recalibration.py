@@ -5,16 +5,7 @@ from matplotlib.patches import Circle
 
 from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
 from tactograph.rings.recheck.nodes.film_change import FilmChange
-from tactograph.sdk import (
-    F4,
-    Colour,
-    FoundBalls,
-    Light,
-    Metrics,
-    NewPicture,
-    SheetLight,
-    node,
-)
+from tactograph.sdk import F4, Colour, FoundBalls, Light, Metrics, NewPicture, SheetLight, node
 
 
 @node

@@ -8,7 +8,9 @@ import click
 from tactograph.sdk import graph_command, need
 
 
-@graph_command("tune", short_help="Change a graph in the browser, and see what it gives.")
+@graph_command(
+    "tune", plans=False, short_help="Change a graph in the browser, and see what it gives."
+)
 @click.option("--backend", help="Run on numpy or opencl instead of the graph's preference.")
 @click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Default: a free one.")

@@ -10,17 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from tactograph.sdk import (
-    F4,
-    Arrows,
-    ColourMap,
-    Height,
-    InputError,
-    LabelMap,
-    Light,
-    Lights,
-    Touch,
-)
+from tactograph.sdk import F4, Arrows, ColourMap, Height, InputError, LabelMap, Light, Lights, Touch
 
 Picture = NDArray[np.uint8]
 """H x W x 3, red, green, blue."""
@@ -86,8 +76,8 @@ def draw_touch(
         if isinstance(drawing, Arrows):
             first = np.ascontiguousarray(first)
             drawing.draw(first, small / columns)
-    beneath, title = cv2.convertScaleAbs(mean, alpha=DIMMED_SHARE), ""
     layer = _chosen(drawings, chosen)
+    beneath, title = _dimmed(mean), ""
     if layer is not None:
         beneath, title = _drawn(touch.layers[layer], drawings[layer], mean, lights)
     upper, lower = GAP_PX + TITLE_PX, GAP_PX + 2 * TITLE_PX + half + GAP_PX
@@ -130,9 +120,7 @@ def _is_of_leds(drawing: Any) -> bool:
     return isinstance(drawing, LabelMap) and drawing.leds
 
 
-def _drawn(
-    value: Any, how: LabelMap | ColourMap, grey: Picture, lights: Lights
-) -> tuple[Picture, str]:
+def _drawn(value: Any, how: Any, grey: Picture, lights: Lights) -> tuple[Picture, str]:
     """A layer's picture, of the size of the grey one, and its title."""
     if isinstance(how, LabelMap):
         return _labelled(value, grey, _label_colours(how, lights)), how.title
@@ -178,10 +166,14 @@ def _coloured(image: Light, lights: Lights, like: Picture) -> Picture:
     return _as_bytes(picture)
 
 
+def _dimmed(grey: Picture) -> Picture:
+    return np.asarray(cv2.convertScaleAbs(grey, alpha=DIMMED_SHARE), np.uint8)
+
+
 def _labelled(numbers: NDArray[np.uint8], grey: Picture, colours: Picture) -> Picture:
     rows, columns = grey.shape[:2]
     labels = cv2.resize(numbers, (columns, rows), interpolation=cv2.INTER_NEAREST)
-    dim = cv2.convertScaleAbs(grey, alpha=DIMMED_SHARE)
+    dim = _dimmed(grey)
     mixed = cv2.addWeighted(dim, 1 - LABEL_OPACITY, colours[labels], LABEL_OPACITY, 0)
     return np.where(labels[..., None] > 0, mixed, dim)
 

@@ -5,15 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.rings.mechanics.nodes.motion.stitch import Sources, Stitched
-from tactograph.sdk import (
-    ImageFile,
-    Metrics,
-    PixelSize,
-    Provenance,
-    StoredResult,
-    Touch,
-    node,
-)
+from tactograph.sdk import ImageFile, Metrics, PixelSize, Provenance, StoredResult, Touch, node
 
 
 @node

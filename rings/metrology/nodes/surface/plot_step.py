@@ -6,14 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tactograph.rings.metrology.nodes.surface.measure_step import Across, EdgeCount, step_profiles
-from tactograph.sdk import (
-    Colour,
-    Height,
-    Metrics,
-    NewPicture,
-    PixelSize,
-    node,
-)
+from tactograph.sdk import Colour, Height, Metrics, NewPicture, PixelSize, node
 
 
 @node
