@@ -85,10 +85,10 @@ class ErrorsTogether:
     def raise_any(self) -> None:
         """Raise the first error, with the others."""
         if self._errors:
-            first, *others = self._errors
-            error = self._errors[first]
-            error.others = others
-            raise error
+            first, *rest = self._errors.values()
+            more = [line for error in rest for line in (str(error), *error.others)]
+            first.others = [*first.others, *more]
+            raise first
 
 
 class WriteError(InputError):

@@ -567,6 +567,19 @@ def test_check_lists_all_errors_of_a_pass(tactograph: Command, write: Write) -> 
     )
 
 
+def test_check_lists_the_errors_of_all_variants(tactograph: Command, write: Write) -> None:
+    for changes, errors in (
+        (("{neutral: refine}", "{remove: shdow}"), ("no node 'refine'", "did you mean 'shadow'")),
+        (
+            ("{set: shadow, with: {treshold: 3}}", "{set: shadow, with: {threshold: -3}}"),
+            ("did you mean 'threshold'", "should be greater than 0"),
+        ),
+    ):
+        variants = "".join(f"  v{k}: {{patch: [{c}]}}\n" for k, c in enumerate(changes))
+        done = tactograph("check", write(f"format: 1\nbase: paper\nvariants:\n{variants}"))
+        assert [error in done.err for error in errors] == [True, True]
+
+
 def test_warnings_of_an_item_that_fails_come_before_its_error(about: Command) -> None:
     fails = "  seen: {op: noticed, in: {image: light}}\n  save: {op: failing, in: {image: seen}}"
     text = STREAM.replace("  save:   {op: noted, in: {image: light}}", fails)
