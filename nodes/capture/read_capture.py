@@ -278,22 +278,21 @@ def read_capture(
     """
     _check_folder(folder)
     frames = colour_frames(folder) if _lights(folder, layout) != "leds" else []
-    if not frames and _is_capture(folder, layout):
-        _check_sensor(folder, calibration, another_sensor)
-        yield _read(folder, layout, "", integers)
-        return
+    is_capture = not frames and _is_capture(folder, layout)
     folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not is_hidden(d))
-    inside = frames or [d for d in folders if _is_capture(d, layout)]
-    if not inside:
+    captures = [folder] if is_capture else frames or [d for d in folders if _is_capture(d, layout)]
+    if not captures:
         raise InputError(f"{folder}: {_what_is_missing(folder, layout)}")
-    if single:
+    if single and not is_capture:
         raise InputError(
-            f"{folder}: holds {len(inside)} captures, but one is needed; "
-            f"give one of them, such as {inside[0]}"
+            f"{folder}: holds {len(captures)} captures, but one is needed; "
+            f"give one of them, such as {captures[0]}"
         )
-    for one in inside:
-        _check_sensor(one, calibration, another_sensor)
-        yield _read(one, layout, one.stem if one.is_file() else one.name, integers)
+    for one in captures:
+        of = SensorIdentity.stated_in(CaptureFile.read(one).model_dump())
+        of.check(one, calibration, another_sensor)
+        name = one.stem if one.is_file() else one.name
+        yield _read(one, layout, "" if is_capture else name, integers)
 
 
 read_capture.handed_in(check_handed_in)
@@ -307,12 +306,6 @@ def _check_folder(folder: Path) -> None:
         raise InputError(f"{folder}: {what}")
     if not folder.is_dir():
         raise InputError(missing(folder, "folder"))
-
-
-def _check_sensor(folder: Path, calibration: Path | None, another_sensor: bool) -> None:
-    """Refuse a capture of another sensor."""
-    of = SensorIdentity.stated_in(CaptureFile.read(folder).model_dump())
-    of.check(folder, calibration, another_sensor)
 
 
 def _read(folder: Path, layout: Layout, name: str, integers: KeepIntegers) -> Capture:
