@@ -123,7 +123,8 @@ def _on_device(
     """The outputs, and the inputs after the launch."""
     integers = node.kernels.integers if case.fill in INTEGER_FILLS else None
     if integers is not None:
-        dtype, full = INTEGER_FILLS[case.fill]
+        dtype = INTEGER_FILLS[case.fill]
+        full = np.iinfo(dtype).max
         inputs = {**inputs, integers: np.rint(inputs[integers] * full).astype(dtype)}
     remote = {
         name: device.upload(value) if isinstance(value, np.ndarray) else value

@@ -84,20 +84,17 @@ def _report(row: Mapping[str, Any]) -> None:
 def _row(where: str, results: Sequence[Result], ready: float) -> dict[str, Any]:
     """The figures of a device, of the steps that run for every item, sources aside."""
     plan = results[0].plan
-    tasks = [(step, plan.tasks.get(step.name)) for step in plan.steps if step.stream]
+    sources = {name for name, task in plan.tasks.items() if task.node.source}
+    steps = [step for step in plan.steps if step.stream and step.name not in sources]
+    nodes = [
+        {"node": s.name, "backend": s.backend, "ms": median(r.times[s.name] for r in results)}
+        for s in steps
+    ]
     return {
         "device": where,
         "graph": plan.graph.hash,
         "items": len(results),
         "ms": median(result.total for result in results),
         "ready_s": ready,
-        "nodes": [
-            {
-                "node": step.name,
-                "backend": step.backend,
-                "ms": median(result.times[step.name] for result in results),
-            }
-            for step, task in tasks
-            if task is None or not task.node.source
-        ],
+        "nodes": nodes,
     }

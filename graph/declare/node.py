@@ -247,9 +247,8 @@ class Node:
         """The values that the function returned or yielded, in the order of the outputs."""
         if self.sink:
             return ()
-        return (
-            (result,) if self.output_record is None else record_values(self.output_record, result)
-        )
+        record = self.output_record
+        return (result,) if record is None else record_values(record, result)
 
     def name_of(self, result: Any) -> str:
         """The text ``name`` among the values that the function yielded; "" if there is none."""

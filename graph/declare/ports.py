@@ -160,12 +160,11 @@ def make_record(record: type, values: Iterable[Any]) -> Any:
     if not any(_inner_records(record)):
         return record(*values)
     rest = iter(values)
-    return record(
-        *(
-            make_record(inner, islice(rest, len(record_ports(inner)))) if inner else next(rest)
-            for inner in _inner_records(record)
-        )
+    fields = (
+        make_record(inner, islice(rest, len(record_ports(inner)))) if inner else next(rest)
+        for inner in _inner_records(record)
     )
+    return record(*fields)
 
 
 @cache

@@ -54,9 +54,8 @@ def atomic_files(
         _remove_leftovers(folder)
         stage, lock = _new_stage(folder)
     except (FileExistsError, NotADirectoryError):
-        raise _refusal(
-            folder, "a folder is needed, but a file has that name; give another place"
-        ) from None
+        reason = "a folder is needed, but a file has that name; give another place"
+        raise _refusal(folder, reason) from None
     except OSError as error:
         _remove_empty(new_folders)
         raise _refusal(place, _reason(error, folder)) from None

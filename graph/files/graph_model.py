@@ -106,18 +106,13 @@ def _counted(value: Any) -> Any:
     return [{}] * value
 
 
+_TURN_COUNT = {"type": "integer", "minimum": 1, "maximum": MAX_TURNS}
+_TURN_PARAMS = {"type": "array", "items": {"type": "object"}, "minItems": 1}
 Turns = Annotated[
     list[dict[Name, Any]],
     Field(min_length=1, max_length=MAX_TURNS),
     BeforeValidator(_counted),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "integer", "minimum": 1, "maximum": MAX_TURNS},
-                {"type": "array", "items": {"type": "object"}, "minItems": 1},
-            ]
-        }
-    ),
+    WithJsonSchema({"anyOf": [_TURN_COUNT, _TURN_PARAMS]}),
 ]
 """The params of each turn of a repeated group."""
 

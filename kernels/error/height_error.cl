@@ -18,6 +18,7 @@
 #define MIN_SHARPNESS 0.5f
 #define FOLD_VARIANCES 10.006145f
 #define ERROR_COUNT 8
+#define MIRRORED 2
 // The number of LEDs: if the compiler knows it, loops over them are unrolled.
 #ifdef LEDS
 #define EACH_LED(k) _Pragma("unroll") for (int k = 0; k < LEDS; ++k)
@@ -416,42 +417,18 @@ __kernel void free_part(
     variance[i] *= freed[i];
 }
 
-// The index within 0 .. size - 1 after mirroring at both ends, without repeating the end pixels.
-static int mirrored(int i, const int size)
-{
-    if (size == 1) return 0;
-    while (i < 0 || i >= size) i = i < 0 ? -i : 2 * size - 2 - i;
-    return i;
-}
-
-// Weighted mean along one axis (1: x).
+// Weighted mean along one axis (1: x); beyond the ends, pixels are mirrored about the last one.
 LANED __kernel void blur(
     __global const float *restrict plane, __global const float *restrict weights,
     __global float *restrict out, const int H, const int W, const int radius, const int axis)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
-    const int inside = y >= radius && y + radius < H;
-    if (count == LANES && (axis ? x >= radius && x + LANES + radius <= W : inside)) {
-        const int stride = axis ? 1 : W;
-        floats total = 0.0f;
-        for (int n = -radius; n <= radius; ++n)
-            total += weights[n + radius] * LOAD_LANES(plane + y * W + x + n * stride);
-        STORE_LANES(total, out + y * W + x);
-        return;
-    }
-    if (axis) {
-        for (int l = 0; l < count; ++l) {
-            float total = 0.0f;
-            for (int n = -radius; n <= radius; ++n)
-                total += weights[n + radius] * plane[y * W + mirrored(x + l + n, W)];
-            out[y * W + x + l] = total;
-        }
-        return;
-    }
     floats total = 0.0f;
     for (int n = -radius; n <= radius; ++n) {
-        const int i = mirrored(y + n, H) * W + x;
-        total += weights[n + radius] * load_floats(plane + i, count);
+        const int row = within_border(y + n, H, MIRRORED);
+        total += weights[n + radius] * (axis
+            ? load_within_border(plane + y * W, x + n, count, W, MIRRORED)
+            : load_floats(plane + row * W + x, count));
     }
     store_floats(total, out + y * W + x, count);
 }

@@ -1,5 +1,6 @@
 """Write pictures of calibrations, which replace earlier pictures of that kind and no other file."""
 
+import os
 from collections.abc import Mapping
 from contextlib import suppress
 from enum import StrEnum
@@ -57,6 +58,9 @@ def _free(file: Path) -> Path:
         raise ValueError(
             f"{picture} exists and is no picture of a calibration; another name is needed"
         )
+    around = next(folder for folder in file.absolute().parents if folder.exists())
+    if not (around.is_dir() and os.access(around, os.W_OK)):
+        raise ValueError(f"{around} is no folder that can be written to; another place is needed")
     return file
 
 
@@ -67,7 +71,7 @@ class NewPicture(NamedTuple):
     ----------
     file
         Its path, or that of a calibration that it goes next to, ``.png`` for ``.npz``; a file of
-        another kind is refused before the work starts.
+        another kind, or a place that cannot be written to, is refused before the work starts.
     """
 
     file: Annotated[Path, AfterValidator(_free)]

@@ -149,11 +149,9 @@ def folds(slope: F4, light: F4) -> tuple[F4, F4]:
     film = np.concatenate([slope, light])
     hidden, turn = np.zeros_like(slope), np.zeros_like(slope[0])
     for axis in (1, 2):
-        around = np.pad(film, [(2 * (axis == n),) * 2 for n in range(3)], mode="edge")
-        far, near, _, next_, last = (
-            around.take(np.arange(film.shape[axis]) + n, axis) for n in range(5)
-        )
-        before, after = 2 * near - far, 2 * next_ - last
+        at, last = np.arange(film.shape[axis]), film.shape[axis] - 1
+        two, one, next_, third = (film.take((at + n).clip(0, last), axis) for n in (-2, -1, 1, 2))
+        before, after = 2 * one - two, 2 * next_ - third
         across, up = after - before, film - before
         product = (up[:2] * (across - up)[:2]).sum(axis=0)
         along, square = (up * across)[2:].sum(axis=0), (across * across)[2:].sum(axis=0)

@@ -11,7 +11,7 @@ from tactograph.graph.backends.launch import Launch
 from tactograph.graph.cores import cores
 from tactograph.graph.declare.kernel_declaration import DeviceTraits, Obstacle
 from tactograph.nodes import F4, Height, PixelSize, Slope
-from tactograph.nodes.height._fourier import fourier_transform, missing_vkfft
+from tactograph.nodes.height._fourier import missing_vkfft, transform
 
 C8 = NDArray[np.complex64]
 
@@ -78,7 +78,7 @@ def _launch(run: Launch) -> None:
     v, u = run.keep(("frequencies", shape), lambda: [*map(run.put, _frequencies(shape))])
     # Both real fields as one complex field p + i q: one transform instead of two.
     packed = run.scratch(shape, np.complex64)
-    fourier = fourier_transform(run, shape)
+    fourier = transform(run, shape, np.complex64, False)
     run.kernel("pack", shape, run.inputs["slope"], packed, height, width)
     fourier.forward(run, packed)
     spectrum = run.scratch(shape, np.complex64)

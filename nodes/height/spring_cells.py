@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4
-from tactograph.nodes.height.springs import Springs, Ties, join_ends, pair_sums, quad_sums
+from tactograph.nodes.height.springs import Springs, pair_sums, quad_sums
 
 MIN_STIFFNESS = np.float32(1e-12)
 """Lower bound on a stiffness in a denominator."""
@@ -54,21 +54,13 @@ class Cells(NamedTuple):
 
 def cells_of(springs: Springs) -> Cells:
     """Return the network on cells of 2 x 2 pixels."""
-    rows, columns = springs.shape
-    half = (rows + 1) // 2, (columns + 1) // 2
     in_rows = _in_series(springs.right)
     in_columns = np.ascontiguousarray(_in_series(springs.down.T).T)
-    ties = springs.ties
-    top, foot, which = join_ends(ties.top, ties.foot, columns, half)
-    apart = which >= 0
-    stiffness = np.bincount(which[apart], ties.stiffness[apart], len(top)).astype(np.float32)
-    network = Springs(
-        pair_sums(in_rows),
-        np.ascontiguousarray(pair_sums(in_columns.T).T),
-        quad_sums(springs.ground),
-        Ties(top, foot, stiffness),
-    )
-    return Cells(network, springs.shape, in_rows, in_columns, which, ties.stiffness)
+    ground = quad_sums(springs.ground)
+    ties, which = springs.ties.joined(springs.shape[1], ground.shape)
+    down = np.ascontiguousarray(pair_sums(in_columns.T).T)
+    network = Springs(pair_sums(in_rows), down, ground, ties)
+    return Cells(network, springs.shape, in_rows, in_columns, which, springs.ties.stiffness)
 
 
 def _in_series(stiffness: F4) -> F4:

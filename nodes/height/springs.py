@@ -40,6 +40,20 @@ class Ties(NamedTuple):
     foot: Pixels
     stiffness: F4
 
+    def joined(self, width: int, half: tuple[int, int]) -> tuple[Ties, Pixels]:
+        """The ties of a network of half the size, and for each tie the coarser one that it joins.
+
+        A tie whose ends become one pixel joins none (-1).
+        """
+        size = half[0] * half[1]
+        top, foot = (end // width // 2 * half[1] + end % width // 2 for end in self[:2])
+        apart = top != foot
+        pairs, joins = np.unique(top[apart] * size + foot[apart], return_inverse=True)
+        which = np.full(top.size, -1, np.int64)
+        which[apart] = joins
+        stiffness = np.bincount(joins, self.stiffness[apart], pairs.size).astype(np.float32)
+        return Ties(pairs // size, pairs % size, stiffness), which
+
 
 class Springs:
     """A network: `right` (H x W-1) and `down` (H-1 x W) join neighbours, `ground` (H x W)."""
@@ -86,40 +100,14 @@ class Springs:
         total[:-1] += self.down
         np.add.at(total.ravel(), self.ties.top, self.ties.stiffness)
         np.add.at(total.ravel(), self.ties.foot, self.ties.stiffness)
-        return np.where(
-            total > 0, JACOBI_DAMPING / np.maximum(total, MIN_TOTAL_STIFFNESS), np.float32(0)
-        )
+        damped = JACOBI_DAMPING / np.maximum(total, MIN_TOTAL_STIFFNESS)
+        return np.where(total > 0, damped, np.float32(0))
 
     def coarser(self) -> Springs:
         """The network of blocks of 2 x 2 pixels, joined rigidly."""
-        columns = self.shape[1]
-        half = (self.shape[0] + 1) // 2, (columns + 1) // 2
-        top, foot, which = join_ends(self.ties.top, self.ties.foot, columns, half)
-        apart = which >= 0
-        stiffness = np.bincount(which[apart], self.ties.stiffness[apart], len(top))
-        return Springs(
-            pair_sums(self.right[:, 1::2]),
-            pair_sums(self.down[1::2].T).T,
-            quad_sums(self.ground),
-            Ties(top, foot, stiffness.astype(np.float32)),
-        )
-
-
-def join_ends(top: Pixels, foot: Pixels, width: int, half: tuple[int, int]) -> tuple[Pixels, ...]:
-    """The ends of ties in a network of half the size, and for each tie the coarser tie it joins.
-
-    A tie whose ends become one pixel joins none (-1).
-    """
-    size = half[0] * half[1]
-    top, foot = (index // width // 2 * half[1] + index % width // 2 for index in (top, foot))
-    apart = top != foot
-    which = np.full(top.size, -1, np.int64)
-    pairs = top[apart] * size + foot[apart]
-    order = np.argsort(pairs, kind="stable")
-    first = np.diff(pairs[order], prepend=-1) > 0
-    which[np.flatnonzero(apart)[order]] = np.cumsum(first) - 1
-    pairs = pairs[order][first]
-    return pairs // size, pairs % size, which
+        right, down = pair_sums(self.right[:, 1::2]), pair_sums(self.down[1::2].T).T
+        ground = quad_sums(self.ground)
+        return Springs(right, down, ground, self.ties.joined(self.shape[1], ground.shape)[0])
 
 
 def pair_sums(rows: F4) -> F4:

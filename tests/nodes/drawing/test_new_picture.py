@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
+from pydantic import TypeAdapter
 
 from tactograph.nodes.drawing.new_picture import NewPicture
 
@@ -23,3 +24,16 @@ def test_figures_stand_beside_the_plots(layout: str | None, tmp_path: Path) -> N
     assert place.y0 > 0
     assert place.x1 < page.bbox.x1
     assert all(plot.get_tightbbox().x1 < place.x0 for plot in plots)
+
+
+def test_a_place_that_cannot_be_written_to_is_refused_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = TypeAdapter(NewPicture.__annotations__["file"])
+    assert place.validate_python(tmp_path / "new" / "cal.npz")
+    (tmp_path / "file").write_bytes(b"")
+    with pytest.raises(ValueError, match="file is no folder that can be written to"):
+        place.validate_python(tmp_path / "file" / "cal.npz")
+    monkeypatch.setattr("os.access", lambda path, mode: False)
+    with pytest.raises(ValueError, match="is no folder that can be written to"):
+        place.validate_python(tmp_path / "new" / "cal.npz")

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, strategies as st
 
 from tactograph.nodes.height.height_levels import levels_of, tie_levels
-from tactograph.nodes.height.springs import Ties, join_ends
+from tactograph.nodes.height.springs import Ties
 
 ROWS, COLUMNS = 40, 50
 
@@ -17,8 +17,8 @@ def test_coarser_ties_join_those_between_the_same_blocks(
 ) -> None:
     """Level after level, as the host joins them; a tie within a block is dropped."""
     top, foot = np.array(ends, np.int64).reshape(-1, 2).T
-    levels = levels_of(ROWS, COLUMNS)
-    tied = tie_levels(Ties(top, foot, np.ones(top.size, np.float32)), levels)
+    levels, ties = levels_of(ROWS, COLUMNS), Ties(top, foot, np.ones(top.size, np.float32))
+    tied = tie_levels(ties, levels)
     members = [set(part.tolist()) for part in np.split(tied.members, tied.member_start[1:-1])]
     tops, feet = {}, {}
     for knot, tie in zip(tied.knot_own, tied.knot_tie, strict=True):
@@ -26,11 +26,12 @@ def test_coarser_ties_join_those_between_the_same_blocks(
     expected = [({t}, levels[0].at(top[t]), levels[0].at(foot[t])) for t in range(top.size)]
     which = np.arange(top.size)
     for finer, level in pairwise(levels):
-        top, foot, joined = join_ends(top, foot, finer.columns, (level.rows, level.columns))
+        ties, joined = ties.joined(finer.columns, (level.rows, level.columns))
         which = np.where(which >= 0, np.append(joined, -1)[which], -1)
-        for tie in range(top.size):
+        for tie in range(ties.top.size):
             parts = set(np.flatnonzero(which == tie).tolist())
-            expected.append((parts, level.at(top[tie]), level.at(foot[tie])))
+            expected.append((parts, level.at(ties.top[tie]), level.at(ties.foot[tie])))
+            assert ties.stiffness[tie] == len(parts)
     if expected:
         assert [(members[t], tops[t], feet[t]) for t in range(len(expected))] == expected
     assert tied.knot_own.tolist() == sorted(tied.knot_own.tolist())
