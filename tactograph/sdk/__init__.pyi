@@ -67,13 +67,11 @@ from tactograph.nodes import (
     Light as Light,
     LightPositions as LightPositions,
     Mask as Mask,
-    Metrics as Metrics,
     Misfit as Misfit,
     Noise as Noise,
     PixelSize as PixelSize,
     ScaleError as ScaleError,
     Slope as Slope,
-    SlopeVariance as SlopeVariance,
     robust_deviation as robust_deviation,
 )
 from tactograph.nodes.calibrate.ball.find_balls import (
@@ -136,7 +134,7 @@ from tactograph.nodes.optics.gauss_newton import (
     SlopeNormal as SlopeNormal,
 )
 from tactograph.nodes.optics.near_light import (
-    places as places,
+    image_places as image_places,
 )
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
