@@ -132,12 +132,6 @@ class Node:
 
         return node_page(self)
 
-    def check_parity(self, device: str | None = None) -> int:
-        """Compare its kernel with its NumPy function over generated inputs (`parity.check`)."""
-        from tactograph.graph.backends import parity
-
-        return parity.check(self, device)
-
     @cached_property
     def about(self) -> Description:
         """The parsed docstring."""

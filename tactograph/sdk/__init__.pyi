@@ -14,6 +14,7 @@ from tactograph.graph import (
     TactographError as TactographError,
     load as load,
     node as node,
+    parity as parity,
     warn as warn,
 )
 from tactograph.graph.backends.launch import (
