@@ -125,13 +125,6 @@ class Node:
     def _sized(self) -> dict[tuple[str, ...], Node]:
         return {}
 
-    @property
-    def page(self) -> str:
-        """All about it in Markdown: its docstring, inputs, parameters, outputs and errors."""
-        from tactograph.graph.declare.node_page import node_page
-
-        return node_page(self)
-
     @cached_property
     def about(self) -> Description:
         """The parsed docstring."""

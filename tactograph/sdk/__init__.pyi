@@ -27,6 +27,9 @@ from tactograph.graph.commands import (
 from tactograph.graph.cores import (
     cores as cores,
 )
+from tactograph.graph.declare.node_page import (
+    node_page as node_page,
+)
 from tactograph.graph.disk.atomic_files import (
     atomic_files as atomic_files,
 )
