@@ -90,13 +90,12 @@ class LedFit:
     ) -> "LedFit":
         """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber).
 
-        Slants K x 2, if given, are where the search for the LEDs starts.  The film at rest tells
-        the LEDs alone, without objects, if it is no plane.
+        Slants K x 2, if given, are where the search for the LEDs starts.
         """
         flat = rest is not None
-        count = len(objects[0].light) if objects else len(rest.logarithm) if rest is not None else 0
+        count = len(objects[0].light)
         if start is None:
-            leds = np.array([_distant(objects, rest, k, width_mm, flat) for k in range(count)])
+            leds = np.array([_distant(objects, k, width_mm, flat) for k in range(count)])
             if slants is not None:
                 leds[:, :2] = slants
         else:
@@ -227,10 +226,8 @@ def residual_of(press: Object, leds: F8, shift: F8, flat: bool) -> F8:
     return np.stack([_led_residual(press, normal, z, k, leds[k], flat) for k in range(len(leds))])
 
 
-def _distant(objects: list[Object], rest: Rest | None, k: int, width_mm: float, flat: bool) -> F8:
+def _distant(objects: list[Object], k: int, width_mm: float, flat: bool) -> F8:
     """A distant LED by linear least squares, then moved to a distance of a few image widths."""
-    if not objects and rest is not None:
-        return _distant_over(rest, k, width_mm)
     normal = np.hstack([o.moved(np.zeros(3))[0][:, o.lit[k]] for o in objects])
     light = np.concatenate([o.light[k, o.lit[k]] for o in objects])
     if objects[0].beneath is not None:
@@ -250,16 +247,6 @@ def _distant(objects: list[Object], rest: Rest | None, k: int, width_mm: float, 
 def slants_of(normal: F8, light: F8) -> F8:
     """Return L_x / L_z and L_y / L_z of a distant LED, by linear least squares."""
     return np.asarray(np.linalg.lstsq(normal[:2].T, light - normal[2], rcond=None)[0])
-
-
-def _distant_over(rest: Rest, k: int, width_mm: float) -> F8:
-    """A distant LED by the light of a film of known shape, if all together shine from above."""
-    assert rest.beneath is not None  # a plane alone tells no LEDs
-    nx, ny, nz = rest.beneath[0]
-    light = np.exp(rest.logarithm[k] - np.log(np.exp(rest.logarithm).mean(axis=0))) * nz
-    (a, b, c), *_ = np.linalg.lstsq(np.stack([nx, ny, nz], axis=1), light, rcond=None)
-    c = max(float(c), MIN_OVER)
-    return np.array([a / c, b / c, 0.2 / width_mm, np.log(c)])
 
 
 def _over(beneath: tuple[F8, F8, F8, F8], a: float, b: float, c: float) -> F8:
