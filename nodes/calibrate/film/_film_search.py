@@ -160,11 +160,12 @@ def search(
         smaller, larger = settle(grow([(trial, plain)], without)), best
     elif set(parts) >= SHINING_PARTS and may_grow(best[1]):
         smaller, larger = best, settle(grow([shining(trial, start, SHINING_PARTS | first)], parts))
+        # An albedo at its limit is not found.
+        if larger[1].fitted.film.albedo == Unknown.of("albedo").high:
+            return smaller
     else:
         return best
-    # An albedo at its limit is not found.
-    is_found = larger[1].fitted.film.albedo < Unknown.of("albedo").high
-    return larger if is_found and Odds().pays(smaller[1].errors, larger[1].errors) else smaller
+    return larger if Odds().pays(smaller[1].errors, larger[1].errors) else smaller
 
 
 def shining(trial: Trial, start: Fitted, parts: frozenset[str]) -> tuple[Trial, Model]:

@@ -8,7 +8,7 @@ from scipy import optimize
 from scipy.ndimage import binary_dilation, uniform_filter
 
 from tactograph.graph import NodeCall, SizeLimit, node
-from tactograph.nodes import F4, Dark, Film, Light, Metrics, PixelSize
+from tactograph.nodes import F4, F8, Dark, Film, Light, Metrics, PixelSize
 from tactograph.nodes.calibrate.lights.descend import least_squares
 from tactograph.nodes.calibrate.lights.light_fit import LedFit
 from tactograph.nodes.calibrate.lights.light_samples import (
@@ -174,16 +174,17 @@ class _Sensor(NamedTuple):
             thrown = bounce(light, press.height, film, self.pixel)
             beside = ~binary_dilation(press.height > 0, iterations=EDGE_MARGIN_PX)
             more, by = (each.mean(axis=0, dtype=float)[beside] for each in (light - 1, thrown))
-            # A share of that light, and the LEDs' drift.
-            slopes = np.column_stack([by, np.ones_like(by)]) / LIGHT_DEVIATION
-            share, _ = least_squares(
-                lambda u, by=slopes, more=more: by @ u - more / LIGHT_DEVIATION,
-                np.zeros(2),
-                jacobian=lambda _, by=slopes: by,
-            )
-            direct = press.light - self.flat * thrown * np.float32(np.clip(share, 0, 1))
-            presses.append(press._replace(light=direct))
+            share = np.float32(_share(more, by))
+            presses.append(press._replace(light=press.light - share * self.flat * thrown))
         return self._replace(presses=presses or self.presses)
+
+
+def _share(light: F8, by: F8) -> float:
+    """Return the share of some light in another, which also drifts: robust least squares."""
+    slopes = np.column_stack([by, np.ones_like(by)]) / LIGHT_DEVIATION
+    away = light / LIGHT_DEVIATION
+    share, _ = least_squares(lambda u: slopes @ u - away, np.zeros(2), jacobian=lambda _: slopes)
+    return float(np.clip(share, 0, 1))
 
 
 def _led_light(flat: F4, ambient: float) -> F4:
