@@ -34,7 +34,7 @@ from tactograph.graph import load
 from tactograph.graph.run.result import Result
 from tactograph.nodes import BAND_DEVIATIONS, Light, Metrics
 from tactograph.nodes.capture.read_capture import read_capture
-from tactograph.nodes.drawing.new_picture import write_picture
+from tactograph.nodes.drawing.new_picture import NewPicture
 from tactograph.nodes.files.image_files import ImageFile
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.rings.metrology.nodes.scan.judge_light_model import judge_light_model
@@ -301,7 +301,7 @@ def draw(relief: NDArray[np.float32], file: Path) -> None:
     picture = axes.imshow(1e3 * relief, vmin=-30, vmax=100, cmap="gray")
     axes.set(xticks=[], yticks=[])
     figure.colorbar(picture, label="height above the field / um")
-    write_picture(figure, file)
+    NewPicture(file).write(figure)
 
 
 def show_known(_: Path | None) -> None:

@@ -35,7 +35,6 @@ from tactograph.graph.errors import (
 )
 
 if TYPE_CHECKING:
-    from tactograph.graph.backends import parity
     from tactograph.graph.cache.cache import Cache
     from tactograph.graph.run.open_pipeline import load
     from tactograph.graph.run.pipeline import Pipeline
@@ -62,7 +61,6 @@ __all__ = [
     "Wanted",
     "load",
     "node",
-    "parity",
     "warn",
 ]
 
@@ -71,7 +69,6 @@ _LATE_MODULES = {
     "Cache": "cache.cache",
     "Pipeline": "run.pipeline",
     "load": "run.open_pipeline",
-    "parity": "backends.parity",
 }
 """Names that a node file does not need, with their modules: importing the planner is slow."""
 
@@ -80,4 +77,4 @@ def __getattr__(name: str) -> Any:
     if name not in _LATE_MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module = importlib.import_module(f"{__name__}.{_LATE_MODULES[name]}")
-    return module if name == "parity" else getattr(module, name)
+    return getattr(module, name)

@@ -73,11 +73,8 @@ class _Lazy(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         word = args[0]
-        if (
-            word not in (*COMMANDS, *_ring_verbs())
-            and not word.startswith("-")
-            and not ctx.resilient_parsing
-        ):
+        is_known = word in (*COMMANDS, *_ring_verbs()) or word.startswith("-")
+        if not is_known and not ctx.resilient_parsing:
             ctx.fail(f"No such command '{printable(word)}'{_meant(word)}")
         return super().resolve_command(ctx, args)
 

@@ -14,8 +14,10 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
 from traceback import walk_tb
-from typing import NamedTuple, Self
+from typing import NamedTuple, Self, TypeVar
 
+T = TypeVar("T")
+R = TypeVar("R")
 MAX_CHARACTERS = 2000
 """Largest number of characters to print of a text from a file."""
 MARKED_NAME = re.compile(r"`(\w+(?:\.\w+)*)`(=(?:[^\s;:()]*[^\s;:(),.])?)?")
@@ -49,7 +51,7 @@ class InputError(TactographError):
     def unknown(cls, message: str, name: str, known: Iterable[str]) -> Self:
         """Return the error of a name that is none of those `known`, with the closest, or all."""
         names = [*known]
-        return cls(message + (did_you_mean(name, names) or f"; there are: {', '.join(names)}"))
+        return cls(message + (did_you_mean(name, names) or f"; it has {', '.join(names)}"))
 
 
 class GraphError(InputError):
@@ -69,6 +71,16 @@ class ErrorsTogether:
             yield
         except GraphError as error:
             self._errors.setdefault(str(error), error)
+
+    @classmethod
+    def of_all(cls, items: Iterable[T], work: Callable[[T], R]) -> dict[T, R]:
+        """Return what `work` returns for each item; raise the errors of all of them together."""
+        errors, results = cls(), dict[T, R]()
+        for item in items:
+            with errors.gathered():
+                results[item] = work(item)
+        errors.raise_any()
+        return results
 
     def raise_any(self) -> None:
         """Raise the first error, with the others."""

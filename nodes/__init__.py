@@ -139,6 +139,13 @@ LutLit = Annotated[U1, Port("N", "LED bits", high=255)]
 """The LEDs that reach each calibration pixel; they determine its tables."""
 
 
+def robust_deviation(
+    residual: NDArray[Any], axis: int | None = None, *, keepdims: bool = False
+) -> Any:
+    """Return the standard deviation of residuals about zero, from the median of their sizes."""
+    return DEVIATIONS_PER_MAD * np.median(np.abs(residual), axis=axis, keepdims=keepdims)
+
+
 class Tables(NamedTuple):
     """The tables of a calibration (`build_lut`)."""
 

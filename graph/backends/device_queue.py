@@ -189,8 +189,7 @@ class Queue:
         return target
 
     def _copy(self, source: Any, target: DeviceArray, offset: int) -> None:
-        if target.nbytes:
-            count = target.nbytes
+        if count := target.nbytes:
             cl.enqueue_copy(
                 self.queue, target.buffer, source, byte_count=count, src_offset=offset
             ).wait()
@@ -257,9 +256,8 @@ class Queue:
         """Make a constant array on the device."""
         target = self.empty(shape, dtype)
         pattern = np.array([value], dtype)
-        cl.enqueue_fill_buffer(
-            self.queue, target.buffer, pattern, 0, max(target.nbytes, dtype.itemsize)
-        )
+        nbytes = max(target.nbytes, dtype.itemsize)
+        cl.enqueue_fill_buffer(self.queue, target.buffer, pattern, 0, nbytes)
         return target
 
     def finish(self) -> None:

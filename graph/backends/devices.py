@@ -104,7 +104,9 @@ def choose_device(text: str | None = None, *, waits: bool = True) -> tuple[Devic
 
 
 def how_to_get_one() -> str:
-    """The command that installs an OpenCL device for the CPU of this system."""
+    """What gives this system an OpenCL device for its CPU."""
+    if sys.platform == "linux" and (folder := pocl_cache.unwritable_folder()):
+        return f"{folder}, for drivers' programs, cannot be written to: set XDG_CACHE_HOME=FOLDER"
     if sys.platform == "darwin":
         return "macOS includes one; conda install -c conda-forge pyopencl pocl adds another"
     if intel_runtime.is_for_this_system():
@@ -123,6 +125,7 @@ def _first_process() -> int:
 def _handles() -> Iterator[cl.Device]:
     if _first_process() != os.getpid():
         raise InputError(NOT_IN_A_FORK)
+    pocl_cache.unwritable_folder()
     try:
         import pyopencl as cl
     except ImportError:

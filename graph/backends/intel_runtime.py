@@ -43,7 +43,7 @@ def _beside_the_systems(runtime: Path) -> Iterator[None]:
     folders = [Path(os.environ.get("OPENCL_VENDOR_PATH") or "/etc/OpenCL/vendors")]
     folders.append(Path(sys.prefix, "etc", "OpenCL", "vendors"))  # conda's loader
     drivers = [line for folder in folders for line in _drivers(folder)]
-    if any(map(_is_intel, drivers)):
+    if any(Path(driver).name.startswith(_DRIVER_FILES["linux"]) for driver in drivers):
         yield
         return
     with tempfile.TemporaryDirectory(prefix="tactograph-") as folder:
@@ -92,7 +92,3 @@ def _drivers(folder: Path) -> list[str]:
     except OSError:
         return []
     return [line for line in lines if not Path(line).is_absolute() or Path(line).is_file()]
-
-
-def _is_intel(driver: str) -> bool:
-    return Path(driver).name.startswith(_DRIVER_FILES["linux"])

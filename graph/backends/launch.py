@@ -38,6 +38,15 @@ class Launch:
 
     `repeats` is true as long as it only enqueued kernels, which can be enqueued again; `record`
     holds them.
+
+    Attributes
+    ----------
+    lanes
+        The number of elements that a work-item processes side by side: the kernels' LANES.
+    group
+        The size of a kernel that is a single work-group: the kernels' GROUP.
+    units
+        The number of the device's compute units: the cores of a CPU.
     """
 
     def __init__(
@@ -50,8 +59,8 @@ class Launch:
         sizes: Mapping[str, int],
         record: Record | None = None,
     ) -> None:
-        self._device = queue
-        self._compiled = compiled
+        self._device, self._compiled = queue, compiled
+        self.lanes, self.group, self.units = queue.lanes, queue.group, queue.units
         self._record = record
         self.repeats = True
         self.inputs = inputs
@@ -75,11 +84,6 @@ class Launch:
             self._events.append(cl.enqueue_marker(self._device.queue))
         return self._events[0], self._events[-1]
 
-    @property
-    def lanes(self) -> int:
-        """The number of elements that a work-item processes side by side: the kernels' LANES."""
-        return self._device.lanes
-
     def in_lanes(self, *grid: int) -> tuple[int]:
         """The grid of a kernel in which each work-item processes LANES elements of this grid."""
         return in_lanes(grid, self.lanes)
@@ -87,16 +91,6 @@ class Launch:
     def in_row_lanes(self, *grid: int) -> tuple[int]:
         """The grid of a kernel in which each work-item processes LANES elements of one row."""
         return in_row_lanes(grid, self.lanes)
-
-    @property
-    def group(self) -> int:
-        """The size of a kernel that is a single work-group: the kernels' GROUP."""
-        return self._device.group
-
-    @property
-    def units(self) -> int:
-        """The number of the device's compute units: the cores of a CPU."""
-        return self._device.units
 
     @property
     def part(self) -> tuple[int] | None:

@@ -19,6 +19,8 @@ from tactograph.graph.declare.engine_arguments import EVERYTHING, Wanted
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import InputError
 
+Arrays = Mapping[str, NDArray[Any]]
+"""Arrays by port."""
 POISON_BYTE = 0xA5
 MAX_DIFFERENCES = 5
 """Largest number of differences that a message lists."""
@@ -27,7 +29,7 @@ MAX_DIFFERENCES = 5
 def check(node: Node, device: str | None = None) -> int:
     """Compare a node's kernel with its NumPy function over all generated cases.
 
-    For the test of a node: ``def test_brighten(): parity.check(brighten)``.
+    For the test of a node: ``def test_brighten(): brighten.check_parity()``.
 
     Parameters
     ----------
@@ -94,12 +96,7 @@ def compare_on(node: Node, devices: Iterable[DeviceBackend], case: Case) -> str 
     return None
 
 
-def _difference(
-    node: Node,
-    reference: Mapping[str, NDArray[Any]],
-    outputs: Mapping[str, NDArray[Any]],
-    wanted: Wanted,
-) -> str | None:
+def _difference(node: Node, reference: Arrays, outputs: Arrays, wanted: Wanted) -> str | None:
     for name, expected in reference.items():
         if name not in wanted:
             continue
@@ -111,7 +108,7 @@ def _difference(
     return None
 
 
-def _changed(inputs: Mapping[str, Any], before: Mapping[str, NDArray[Any]]) -> str | None:
+def _changed(inputs: Mapping[str, Any], before: Arrays) -> str | None:
     """Return the first input that has changed."""
     for name, array in before.items():
         equal_nan = array.dtype.kind == "f"
@@ -122,11 +119,12 @@ def _changed(inputs: Mapping[str, Any], before: Mapping[str, NDArray[Any]]) -> s
 
 def _on_device(
     node: Node, device: DeviceBackend, case: Case, inputs: Mapping[str, Any], wanted: Wanted
-) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
+) -> tuple[Arrays, Arrays]:
     """The outputs, and the inputs after the launch."""
     integers = node.kernels.integers if case.fill in INTEGER_FILLS else None
     if integers is not None:
-        dtype, full = INTEGER_FILLS[case.fill]
+        dtype = INTEGER_FILLS[case.fill]
+        full = np.iinfo(dtype).max
         inputs = {**inputs, integers: np.rint(inputs[integers] * full).astype(dtype)}
     remote = {
         name: device.upload(value) if isinstance(value, np.ndarray) else value

@@ -4,6 +4,7 @@ import typing
 import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,7 @@ from tactograph.graph.errors import InputError
 CASE_SHAPES = ((1, 1), (3, 5), (31, 37), (64, 64), (70, 131))
 """H x W: one pixel, odd, prime, complete work-groups, larger than a work-group."""
 CASE_FILLS = ("random", "zero", "low", "high", "edges", "nan")
-INTEGER_FILLS: dict[str, tuple[type, int]] = {
-    "8 bits": (np.uint8, 255),
-    "16 bits": (np.uint16, 65535),
-}
+INTEGER_FILLS: dict[str, type[np.integer[Any]]] = {"8 bits": np.uint8, "16 bits": np.uint16}
 """Fills for nodes whose kernels read a camera's integers."""
 
 
@@ -49,11 +47,8 @@ def cases(node: Node, shapes: tuple[tuple[int, int], ...] = CASE_SHAPES) -> list
     """
     settings = dict(_settings(node))
     default = settings["default"]
-    chosen = [
-        Case(_sizes(node, shape, default), fill, "default", default)
-        for shape in shapes
-        for fill in _fills(node)
-    ]
+    usual = product(shapes, _fills(node))
+    chosen = [Case(_sizes(node, shape, default), fill, "default", default) for shape, fill in usual]
     middle = _middle(shapes)
     chosen += [
         Case(_sizes(node, middle, setting), "random", name, setting)
@@ -61,14 +56,12 @@ def cases(node: Node, shapes: tuple[tuple[int, int], ...] = CASE_SHAPES) -> list
         if name != "default" and _fits(node, middle, setting)
     ]
     sizes = _sizes(node, middle, default)
-    chosen += [
-        Case(sizes, "random", f"without {' and '.join(names)}", default, omitted=names)
-        for names in _absences(node)
-    ]
-    chosen += [
-        Case(sizes, "random", f"only {' and '.join(names)}", default, wanted=names)
-        for names in _demands(node)
-    ]
+    for names in _absences(node):
+        title = f"without {' and '.join(names)}"
+        chosen.append(Case(sizes, "random", title, default, omitted=names))
+    for names in _demands(node):
+        title = f"only {' and '.join(names)}"
+        chosen.append(Case(sizes, "random", title, default, wanted=names))
     return chosen
 
 
@@ -101,7 +94,7 @@ def _drawn(port: PortType, case: Case, rng: np.random.Generator) -> Any:
     elif case.fill == "edges":
         array = rng.choice([low, high, (low + high) / 2, 0.0], shape)
     elif case.fill in INTEGER_FILLS and not whole:
-        full = INTEGER_FILLS[case.fill][1]
+        full = np.iinfo(INTEGER_FILLS[case.fill]).max
         array = rng.integers(0, full + 1, shape) / np.float32(full)
     elif whole:
         array = rng.integers(int(low), int(high) + 1, shape)

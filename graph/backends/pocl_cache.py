@@ -16,6 +16,8 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+import platformdirs
+
 from tactograph.graph.disk.disk_cache import cache_folder
 
 CACHE_VARIABLE = "POCL_CACHE_DIR"
@@ -30,6 +32,21 @@ def compile_once() -> None:
     A binary contains that version, and it is as fast, since lanes are filled by hand.
     """
     os.environ.setdefault(SPECIALISE_VARIABLE, "0")
+
+
+@cache
+def unwritable_folder() -> Path | None:
+    """The user's folder for caches, if it cannot be written to.
+
+    PoCL then has no device, and PyOpenCL, which fails, is told to keep nothing there.
+    """
+    folder = Path(platformdirs.user_cache_dir())
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+    if os.access(folder, os.W_OK):
+        return None
+    os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
+    return folder
 
 
 @cache

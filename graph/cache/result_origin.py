@@ -1,6 +1,5 @@
 """The origin of a result: a stored result may replace a new one only if the origins are equal."""
 
-import hashlib
 import importlib.metadata
 import importlib.util
 import json
@@ -17,7 +16,7 @@ from tactograph.graph.backends.kernel_source import kernel_source
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.provenance import installed, versions
-from tactograph.graph.disk.content_hash import content_hash
+from tactograph.graph.disk.content_hash import content_hash, digest
 from tactograph.graph.disk.file_identity import file_identity
 from tactograph.graph.files.flat_graph import CAPTURE_PARAM, Graph
 from tactograph.graph.plan import names
@@ -93,12 +92,6 @@ def _named_files(draft: Draft, params: Iterable[str]) -> dict[str, Path]:
         and not task.node.sink
         and task.entry.settings.get(name) not in words
     }
-
-
-def digest(about: Mapping[str, Any]) -> str:
-    """SHA-256 (first 16 digits) of plain data."""
-    text = json.dumps(about, sort_keys=True, separators=(",", ":"), default=str)
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def code_of(node: Node) -> str:

@@ -36,6 +36,22 @@ def say(text: str = "", *, err: bool = False, nl: bool = True) -> None:
     click.echo(printable(text), err=err, nl=nl)
 
 
+def print_table(title: str, headings: Iterable[str], rows: Iterable[Iterable[str]]) -> None:
+    """Print a table that cuts no cell; milliseconds go right."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title)
+    for each in headings:
+        table.add_column(each, justify="right" if each == "ms" else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*row)
+    console = Console(markup=False)
+    if not console.is_terminal:
+        console.width = 120
+    console.print(table)
+
+
 class GraphCommand(click.Command):
     """A command that runs a graph; after the graph's name, --help lists its params.
 
@@ -52,13 +68,9 @@ class GraphCommand(click.Command):
 
         graph = with_overlays(read_graph(words["graph"]), words.get("overlays") or ())
         with formatter.section(f"Params of {graph.name}"):
-            rows = graph.params.items()
-            formatter.write_dl(
-                [
-                    (f"{name}={p.kind.upper()}", printable(f"{p.state}; {p.help}"))
-                    for name, p in rows
-                ]
-            )
+            params = graph.params.items()
+            rows = [(f"{n}={p.kind.upper()}", printable(f"{p.state}; {p.help}")) for n, p in params]
+            formatter.write_dl(rows)
         if words.get("every"):
             self._format_parameters(graph, formatter)
 
@@ -138,15 +150,20 @@ FILE_PATH = click.Path(dir_okay=False, path_type=Path)
 graph_argument = click.argument("graph", type=GraphName())
 
 
-def graph_command(name: str, *, short_help: str) -> Callable[[Callable[..., None]], click.Command]:
-    """Decorate a function as a command that takes a graph and values for its params."""
+def graph_command(
+    name: str, *, short_help: str, plans: bool = True
+) -> Callable[[Callable[..., None]], click.Command]:
+    """Decorate a function as a command that takes a graph and values for its params.
+
+    If it `plans` the graph, it also takes `RunOptions`, as `options`.
+    """
     values = click.argument(
         "values", nargs=-1, metavar="[NAME=VALUE]...", shell_complete=complete_value
     )
 
     def make(function: Callable[..., None]) -> click.Command:
         command = click.command(name, cls=GraphCommand, short_help=short_help)
-        return command(graph_argument(values(function)))
+        return command(graph_argument(values(RunOptions.add(function) if plans else function)))
 
     return make
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tactograph.graph.commands import FILE_PATH, RunOptions, graph_command, say
+from tactograph.graph.commands import FILE_PATH, RunOptions, graph_command, print_table, say
 from tactograph.graph.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 
 @graph_command("bench", short_help="Time a graph on every back end and device.")
-@RunOptions.add
 @click.option(
     "--repeats", type=click.IntRange(2), default=11, help="The first, which compiles, is left out."
 )
@@ -74,14 +73,9 @@ def _places(options: RunOptions) -> list[RunOptions]:
 
 def _report(row: Mapping[str, Any]) -> None:
     """A table of the steps that run for every item, and the total."""
-    from rich.console import Console
-    from rich.table import Column, Table
-
-    headings = Column("step", overflow="fold"), "back end", Column("ms", justify="right")
-    table = Table(*headings, title=f"{row['device']}: {row['items']} items")
-    for node in row["nodes"]:
-        table.add_row(node["node"], node["backend"], f"{node['ms']:.3f}")
-    Console(markup=False).print(table)
+    steps = ((node["node"], node["backend"], f"{node['ms']:.3f}") for node in row["nodes"])
+    title = f"{row['device']}: {row['items']} items"
+    print_table(title, ("step", "back end", "ms"), steps)
     ready, total = row["ready_s"], row["ms"]
     rate = 1e3 / total
     say(f"an item {total:.2f} ms, {rate:.1f} items per second; ready after {ready:.1f} s")
@@ -90,20 +84,17 @@ def _report(row: Mapping[str, Any]) -> None:
 def _row(where: str, results: Sequence[Result], ready: float) -> dict[str, Any]:
     """The figures of a device, of the steps that run for every item, sources aside."""
     plan = results[0].plan
-    tasks = [(step, plan.tasks.get(step.name)) for step in plan.steps if step.stream]
+    sources = {name for name, task in plan.tasks.items() if task.node.source}
+    steps = [step for step in plan.steps if step.stream and step.name not in sources]
+    nodes = [
+        {"node": s.name, "backend": s.backend, "ms": median(r.times[s.name] for r in results)}
+        for s in steps
+    ]
     return {
         "device": where,
         "graph": plan.graph.hash,
         "items": len(results),
         "ms": median(result.total for result in results),
         "ready_s": ready,
-        "nodes": [
-            {
-                "node": step.name,
-                "backend": step.backend,
-                "ms": median(result.times[step.name] for result in results),
-            }
-            for step, task in tasks
-            if task is None or not task.node.source
-        ],
+        "nodes": nodes,
     }

@@ -6,7 +6,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -49,19 +49,8 @@ if TYPE_CHECKING:
     "--out", type=FOLDER_PATH, default="report", show_default=True,
     help="Folder for results, tables and report.",
 )  # fmt: skip
-def command(words: tuple[str, ...], out: Path, columns: str | None, **choices: Any) -> None:
-    """Run every GRAPH on every capture on every back end; of a STUDY, its base and variants.
-
-    NAME=VALUE and --with apply to every graph.  Folders among the words, as a shell expands DIR/*,
-    are further captures.  Runs that were finished earlier are not repeated.  If a run fails, the
-    others go on, and the exit code is 1.
-    """
-    _compare(_read_study(words, out, **choices), out, columns)
-
-
-def _read_study(
-    words: Sequence[str],
-    out: Path,
+def command(
+    words: tuple[str, ...],
     *,
     over: Sequence[Path],
     overlays: Sequence[str],
@@ -70,7 +59,15 @@ def _read_study(
     sweeps: Sequence[str],
     seed: str | None,
     repeats: int,
-) -> Study:
+    columns: str | None,
+    out: Path,
+) -> None:
+    """Run every GRAPH on every capture on every back end; of a STUDY, its base and variants.
+
+    NAME=VALUE and --with apply to every graph.  Folders among the words, as a shell expands DIR/*,
+    are further captures.  Runs that were finished earlier are not repeated.  If a run fails, the
+    others go on, and the exit code is 1.
+    """
     from tactograph.graph.compare.compare import Study
     from tactograph.graph.compare.sweep import read_sweep
     from tactograph.graph.files.flat_graph import Graph
@@ -87,7 +84,7 @@ def _read_study(
     captures = [capture for folder in folders for capture in Graph.captures_in(folder)]
     refuse_to_write_over(f"--out {out}", out, {f"--over {p}": p for p in (*folders, *captures)})
     graphs = [with_overlays(graph, overlays) for name in names for graph in read_graphs(name)]
-    return Study(
+    study = Study(
         graphs=graphs,
         values=[word for word in words if "=" in word],
         captures=captures,
@@ -97,6 +94,7 @@ def _read_study(
         seed=seed,
         repeats=repeats,
     )
+    _compare(study, out, columns)
 
 
 def _read_backends(text: str | None) -> list[str | None]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from tactograph.graph.commands import RunOptions, graph_command, say
+from tactograph.graph.commands import RunOptions, graph_command, print_table, say
 
 if TYPE_CHECKING:
     from tactograph.graph.plan.draft import Task
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 @graph_command("explain", short_help="Say what would run, where and why.")
 @click.option("--all", "every", is_flag=True, help="Every node of the groups, and transfers.")
-@RunOptions.add
 def command(graph: str, values: tuple[str, ...], every: bool, options: RunOptions) -> None:
     """Print the plan of GRAPH, and which of its results may be on disk.
 
@@ -29,7 +28,8 @@ def command(graph: str, values: tuple[str, ...], every: bool, options: RunOption
     title = f"{read.name} [{read.hash}] on {plan.device or 'the host alone'}"
     steps = [step for step in plan.steps if every or not step.is_transfer]
     rows = [_row(plan, step) for step in steps]
-    _print(title, rows if every else _by_box(rows, plan))
+    headings = "node", "op", "back end", "when", "why"
+    print_table(title, headings, rows if every else _by_box(rows, plan))
     if moves and not every:
         each = sum(step.stream for step in moves)
         click.echo(
@@ -75,20 +75,6 @@ def _by_box(rows: Iterable[_Row], plan: Plan) -> Iterator[_Row]:
         when = "; ".join(dict.fromkeys(whens))
         op = f"{plan.graph.uses[name].group}: {len(inside)} nodes"
         yield _Row(name, op, backend, when, why)
-
-
-def _print(title: str, rows: Iterable[_Row]) -> None:
-    from rich.console import Console
-    from rich.table import Column, Table
-
-    headings = "node", "op", "back end", "when", "why"
-    table = Table(*(Column(each, overflow="fold") for each in headings), title=title)
-    for row in rows:
-        table.add_row(*row)
-    console = Console(markup=False)
-    if not console.is_terminal:
-        console.width = 120
-    console.print(table)
 
 
 def _when(step: Step, task: Task | None) -> str:

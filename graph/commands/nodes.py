@@ -25,11 +25,9 @@ def command(name: str | None) -> None:
         return
     places = node_places()
     width = max(map(len, places))
-    by_room = itertools.groupby(
-        sorted(places, key=lambda each: (_heading(places[each]), each)),
-        key=lambda each: _heading(places[each]),
-    )
-    for (_, heading), names in by_room:
+    headings = {each: _heading(place) for each, place in places.items()}
+    in_order = sorted(places, key=lambda each: (headings[each], each))
+    for (_, heading), names in itertools.groupby(in_order, headings.__getitem__):
         say(f"\n{heading}")
         for each in names:
             try:

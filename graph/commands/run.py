@@ -35,7 +35,6 @@ WARNING_INTERVAL_S = 10.0
 
 
 @graph_command("run", short_help="Run a graph.")
-@RunOptions.add
 @click.option(
     "--keep",
     metavar="PORTS",
@@ -209,9 +208,8 @@ def _ending(pipeline: Pipeline, warnings: Collection[str]) -> str:
         if (param := plan.graph.params[name]).kind == "path"
     }
     written = ", ".join(place for place in places if Path(place).exists())
-    warned = (
-        f"{len(warnings)} warning{'s' if len(warnings) > 1 else ''}, see above" if warnings else ""
-    )
+    plural = "s" if len(warnings) > 1 else ""
+    warned = f"{len(warnings)} warning{plural}, see above" if warnings else ""
     return "; ".join(filter(None, [f"written to {written}" if written else "", warned]))
 
 

@@ -5,7 +5,6 @@ from tactograph.graph.errors import InputError
 
 
 @graph_command("warm", short_help="Build a graph's kernels ahead of its first run.")
-@RunOptions.add
 def command(graph: str, values: tuple[str, ...], options: RunOptions) -> None:
     """Build the kernels of GRAPH, as when a robot boots, and keep them on disk.
 

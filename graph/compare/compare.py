@@ -152,8 +152,7 @@ def run_job(job: Job, study: Study, out: Path, cache: Cache) -> tuple[Row, bool]
     values = {**study.arguments[job.graph.name], **_places(job, folder)}
     try:
         row.origin = find_origin(job.graph, values, backend=job.backend, device=study.device)
-        done = _done(folder, row)
-        if done is not None:
+        if (done := _done(folder, row)) is not None:
             return done, True
         results = _run(job, values, study.device, row, cache)
     except WriteError:

@@ -57,13 +57,9 @@ def _mapping(
     node_id: str, prefix: str, before: Mapping[str, Any], after: Mapping[str, Any]
 ) -> Iterator[Difference]:
     for key in dict.fromkeys([*before, *after]):
-        was, is_ = (_shown(side, key) for side in (before, after))
+        was, is_ = (str(side.get(key, "not set")) for side in (before, after))
         if was != is_:
             yield Difference(node_id, f"{prefix}{key}", was, is_)
-
-
-def _shown(mapping: Mapping[str, Any], key: str) -> str:
-    return str(mapping[key]) if key in mapping else "not set"
 
 
 def _described(entry: Entry) -> str:

@@ -232,10 +232,8 @@ class _Shown:
         """All truths and all runs."""
         if self.truth is not None:
             return {TRUTH_LABEL: self.truth, **self.results}
-        return {
-            **{f"{TRUTH_LABEL}, {k}": v for k, v in _distinct(self.truths).items()},
-            **self.results,
-        }
+        truths = {f"{TRUTH_LABEL}, {k}": v for k, v in _distinct(self.truths).items()}
+        return {**truths, **self.results}
 
     @property
     def errors(self) -> dict[str, NDArray[Any]]:

@@ -185,9 +185,7 @@ def _chosen(lines: Sequence[Line], wanted: Sequence[str]) -> list[str]:
 
 def _what_is_best(names: Iterable[str]) -> str:
     highest = [words(name) for name in names if what_is_better(name) == "higher"]
-    aimed = [
-        f"{words(name)} nearest to {FIGURE_AIMS[name]}" for name in names if name in FIGURE_AIMS
-    ]
+    aimed = [f"{words(n)} nearest to {FIGURE_AIMS[n]}" for n in names if n in FIGURE_AIMS]
     parts = [*([f"highest {', '.join(highest)}"] if highest else []), *aimed]
     return "; ".join([*parts, "else nearest to zero" if parts else "nearest to zero"])
 
@@ -216,10 +214,8 @@ def _mean_line(lines: Sequence[Line], remark: str) -> Line:
     """A plain mean: captures are not repeats, so an interval would be meaningless."""
     first = lines[0]
     names = [name for name in first.figures if all(name in line.figures for line in lines)]
-    figures = {}
-    for name in names:
-        mean = fmean(_size(name, line.figures[name].mean) for line in lines)
-        figures[name] = Estimate(mean, mean, mean, 1)
+    means = {n: fmean(_size(n, line.figures[n].mean) for line in lines) for n in names}
+    figures = {name: Estimate(mean, mean, mean, 1) for name, mean in means.items()}
     title = f"mean of {len(lines)} captures{remark}"
     rows = [row for line in lines for row in line.rows]
     return Line(first.variant, title, first.backend, first.sweep, rows, figures)
@@ -252,23 +248,22 @@ def _cells(
 
 def _write_csv(lines: Sequence[Line], file: Path) -> None:
     names, targets = columns(lines, details=True), sweep_columns(lines)
-    several = any(len(line.rows) > 1 for line in lines)
-    spread = [f"{name}_{end}" for name in names for end in ("low", "high")] if several else []
+    several, rows = any(len(line.rows) > 1 for line in lines), list[dict[str, Any]]()
+    for line in lines:
+        row = dict[str, Any](variant=line.variant, capture=line.capture, backend=line.backend)
+        row |= {target: line.sweep.get(target, "") for target in targets}
+        figures = {name: line.figures.get(name) for name in names}
+        row |= {name: "" if f is None else f.mean for name, f in figures.items()}
+        if several:
+            row["runs"] = len(line.rows)
+            for name, f in figures.items():
+                row[f"{name}_low"], row[f"{name}_high"] = ("", "") if f is None else (f.low, f.high)
+        row |= {"hash": line.hash, "warnings": "; ".join(line.warnings), "error": line.error}
+        rows.append(row)
     with file.open("w", newline="") as stream:
-        writer = csv.writer(stream)
-        extra = ["runs", *spread] if several else []
-        writer.writerow(
-            ["variant", "capture", "backend", *targets, *names, *extra, "hash", "warnings", "error"]
-        )
-        for line in lines:
-            swept = [line.sweep.get(target, "") for target in targets]
-            figures = [line.figures.get(name) for name in names]
-            means = ["" if f is None else f.mean for f in figures]
-            ends = [end for f in figures for end in (("", "") if f is None else (f.low, f.high))]
-            more = [len(line.rows), *ends] if several else []
-            start = [line.variant, line.capture, line.backend]
-            messages = ["; ".join(line.warnings), line.error]
-            writer.writerow([*start, *swept, *means, *more, line.hash, *messages])
+        writer = csv.DictWriter(stream, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def _markdown(lines: Sequence[Line], names: Sequence[str]) -> str:

@@ -22,7 +22,7 @@ from tactograph.graph.declare.ports import (
 )
 from tactograph.graph.declare.provenance import Provenance
 from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
-from tactograph.graph.declare.tolerance import Tolerance
+from tactograph.graph.declare.tolerance import Close
 
 _ENGINE_ARGUMENTS = (
     ("provenance", Provenance), ("session", Session), ("wanted", Wanted), ("integers", KeepIntegers)
@@ -38,7 +38,7 @@ def node(function: Callable[..., Any]) -> Node: ...
 def node(
     *,
     neutral: float | str = ...,
-    tolerance: Tolerance = ...,
+    tolerance: Close = ...,
     sizes: Mapping[str, SizeLimit] = ...,
     derived: Mapping[str, SizeRule] = ...,
     endless: bool = ...,

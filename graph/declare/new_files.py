@@ -48,7 +48,7 @@ def write_node(place: str, root: Path) -> list[Path]:
     if not (root / "nodes").is_dir() or not (root / "kernels").is_dir():
         raise InputError(
             f"{root}: neither a clone of tactograph nor a ring: it lacks the folders nodes and "
-            "kernels; 'tactograph new-ring' makes a ring"
+            "kernels; --ring names the folder that has them, and 'tactograph new-ring' makes one"
         )
     room, _, name = place.rpartition("/")
     packages = [p.parent.relative_to(root / "nodes") for p in root.glob("nodes/**/__init__.py")]

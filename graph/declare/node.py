@@ -38,7 +38,7 @@ from tactograph.graph.declare.ports import (
     record_values,
 )
 from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
-from tactograph.graph.declare.tolerance import Close, Tolerance
+from tactograph.graph.declare.tolerance import Close
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.description import Description
@@ -62,7 +62,7 @@ class Node:
     stream: bool
     named: NamedPorts | None = None
     neutral: float | str | None = None
-    tolerance: Tolerance = field(default_factory=Close)
+    tolerance: Close = field(default_factory=Close)
     sizes: Mapping[str, SizeLimit] = field(default_factory=dict)
     derived: Mapping[str, SizeRule] = field(default_factory=dict)
     package: str = "tactograph"
@@ -131,6 +131,12 @@ class Node:
         from tactograph.graph.declare.node_page import node_page
 
         return node_page(self)
+
+    def check_parity(self, device: str | None = None) -> int:
+        """Compare its kernel with its NumPy function over generated inputs (`parity.check`)."""
+        from tactograph.graph.backends import parity
+
+        return parity.check(self, device)
 
     @cached_property
     def about(self) -> Description:
@@ -241,9 +247,8 @@ class Node:
         """The values that the function returned or yielded, in the order of the outputs."""
         if self.sink:
             return ()
-        return (
-            (result,) if self.output_record is None else record_values(self.output_record, result)
-        )
+        record = self.output_record
+        return (result,) if record is None else record_values(record, result)
 
     def name_of(self, result: Any) -> str:
         """The text ``name`` among the values that the function yielded; "" if there is none."""

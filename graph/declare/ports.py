@@ -9,7 +9,7 @@ A node that lacks optional fields of a record can still be read as that record.
 """
 
 import typing
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
@@ -87,6 +87,11 @@ class PortType:
     def unit(self) -> str:
         return self.port.unit
 
+    def fits(self, shape: tuple[int, ...], sizes: Mapping[str, int] | None = None) -> bool:
+        """Return whether an array of this shape has the port's sizes, those that are known."""
+        due = [d if isinstance(d, int) else (sizes or {}).get(d) for d in self.dims]
+        return len(shape) == len(due) and all(map(lambda d, n: d in (None, n), due, shape))
+
     def __str__(self) -> str:
         if self.kind == "object":
             return str(getattr(self.python, "__name__", self.python))
@@ -155,12 +160,11 @@ def make_record(record: type, values: Iterable[Any]) -> Any:
     if not any(_inner_records(record)):
         return record(*values)
     rest = iter(values)
-    return record(
-        *(
-            make_record(inner, islice(rest, len(record_ports(inner)))) if inner else next(rest)
-            for inner in _inner_records(record)
-        )
+    fields = (
+        make_record(inner, islice(rest, len(record_ports(inner)))) if inner else next(rest)
+        for inner in _inner_records(record)
     )
+    return record(*fields)
 
 
 @cache

@@ -54,9 +54,8 @@ def atomic_files(
         _remove_leftovers(folder)
         stage, lock = _new_stage(folder)
     except (FileExistsError, NotADirectoryError):
-        raise _refusal(
-            folder, "a folder is needed, but a file has that name; give another place"
-        ) from None
+        reason = "a folder is needed, but a file has that name; give another place"
+        raise _refusal(folder, reason) from None
     except OSError as error:
         _remove_empty(new_folders)
         raise _refusal(place, _reason(error, folder)) from None
@@ -73,7 +72,8 @@ def atomic_files(
         if last in names:
             (stage / last).replace(folder / last)
     except OSError as error:
-        if _is_elsewhere(error, folder):
+        place_named = Path(error.filename) if isinstance(error.filename, str) else folder
+        if not place_named.absolute().is_relative_to(folder.absolute()):  # what the block reads
             raise InputError(f"{error.filename}: {error.strerror or error}") from None
         raise _refusal(place, _reason(error, folder)) from None
     finally:
@@ -135,10 +135,3 @@ def _refuse_special(path: Path) -> None:
 
 def _refusal(place: Path, reason: object) -> WriteError:
     return WriteError(f"{place}: cannot be written: {reason}")
-
-
-def _is_elsewhere(error: OSError, folder: Path) -> bool:
-    """Return whether the error concerns another file, which the block reads."""
-    if not isinstance(error.filename, str):
-        return False
-    return not Path(error.filename).absolute().is_relative_to(folder.absolute())

@@ -1,8 +1,11 @@
-"""Hashes of the content of files and folders."""
+"""Hashes of the content of files and folders, and of plain data."""
 
 import hashlib
+import json
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 
 def content_hash(path: Path) -> str:
@@ -22,3 +25,9 @@ def _content_hash(path: Path, files: tuple[tuple[Path, int, int], ...]) -> str:
         digest.update(f"{file.relative_to(path)}:{size}:".encode())
         digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def digest(about: Mapping[str, Any]) -> str:
+    """SHA-256 (first 16 digits) of plain data."""
+    text = json.dumps(about, sort_keys=True, separators=(",", ":"), default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]

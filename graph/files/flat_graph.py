@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,16 +10,15 @@ from typing import TYPE_CHECKING, Any
 
 from tactograph.graph.declare.check_settings import PARAM_PLACEHOLDER
 from tactograph.graph.declare.find_node import find_node
+from tactograph.graph.disk.content_hash import digest
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError, InputError, a_few, did_you_mean, missing
 from tactograph.graph.files.graph_model import GRAPH_FORMAT
-from tactograph.graph.files.graph_places import Shipped, find_file
 from tactograph.graph.files.typed_values import MAX_NAMED_SETTINGS, overlays_with, read_value
 
 if TYPE_CHECKING:
     from tactograph.graph.declare.node import Node
     from tactograph.graph.files.layer import Layer
-    from tactograph.graph.files.read_graph import Source
 
 CAPTURE_PARAM = "capture"
 """The param of a graph that takes a capture's folder."""
@@ -131,29 +128,6 @@ class Graph:
     inherited: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
     """Params of the graph below the last change."""
 
-    @staticmethod
-    def read(source: Source) -> Graph:
-        """Read a graph: a path, the name of a shipped one, or plain data (`read_graph`)."""
-        from tactograph.graph.files.read_graph import read_graph
-
-        return read_graph(source)
-
-    @staticmethod
-    def parsed(text: str, file: Path) -> list[Graph]:
-        """Return the graph and the variants of a file's text; none for a group or an overlay."""
-        from tactograph.graph.files.read_graph import graphs_of
-
-        return graphs_of(text, file)
-
-    @staticmethod
-    def names(kind: Shipped = "graphs") -> list[str]:
-        """Return the bare names of the shipped files of a kind; of graphs with their variants."""
-        from tactograph.graph.files.read_graph import shipped_names
-
-        return shipped_names(kind)
-
-    find = staticmethod(find_file)
-
     def where(self, key: str) -> str:
         """``file:line:column: path`` of a key such as ``outputs.height``."""
         return str(self.places.get(key, f"{self.name}: {key}"))
@@ -187,8 +161,7 @@ class Graph:
         del plain["title"]
         for param in plain["params"].values():
             param.pop("help", None)
-        text = json.dumps(plain, sort_keys=True, separators=(",", ":"))
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        return digest(plain)
 
     @property
     def backends(self) -> list[str]:
@@ -216,13 +189,13 @@ class Graph:
 
     @staticmethod
     def captures_in(folder: Path) -> list[Path]:
-        """The folder itself; if it holds folders but no file, these folders sorted by name.
+        """The folder itself; if it holds folders but no file except YAML, these folders by name.
 
         Raises InputError if there is no such folder.
         """
         if not folder.exists():
             raise InputError(missing(folder, "folder"))
-        inside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+        inside = sorted(p for p in folder.iterdir() if p.name[0] != "." and p.suffix != ".yaml")
         return inside if inside and all(path.is_dir() for path in inside) else [folder]
 
     def read_words(self, words: Iterable[str]) -> dict[str, Any]:
@@ -253,11 +226,8 @@ class Graph:
 
     def settings_called(self, name: str) -> str:
         """The parameters of that name in all nodes, as for ``--set``; "" if there is none."""
-        nodes = [
-            node_id
-            for node_id, entry in self.nodes.items()
-            if name in find_node(entry.op, self.own).parameters
-        ]
+        entries = self.nodes.items()
+        nodes = [n for n, entry in entries if name in find_node(entry.op, self.own).parameters]
         return a_few([f"--set {node_id}.{name}=VALUE" for node_id in nodes], MAX_NAMED_SETTINGS)
 
     @property

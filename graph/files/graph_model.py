@@ -106,18 +106,13 @@ def _counted(value: Any) -> Any:
     return [{}] * value
 
 
+_TURN_COUNT = {"type": "integer", "minimum": 1, "maximum": MAX_TURNS}
+_TURN_PARAMS = {"type": "array", "items": {"type": "object"}, "minItems": 1}
 Turns = Annotated[
     list[dict[Name, Any]],
     Field(min_length=1, max_length=MAX_TURNS),
     BeforeValidator(_counted),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "integer", "minimum": 1, "maximum": MAX_TURNS},
-                {"type": "array", "items": {"type": "object"}, "minItems": 1},
-            ]
-        }
-    ),
+    WithJsonSchema({"anyOf": [_TURN_COUNT, _TURN_PARAMS]}),
 ]
 """The params of each turn of a repeated group."""
 
@@ -190,13 +185,14 @@ class UseModel(_Strict):
 _AN_OP, _A_GROUP = "(op)", "(group)"
 
 
-def _op_or_group(value: Any) -> str:
-    return _A_GROUP if isinstance(value, dict) and "group" in value else _AN_OP
+def _by_key(key: str, tag: str, other: str) -> Discriminator:
+    """Take the model `tag` for a mapping with this key, else the `other`."""
+    return Discriminator(lambda value: tag if isinstance(value, dict) and key in value else other)
 
 
 AnyNode = Annotated[
     Annotated[NodeModel, Tag(_AN_OP)] | Annotated[UseModel, Tag(_A_GROUP)],
-    Discriminator(_op_or_group),
+    _by_key("group", _A_GROUP, _AN_OP),
 ]
 
 
@@ -259,14 +255,10 @@ class SharedGroupModel(_Strict):
 _FROM_FILE, _IN_PLACE = "(extends)", "(nodes)"
 
 
-def _file_or_here(value: Any) -> str:
-    return _FROM_FILE if isinstance(value, dict) and "extends" in value else _IN_PLACE
-
-
 _MODEL_TAGS = (_AN_OP, _A_GROUP, _FROM_FILE, _IN_PLACE)
 AnyGroup = Annotated[
     Annotated[SharedGroupModel, Tag(_FROM_FILE)] | Annotated[GroupModel, Tag(_IN_PLACE)],
-    Discriminator(_file_or_here),
+    _by_key("extends", _FROM_FILE, _IN_PLACE),
 ]
 
 

@@ -320,10 +320,8 @@ def _used_by(use: Use, entry: Entry) -> dict[str, Place]:
     """Places of a group's entry, each with the place of the use, which names the node."""
     stated = {f"in.{port}": f"in.{r.partition('.')[0]}" for port, r in entry.inputs.items()}
     stated |= {f"with.{key}": f"with.{str(v)[1:]}" for key, v in entry.settings.items()}
-    return {
-        key: place._replace(use=use.place(stated.get(key, "")))
-        for key, place in entry.places.items()
-    }
+    places = entry.places.items()
+    return {key: place._replace(use=use.place(stated.get(key, ""))) for key, place in places}
 
 
 def _joined(name: str, rest: str) -> str:

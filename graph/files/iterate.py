@@ -9,7 +9,6 @@ from dataclasses import replace
 from typing import Any
 
 from tactograph.graph.declare.ports import CONDITION_INPUT, RESTING_INPUT
-from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.errors import GraphError
 from tactograph.graph.files.flat_graph import Graph, Group, Param, Use, params_in
 
@@ -42,7 +41,10 @@ def in_turns(
         carried = {port: f"{index}.{output}" for port, output in carry.items()} if index else {}
         if going and index:
             carried |= {CONDITION_INPUT: f"{index}.{going}", RESTING_INPUT: str(index)}
-        places = _of_turn(use.places, index, turns[index], carried)
+        own = {f"with.{key}": f"repeat[{index}].{key}" for key in turns[index]}
+        for port in carried:
+            own[f"in.{port}"] = f"carry.{port}" if f"carry.{port}" in use.places else "while"
+        places = {**use.places, **{key: use.place(at) for key, at in own.items()}}
         uses[str(index + 1)] = Use(use.group, {**shared, **carried}, settings, places)
     params = {each: Param("") for each in passed}
     body = Graph(name, "", params, (), {}, {}, places=use.places, uses=uses)
@@ -52,14 +54,3 @@ def in_turns(
         settings={each: f"${each}" for each in passed},
         turns=Group({each: Param("") for each in shared}, body),
     )
-
-
-def _of_turn(
-    places: Mapping[str, Place], index: int, turn: Mapping[str, Any], carried: Mapping[str, str]
-) -> dict[str, Place]:
-    """Places of a turn's keys, as of a use of its own."""
-    own = {f"with.{key}": f"repeat[{index}].{key}" for key in turn}
-    own |= {
-        f"in.{port}": f"carry.{port}" if f"carry.{port}" in places else "while" for port in carried
-    }
-    return {**places, **{key: places.get(at, places[""]) for key, at in own.items()}}

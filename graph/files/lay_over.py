@@ -30,7 +30,7 @@ from tactograph.graph.files.groups import flat_reference, refuse_idle, with_node
 from tactograph.graph.files.implied_params import with_implied_params
 from tactograph.graph.files.iterate import in_turns
 from tactograph.graph.files.layer import Layer
-from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
+from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change
 
 
 @contextmanager
@@ -98,7 +98,7 @@ def _patched(graph: Graph, changes: list[PatchModel], document: Document) -> Gra
     errors, missing = ErrorsTogether(), set[str]()
     for index, change in enumerate(changes):
         for each in _stated(change):
-            named = _named_in(each)
+            named = {str(each[key]) for key in (*VERB_FUNCTIONS, "after") if each.get(key)}
             if not named.isdisjoint(missing):
                 continue
             new = {str(each["insert"])} if "insert" in each else set()
@@ -108,11 +108,6 @@ def _patched(graph: Graph, changes: list[PatchModel], document: Document) -> Gra
                 missing -= new
     errors.raise_any()
     return graph
-
-
-def _named_in(change: Change) -> set[str]:
-    """The names in a change: its node, use or group, and the reference whose readers it takes."""
-    return {str(change[key]) for key in (*VERB_FUNCTIONS, "after") if change.get(key)}
 
 
 def _without_unread(graph: Graph, stated: Container[str]) -> Graph:
@@ -174,7 +169,9 @@ def _groups(layer: Layer) -> dict[str, Group]:
         for index, change in enumerate(stated.patch):
             places = _places(layer.document, (*path, "patch", index))
             for each in _stated(change):
-                groups = _with_change(groups, name, each, places)
+                graph = Graph(name, "", {}, (), {}, {}, groups=groups)
+                named = {key: f"{name}.{each[key]}" for key in VERB_FUNCTIONS if key in each}
+                groups = {**apply_patch(graph, {**each, **named}, places).groups}
     return groups
 
 
@@ -216,17 +213,6 @@ def _group_file(name: str, folder: Path) -> Path | None:
 def group_in(name: str, document: Document) -> Group:
     """The group of a document that is, or is to be, the content of its file."""
     return _group(name, validate(document, GroupFileModel), document, ())
-
-
-def _with_change(
-    groups: dict[str, Group], name: str, change: Change, places: Places
-) -> dict[str, Group]:
-    """Change a node of a group that no graph uses yet."""
-    graph = Graph(name, "", {}, (), {}, {}, groups=groups)
-    meant = {
-        key: f"{name}.{value}" if key in VERB_FUNCTIONS else value for key, value in change.items()
-    }
-    return {**apply_patch(graph, meant, places).groups}
 
 
 def _group(name: str, stated: GroupModel, document: Document, path: Path_) -> Group:

@@ -5,7 +5,7 @@ from collections.abc import Container, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.errors import GraphError, InputError, did_you_mean
@@ -44,10 +44,8 @@ def shipped_titles() -> dict[str, dict[str, str]]:
         for key, variant in _variants(layer).items():
             titles[f"{variant.base}_{key}"] = variant.model.title
     overlays = shipped("overlays").items()
-    return {
-        **by_heading,
-        _OVERLAY_FOLDER: {name: read_layer(file).model.title for name, file in overlays},
-    }
+    by_heading[_OVERLAY_FOLDER] = {name: read_layer(file).model.title for name, file in overlays}
+    return by_heading
 
 
 def read_graph(source: Source) -> Graph:
@@ -82,18 +80,37 @@ def read_graphs(name: str) -> list[Graph]:
     return [base, *variants_of(base, file)]
 
 
-def graphs_of(text: str, file: Path) -> list[Graph]:
-    """Return the graph and the variants of a file's text; none for a group or an overlay."""
-    document = Document.parse(text, str(file))
-    if file.name.endswith(".group.yaml"):
-        group_in(file.name, document)
-        return []
-    layer = layer_of(document, file)
-    assert isinstance(layer.model, GraphModel)
-    if not (layer.model.nodes or layer.model.extends):
-        return []
-    graph = _graph_of(layer, ())
-    return [graph, *variants_of(graph, file)]
+class GraphFile(NamedTuple):
+    """The file of a graph, an overlay or a group."""
+
+    place: Path
+
+    @staticmethod
+    def names(kind: Shipped = "graphs") -> list[str]:
+        """Return the bare names of the shipped files of a kind; of graphs with their variants."""
+        return shipped_names(kind)
+
+    @classmethod
+    def find(cls, name: str, beside: Path, kind: Shipped) -> Self | None:
+        """Return the file of a name or a path `beside` another, as `extends` states it."""
+        place = find_file(name, beside, kind)
+        return None if place is None else cls(place)
+
+    def graphs_of(self, text: str) -> list[Graph]:
+        """Return the graph and the variants of its text; none for a group or overlay.
+
+        Raises the errors of `read_graph`.
+        """
+        file, document = self.place, Document.parse(text, str(self.place))
+        if file.name.endswith(".group.yaml"):
+            group_in(file.name, document)
+            return []
+        layer = layer_of(document, file)
+        assert isinstance(layer.model, GraphModel)
+        if not (layer.model.nodes or layer.model.extends):
+            return []
+        graph = _graph_of(layer, ())
+        return [graph, *variants_of(graph, file)]
 
 
 def variants_of(graph: Graph, file: Path) -> list[Graph]:

@@ -19,10 +19,8 @@ def place(draft: Draft, device: DeviceBackend | None, no_device: str) -> dict[st
 
     Raises GraphError if a node is bound to a back end that cannot run it.
     """
-    return {
-        task.id: _place(task, draft.graph.prefer, device, no_device)
-        for task in draft.tasks.values()
-    }
+    tasks, prefer = draft.tasks.values(), draft.graph.prefer
+    return {task.id: _place(task, prefer, device, no_device) for task in tasks}
 
 
 def _place(

@@ -1,6 +1,7 @@
 """Pass 1: find every node, resolve every reference and parameter, and refuse cycles."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 from tactograph.graph.declare.check_settings import check_settings
@@ -40,10 +41,11 @@ def bind(
     """
     for name in arguments:
         graph.check_param(name)
-    names = _find_all(graph)
+    names = _Names(graph, ErrorsTogether.of_all(graph.nodes, partial(_find, graph)), {})
     _refuse_wrong_stand_ins(names, stand_ins)
     names.passed.update(_passed_through(names))
-    tasks = _tasks(names)
+    stays = (name for name in graph.nodes if name not in names.passed)
+    tasks = ErrorsTogether.of_all(stays, partial(_task, names))
     before = {task.id: _read_by(task) for task in tasks.values()}
     _refuse_cycles(graph, before)
     references = graph.outputs if outputs is None else outputs
@@ -117,28 +119,6 @@ class _Names(NamedTuple):
                 + stands
             )
         return Value(source, port or next(iter(outputs)))
-
-
-def _find_all(graph: Graph) -> _Names:
-    errors = ErrorsTogether()
-    nodes: dict[str, Node] = {}
-    for node_id in graph.nodes:
-        with errors.gathered():
-            nodes[node_id] = _find(graph, node_id)
-    errors.raise_any()
-    return _Names(graph, nodes, {})
-
-
-def _tasks(names: _Names) -> dict[str, Task]:
-    """The task of every node that is not taken out."""
-    errors = ErrorsTogether()
-    tasks: dict[str, Task] = {}
-    for name in names.graph.nodes:
-        if name not in names.passed:
-            with errors.gathered():
-                tasks[name] = _task(names, name)
-    errors.raise_any()
-    return tasks
 
 
 def _find(graph: Graph, node_id: str) -> Node:

@@ -1,8 +1,10 @@
 """Pass 2: check that both ends of every edge have the same type and unit."""
 
+from functools import partial
+
 from tactograph.graph.declare.ports import PortType
 from tactograph.graph.errors import ErrorsTogether, GraphError
-from tactograph.graph.plan.draft import Draft, Task, Value
+from tactograph.graph.plan.draft import Draft
 
 
 def check(draft: Draft) -> None:
@@ -10,15 +12,13 @@ def check(draft: Draft) -> None:
 
     Raises GraphError, naming both ports, if kind, element type, number of axes or unit differ.
     """
-    errors = ErrorsTogether()
-    for task in draft.tasks.values():
-        for name, value in task.edges.items():
-            with errors.gathered():
-                _check_edge(draft, task, name, value)
-    errors.raise_any()
+    edges = [(task.id, name) for task in draft.tasks.values() for name in task.edges]
+    ErrorsTogether.of_all(edges, partial(_check_edge, draft))
 
 
-def _check_edge(draft: Draft, task: Task, name: str, value: Value) -> None:
+def _check_edge(draft: Draft, edge: tuple[str, str]) -> None:
+    task, name = draft.tasks[edge[0]], edge[1]
+    value = task.edges[name]
     due, offered = task.node.inputs[name], draft.port_of(value)
     if clash := _clash(due, offered):
         where = task.entry.where(f"in.{name}")

@@ -161,7 +161,8 @@ def unify(draft: Draft) -> SizeClasses:
     joints = [*_joints(draft, "reads")]
     root = classes_of(symbols, _symbols(joints))
     # A size that depends on the data may differ from item to item.
-    classes = {root[symbol] for symbol in _free_sizes(draft)}
+    variable = (task for task in draft.tasks.values() if task.node.finds_sizes)
+    classes = {root[task.id, symbol] for task in variable for symbol in task.node.free_symbols}
     free: set[tuple[str, Dim]] = {symbol for symbol in symbols if root[symbol] in classes}
     joints += (each for each in _joints(draft, "recalls") if each.maker not in free)
     root = classes_of(symbols, _symbols(joints))
@@ -223,10 +224,3 @@ def _fixed(
             where = draft.tasks[each.reader[0]].entry.where(f"in.{each.input}")
             raise GraphError(f"{where}: sizes clash: {a.by} has {a.size}, {b.by} has {b.size}")
     return fixed
-
-
-def _free_sizes(draft: Draft) -> Iterator[Symbol]:
-    """The sizes that depend on the data: symbols of outputs alone, except those of sources."""
-    for task in draft.tasks.values():
-        if not task.node.source:
-            yield from ((task.id, symbol) for symbol in task.node.free_symbols)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 
 from tactograph.graph.declare.ports import RESTING_INPUT
 from tactograph.graph.errors import GraphError
@@ -29,7 +28,35 @@ def insert(
         for task in draft.tasks.values()
     }
     before: dict[str, set[str]] = {name: set() for name in steps}
-    bring = partial(_bring, steps, before, draft, placements)
+
+    def bring(value: Value, on_device: bool | None, conditions: tuple[Value, ...] = ()) -> str:
+        """Return the step behind which `value` can be read: its maker, or a transfer.
+
+        `on_device` is the side where it is read, None if it is never moved; `conditions` are those
+        of the reader.
+        """
+        if on_device is None or on_device == placements[value.node].on_device:
+            return value.node
+        name = f"{'upload' if on_device else 'download'} {value}"
+        if name in steps:
+            shared = tuple(each for each in steps[name].conditions if each in conditions)
+            steps[name] = replace(steps[name], conditions=shared)
+            return name
+        stream = draft.tasks[value.node].stream
+        steps[name] = Step(
+            kind="upload" if on_device else "download",
+            name=name,
+            backend=next(each.backend for each in placements.values() if each.on_device),
+            reads=(value,),
+            writes=(value,),
+            stream=stream,
+            why="shared by all readers",
+            # A transfer outside the stream must not depend on an item's condition.
+            conditions=tuple(c for c in conditions if stream or not draft.tasks[c.node].stream),
+        )
+        before[name] = {value.node}
+        return name
+
     for task in draft.tasks.values():
         if task.instead is not None:
             before[task.id].add(task.instead)
@@ -60,43 +87,3 @@ def insert(
 def _reads(task: Task) -> tuple[Value, ...]:
     values = (*task.reads.values(), *task.conditions, *task.inherited.values())
     return tuple(dict.fromkeys(values))
-
-
-def _bring(
-    steps: dict[str, Step],
-    before: dict[str, set[str]],
-    draft: Draft,
-    placements: Mapping[str, Placement],
-    value: Value,
-    on_device: bool | None,
-    conditions: tuple[Value, ...] = (),
-) -> str:
-    """Return the step behind which `value` can be read: its maker, or a transfer.
-
-    `on_device` is the side where it is read, None if it is never moved; `conditions` are those of
-    the reader.
-    """
-    if on_device is None or on_device == placements[value.node].on_device:
-        return value.node
-    name = f"{'upload' if on_device else 'download'} {value}"
-    if name in steps:
-        step = steps[name]
-        shared = tuple(each for each in step.conditions if each in conditions)
-        steps[name] = replace(step, conditions=shared)
-        return name
-    stream = draft.tasks[value.node].stream
-    steps[name] = Step(
-        kind="upload" if on_device else "download",
-        name=name,
-        backend=next(each.backend for each in placements.values() if each.on_device),
-        reads=(value,),
-        writes=(value,),
-        stream=stream,
-        why="shared by all readers",
-        # A transfer outside the stream must not depend on an item's condition.
-        conditions=tuple(
-            each for each in conditions if stream or not draft.tasks[each.node].stream
-        ),
-    )
-    before[name] = {value.node}
-    return name

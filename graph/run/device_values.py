@@ -1,7 +1,7 @@
 """Values on the device: transfers, launches and their times."""
 
 import inspect
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
@@ -108,8 +108,7 @@ class DeviceValues:
     def _hand_on(self, task: Task) -> Shapes | None:
         """Pass on existing values instead of running a node; return None if it must run."""
         handed_on = self._compute_first(task) if task.id in self._first else None
-        is_idle = task.node.is_idle
-        if handed_on is None and is_idle is not None and self._is_idle(task, is_idle):
+        if handed_on is None and self._is_idle(task):
             handed_on = self._read(task)
         if handed_on is None:
             return None
@@ -150,10 +149,10 @@ class DeviceValues:
         """Whether a value is present, and not the 0 that kernels get for an absent number."""
         return value in self._values or bool(self._host.ready(value))
 
-    def _is_idle(self, task: Task, is_idle: Callable[..., bool]) -> bool:
+    def _is_idle(self, task: Task) -> bool:
         """Return whether a node is idle; False if finding out would mean waiting for a transfer."""
-        asked, absent = self._asked[task.id]
-        if any(value in self._values for value in absent):
+        is_idle, (asked, absent) = task.node.is_idle, self._asked[task.id]
+        if is_idle is None or any(value in self._values for value in absent):
             return False
         values = {name: self._host.ready(value) for name, value in asked.items()}
         return all(value is not None for value in values.values()) and is_idle(**values)
@@ -271,9 +270,8 @@ def _asked(task: Task) -> tuple[dict[str, Value | None], list[Value]]:
 
 def _sent(task: Task) -> list[tuple[str, Value, bool]]:
     """The inputs of this item that a kernel takes: name, value, and whether it is an array."""
-    ports = task.node.inputs
     return [
         (name, task.reads[name], port.kind == "array")
-        for name, port in ports.items()
+        for name, port in task.node.inputs.items()
         if name in task.reads and port.kind != "object"
     ]

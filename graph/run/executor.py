@@ -11,6 +11,11 @@ from tactograph.graph.plan.plan import Plan, Step
 from tactograph.graph.plan.sizes import Bounds
 from tactograph.graph.run.step_runner import StepRunner
 
+Yields = Mapping[str, Any]
+"""The values that the stream's source yields, by node."""
+Outputs = Mapping[str, Value]
+"""Values by the names of the graph's outputs."""
+
 
 class Part(NamedTuple):
     """The steps of a stream's item, or the steps outside the stream; sinks are listed apart."""
@@ -42,7 +47,7 @@ class Executor:
         """Begin an item; with `same_item` it is the last one again, with the same source values."""
 
     def compute(
-        self, part: Part, yields: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
+        self, part: Part, yields: Yields, outputs: Outputs, repeats: int
     ) -> tuple[Bounds, float]:
         """Compute the wanted outputs, and the values that the part's sinks read.
 
@@ -80,7 +85,7 @@ class Executor:
         for side in self._runner.sides:
             side.forget()
 
-    def _run(self, step: Step, bounds: Bounds, *, yields: Mapping[str, Any]) -> Bounds:
+    def _run(self, step: Step, bounds: Bounds, *, yields: Yields) -> Bounds:
         bounds = self._runner.execute(step, bounds, yields)
         self._runner.release(step)
         return bounds

@@ -1,7 +1,7 @@
 """Values on the host, and the nodes that make them there."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import ExitStack
 from functools import partial
 from typing import Any
@@ -115,7 +115,10 @@ class HostValues:
                 self._arriving.pop(value).wait()
         start = time.perf_counter()
         with Blaming(self._plan, task):
-            arguments = _positional(task, self._values, recalled, self._objects[task.id])
+            inputs = {name: self._values[value] for name, value in task.reads.items()} | recalled
+            for name in self._objects[task.id]:
+                inputs[name] = lent(inputs.get(name))
+            arguments = node.in_order(inputs)
             if step.stream or task.looks_outside:
                 result = node(*arguments, **keywords)
             else:
@@ -204,22 +207,10 @@ def _containers(task: Task) -> list[str]:
     return [name for name, port in ports if port.kind == "object" and port.python is not str]
 
 
-def _positional(
-    task: Task, host: Mapping[Value, Any], recalled: dict[str, Any], containers: Sequence[str]
-) -> list[Any]:
-    """The node's positional arguments, of this and the previous item."""
-    inputs = {name: host[value] for name, value in task.reads.items()} | recalled
-    for name in containers:
-        inputs[name] = lent(inputs.get(name))
-    return task.node.in_order(inputs)
-
-
 def _as_declared(task: Task, port: PortType, array: NDArray[Any]) -> NDArray[Any]:
     actual = f"a {type(array).__name__}"
     if isinstance(array, np.ndarray):
-        pairs = zip(port.dims, array.shape, strict=False)
-        fits = array.ndim == len(port.dims) and all(isinstance(d, str) or d == n for d, n in pairs)
-        if fits and array.dtype == port.dtype:
+        if port.fits(array.shape) and array.dtype == port.dtype:
             return np.ascontiguousarray(array)
         actual = f"{array.dtype} of shape {array.shape}"
     declared = f"declares {port} as '{port.name}'"

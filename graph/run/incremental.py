@@ -9,7 +9,7 @@ targets of the walk, come from the cache, or are computed again if the cache has
 """
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from statistics import median
@@ -24,7 +24,7 @@ from tactograph.graph.plan.feeds import feed_of
 from tactograph.graph.plan.plan import Step
 from tactograph.graph.plan.sizes import Bounds
 from tactograph.graph.plan.spots import Spot, put_out, read_by, recalled_by, written_by
-from tactograph.graph.run.executor import Executor, Part, part_of
+from tactograph.graph.run.executor import Executor, Outputs, Part, Yields, part_of
 from tactograph.graph.run.integer_images import in_fractions
 from tactograph.graph.run.ownership import lent
 from tactograph.graph.run.step_runner import StepRunner
@@ -61,7 +61,7 @@ class OnlyChanged(Executor):
         self._to_repeat: set[str] = set()
         self._targets: dict[str, set[Spot]] = {}
         """The targets of the walk, by the step that writes them."""
-        self._yields: Mapping[str, Any] = {}
+        self._yields: Yields = {}
 
     def begin(self, *, same_item: bool) -> None:
         tasks = self._plan.tasks
@@ -84,7 +84,7 @@ class OnlyChanged(Executor):
         self._keys = {}
 
     def compute(
-        self, part: Part, yields: Mapping[str, Any], outputs: Mapping[str, Value], repeats: int
+        self, part: Part, yields: Yields, outputs: Outputs, repeats: int
     ) -> tuple[Bounds, float]:
         if not part.stream and not part.sinks:
             return {}, 0.0  # computed when an item needs it
@@ -138,13 +138,7 @@ class OnlyChanged(Executor):
         self._settle()
         return lent(in_fractions(plan.tasks[value.node], content))
 
-    def _make(
-        self,
-        steps: Sequence[Step],
-        targets: Iterable[Spot],
-        yields: Mapping[str, Any],
-        repeats: int,
-    ) -> Bounds:
+    def _make(self, steps: list[Step], targets: list[Spot], yields: Yields, repeats: int) -> Bounds:
         """Compute the targets; return the sizes that are known behind the steps.
 
         A step that does not run has the time of its last run.
@@ -161,7 +155,9 @@ class OnlyChanged(Executor):
                 runs.append({name: times[name] for name in self._ran if name in times})
                 self._to_repeat = {s.name for s in steps if s.stream} & self._ran
         except BaseException:
-            self._take_back()
+            for spot, cached in self._captured:  # its value may be incomplete
+                self._cache.drop(cached)
+                self._here.pop(spot, None)
             raise
         for step in steps:
             if step.name in self._ran:
@@ -296,8 +292,7 @@ class OnlyChanged(Executor):
         node, device = task.node, self._runner.device
         calls = self._plan.placements[task.id].calls
         # A size that no input gives depends on the sources.
-        is_free = task.filled or bool(node.free_symbols)
-        outside = self._outside.items() if is_free else ()
+        outside = self._outside.items() if task.filled or node.free_symbols else ()
         reads = {} if task.filled else task.reads
         if task.id not in self._settings:
             self._settings[task.id] = repr(sorted(task.settings.items()))
@@ -312,9 +307,3 @@ class OnlyChanged(Executor):
             [(name, self._before.get(value)) for name, value in task.recalls.items()],
             sorted((n, key) for n, key in outside if n in self._keys),
         )
-
-    def _take_back(self) -> None:
-        """Forget the values of a failed walk: they may be incomplete."""
-        for spot, cached in self._captured:
-            self._cache.drop(cached)
-            self._here.pop(spot, None)

@@ -13,7 +13,7 @@ from tactograph.graph.cache.cache import Cache
 from tactograph.graph.errors import EndOfStream, collect_warnings
 from tactograph.graph.plan.draft import Value
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.run.executor import Executor, Part, part_of
+from tactograph.graph.run.executor import Executor, Outputs, Part, Yields, part_of
 from tactograph.graph.run.incremental import OnlyChanged
 from tactograph.graph.run.result import Result
 from tactograph.graph.run.step_runner import StepRunner
@@ -75,7 +75,7 @@ class Items:
 
     def item(
         self,
-        yields: Mapping[str, Any],
+        yields: Yields,
         repeats: int = 1,
         there: Mapping[Value, DeviceArray] | None = None,
     ) -> Result:
@@ -109,7 +109,7 @@ class Items:
         assert self._only_changed is not None
         return self._only_changed.inspect(value)
 
-    def rehearse(self, yields: Mapping[str, Any]) -> None:
+    def rehearse(self, yields: Yields) -> None:
         """Compute an item and discard it: this compiles kernels and fills caches."""
         if self.keeps:
             return  # the dummy item's results would be kept
@@ -139,13 +139,7 @@ class Items:
         host.close()
 
     def _item(
-        self,
-        part: Part,
-        yields: Mapping[str, Any],
-        repeats: int,
-        outputs: Mapping[str, Value],
-        *,
-        same_item: bool,
+        self, part: Part, yields: Yields, repeats: int, outputs: Outputs, *, same_item: bool
     ) -> Result:
         executor, host = self._executor, self.runner.host
         before = len(self.runner.notes)
@@ -167,9 +161,7 @@ class Items:
         executor.end()
         return result
 
-    def _run(
-        self, part: Part, yields: Mapping[str, Any], repeats: int, outputs: Mapping[str, Value]
-    ) -> float:
+    def _run(self, part: Part, yields: Yields, repeats: int, outputs: Outputs) -> float:
         """Compute a part, then run its sinks, which may write the times; return the total time."""
         # Nodes multiply small matrices.  OpenBLAS would share each among threads that wait for one
         # another, up to 50 times slower.

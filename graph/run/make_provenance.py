@@ -27,14 +27,9 @@ def make_provenance(
         versions=versions(),
         warnings=list(warnings),
         fallbacks=plan.fallbacks,
-        arguments={name: _plain(value) for name, value in arguments.items()},
+        arguments={n: str(v) if isinstance(v, Path) else v for n, v in arguments.items()},
         inputs=identities({name: arguments[name] for name in paths}),
     )
-
-
-def _plain(value: Any) -> Any:
-    """A value that JSON can hold: a path becomes text."""
-    return str(value) if isinstance(value, Path) else value
 
 
 def _timed(plan: Plan, step: Step, times: Mapping[str, float]) -> dict[str, Any]:

@@ -142,11 +142,6 @@ class Pipeline:
         for handed_in in in_thread(map(self._stand_ins.owned, items)):
             yield self._call(handed_in)
 
-    def _call(self, handed_in: HandedIn) -> Result:
-        with self._turn:
-            self._items.prepare()
-            return self._on_arrays(handed_in)
-
     def _refuse_own_stream(self) -> None:
         if self._source is not None:
             raise InputError(
@@ -154,25 +149,27 @@ class Pipeline:
                 "over items()"
             )
 
-    def _on_arrays(self, handed_in: HandedIn) -> Result:
-        arrays, on_device = self._stand_ins.split(handed_in.arrays)
-        if self._items.keeps:  # what is kept must not change with the caller's arrays
-            arrays, on_device = {name: own(array) for name, array in arrays.items()}, {}
-        self._items.begin()
-        self._runner.notes += handed_in.warnings
-        self._has_run = False
-        try:
-            result = self._items.item(self._stand_ins.item(arrays), there=on_device)
-        finally:
-            raise_warnings(self._runner.notes, self._raised)
-        # An array that a node passed on is still the caller's memory.
-        for name, value in result.outputs.items():
-            if isinstance(value, np.ndarray):
-                shares = any(np.may_share_memory(value, array) for array in arrays.values())
-                result.outputs[name] = own(value) if shares else value
-        result.item = {}
-        self._has_run = True
-        return result
+    def _call(self, handed_in: HandedIn) -> Result:
+        with self._turn:
+            self._items.prepare()
+            arrays, on_device = self._stand_ins.split(handed_in.arrays)
+            if self._items.keeps:  # what is kept must not change with the caller's arrays
+                arrays, on_device = {name: own(array) for name, array in arrays.items()}, {}
+            self._items.begin()
+            self._runner.notes += handed_in.warnings
+            self._has_run = False
+            try:
+                result = self._items.item(self._stand_ins.item(arrays), there=on_device)
+            finally:
+                raise_warnings(self._runner.notes, self._raised)
+            # An array that a node passed on is still the caller's memory.
+            for name, value in result.outputs.items():
+                if isinstance(value, np.ndarray):
+                    shares = any(np.may_share_memory(value, array) for array in arrays.values())
+                    result.outputs[name] = own(value) if shares else value
+            result.item = {}
+            self._has_run = True
+            return result
 
     def items(self, repeats: int = 1, stream: SourceStream | None = None) -> Iterator[Result]:
         """Run every item of the graph's stream, sinks included.

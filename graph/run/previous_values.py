@@ -16,10 +16,7 @@ def recalled_values(plan: Plan) -> frozenset[Value]:
 def recall(task: Task, name: str, before: Mapping[Value, Any], sizes: Mapping[str, int]) -> Any:
     """The previous item's value of an input; None if there is none, or its size differs."""
     recalled, port = before.get(task.recalls[name]), task.node.inputs[name]
-    if recalled is None or port.kind != "array":
-        return recalled
-    pairs = zip(port.dims, recalled.shape, strict=True)
-    if all(size == (d if isinstance(d, int) else sizes.get(d, size)) for d, size in pairs):
+    if recalled is None or port.kind != "array" or port.fits(recalled.shape, sizes):
         return recalled
     warn(f"{task.id}: the image size changed; the node starts again without earlier items")
     return None

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 NUMBER_PATTERN = re.compile(r"(?<!LED )\b\d[\d.]*")
 """The numbers that may differ between warnings of one kind; an LED's number may not."""
 
-CALLER_LEVEL = 5
+CALLER_LEVEL = 4
 """Stack frames from here to the line that calls a pipeline, or iterates over its stream."""
 
 

@@ -123,11 +123,7 @@ def _converted(array: NDArray[Any], port: PortType) -> NDArray[Any]:
 def _values(array: Any, name: str, port: PortType) -> NDArray[Any]:
     """The array, if it has the dimensions and dtype of a port."""
     values = _array(array, name, nan=port.port.nan)
-    fits = values.ndim == len(port.dims) and all(
-        isinstance(dim, str) or dim == size
-        for dim, size in zip(port.dims, values.shape, strict=True)
-    )
-    if port.dtype is None or not fits:
+    if port.dtype is None or not port.fits(values.shape):
         raise InputError(
             f"{name} is {port}, not of shape {values.shape}{_one_by_one(values, port)}"
         )

@@ -68,7 +68,9 @@ class StepRunner:
                 doing = step.name
                 bounds = run(step, bounds)
             doing = ""
-            self._wait_for_device()
+            if self.device is not None:
+                self.stage = "waiting for the device"
+                self.times.update(self.device.finish())
         except self._device_errors as error:
             raise self._device_error(error, doing) from error
         finally:
@@ -166,28 +168,16 @@ class StepRunner:
         result, self.times[task.id] = self.host.run(task, step, sized.sizes, keywords)
         return self.host.enter(task, step, result)
 
-    def _wait_for_device(self) -> None:
-        device = self.device
-        if device is None:
-            return
-        self.stage = "waiting for the device"
-        self.times.update(device.finish())
-
     def _device_error(self, error: Exception, doing: str) -> DeviceError:
         """Name the steps that failed: a device reports a failure long after the step began."""
         failed = self.device.failed() if self.device is not None else []
         if isinstance(error, DeviceError) and not failed:
             return error
         begun = self.device.begun if self.device is not None else []
-        named = self._in_words(failed or ([doing] if doing else begun))
+        tasks, steps = self.plan.tasks, failed or ([doing] if doing else begun)
+        ops = {name: f" ({tasks[name].node.name})" for name in steps if name in tasks}
+        named = ", ".join(f"'{name}'{ops.get(name, '')}" for name in steps)
         return DeviceError(f"{self.plan.device} failed at {named}: {error}")
-
-    def _in_words(self, steps: Iterable[str]) -> str:
-        tasks = self.plan.tasks
-        return ", ".join(
-            f"'{name}' ({tasks[name].node.name})" if name in tasks else f"'{name}'"
-            for name in steps
-        )
 
 
 def _calls(plan: Plan, device: DeviceBackend) -> dict[str, dict[str, DeviceCall]]:

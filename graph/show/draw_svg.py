@@ -34,6 +34,8 @@ ORDER_SWEEPS = 12
 
 Spot = tuple[str, int]
 """A box, or the trunk of edges from it, in a layer."""
+Segments = Mapping[tuple[Spot, Spot], str]
+"""The parts of edges between two layers, with their ports."""
 Joined = dict[Spot, tuple[list[Spot], list[Spot]]]
 """The spots that each spot is joined to, above and below."""
 
@@ -97,7 +99,7 @@ def _segments(layer: Mapping[str, int], edges: Sequence[Edge]) -> dict[tuple[Spo
     return {spots: ", ".join(ports) for spots, ports in segments.items()}
 
 
-def _neighbours(segments: Mapping[tuple[Spot, Spot], str]) -> Joined:
+def _neighbours(segments: Segments) -> Joined:
     joined: Joined = {}
     for a, b in segments:
         joined.setdefault(a, ([], []))[1].append(b)
@@ -105,9 +107,7 @@ def _neighbours(segments: Mapping[tuple[Spot, Spot], str]) -> Joined:
     return joined
 
 
-def _ordered(
-    layer: Mapping[str, int], segments: Mapping[tuple[Spot, Spot], str]
-) -> list[list[Spot]]:
+def _ordered(layer: Mapping[str, int], segments: Segments) -> list[list[Spot]]:
     """The spots of each layer, ordered by the mean place of their neighbours."""
     spots = dict.fromkeys([(name, at) for name, at in layer.items()])
     spots |= dict.fromkeys(spot for pair in segments for spot in pair)
@@ -129,7 +129,7 @@ def _ordered(
 def _centres(
     layers: Sequence[Sequence[Spot]],
     layer: Mapping[str, int],
-    segments: Mapping[tuple[Spot, Spot], str],
+    segments: Segments,
 ) -> dict[Spot, float]:
     """The middle of each spot in px: near its neighbours, and apart from the spots beside it."""
     from scipy.optimize import isotonic_regression  # slow to load

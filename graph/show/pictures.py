@@ -31,6 +31,10 @@ ERROR_PERCENTILE = 99.5
 """Percentile of the absolute errors at which the common scale ends; otherwise a few pixels on an
 edge would leave all others white."""
 
+BAR_LAYOUT: dict[str, Any] = {"fraction": 0.03, "pad": 0.015}
+"""The width of a colour bar and its distance, as shares of the panels."""
+LEGEND_STYLE: dict[str, Any] = {"frameon": False, "fontsize": 8}
+
 Panels = Mapping[str, NDArray[Any]]
 """Arrays by title."""
 Curve = tuple[Sequence[Any], Sequence[Estimate]]
@@ -74,11 +78,9 @@ def draw_errors(panels: Panels, unit: str) -> tuple[str, float]:
     Returns the picture, and the end of the scale.
     """
     everything = np.abs(_finite(panels))
-    end = (
-        float(np.percentile(everything, ERROR_PERCENTILE)) or float(everything.max()) or 1.0
-        if everything.size
-        else 1.0
-    )
+    end = 1.0
+    if everything.size:
+        end = float(np.percentile(everything, ERROR_PERCENTILE)) or float(everything.max()) or end
     return _maps(panels, unit, "RdBu_r", Normalize(-end, end), "both"), end
 
 
@@ -97,9 +99,7 @@ def draw_labels(panels: Panels, unit: str) -> str:
     numbers = {title: label_numbers(array, count) for title, array in panels.items()}
     figure = _images(numbers, bar=True, cmap=colours, norm=norm, interpolation="nearest")
     scale = ScalarMappable(norm, colours)
-    bar = figure.colorbar(
-        scale, ax=figure.axes, ticks=np.arange(count + 2), fraction=0.03, pad=0.015
-    )
+    bar = figure.colorbar(scale, ax=figure.axes, ticks=np.arange(count + 2), **BAR_LAYOUT)
     bar.ax.set_yticklabels(["none", *(f"{name} {k + 1}" for k in range(count)), "several"])
     bar.ax.tick_params(length=0)
     return _png(figure)
@@ -125,7 +125,7 @@ def draw_section(panels: Panels, unit: str, row: int, truth: str | None) -> str:
     upper.set_ylabel(unit)
     for ax in {upper, lower}:
         _plain(ax)
-    upper.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    upper.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), **LEGEND_STYLE)
     return _svg(figure)
 
 
@@ -151,12 +151,7 @@ def draw_curves(figures: Mapping[str, Mapping[str, Curve]], target: str, log: bo
         ax.set_axis_off()
     handles = {k: h for ax in grid for h, k in zip(*ax.get_legend_handles_labels(), strict=True)}
     figure.legend(
-        handles.values(),
-        handles.keys(),
-        loc="outside upper left",
-        ncols=4,
-        frameon=False,
-        fontsize=8,
+        handles.values(), handles.keys(), loc="outside upper left", ncols=4, **LEGEND_STYLE
     )
     return _svg(figure)
 
@@ -181,9 +176,7 @@ def _are_numbers(values: Iterable[Any]) -> bool:
 def _maps(panels: Panels, unit: str, colours: str, norm: Normalize, extend: str) -> str:
     figure = _images(panels, bar=True, cmap=colours, norm=norm)
     scale = ScalarMappable(norm, colours)
-    bar = figure.colorbar(
-        scale, ax=figure.axes, label=unit, fraction=0.03, pad=0.015, extend=extend
-    )
+    bar = figure.colorbar(scale, ax=figure.axes, label=unit, extend=extend, **BAR_LAYOUT)
     bar.outline.set_linewidth(0.4)
     return _png(figure)
 

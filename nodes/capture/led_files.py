@@ -86,8 +86,9 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> Na
     if pattern == USUAL_PATTERN:
         file_of = _numbered_leds(folder)
     else:
-        numbers = leds or range(1, MAX_LED_IMAGES + 1)
-        file_of = {led: file for led, file in _by_pattern(folder, pattern, numbers).items() if file}
+        numbers = range(max([MAX_LED_IMAGES, *(leds or ())]) + 1)
+        found = {led: file for led, file in _by_pattern(folder, pattern, numbers).items() if file}
+        file_of = _from_one(folder, found) if 0 in found else found
     leds_due = leds or range(1, max(file_of, default=1) + 1)
     missing = [led for led in leds_due if led not in file_of]
     if missing:
@@ -134,17 +135,21 @@ def _numbered_leds(folder: Path) -> Named:
     if others:
         more = f" and {len(others) - 3} more" if len(others) > 3 else ""
         warn(f"{folder}: not read: {', '.join(others[:3])}{more}; the images of LEDs have one name")
-    first, count = min(led_files), len(led_files)
-    if likely[0] == usual and first == 1:
+    if likely[0] == usual and min(led_files) == 1:
         return led_files
-    steps = {after - before for before, after in zip(led_files, [*led_files][1:], strict=False)}
+    return _from_one(folder, led_files)
+
+
+def _from_one(folder: Path, led_files: Named) -> Named:
+    """Images by numbers that follow one another, as those of LEDs counted from 1."""
     files = [*led_files.values()]
-    if len(steps) > 1 and first < MIN_TIMESTAMP:
+    steps = {after - before for before, after in zip(led_files, [*led_files][1:], strict=False)}
+    if len(steps) > 1 and min(led_files) < MIN_TIMESTAMP:
         raise InputError(
             f"{folder}: {', '.join(file.name for file in files[:MAX_LEDS])}: an image is missing; "
             "the numbers of the LEDs' images follow one another"
         )
-    warn(f"{files[0].stem} to {files[-1].stem} are taken as LEDs 1 to {count}")
+    warn(f"{files[0].stem} to {files[-1].stem} are taken as LEDs 1 to {len(files)}")
     return dict(enumerate(files, start=1))
 
 
@@ -178,27 +183,18 @@ def _by_name(folder: Path) -> dict[tuple[str, str], Named]:
 
 
 def _by_pattern(folder: Path, pattern: str, leds: Sequence[int]) -> dict[int, Path | None]:
-    """The image of each LED.
-
-    The folder is listed once, which is faster than testing every possible file name.
-    """
-    try:
-        listed = {file.name.lower() for file in (folder / pattern).parent.iterdir()}
-    except OSError:  # each LED has a folder of its own, or there is none
-        listed = None
-    return {led: _find_one(folder, pattern, led, listed) for led in leds}
+    """The image of each LED."""
+    return {led: _find_one(folder, pattern, led) for led in leds}
 
 
-def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> Path | None:
+def _find_one(folder: Path, pattern: str, led: int) -> Path | None:
     try:
         stem = pattern.format(led)
         if stem == pattern:
             raise ValueError
     except (ValueError, IndexError, KeyError, AttributeError):
         raise InputError(f"`files`={pattern}: write it as led{{}} or image{{:02}}") from None
-    name = stem.rpartition("/")[2].lower()
-    likely = (s for s in IMAGE_SUFFIXES if listed is None or f"{name}{s}" in listed)
-    matching = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]
+    matching = [file for s in IMAGE_SUFFIXES if (file := folder / f"{stem}{s}").is_file()]
     if len(matching) > 1:
         names = " and ".join(file.name for file in matching)
         raise InputError(f"{folder}: {names} are both there; keep the one that is meant")

@@ -82,10 +82,10 @@ def read_balls(
             "one; write them into each press's capture.yaml"
         )
     files = [CaptureFile.read(folder / name) for name in names]
-    scans = [listed_capture(folder / name) for name in names]
+    scans = [listed_capture(folder / name) or ListedCapture([]) for name in names]
     usual = _spread(folder, names, radius_mm)
     radii = [
-        _radius(folder / name, about, stated or (scan.ball_radius if scan else 0.0) or None)
+        _radius(folder / name, about, stated or scan.ball_radius or None)
         for name, about, stated, scan in zip(names, files, usual, scans, strict=True)
     ]
     others = [
@@ -97,14 +97,9 @@ def read_balls(
             "of `radius_mm`; remove it from the file if it is wrong"
         )
     for name, scan in zip(names, scans, strict=True):
-        if scan is not None:
-            _compare_marks(folder / name, scan)
+        _compare_marks(folder / name, scan)
     x0, y0 = layout.crop[:2] if layout.crop else (0, 0)
-    marks = [
-        (x - x0, y - y0, number)
-        for number, scan in enumerate(scans)
-        for x, y, _ in (scan.balls if scan else ())
-    ]
+    marks = [(x - x0, y - y0, n) for n, scan in enumerate(scans) for x, y, _ in scan.balls]
     circles = [about.circle(center_px, contact_px) for about in files]
     return BallPresses(
         np.concatenate([each.image for each in captures], axis=1) if captures[1:] else first,

@@ -156,6 +156,10 @@ class Layout(NamedTuple):
         stated = stated or CaptureFile.read(folder)
         return find_led_files(folder, self.files, self.leds or stated.leds or None)
 
+    def cropped(self, plane: NDArray[Any], file: Path) -> NDArray[Any]:
+        """Return the crop's part of an image, or of a map of its size; refuse one beyond it."""
+        return cropped(plane, self.crop, file)
+
     def plane(self, file: Path, bits: int | None = None, usual_bits: int | None = None) -> F4:
         """Read one image file as fractions of full scale, H x W: of colours their mean.
 
@@ -166,7 +170,7 @@ class Layout(NamedTuple):
         InputError
             If the file is missing, damaged or of another depth, or the crop exceeds it.
         """
-        plane = cropped(grey(ImageFile(file).read(), self.channel), self.crop, file)
+        plane = self.cropped(grey(ImageFile(file).read(), self.channel), file)
         if plane.dtype not in (np.uint8, np.uint16):
             raise InputError(f"{file}: {plane.dtype} pixels; 8 or 16 bit is needed")
         stated = bits or (usual_bits if plane.dtype == np.uint16 else None)
@@ -201,7 +205,7 @@ class Layout(NamedTuple):
             files = [file] * len(planes)
         check_alike(planes, files)
         stack = np.stack(
-            [cropped(plane, self.crop, file) for plane, file in zip(planes, files, strict=True)]
+            [self.cropped(plane, file) for plane, file in zip(planes, files, strict=True)]
         )
         white = white_of(files, stated.bits)
         if stack.ndim > 3:

@@ -71,7 +71,7 @@ def read_flat(
         )
         return Flat(np.ones_like(image), black)
     stack = _mean(image, folder, layout)
-    flat = np.stack([_smoothed(plane - black, smooth_px) for plane in stack])
+    flat = np.stack([gaussian_filter(each - black, smooth_px, mode="nearest") for each in stack])
     if (led := dark_led(flat)) is not None:
         raise InputError(
             f"{folder}: under LED {led} the film is no brighter than {dark or 'the dark image'}; "
@@ -98,7 +98,3 @@ def _mean(image: Light, folder: Path, layout: Layout) -> F4:
         total += capture.image
         count += 1
     return np.asarray(total / count, np.float32)
-
-
-def _smoothed(plane: F4, sigma: float) -> F4:
-    return np.asarray(gaussian_filter(plane, sigma, mode="nearest"), np.float32)

@@ -68,12 +68,10 @@ def measure_contact(
             "measured; `most` sets how many"
         )
         numbers = largest.numbers(contact)
-    shape = (
-        None
-        if rest is None
-        else RestShape.of(_apparent_rest(rest, view), pixel, view.camera or 0.0)
-    )
-    if shape is not None:
+    shape = None
+    if rest is not None:
+        low = rest if view.lens is None else distort_height(rest, view.lens)
+        shape = RestShape.of(low, pixel, view.camera or 0.0)
         figures["rest_relief_mm"] = float(np.ptp(shape.height))
     for number in numbers:
         mask = (contact == number).view(np.uint8)
@@ -82,11 +80,6 @@ def measure_contact(
             measured |= _on_film(height, mask > 0, shape)
         figures |= {f"contact_{name}/c{number}": figure for name, figure in measured.items()}
     return figures
-
-
-def _apparent_rest(rest: F4, view: View) -> Height:
-    """The height of the film at rest that each pixel of the camera sees."""
-    return rest if view.lens is None else distort_height(rest, view.lens)
 
 
 def _on_film(height: Height, mask: NDArray[np.bool_], shape: RestShape) -> Metrics:

@@ -1,9 +1,11 @@
 """Write pictures of calibrations, which replace earlier pictures of that kind and no other file."""
 
+import os
 from collections.abc import Mapping
+from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -12,6 +14,7 @@ from PIL import Image
 from pydantic import AfterValidator
 
 from tactograph.graph.disk.atomic_files import atomic_file
+from tactograph.graph.errors import WriteError
 
 FIGURES_IN = 3.2
 """Width in inches of the list of figures on the right of a page."""
@@ -25,24 +28,6 @@ class Colour(StrEnum):
     ORANGE = "#ffb000"
     BLUE = "#3c8fe6"
     GREY = "#9a9a9a"
-
-
-def write_picture(
-    figure: Figure, file: Path, figures: Mapping[str, float] | None = None, top: float = 1.0
-) -> None:
-    """Write a figure as PNG, completely or not at all; that of a calibration next to its file.
-
-    It may list `figures` on the right, from `top` on, a share of the page counted from its bottom.
-
-    Raises
-    ------
-    WriteError
-        If it cannot be written.
-    """
-    if figures is not None:
-        _list_figures(figure, figures, top)
-    with atomic_file(_picture_of(file)) as target:
-        FigureCanvasAgg(figure).print_png(target, pil_kwargs={"compress_level": 1})
 
 
 def _list_figures(page: Figure, figures: Mapping[str, float], top: float) -> None:
@@ -64,25 +49,51 @@ def _picture_of(file: Path) -> Path:
     return file.with_suffix(".png") if file.suffix == ".npz" else file
 
 
-def _is_free(picture: Path) -> bool:
-    """Return whether there is no such file, or one that Matplotlib drew."""
-    if not picture.exists():
-        return True
-    try:
-        with Image.open(picture) as image:
-            return str(image.info.get("Software", "")).startswith(DRAWN_BY)
-    except OSError:
-        return False
-
-
 def _free(file: Path) -> Path:
-    if not _is_free(picture := _picture_of(file)):
+    """Return a path where there is no picture, or one that Matplotlib drew."""
+    picture, drawn_by = _picture_of(file), ""
+    with suppress(OSError), Image.open(picture) as image:
+        drawn_by = str(image.info.get("Software", ""))
+    if picture.exists() and not drawn_by.startswith(DRAWN_BY):
         raise ValueError(
             f"{picture} exists and is no picture of a calibration; another name is needed"
         )
+    around = next(folder for folder in file.absolute().parents if folder.exists())
+    if not (around.is_dir() and os.access(around, os.W_OK)):
+        raise ValueError(f"{around} is no folder that can be written to; another place is needed")
     return file
 
 
-NewPicture = Annotated[Path, AfterValidator(_free)]
-"""Path of a picture, or of a calibration whose picture goes next to it, ``.png`` for ``.npz``; a
-file of another kind is refused before the work starts."""
+class NewPicture(NamedTuple):
+    """The picture that a node draws.
+
+    Parameters
+    ----------
+    file
+        Its path, or that of a calibration that it goes next to, ``.png`` for ``.npz``; a file of
+        another kind, or a place that cannot be written to, is refused before the work starts.
+    """
+
+    file: Annotated[Path, AfterValidator(_free)]
+
+    def write(
+        self, figure: Figure, figures: Mapping[str, float] | None = None, top: float = 1.0
+    ) -> None:
+        """Write a figure as PNG, completely or not at all.
+
+        It may list `figures` on the right, from `top` on, a share of the page counted from its
+        bottom.
+
+        Raises
+        ------
+        WriteError
+            If it cannot be written, or a file of another kind has that name.
+        """
+        try:
+            picture = _picture_of(_free(self.file))
+        except ValueError as error:
+            raise WriteError(str(error)) from None
+        if figures is not None:
+            _list_figures(figure, figures, top)
+        with atomic_file(picture) as target:
+            FigureCanvasAgg(figure).print_png(target, pil_kwargs={"compress_level": 1})

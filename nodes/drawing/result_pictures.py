@@ -14,17 +14,10 @@ from matplotlib.image import AxesImage
 
 from tactograph.graph.cache.keys import content_key
 from tactograph.graph.show.colours import BIT_COLOURS, SEVERAL_COLOUR, label_numbers
-from tactograph.nodes import (
-    BAND_DEVIATIONS,
-    F4,
-    Contacts,
-    Height,
-    HeightError,
-    Labels,
-)
+from tactograph.nodes import BAND_DEVIATIONS, F4, Contacts, Height, HeightError, Labels
 from tactograph.nodes.files.image_files import ImageFile
 from tactograph.nodes.files.layer_files import picture_file
-from tactograph.nodes.stream.touch import ColourMap, LedLabels, Regions, Touch
+from tactograph.nodes.stream.touch import ColourMap, LabelMap, Touch
 
 # Fixed margins and `print_png` take half the time of a layout that measures every text, and of
 # `savefig`, which draws twice.
@@ -41,10 +34,10 @@ def draw_result(touch: Touch, folder: Path) -> None:
         match layer.kind.drawn:
             case ColourMap() as how:
                 _once(picture_file(layer, folder), draw_map, layer.value, how, touch.pixel)
-            case LedLabels(title):
+            case LabelMap(title, leds=True):
                 _once(picture_file(layer, folder), draw_labels, layer.value, grey, count, title)
-            case Regions(noun):
-                _once(picture_file(layer, folder), draw_regions, layer.value, grey, noun)
+            case LabelMap(title):
+                _once(picture_file(layer, folder), draw_regions, layer.value, grey, title)
 
 
 def _once(file: Path, draw: Callable[..., None], *arguments: Any) -> None:
@@ -117,13 +110,12 @@ def _extent(plane: F4, pixel: float) -> tuple[float, float, float, float]:
     return -half[0], half[0], half[1], -half[1]
 
 
-def draw_regions(regions: Contacts, grey: F4, noun: str, file: Path) -> None:
+def draw_regions(regions: Contacts, grey: F4, title: str, file: Path) -> None:
     """Draw regions over the mean image, each in a colour and with its number."""
     plate = _plate(regions.shape, 0)
     colours = len(BIT_COLOURS)
     numbers, areas = np.unique(regions[regions > 0], return_counts=True)
     share = areas.sum() / regions.size
-    many = f"{len(numbers)} {noun}{'' if len(numbers) == 1 else 's'}"
     plate.begin(grey)
     plate.colour(np.ma.masked_where(regions == 0, (regions - 1.0) % colours + 1))
     for number in numbers:
@@ -131,7 +123,7 @@ def draw_regions(regions: Contacts, grey: F4, noun: str, file: Path) -> None:
         rows, columns = np.nonzero(regions == number)
         nearest = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
         plate.number(int(number), float(columns[nearest]), float(rows[nearest]))
-    plate.write(f"{many}: {share:.1%} of the pixels", file)
+    plate.write(f"{title}: {len(numbers)}, on {share:.1%} of the pixels", file)
 
 
 def draw_labels(bits: Labels, grey: F4, count: int, title: str, file: Path) -> None:

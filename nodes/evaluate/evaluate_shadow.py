@@ -30,17 +30,12 @@ def evaluate_shadow(shadow: Labels, truth: Labels | None = None) -> Metrics:
     if truth is None:
         return {}
     leds = int(np.bitwise_or.reduce(shadow | truth, axis=None)).bit_length()
-    bits = LED_BITS[: max(leds, 1)]
-    counts = np.stack([_counts(shadow & bit, truth & bit) for bit in bits])
+    masks, bits = (shadow & truth, shadow, truth), LED_BITS[: max(leds, 1)]
+    counts = np.array([[np.count_nonzero(mask & bit) for mask in masks] for bit in bits])
     metrics = _rates(counts.sum(axis=0), "")
     for k, count in enumerate(counts, start=1):
         metrics |= _rates(count, f"/led{k}")
     return metrics
-
-
-def _counts(labelled: Labels, truth: Labels) -> NDArray[np.int64]:
-    """Return the numbers of pixels that are both labelled and true, labelled, and true."""
-    return np.array([np.count_nonzero(mask) for mask in (labelled & truth, labelled, truth)])
 
 
 def _rates(counts: NDArray[np.int64], suffix: str) -> Metrics:

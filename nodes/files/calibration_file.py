@@ -43,8 +43,8 @@ class FileKind(NamedTuple):
     The operations on a kind are in a module of its name, ``calibrations/NAME_kind.py``
     (`nodes.calibrate.kinds`).  The file keeps the fields of `record` that are `Stored`.  Every kind
     holds a `pixel_size`, and all but a camera's a `flat`.  `sources` lists the causes to check if a
-    calibration fails, `users` the graphs that take it.  `check` raises a `ValueError` if the
-    arrays, each valid by itself, cannot be of one sensor.
+    calibration fails without a doubt, `users` the graphs that take it.  `check` raises a
+    `ValueError` if the arrays, each valid by itself, cannot be of one sensor.
     """
 
     name: str
@@ -110,8 +110,9 @@ class FileKind(NamedTuple):
         try:
             _check_arrays(self, typed)
         except ValueError as error:
+            advice, *_ = values.get("doubts") or [f"check {self.sources}"]
             raise InputError(
-                f"{file}: the calibration failed and is not written: {error}; check {self.sources}"
+                f"{file}: the calibration failed and is not written: {error}; {advice}"
             ) from None
         _write_archive(file, {ABOUT_ARRAY: np.array(json.dumps(head)), **typed})
 
@@ -154,10 +155,8 @@ class FileKind(NamedTuple):
             raise InputError(
                 f"{file}: not as this version writes it: {error}; calibrate again"
             ) from None
-        typed = {
-            n: arrays[n] if value.port.dims else float(arrays[n])
-            for n, value in self.values.items()
-        }
+        values = self.values.items()
+        typed = {n: arrays[n] if v.port.dims else float(arrays[n]) for n, v in values}
         return typed, _about(file, about_in(arrays))
 
     def stored(self, file: Path) -> dict[str, NDArray[Any]]:

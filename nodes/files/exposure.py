@@ -143,9 +143,12 @@ def _has_jpeg_blocks(plane: NDArray[Any]) -> bool:
     y, x = ((rows - side) // 2 for rows in plane.shape)
     middle = plane[y : y + side + 1, x : x + side + 1].astype(np.float32)
     for part in middle[:side], middle[:, :side].T:
-        lines = np.abs(np.diff(part, axis=1)).mean(axis=0).reshape(blocks, JPEG_BLOCK_PX)
+        change = np.abs(np.diff(part, axis=1)).mean(axis=0)
+        # In a slope of smooth light, the first or the last line of every block changes most.
+        stands_out = (change > np.roll(change, 1)) & (change > np.roll(change, -1))
+        lines = change.reshape(blocks, JPEG_BLOCK_PX)
         second = np.sort(lines, axis=1)[:, -2:-1]
-        alike = int((lines > second).sum(axis=0).max())
+        alike = int(((lines > second) & stands_out.reshape(lines.shape)).sum(axis=0).max())
         chances = sum(
             math.comb(blocks, count) * (JPEG_BLOCK_PX - 1) ** (blocks - count)
             for count in range(alike, blocks + 1)

@@ -72,11 +72,11 @@ class HeightFile(NamedTuple):
         if not file.is_file():
             raise InputError(missing(file, "file"))
         suffix = file.suffix.lower()
-        if suffix in (".tif", ".tiff"):
-            return _read_tiff(file)
-        further = bring("formats", suffix[1:])
-        found: HeightFile = _read_npy(file) if further is None else further.read(file)
-        return found
+        if (further := bring("formats", suffix[1:])) is not None:
+            found: HeightFile = further.read(file)
+            return found
+        refuse_changed(file)
+        return _read_tiff(file) if suffix in (".tif", ".tiff") else HeightFile(read_heights(file))
 
     def write(self, file: Path, view: View = PLAIN_VIEW) -> None:
         """Write it in the format of the file's suffix; a mesh as the camera of `view` sees it.
@@ -135,15 +135,8 @@ def write_ply(file: Path, height: Height, pixel: float, view: View = PLAIN_VIEW)
     file.write_bytes(header.encode() + mesh.vertices.astype("<f4").tobytes() + faces.tobytes())
 
 
-def _read_npy(file: Path) -> HeightFile:
-    """A two-dimensional array of numbers, mm."""
-    refuse_changed(file)
-    return HeightFile(read_heights(file))
-
-
 def _read_tiff(file: Path) -> HeightFile:
     """A single channel of floats, mm."""
-    refuse_changed(file)
     image = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise InputError(f"{file}: cannot be decoded, the file is damaged or no TIFF")

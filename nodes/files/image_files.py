@@ -128,7 +128,7 @@ def _check_plain(image: Image.Image, file: Path) -> None:
             "save it with black as 0"
         )
     if image.format == "JPEG":
-        warn(f"{file.parent}: JPEG compression costs accuracy; record PNG or TIFF")
+        warn("JPEG compression costs accuracy; record PNG or TIFF")
 
 
 def _raw_mode(image: Image.Image) -> str:

@@ -16,11 +16,8 @@ class SensorIdentity(NamedTuple):
     serial: str = ""
 
     def __str__(self) -> str:
-        parts = (
-            f"sensor '{self.name}'" if self.name else "",
-            self.serial and f"serial {self.serial}",
-        )
-        return ", ".join(part for part in parts if part)
+        words = {f"sensor '{self.name}'": self.name, f"serial {self.serial}": self.serial}
+        return ", ".join(text for text, known in words.items() if known)
 
     @classmethod
     def stated_in(cls, header: Mapping[str, Any]) -> Self:

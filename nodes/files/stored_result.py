@@ -6,14 +6,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
+import numpy as np
+
 from tactograph.graph import InputError
 from tactograph.graph.disk.atomic_files import atomic_files
 from tactograph.graph.errors import missing
 from tactograph.nodes import MAX_PIXEL_MM, MIN_PIXEL_MM
-from tactograph.nodes.files.height_files import HeightFile
-from tactograph.nodes.files.layer_files import layer_files
+from tactograph.nodes.files.height_files import HeightFile, write_ply, write_tiff
+from tactograph.nodes.files.layer_files import layer_files, write_layer
 from tactograph.nodes.files.result_file import RELIEF_FIGURE, RESULT_FILE, checksum, read_result
 from tactograph.nodes.optics.camera_view import View
+from tactograph.nodes.stream.touch import Touch
 
 
 class StoredResult(NamedTuple):
@@ -63,6 +66,26 @@ class StoredResult(NamedTuple):
                 checksums = {file.name: checksum(file) for file in sorted(target.iterdir())}
                 named = {"files": sorted([*checksums, RESULT_FILE]), "checksums": checksums}
                 (target / RESULT_FILE).write_text(json.dumps({**about, **named}, indent=1) + "\n")
+
+    @staticmethod
+    def write_touch(
+        touch: Touch, folder: Path, *, ply: bool = False, pictures: bool = True
+    ) -> None:
+        """Write a touch's height and layers, a mesh, and pictures into a folder of new files.
+
+        Files and their names are those of `write_result`.
+        """
+        np.save(folder / "height.npy", touch.height)
+        write_tiff(folder / "height.tiff", touch.height, *touch.view.pixel_sides(touch.pixel))
+        for layer in touch.each_layer():
+            write_layer(layer, folder)
+        if ply:
+            write_ply(folder / "height.ply", touch.film, touch.pixel, touch.view)
+        if pictures:
+            # Loading Matplotlib takes longer than computing a touch.
+            from tactograph.nodes.drawing.result_pictures import draw_result
+
+            draw_result(touch, folder)
 
     @property
     def pixel(self) -> float | None:

@@ -2,8 +2,6 @@
 
 import importlib.util
 
-import numpy as np
-
 from tactograph.graph.backends.launch import DeviceArray, Launch
 
 
@@ -40,17 +38,11 @@ class _OnePixel:
 Transform = _Vkfft | _OnePixel
 
 
-def cosine_transform(run: Launch, shape: tuple[int, int]) -> Transform:
-    """The two-dimensional DCT-II; its inverse restores the scale, too."""
-    return _planned(run, shape, np.float32, 2)
+def transform(run: Launch, shape: tuple[int, int], dtype: type, dct: int | bool) -> Transform:
+    """A two-dimensional transform: the DCT of this type, or the complex FFT if that is False.
 
-
-def fourier_transform(run: Launch, shape: tuple[int, int]) -> Transform:
-    """The two-dimensional complex FFT; its inverse restores the scale, too."""
-    return _planned(run, shape, np.complex64, False)
-
-
-def _planned(run: Launch, shape: tuple[int, int], dtype: type, dct: int | bool) -> Transform:
+    The inverse restores the scale, too.
+    """
     if shape == (1, 1):
         return _OnePixel()
     return run.keep((dct, shape), lambda: _Vkfft(run, shape, dtype, dct))

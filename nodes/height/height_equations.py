@@ -75,11 +75,8 @@ class HeightSystem(NamedTuple):
     def residuals(self, height: F4) -> tuple[F4, F4, F4]:
         """The residuals of the equations, in mm: steps to the right, steps down, rises."""
         (right, down), flat = self.steps, height.ravel()
-        return (
-            height[:, 1:] - height[:, :-1] - right,
-            height[1:] - height[:-1] - down,
-            flat[self.top] - flat[self.foot] - self.rise,
-        )
+        across, along = height[:, 1:] - height[:, :-1], height[1:] - height[:-1]
+        return across - right, along - down, flat[self.top] - flat[self.foot] - self.rise
 
     def cost(self, height: F4, scale: float) -> float:
         """The cost for c = `scale`: the sum of log(1 + r^2 / (scale^2 variance))."""

@@ -110,10 +110,8 @@ def tie_levels(ties: Ties, levels: Sequence[Level]) -> TieLevels:
     count, width = ties.top.size, levels[0].columns
     depth = np.arange(len(levels))[:, None]
     first, stride = (np.array([level[n] for level in levels])[:, None] for n in (0, 3))
-    at = [
-        first + (end // width >> depth) * stride + (end % width >> depth)
-        for end in (ties.top, ties.foot)
-    ]
+    ends = ties.top, ties.foot
+    at = [first + (end // width >> depth) * stride + (end % width >> depth) for end in ends]
     # A tie whose ends lie in one block vanishes.
     level, finest = np.nonzero(at[0][1:] != at[1][1:])
     top, foot = (end[level + 1, finest] for end in at)

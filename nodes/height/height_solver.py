@@ -60,9 +60,8 @@ class HeightSolver:
         """Solve for all loads, starting from zero, side by side if there are few pixels."""
         run, (loads,) = self._run, enough.shape
         if not self._is_small(stack.steps[0]):
-            run.kernel(
-                "clear", run.in_lanes(math.prod(heights.shape)), heights, math.prod(heights.shape)
-            )
+            size = math.prod(heights.shape)
+            run.kernel("clear", run.in_lanes(size), heights, size)
             for number in range(loads):
                 self.solve(stack, wants, heights, steps, enough, number, number)
             return

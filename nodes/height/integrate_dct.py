@@ -16,7 +16,7 @@ from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.graph.declare.kernel_declaration import DeviceTraits, Obstacle
 from tactograph.nodes import F4, Height, PixelSize, Slope
-from tactograph.nodes.height._fourier import cosine_transform, missing_vkfft
+from tactograph.nodes.height._fourier import missing_vkfft, transform
 
 SMALL_PRIME = 64
 """Largest prime factor of the height for which a transform costs less than transposing first."""
@@ -106,7 +106,7 @@ def _launch(run: Launch) -> None:
     height, width = shape = run.sizes["H"], run.sizes["W"]
     out = run.outputs["integrate_dct"]
     inverse = run.keep(("inverse", shape), lambda: run.put(inverse_laplacian(shape)))
-    cosine = cosine_transform(run, shape)
+    cosine = transform(run, shape, np.float32, 2)
     run.kernel("divergence", shape, run.inputs["slope"], out, height, width)
     cosine.forward(run, out)
     run.kernel("divide", shape, out, inverse, height, width, float(run.inputs["pixel"]))

@@ -11,7 +11,7 @@ from tactograph.graph.backends.launch import Launch
 from tactograph.graph.cores import cores
 from tactograph.graph.declare.kernel_declaration import DeviceTraits, Obstacle
 from tactograph.nodes import F4, Height, PixelSize, Slope
-from tactograph.nodes.height._fourier import fourier_transform, missing_vkfft
+from tactograph.nodes.height._fourier import missing_vkfft, transform
 
 C8 = NDArray[np.complex64]
 
@@ -48,7 +48,8 @@ def integrate_frankot_chellappa(slope: Slope, pixel: PixelSize) -> Height:
 def _multipliers(shape: tuple[int, ...]) -> tuple[C8, C8]:
     """-i v / (u^2 + v^2) and -i u / (u^2 + v^2), which multiply the spectra of q and of p."""
     v, u = _frequencies(shape)
-    inverse = np.complex64(-1j) * _inverse(u, v)
+    square = u * u + v * v
+    inverse = np.complex64(-1j) * np.divide(1, square, np.zeros_like(square), where=square > 0)
     return v * inverse, u * inverse
 
 
@@ -64,11 +65,6 @@ def _frequencies(shape: tuple[int, ...]) -> tuple[F4, F4]:
     return v.astype(np.float32), u.astype(np.float32)
 
 
-def _inverse(u: F4, v: F4) -> F4:
-    square = u * u + v * v
-    return np.asarray(np.where(square > 0, 1 / np.where(square > 0, square, 1), 0), np.float32)
-
-
 def _can_run(device: DeviceTraits) -> Obstacle | None:
     missing = missing_vkfft()
     slower = "SciPy transforms faster than VkFFT on a CPU" if device.is_cpu else None
@@ -82,7 +78,7 @@ def _launch(run: Launch) -> None:
     v, u = run.keep(("frequencies", shape), lambda: [*map(run.put, _frequencies(shape))])
     # Both real fields as one complex field p + i q: one transform instead of two.
     packed = run.scratch(shape, np.complex64)
-    fourier = fourier_transform(run, shape)
+    fourier = transform(run, shape, np.complex64, False)
     run.kernel("pack", shape, run.inputs["slope"], packed, height, width)
     fourier.forward(run, packed)
     spectrum = run.scratch(shape, np.complex64)

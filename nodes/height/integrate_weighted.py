@@ -68,7 +68,10 @@ def integrate_weighted(
         height = before_cut if warm else height
     scales = _scales(rounds, robust, ease, warm=warm)
     for scale in scales:
-        last, height = height, _improve(system, height, scale, steps)
+        springs = system.springs(height, scale)
+        force = springs.pull(*system.steps, system.rise)
+        enough = MIN_ENERGY_SHARE * springs.energy(*system.steps)
+        last, height = height, conjugate_gradients(hierarchy(springs), force, height, steps, enough)
         # An unchanged height has the same weights: the remaining rounds would change nothing.
         if height is last and scale == scales[-1]:
             break
@@ -85,14 +88,6 @@ def _scales(rounds: int, robust: float, ease: float, *, warm: bool) -> list[floa
     if warm:
         return [robust] * ((rounds + 1) // 2)
     return [min(robust * ease**remaining, MAX_SCALE) for remaining in reversed(range(rounds))]
-
-
-def _improve(system: HeightSystem, height: F4, scale: float, steps: int) -> F4:
-    """One round: find the weights from the height, then improve it."""
-    springs = system.springs(height, scale)
-    force = springs.pull(*system.steps, system.rise)
-    enough = MIN_ENERGY_SHARE * springs.energy(*system.steps)
-    return conjugate_gradients(hierarchy(springs), force, height, steps, enough)
 
 
 def _border_median(height: F4, state: U1, rows: slice, columns: slice) -> np.float32:

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import F4, F8, CoarseLight, Grain, Height
+from tactograph.nodes import F4, F8, CoarseLight, Grain, Height, robust_deviation
 from tactograph.nodes.optics.cell_side import CellSide, cell_side, cells_by
 from tactograph.nodes.optics.near_light import image_places
-from tactograph.nodes.optics.robust import robust_deviation
 
 WINDOW_CELLS = 5
 """Side in cells over which calm light is averaged."""

@@ -41,11 +41,8 @@ class Cells(NamedTuple):
         joined = np.bincount(
             self.which[apart], (self.ties * rise)[apart], springs.ties.stiffness.size
         ).astype(np.float32)
-        return (
-            stretch / springs.right,
-            stretch_down / springs.down,
-            joined / springs.ties.stiffness,
-        )
+        right, down = stretch / springs.right, stretch_down / springs.down
+        return right, down, joined / springs.ties.stiffness
 
     def on_pixels(self, plane: F4) -> F4:
         """The cells' values at the pixels, interpolated linearly between the cells' middles."""

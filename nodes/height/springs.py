@@ -100,9 +100,8 @@ class Springs:
         total[:-1] += self.down
         np.add.at(total.ravel(), self.ties.top, self.ties.stiffness)
         np.add.at(total.ravel(), self.ties.foot, self.ties.stiffness)
-        return np.where(
-            total > 0, JACOBI_DAMPING / np.maximum(total, MIN_TOTAL_STIFFNESS), np.float32(0)
-        )
+        damped = JACOBI_DAMPING / np.maximum(total, MIN_TOTAL_STIFFNESS)
+        return np.where(total > 0, damped, np.float32(0))
 
     def coarser(self) -> Springs:
         """The network of blocks of 2 x 2 pixels, joined rigidly."""

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from tactograph.nodes import F8, METRES_PER_MM, Contacts
-from tactograph.nodes.stream.touch import LayerKind, Regions, Touch
+from tactograph.nodes.stream.touch import LabelMap, LayerKind, Touch
 
 
 def _points(touch: Touch, contact: Contacts) -> Mapping[str, F8] | None:
@@ -36,4 +36,4 @@ def _points(touch: Touch, contact: Contacts) -> Mapping[str, F8] | None:
     }
 
 
-KIND = LayerKind(Contacts, Regions("contact"), topics={"contact": None, "contacts": _points})
+KIND = LayerKind(Contacts, LabelMap("contacts"), topics={"contact": None, "contacts": _points})

@@ -3,6 +3,8 @@
 from typing import Annotated
 
 from tactograph.nodes import Labels
-from tactograph.nodes.stream.touch import LayerKind, LedLabels
+from tactograph.nodes.stream.touch import LabelMap, LayerKind
 
-KIND = LayerKind(Annotated[Labels, "Bit k-1: the film mirrors LED k"], LedLabels("mirrored"))
+KIND = LayerKind(
+    Annotated[Labels, "Bit k-1: the film mirrors LED k"], LabelMap("mirrored", leds=True)
+)

@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from tactograph.nodes import Labels
-from tactograph.nodes.stream.touch import LayerKind, LedLabels, Touch
+from tactograph.nodes.stream.touch import LabelMap, LayerKind, Touch
 
 
 def _warning(touch: Touch, shadow: Labels) -> str:
@@ -21,7 +21,7 @@ def _warning(touch: Touch, shadow: Labels) -> str:
 
 KIND = LayerKind(
     Annotated[Labels, "Bit k-1: LED k does not reach the pixel"],
-    LedLabels("in shadow"),
+    LabelMap("in shadow", leds=True),
     topics={"shadow": None},
     warning=_warning,
 )

@@ -8,8 +8,7 @@ from numpy.polynomial.chebyshev import chebvander2d
 from numpy.typing import NDArray
 
 from tactograph.graph import node
-from tactograph.nodes import Light
-from tactograph.nodes.optics.robust import robust_deviation
+from tactograph.nodes import Light, robust_deviation
 
 FIT_ROUNDS = 8
 MAX_FIT_PIXELS = 20_000

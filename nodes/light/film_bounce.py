@@ -4,7 +4,6 @@ Long because it is computed on cells of two sizes, which one kernel lays out and
 """
 
 import math
-from functools import partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -106,30 +105,20 @@ def film_bounce(
         return None
     if still and recall is not None:
         return recall
+
+    def on_cells(grid: Grid) -> F4:
+        """The bounced light on the cells of one grid."""
+        camera = 0.0 if from_above else film.camera
+        cells = cells_of(height, film.lights, np.float32(pixel), grid, slope, camera)
+        frame = slice(None), *grid.frame
+        sources = cells.rest.copy()
+        sources[frame] *= means(light, grid.factor)
+        law = matt(sources) if film.refraction == 1 else coated(film, cells, sources, grid)
+        return np.float32(film.albedo) * arriving(cells, grid, camera, law) / cells.rest[frame]
+
     grid = cell_grid(height.shape, pixel, cells, film.rim, film.refraction, azimuths)
-    on_cells = partial(_on_cells, light, height, film, pixel, slope, from_above)
     bounced = between_cells(extrapolated(on_cells, grid), height.shape, grid.factor)
     return bounced if before is None else before + np.float32(share) * (bounced - before)
-
-
-def _on_cells(
-    light: F4,
-    height: F4,
-    film: Film,
-    pixel: float,
-    slope: F4 | None,
-    from_above: bool,
-    grid: Grid,
-) -> F4:
-    """The bounced light on the cells of one grid."""
-    camera = 0.0 if from_above else film.camera
-    cells = cells_of(height, film.lights, np.float32(pixel), grid, slope, camera)
-    frame = slice(None), *grid.frame
-    sources = cells.rest.copy()
-    sources[frame] *= means(light, grid.factor)
-    is_matt = film.refraction == 1
-    law = matt(sources) if is_matt else coated(film, cells, sources, grid)
-    return np.float32(film.albedo) * arriving(cells, grid, camera, law) / cells.rest[frame]
 
 
 @film_bounce.idle
@@ -162,7 +151,7 @@ def _constants(run: Launch) -> dict[str, int]:
 
 
 def _launch_on_cells(run: Launch, grid: Grid, larger: DeviceArray | None = None) -> DeviceArray:
-    """Enqueue `_on_cells`, and extrapolate by the result on `larger` cells."""
+    """Enqueue what `film_bounce` does on cells, and extrapolate by the result on `larger` cells."""
     inputs, constants = run.inputs, _constants(run)
     count, *size = (run.sizes[symbol] for symbol in "KHW")
     every, lights = math.prod(grid.whole), inputs["film.lights"]

@@ -9,12 +9,13 @@ from typing import Annotated, Any
 import cv2
 import numpy as np
 from annotated_types import Ge, Interval
-from numpy.typing import NDArray
 
 from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, Grain, Light
 from tactograph.nodes.light.coarsen import coarsen
+from tactograph.nodes.optics.film import place_terms
+from tactograph.nodes.optics.near_light import image_places
 
 DRIFT_TERMS, TERMS_BY_DEGREE, FIT_SUMS = 6, (1, 3, 6), 22 + 8 * 7
 """Number of terms 1, u, v, u^2, u v, v^2; how many a degree needs; number of the kernels' sums."""
@@ -155,31 +156,17 @@ def _roughness(grain: Any) -> float:
     return FILM_ROUGHNESS if grain is None else COARSE_GRAIN_SHARE * float(grain)
 
 
-def terms(rows: NDArray[np.intp], columns: NDArray[np.intp], size: tuple[int, ...]) -> F4:
-    """Return 1, u, v, u^2, u v, v^2 at the rows and columns of an image: 6 x R x C."""
-    u, v = _axes(rows, columns, size)
-    one, u, v = np.ones_like(u * v), u + 0 * v, v + 0 * u
-    return np.stack([one, u, v, u * u, u * v, v * v])
-
-
-def _axes(
-    rows: NDArray[np.intp], columns: NDArray[np.intp], size: tuple[int, ...]
-) -> tuple[F4, F4]:
-    """u, 1 x C, and v, R x 1."""
-    height, width = size
-    scale = np.float32(2 / width)
-    u = (columns.astype(np.float32) - np.float32(0.5 * (width - 1)))[None, :] * scale
-    v = (rows.astype(np.float32) - np.float32(0.5 * (height - 1)))[:, None] * scale
-    return u, v
+def terms(size: tuple[int, ...]) -> F4:
+    """Return 1, u, v, u^2, u v, v^2 at the pixels of an image: 6 x H x W."""
+    return place_terms(*np.broadcast_arrays(*image_places(size, 2 / size[1])))
 
 
 def drift_gain(drift: Drift, size: tuple[int, ...]) -> F4:
     """Return the factor on each LED's light: K x H x W, or K x 1 x 1 if the drift is uniform."""
-    rows, columns = size
     c = drift[:, :, None, None]
     if not drift[:, 1:].any():
         return np.maximum(c[:, 0], MIN_GAIN)
-    u, v = _axes(np.arange(rows), np.arange(columns), size)
+    u, v = image_places(size, 2 / size[1])
     gain = c[:, 0] + c[:, 1] * u + c[:, 2] * v
     gain = gain + c[:, 3] * u * u + c[:, 4] * u * v + c[:, 5] * v * v
     return np.asarray(np.maximum(gain, MIN_GAIN), np.float32)
@@ -188,7 +175,7 @@ def drift_gain(drift: Drift, size: tuple[int, ...]) -> F4:
 @lru_cache(maxsize=4)
 def _basis(rows: int, columns: int) -> F4:
     """The six terms at each of N cells, 6 x N."""
-    basis = terms(np.arange(rows), np.arange(columns), (rows, columns)).reshape(DRIFT_TERMS, -1)
+    basis = terms((rows, columns)).reshape(DRIFT_TERMS, -1)
     basis.flags.writeable = False
     return basis
 
@@ -308,7 +295,7 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     before[:, 0] = rng.uniform(0.95, 1.05, K)
     before[:, 1:] = rng.uniform(-0.02, 0.02, (K, DRIFT_TERMS - 1))
     drift = before + rng.uniform(-0.01, 0.01, (K, DRIFT_TERMS))
-    light = np.tensordot(drift, terms(np.arange(H), np.arange(W), (H, W)), axes=1)
+    light = np.tensordot(drift, terms((H, W)), axes=1)
     light += rng.normal(0, 0.002, light.shape)
     bounced = rng.uniform(0, 0.03, light.shape)
     light += 0.7 * bounced

@@ -101,18 +101,22 @@ def matt_light(
 
     def convert(part: slice) -> None:
         m, spread, expected, z, lift = (a[..., part] for a in flat)
-        apparent = x[part], y[part], z
-        scale = _scale(film, place := place_seen(film, *apparent), lift)
+        place = place_seen(film, x[part], y[part], z)
+        scale = _scale(film, place, lift)
         if is_affine(film):
-            diffused = touch_gain(film, lift) * film.diffuse[:, None]
-            planes[0][:, part] = (m - diffused) * scale
+            converted = (m - touch_gain(film, lift) * film.diffuse[:, None]) * scale
         else:
             above = None if rest is None else lift
-            vectors = vectors_at(film.lights, *apparent)
-            planes[0][:, part] = _by_normal(film, m, expected, vectors, place, scale, turns, above)
+            n, at_rest = normals_of(expected), rest_below(film, *place)
+            for _ in range(turns):
+                n = turned(film, m, n, place, rest=at_rest, lift=above)
+            residual = m - predict(film, n, *place, at_rest, above)
+            vectors = vectors_at(film.lights, x[part], y[part], z)
+            converted = residual * scale + wrapped(np.einsum("kcn,cn->kn", vectors, n), film.wrap)
         grain = np.float32(film.grain) * m
         noise = np.sqrt(spread * spread + grain * grain) * scale
-        planes[0][:, part], planes[1][:, part] = unwrapped(planes[0][:, part], noise, film.wrap)
+        matt = np.asarray(converted, np.float32)
+        planes[0][:, part], planes[1][:, part] = unwrapped(matt, noise, film.wrap)
 
     in_blocks(convert, height.size)
     return MattLight(*(plane.reshape(light.shape) for plane in planes))
@@ -185,22 +189,3 @@ def _scale(film: Film, place: Place, lift: F4) -> F4:
     for k, direct in enumerate(direct_share(film)):
         scale[k] = 1 / (touch_gain(film, lift) * direct * emitted(film, k, place))
     return scale
-
-
-def _by_normal(
-    film: Film,
-    light: F4,
-    slope: F4,
-    vectors: F4,
-    place: Place,
-    scale: F4,
-    steps: int,
-    lift: F4 | None,
-) -> F4:
-    """Matt light of N pixels, from their normals."""
-    n, rest = normals_of(slope), rest_below(film, *place)
-    for _ in range(steps):
-        n = turned(film, light, n, place, rest=rest, lift=lift)
-    residual = light - predict(film, n, *place, rest, lift)
-    matt = np.einsum("kcn,cn->kn", vectors, n)
-    return np.asarray(residual * scale + wrapped(matt, film.wrap), np.float32)

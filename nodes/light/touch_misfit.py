@@ -97,11 +97,29 @@ def touch_misfit(
     The misfit of this touch; its `light` is the departure of the film at rest.  A clearly larger
     departure than the presses' gives a warning.
     """
-    total, counts = _lag_products(
-        light, slope, height, used, lights, pixel, _lag(misfit, pixel), uneven
-    )
-    departs = _shared(*_at_rest(light, height, lights, pixel, rest, tilt))
-    return _widened(misfit, _typical(total, counts), departs)
+    (p, q), lag = slope, _lag(misfit, pixel)
+    steep = p * p + q * q > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE
+    counts = (used == (1 << len(lights)) - 1) & steep
+    # Only the blocks around steep film that all LEDs reach.
+    rows, columns = part = tuple(_reach(counts.any(axis=axis), lag) for axis in (1, 0))
+    counts, (x, y) = counts[part], image_places(height.shape, pixel)
+    vectors = vectors_at(lights, x[:, columns], y[rows], height[part])
+    model_light = expected_light(vectors, slope[:, rows, columns])
+    departs = light[:, rows, columns] - model_light
+    departs -= brighter(departs, model_light, uneven) * model_light
+    product: F4 | np.float32 = np.float32(0)
+    for plane in departs:
+        left = np.where(counts, plane, np.float32(0))
+        product = product + left[:-lag, :-lag] * (left[lag:, :-lag] + left[:-lag, lag:])
+    pairs = counts[:-lag, :-lag] * (counts[lag:, :-lag].astype(np.float32) + counts[:-lag, lag:])
+    mean = np.asarray(product / np.float32(len(lights)), np.float32)
+    residual = _typical(block_sums(mean, BLOCK_PX), block_sums(pairs, BLOCK_PX))
+    # The departure of the film at rest, by LED and block.
+    level = np.zeros((2, *height.shape), np.float32) if tilt is None else tilt
+    calm = (rest != 0).astype(np.float32)
+    planes = (light - matt_film_light(lights, height, level, pixel)) * calm
+    total = np.stack([block_sums(plane, BLOCK_PX) for plane in planes])
+    return _widened(misfit, residual, _shared(total, block_sums(calm, BLOCK_PX)))
 
 
 def _widened(misfit: Misfit, residual: float, departs: float) -> Misfit:
@@ -149,53 +167,6 @@ def _shared(total: F4, counted: F4) -> float:
 def _lag(misfit: Misfit, pixel: float) -> int:
     """The distance in pixels of the pixels that are compared."""
     return max(MIN_LAG_PX, round(float(misfit[1]) / pixel / 4))
-
-
-def _at_rest(
-    light: Light,
-    height: Height,
-    lights: LightPositions,
-    pixel: float,
-    rest: Mask,
-    tilt: Slope | None,
-) -> tuple[F4, F4]:
-    """The departure of the film at rest by LED and block, and the number of its pixels by block."""
-    level = np.zeros((2, *height.shape), np.float32) if tilt is None else tilt
-    departs = light - matt_film_light(lights, height, level, pixel)
-    calm = (rest != 0).astype(np.float32)
-    total = np.stack([block_sums(plane * calm, BLOCK_PX) for plane in departs])
-    return total, block_sums(calm, BLOCK_PX)
-
-
-def _lag_products(
-    light: Light,
-    slope: Slope,
-    height: Height,
-    used: Labels,
-    lights: LightPositions,
-    pixel: float,
-    lag: int,
-    uneven: float,
-) -> tuple[F4, F4]:
-    """By block, the sum of the products of neighbouring residuals, and the number of pairs."""
-    p, q = slope
-    counts = (used == (1 << len(lights)) - 1) & (
-        p * p + q * q > FULL_MISFIT_SLOPE * FULL_MISFIT_SLOPE
-    )
-    rows, columns = (_reach(counts.any(axis=axis), lag) for axis in (1, 0))
-    counts, slopes = counts[rows, columns], slope[:, rows, columns]
-    x, y = image_places(height.shape, pixel)
-    vectors = vectors_at(lights, x[:, columns], y[rows], height[rows, columns])
-    model_light = expected_light(vectors, slopes)
-    departs = light[:, rows, columns] - model_light
-    departs -= brighter(departs, model_light, uneven) * model_light
-    product: F4 | np.float32 = np.float32(0)
-    for plane in departs:
-        residual = np.where(counts, plane, np.float32(0))
-        product = product + residual[:-lag, :-lag] * (residual[lag:, :-lag] + residual[:-lag, lag:])
-    pairs = counts[:-lag, :-lag] * (counts[lag:, :-lag].astype(np.float32) + counts[:-lag, lag:])
-    mean = np.asarray(product / np.float32(len(lights)), np.float32)
-    return block_sums(mean, BLOCK_PX), block_sums(pairs, BLOCK_PX)
 
 
 def brighter(departs: F4, model_light: F4, uneven: float) -> F4:

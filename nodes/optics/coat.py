@@ -111,11 +111,8 @@ def let_in_change(curve: Array, cosine: Array) -> Array:
 
 def upload_curve(run: Launch, roughness: float, index: float) -> DeviceArray:
     """Return a coat's `let_in_curve` on the device."""
-
-    def upload() -> DeviceArray:
-        return run.put(let_in_curve(roughness, index).astype(np.float32))
-
-    return run.keep(("what a coat lets in", roughness, index), upload)
+    key = "what a coat lets in", roughness, index
+    return run.keep(key, lambda: run.put(let_in_curve(roughness, index).astype(np.float32)))
 
 
 def beckmann(cosine: Array, roughness: float) -> Array:

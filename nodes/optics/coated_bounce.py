@@ -77,11 +77,8 @@ def coated(film: Film, cells: Cells, sources: F4, grid: Grid) -> Law:
     turn = np.float32(math.pi / grid.azimuths)
 
     def thrown(at: NDArray[np.intp], away: F4, other: NDArray[np.intp]) -> F4:
-        eye, normal, facing = (
-            receivers.eye[:, at],
-            receivers.normal[:, at],
-            senders.normal[:, other],
-        )
+        eye, normal = receivers.eye[:, at], receivers.normal[:, at]
+        facing = senders.normal[:, other]
         # Perpendicular to both directions at P, and at the cells to the direction towards P.
         aside, along = turn * cross(eye, away), dot(eye, away)
         square = turn * turn * (1 - along * along)

@@ -210,14 +210,11 @@ def turned(
         standard deviation `LIGHT_NOISE_SHARE`.
     rest, lift : as for `predict`
     """
-    nx, ny, nz = n
-    none = np.zeros_like(nx)
     if rest is None:
         rest = rest_below(film, *place)
     lift = place[2] if lift is None else lift
     before = predict(film, n, *place, rest, lift)
-    tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
-    by_s, by_t = _changes(film, n, tangents, place, rest, lift)
+    by_s, by_t = _changes(film, n, place, rest, lift)
     weight = lit_share(film, light, lift) / np.maximum(light, FULL_MATT_LIGHT) ** 2
     share = uneven**2 / (LIGHT_NOISE_SHARE**2 + uneven**2 * (weight * before * before).sum(0))
     along = [(weight * before * f).sum(0) for f in (by_s, by_t, light - before)]
@@ -234,23 +231,20 @@ def turned(
     s, t = (c * g - b * h) * inverse, (a * h - b * g) * inverse
     shrink = MAX_TURN_RAD / np.maximum(np.sqrt(s * s + t * t), MAX_TURN_RAD)
     s, t = s * shrink, t * shrink
+    nx, ny, nz = n
     new = np.stack([nx + s * nz, ny + t * nz, nz - s * nx - t * ny])
     np.maximum(new[2], FLATTEST_TRIED, out=new[2])
-    return _unit(new)
+    return np.asarray(new / np.sqrt((new * new).sum(0)))
 
 
-def _changes(
-    film: Film,
-    n: Array,
-    tangents: tuple[Array, Array],
-    place: Place,
-    rest: Array,
-    lift: Array,
-) -> tuple[Array, Array]:
-    """Return the derivatives of equation F1 by a normal along two tangents, K x N each.
+def _changes(film: Film, n: Array, place: Place, rest: Array, lift: Array) -> tuple[Array, Array]:
+    """Return the derivatives of equation F1 by s and t of `turned`, K x N each.
 
     Direct light of an LED behind the film is differentiated as if it continued below zero.
     """
+    nx, ny, nz = n
+    none = np.zeros_like(nx)
+    tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
     by_normal = list(_reflected(film, n, *place, turning=True))
     differences = [np.stack([(along * by).sum(0) for by in by_normal]) for along in tangents]
     shine = np.stack([emitted(film, k, place) + 0 * plane for k, plane in enumerate(rest)])
@@ -276,14 +270,11 @@ def coat_sharpness(film: Film, n: Array, place: Place, weight: Array) -> Array:
     place : x, y, z in mm
     weight : K x N, of the LEDs; the result is 1 if all are zero
     """
-    nx, ny, nz = n
-    none = np.zeros_like(nx)
-    tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
     dark, plain = np.zeros_like(film.diffuse), np.zeros_like(film.harmonics)
     coat = film._replace(gain=1.0, emission=0.0, diffuse=dark, harmonics=plain)
     squares = []
     for kind in (coat, coat._replace(refraction=1.0)):
-        by_s, by_t = _changes(kind, n, tangents, place, rest_below(kind, *place), place[2])
+        by_s, by_t = _changes(kind, n, place, rest_below(kind, *place), place[2])
         squares.append((weight * (by_s * by_s + by_t * by_t)).sum(0))
     coated, matt = squares
     sharper = np.sqrt(np.where(matt > 0, coated / np.where(matt > 0, matt, 1), 1))
@@ -298,10 +289,6 @@ def _shades_change(film: Film, n: Array, along: Array) -> Array:
     fade = _fade(film, n)
     fading = np.where((fade > 0) & (fade < 1), dz / FADE_WIDTH, 0)
     return np.asarray(fade * change + fading * shades(n))
-
-
-def _unit(n: Array) -> Array:
-    return np.asarray(n / np.sqrt((n * n).sum(0)))
 
 
 def rest_light(film: Film, x: Array, y: Array) -> Array:

@@ -4,7 +4,6 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Interval
-from numpy.typing import NDArray
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.nodes import F8, Height, Labels, Light, LightPositions, PixelSize
@@ -86,9 +85,21 @@ def label_highlights(
         where = (weight * np.square(m - v[2])).sum(axis=0) > doubt_chi2
         # Double precision, because lights may be nearly parallel.
         parts: Any = (np.ascontiguousarray(part[..., where], np.float64) for part in (v, m, weight))
-        highlight[rows][where] = _mirrored(
-            *parts, doubt_chi2=doubt_chi2, fit_chi2=fit_chi2, excess=excess, near=near
-        )
+        v, m, weight = parts
+        marked, least = np.zeros(m.shape[1], np.uint8), np.full(m.shape[1], np.inf)
+        for k, towards in enumerate(v.swapaxes(0, 1)):
+            others = weight.copy()
+            others[k] = 0
+            normal, covariance, misfit = _fit(v, m, others)
+            predicted = dot(towards, times(covariance, towards))
+            bright = m[k] - dot(towards, normal) > excess * np.sqrt(1 / weight[k] + predicted)
+            half_way = towards / np.linalg.norm(towards, axis=0) + LEVEL_NORMAL
+            facing = dot(half_way, normal) > near * np.linalg.norm(half_way, axis=0)
+            is_highlight = bright & facing & (misfit < fit_chi2)
+            marked = np.where(misfit < least, is_highlight * np.uint8(1 << k), marked)
+            least = np.minimum(misfit, least)
+        is_doubted = _fit(v, m, weight)[2] > doubt_chi2
+        highlight[rows][where] = np.where(is_doubted, marked, np.uint8(0))
 
     if len(light) > MIN_OTHER_LEDS:
         in_blocks(mark, y.size, light[:, 0].size)
@@ -110,28 +121,6 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     light *= rng.random(light.shape) < 0.9
     sigma = np.full_like(light, 0.01)
     return {"light": light, "sigma": sigma, "lights": lights, "height": height, "pixel": 0.1}
-
-
-def _mirrored(
-    v: F8, light: F8, weight: F8, *, doubt_chi2: float, fit_chi2: float, excess: float, near: float
-) -> NDArray[np.uint8]:
-    """The bit of the mirrored LED, if any, for each of N pixels; see `label_highlights`.
-
-    `near` is the cosine of the largest angle between the normal and the half-way direction.
-    """
-    marked, least = np.zeros(light.shape[1], np.uint8), np.full(light.shape[1], np.inf)
-    for k, towards in enumerate(v.swapaxes(0, 1)):
-        others = weight.copy()
-        others[k] = 0
-        normal, covariance, misfit = _fit(v, light, others)
-        predicted = dot(towards, times(covariance, towards))
-        bright = light[k] - dot(towards, normal) > excess * np.sqrt(1 / weight[k] + predicted)
-        half_way = towards / np.linalg.norm(towards, axis=0) + LEVEL_NORMAL
-        facing = dot(half_way, normal) > near * np.linalg.norm(half_way, axis=0)
-        is_highlight = bright & facing & (misfit < fit_chi2)
-        marked = np.where(misfit < least, is_highlight * np.uint8(1 << k), marked)
-        least = np.minimum(misfit, least)
-    return np.where(_fit(v, light, weight)[2] > doubt_chi2, marked, np.uint8(0))
 
 
 def _fit(v: F8, light: F8, weight: F8) -> tuple[F8, F8, F8]:

@@ -239,13 +239,28 @@ def label_lights(
     of them; the kernel skips outputs that are not ``wanted``.
     """
     x, y = (places(size, np.float32(pixel)) for size in height.shape[::-1])
+    wrapping = wrap or 0.0
 
     def label_rows(rows: slice) -> Labelled:
         vectors = vectors_at(lights, x, y[rows, None], height[rows]).swapaxes(0, 1)
         images = light[:, rows], sigma[:, rows], vectors, prior[:, rows]
         m, spread, v, expected = (image.reshape(*image.shape[:-2], -1) for image in images)
-        labelled: Any = _label(m, spread, v, expected, rules, uneven, wrap or 0.0, turn or 0.0)
-        return Labelled(*(plane.reshape(*plane.shape[:-1], -1, x.size) for plane in labelled))
+        spread = np.maximum(spread, 1e-5)
+        above_shadow, weight = wrapped(m, wrapping) + wrapping, np.reciprocal(spread * spread)
+        below = (above_shadow < rules.floor * spread) & (rules.dark > 0)
+        shade_cost = np.where(below, 0, np.square(above_shadow / MAX_SHADE_LIGHT))
+        pixels = Pixels(m, weight, v, expected, above_shadow, below, shade_cost)
+        best = _best_set(pixels, rules, uneven, wrapping, turn or 0.0)
+        normals = best.normal, best.twin
+        slope, twin = (-n[:2] / np.maximum(n[2], 1 / rules.steepest) for n in normals)
+        unevens = np.where(best.used.sum(axis=0) > 2, np.float32(uneven), 0)
+        variance = slope_variance(v, m, weight * best.used, best.normal, slope, unevens)
+        # An LED is shadowed if its light is missing; without a slope, if it is below the floor.
+        due = np.maximum(wrapped(dot(v, best.normal), wrapping) + wrapping, MIN_EXPECTED_LIGHT)
+        missing = (above_shadow < due / 2) & (~best.used | below)
+        shadow = _labels(np.where(best.used.any(axis=0), missing, below))
+        planes: Any = slope, twin, variance, _labels(best.used & ~below), shadow, best.misfit
+        return Labelled(*(plane.reshape(*plane.shape[:-1], -1, x.size) for plane in planes))
 
     blocks = in_blocks(label_rows, y.size, light[:, 0].size)
     return Labelled(*(np.concatenate(parts, axis=-2) for parts in zip(*blocks, strict=True)))
@@ -259,47 +274,17 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
     """LEDs around the film, and moderate noise; every second film is a gel that scatters light."""
     lights = lights_around(rng, K)
     sigma = rng.uniform(0.005, 0.02, (K, H, W)).astype(np.float32)
-    params: dict[str, Any] = {
-        "wrap": float(rng.choice([0, rng.uniform(0.1, 0.3)])),
-        "turn": float(rng.choice([0, 0.8])),
-    }
-    if params["wrap"]:
+    wrap, turn = float(rng.choice([0, rng.uniform(0.1, 0.3)])), float(rng.choice([0, 0.8]))
+    params: dict[str, Any] = {"wrap": wrap, "turn": turn}
+    if wrap:
         sigma = rng.uniform(0.015, 0.03, (K, H, W)).astype(np.float32)
         slope = rng.uniform(-1.2, 1.2, (2, H, W)).astype(np.float32)
         vectors = light_vectors(lights, np.zeros((H, W), np.float32), 0.05)
-        shown = wrapped(expected_light(vectors, slope), params["wrap"])
-        shown = np.where(rng.random(shown.shape) < 0.05, -params["wrap"], shown)
+        shown = wrapped(expected_light(vectors, slope), wrap)
+        shown = np.where(rng.random(shown.shape) < 0.05, -wrap, shown)
         image = np.asarray(shown + rng.normal(0, sigma), np.float32)
-        params["light"], sigma = unwrapped(image, sigma, params["wrap"])
+        params["light"], sigma = unwrapped(image, sigma, wrap)
     return params | {"lights": lights, "sigma": sigma}
-
-
-def _label(
-    light: F4,
-    sigma: F4,
-    vectors: F4,
-    prior: F4,
-    rules: Rules,
-    uneven: float,
-    wrap: float,
-    turn: float,
-) -> Labelled:
-    """Label N pixels; their planes have one axis less than those of `label_lights`."""
-    sigma = np.maximum(sigma, 1e-5)
-    above_shadow, weight = wrapped(light, wrap) + wrap, np.reciprocal(sigma * sigma)
-    below = (above_shadow < rules.floor * sigma) & (rules.dark > 0)
-    shade_cost = np.where(below, 0, np.square(above_shadow / MAX_SHADE_LIGHT))
-    pixels = Pixels(light, weight, vectors, prior, above_shadow, below, shade_cost)
-    best = _best_set(pixels, rules, uneven, wrap, turn)
-    slope, twin = (-n[:2] / np.maximum(n[2], 1 / rules.steepest) for n in (best.normal, best.twin))
-    unevens = np.where(best.used.sum(axis=0) > 2, np.float32(uneven), 0)
-    variance = slope_variance(vectors, light, weight * best.used, best.normal, slope, unevens)
-    # An LED is shadowed if its light is missing; without a slope, if it is below the floor.
-    expected = np.maximum(wrapped(dot(vectors, best.normal), wrap) + wrap, MIN_EXPECTED_LIGHT)
-    missing = (above_shadow < expected / 2) & (~best.used | below)
-    shadow = np.where(best.used.any(axis=0), missing, below)
-    used, shadow = _labels(best.used & ~below), _labels(shadow)
-    return Labelled(slope, twin, variance, used, shadow, best.misfit)
 
 
 def _best_set(pixels: Pixels, rules: Rules, uneven: float, wrap: float, turn: float) -> Choice:

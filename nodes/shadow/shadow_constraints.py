@@ -98,18 +98,32 @@ def shadow_constraints(
     -------
     C measurements; C is 0 if nothing casts a shadow.
     """
-    is_known = np.bitwise_count(used) >= 2
+    is_known, side, width = np.bitwise_count(used) >= 2, np.float32(pixel), height.shape[1]
+
+    def measure(k: int, rays: Rays, dark: NDArray[np.bool_]) -> ShadowRises:
+        """Return the pixels at both ends of each shadow of an LED, and the rise between them."""
+        vectors = light_vectors(lights[k : k + 1], height, pixel)
+        expected = np.maximum(expected_light(vectors, slope)[0], MIN_EXPECTED_LIGHT)
+        end, edge = _march(rays, dark, np.clip(light[k] / expected, 0, 1), longest_px)
+        x, y = rays.at(edge + np.float32(0.25))
+        is_lit = _look_up(~dark & is_known, x, y)
+        rays, end = rays.only(is_lit), end[is_lit]
+        top_column, top_row = np.rint(x[is_lit]), np.rint(y[is_lit])
+        row, column = rays.row.astype(np.int32), rays.column.astype(np.int32)
+        downhill = slope[0, row, column] * rays.ux + slope[1, row, column] * rays.uy
+        to_end = side * end * np.clip(downhill, -MAX_SLOPE, MAX_SLOPE)
+        length = (top_column - rays.column) * rays.ux + (top_row - rays.row) * rays.uy - end
+        tangent = (lights[k, 2] - (height[row, column] + to_end)) / ((rays.plan - end) * side)
+        rise = np.asarray(length * side * tangent + to_end, np.float32)
+        top, foot = (top_row * width + top_column).astype(np.int32), row * width + column
+        return ShadowRises(top, foot, rise, np.full(rise.size, k + 1, np.uint8))
+
     measurements = []
     for k, led in enumerate(lights):
         dark = (shadow >> k & 1).astype(bool)
-        rays = _ends(dark, is_known, led / np.float32(pixel))
+        rays = _ends(dark, is_known, led / side)
         if rays.row.size:
-            vectors = light_vectors(lights[k : k + 1], height, pixel)
-            expected = np.maximum(expected_light(vectors, slope)[0], MIN_EXPECTED_LIGHT)
-            share = np.clip(light[k] / expected, 0, 1)
-            ends = _march(rays, dark, share, longest_px)
-            measured = _measure(rays, ends, dark, is_known, slope, height, led[2], pixel)
-            measurements.append((*measured, np.full(len(measured[0]), k + 1, np.uint8)))
+            measurements.append(measure(k, rays, dark))
     if not measurements:
         return ShadowRises.none()
     rises = ShadowRises(*map(np.concatenate, zip(*measurements, strict=True)))
@@ -138,34 +152,6 @@ def _look_up(mask: NDArray[np.bool_], x: F4, y: F4) -> NDArray[np.bool_]:
     column, row = np.rint(x).astype(int), np.rint(y).astype(int)
     inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     return inside & mask[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
-
-
-def _measure(
-    rays: Rays,
-    ends: tuple[F4, F4],
-    dark: NDArray[np.bool_],
-    is_known: NDArray[np.bool_],
-    slope: Slope,
-    height: Height,
-    led_height: np.float32,
-    pixel: float,
-) -> tuple[NDArray[np.int32], NDArray[np.int32], F4]:
-    """The pixels at both ends of each shadow, and the rise between them in mm."""
-    end, edge = ends
-    x, y = rays.at(edge + np.float32(0.25))
-    is_lit = _look_up(~dark & is_known, x, y)
-    rays, end = rays.only(is_lit), end[is_lit]
-    top_column, top_row = np.rint(x[is_lit]), np.rint(y[is_lit])
-    row, column = rays.row.astype(np.int32), rays.column.astype(np.int32)
-    downhill = slope[0, row, column] * rays.ux + slope[1, row, column] * rays.uy
-    to_end = np.float32(pixel) * end * np.clip(downhill, -MAX_SLOPE, MAX_SLOPE)
-    length = (top_column - rays.column) * rays.ux + (top_row - rays.row) * rays.uy - end
-    end_height = height[row, column] + to_end
-    tangent = (led_height - end_height) / ((rays.plan - end) * np.float32(pixel))
-    rise = length * np.float32(pixel) * tangent + to_end
-    width = dark.shape[1]
-    top = (top_row * width + top_column).astype(np.int32)
-    return top, (row * width + column).astype(np.int32), np.asarray(rise, np.float32)
 
 
 def _march(rays: Rays, dark: NDArray[np.bool_], share: F4, longest: float) -> tuple[F4, F4]:

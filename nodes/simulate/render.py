@@ -235,7 +235,8 @@ def _lit_from(
     total = np.zeros(surface.size, np.float32)
     reached = np.zeros(surface.size, np.int32)
     for spot, point in itertools.product(spots, points):
-        ray = _towards(spot, point)
+        x, y, z = point[0] - spot.x, point[1] - spot.y, point[2] - spot.z
+        ray = _Rays(x, y, z, np.sqrt(x * x + y * y + z * z))
         # n.L, negative in an attached shadow (section 3.3).
         cosine = (ray.z - spot.p * ray.x - spot.q * ray.y) / (spot.norm * ray.length)
         lit = cosine > 0
@@ -246,7 +247,10 @@ def _lit_from(
         )
         falloff = 1.0 / (ray.length * ray.length)
         if film.cosine_leds:
-            falloff = falloff * _emitted(led, ray)
+            # The LED's disk emits by the cosine between the ray and its axis.
+            x, y, z = led / np.sqrt((led * led).sum())
+            emitted = (x * ray.x + y * ray.y + z * ray.z) / ray.length
+            falloff = falloff * np.maximum(emitted, np.float32(0))
         total += np.where(lit, radiance * falloff, np.float32(0))
         reached += lit
     return total, reached
@@ -316,17 +320,6 @@ def _disk(led: F4) -> tuple[F4, F4]:
     c, s = (x / plan, y / plan) if plan > 0 else (np.float32(1), np.float32(0))
     across = np.array([-s, c, 0], np.float32)
     return across, np.array([c * z / far, s * z / far, -plan / far], np.float32)
-
-
-def _emitted(led: F4, ray: _Rays) -> F4:
-    """Cosine between a ray and the axis of the LED's disk: relative emission along the ray."""
-    x, y, z = led / np.sqrt((led * led).sum())
-    return np.maximum((x * ray.x + y * ray.y + z * ray.z) / ray.length, np.float32(0))
-
-
-def _towards(spot: _Spots, point: F4) -> _Rays:
-    x, y, z = point[0] - spot.x, point[1] - spot.y, point[2] - spot.z
-    return _Rays(x, y, z, np.sqrt(x * x + y * y + z * z))
 
 
 def _highlight(spot: _Spots, ray: _Rays, film: _Film) -> F4:

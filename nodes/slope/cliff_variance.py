@@ -50,8 +50,8 @@ def cliff_variance(
         dark = np.asarray(shadow >> k & 1, np.uint8)
         row, column = _before_dark(dark, lights[k] / np.float32(pixel))
         cliff[row, column] = np.maximum(cliff[row, column], plane[row, column])
-    sharp = np.maximum(_largest_neighbour(cliff) - GRAZING_LIGHT, np.float32(0))
-    step = JUMP_SLOPE * sharp
+    largest = cv2.dilate(cliff, np.ones((3, 3), np.uint8))
+    step = JUMP_SLOPE * np.maximum(largest - GRAZING_LIGHT, np.float32(0))
     return np.asarray(variance + step * step, np.float32)
 
 
@@ -71,10 +71,6 @@ def _before_dark(dark: Labels, led: F4) -> tuple[NDArray[np.intp], ...]:
     inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
     at_cliff = inside & (dark[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)] > 0)
     return row[at_cliff], column[at_cliff]
-
-
-def _largest_neighbour(plane: F4) -> F4:
-    return np.asarray(cv2.dilate(plane, np.ones((3, 3), np.uint8)), np.float32)
 
 
 @cliff_variance.opencl()

@@ -82,12 +82,6 @@ def _entries(index: LutIndex, number: int) -> tuple[F4, F4]:
     return entries, index.slopes[first : first + len(entries)]
 
 
-def _cells(lights: int, size: int) -> tuple[int, int]:
-    """How many levels of medians sort the pixels into cells, and the number of cells."""
-    levels = min(max((size // CELL_PIXELS).bit_length() - 1, 0), MAX_LEVELS)
-    return levels, (1 << levels) + (lights << max(levels - SPARSER_LEVELS, 0))
-
-
 @lut_nearest.opencl()
 def _launch(run: Launch) -> None:
     """Search one pixel per work-item on a GPU; on a CPU sort the frame by light first."""
@@ -106,7 +100,8 @@ def _launch_sorted(run: Launch, arrays: list[Any], constants: dict[str, int]) ->
     """Sort pixels into cells of similar light, and search each cell in packets of lanes."""
     light, shadow, *index = arrays
     lights, size = run.sizes["K"], run.sizes["H"] * run.sizes["W"]
-    levels, cells = _cells(lights, size)
+    levels = min(max((size // CELL_PIXELS).bit_length() - 1, 0), MAX_LEVELS)
+    cells = (1 << levels) + (lights << max(levels - SPARSER_LEVELS, 0))
 
     def launch(kernel: str, items: int, *arguments: Any) -> None:
         run.kernel(kernel, (items,), *arguments, local=(1,), constants=constants)

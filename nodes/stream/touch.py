@@ -8,7 +8,7 @@ know the ways of drawing a kind, but no layer.
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -79,6 +79,13 @@ class Touch:
         return [Layer(name, kinds[name], value) for name, value in self.layers.items()]
 
     @property
+    def drawings(self) -> "dict[str, ColourMap | LabelMap | Arrows | Axes]":
+        """Return how its layers are drawn, by name; those that are not are left out."""
+        drawn = {each.name: each.kind.drawn for each in self.each_layer()}
+        values = self.layers
+        return {n: d(self, values[n]) if callable(d) else d for n, d in drawn.items() if d}
+
+    @property
     def deviation(self) -> HeightError | None:
         """The standard deviation of its height; None if it has none."""
         return next((each.value for each in self.each_layer() if each.kind.is_deviation), None)
@@ -102,39 +109,40 @@ class ColourMap:
 
 
 @dataclass(frozen=True)
-class LedLabels:
-    """LED bits over the image: a colour for each LED, and a dark one for several."""
+class LabelMap:
+    """A label for each pixel, over the image: numbers from 1, or bits per LED if it is of `leds`.
+
+    `title` says what is numbered, such as contacts, or what the LEDs do.
+    """
 
     title: str
-    colours: ClassVar = [label_colour(bits) for bits in range(256)]
-    """Of each label; near white for none."""
+    leds: bool = False
 
-
-@dataclass(frozen=True)
-class Regions:
-    """Regions, numbered from 1, over the image: a colour and the number for each."""
-
-    noun: str
-
-    @staticmethod
-    def colour(number: int) -> str:
-        """Return the colour of a region."""
-        return label_colour(1 << (number - 1) % len(BIT_COLOURS))
+    @property
+    def colours(self) -> list[str]:
+        """The colour of each label: near white for none, a dark one for several LEDs."""
+        bits = range(256) if self.leds else (0, *(1 << n % len(BIT_COLOURS) for n in range(255)))
+        return [label_colour(each) for each in bits]
 
 
 @dataclass(frozen=True)
 class Arrows:
     """Arrows over the camera's image.
 
-    `of` returns start and shift, M x 2 in px, and whether each is seen (1) or predicted (0).
+    Parameters
+    ----------
+    start, shift : M x 2 in px
+    visible : M, 1 where an arrow is seen, 0 where it is predicted
     """
 
-    of: Callable[[Any], tuple[F4, F4, U1]]
+    start: F4
+    shift: F4
+    visible: U1
 
-    def draw(self, value: Any, picture: NDArray[np.uint8], scale: float) -> None:
-        """Draw a layer into a picture H x W x 3 of 8 bit, red first, `scale` times the image."""
+    def draw(self, picture: NDArray[np.uint8], scale: float) -> None:
+        """Draw them into a picture H x W x 3 of 8 bit, red first, `scale` times the image."""
         unit = scale * (1 << SUBPIXEL_BITS)
-        for begin, by, visible in zip(*self.of(value), strict=True):
+        for begin, by, visible in zip(self.start, self.shift, self.visible, strict=True):
             start, end = (
                 (int(x), int(y))
                 for x, y in np.round(
@@ -147,16 +155,18 @@ class Arrows:
 
 
 @dataclass(frozen=True)
-class Placed:
-    """An object's frame; when the touch began, it was untilted in the image's middle.
+class Axes:
+    """The axes of an object; when the touch began, it was untilted in the image's middle.
 
     Parameters
     ----------
+    entity : the object's name in a view of the surface
     place : x, y, z in mm from the middle of the first pixel on the film at rest
     turn : turn vector in degrees
     covariance : 6 x 6, of place and turn
     """
 
+    entity: str
     place: F8
     turn: F4
     covariance: F4
@@ -170,17 +180,11 @@ class Placed:
         return frame
 
 
-@dataclass(frozen=True)
-class Axes:
-    """The axes of an object called `entity`, in a view of the surface."""
-
-    entity: str
-    of: Callable[[Touch, Any], Placed]
-
-
-Topic = Callable[[Touch, Any], NDArray[Any] | Mapping[str, Any] | Placed | None]
+Drawing = Callable[[Touch, Any], Arrows | Axes]
+"""Return what stands over the image, or in a view of the surface, for a layer of a touch."""
+Topic = Callable[[Touch, Any], NDArray[Any] | Mapping[str, Any] | Axes | None]
 """Return a layer as a stream carries it, lengths in metres and angles in radians: an image H x W,
-the fields of N points (including x, y, z), a frame in its own units, or None for nothing."""
+the fields of N points (including x, y, z), axes in their own units, or None for nothing."""
 
 
 @dataclass(frozen=True)
@@ -194,7 +198,7 @@ class LayerKind:
     ----------
     quantity
         The annotation of the layer's port: element type, sizes and unit; or a record of ports.
-    drawn : how it is drawn; None: not at all
+    drawn : how it is drawn, or a function of touch and layer that says it; None: not at all
     topics : its content in a stream of messages, by topic; None: the map as it is
     state : its numbers by name, a part of the state that policies read in a LeRobot dataset
     follows_film
@@ -205,7 +209,7 @@ class LayerKind:
     """
 
     quantity: Any
-    drawn: ColourMap | LedLabels | Regions | Arrows | Axes | None = None
+    drawn: ColourMap | LabelMap | Drawing | None = None
     topics: Mapping[str, Topic | None] = field(default_factory=dict)
     state: Callable[[Any], Mapping[str, float]] | None = None
     follows_film: bool = False

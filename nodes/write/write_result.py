@@ -1,18 +1,11 @@
-"""Write a touch: arrays for programs, pictures for people, and the provenance.
-
-Long because it alone draws a result (`result_pictures`).
-"""
+"""Write a touch: arrays for programs, pictures for people, and the provenance."""
 
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from tactograph.graph import InputError, Provenance, node, warn
 from tactograph.nodes import Metrics
-from tactograph.nodes.files.height_files import write_ply, write_tiff
-from tactograph.nodes.files.layer_files import write_layer
 from tactograph.nodes.files.result_file import RESULT_FILE
 from tactograph.nodes.files.stored_result import StoredResult
 from tactograph.nodes.optics.camera_view import View
@@ -88,17 +81,7 @@ def write_result(
         "metrics": {**(metrics or {}), **(touch.metrics or {})},
     }
     with StoredResult.new_files(place, about, _optional_files(place)) as target:
-        np.save(target / "height.npy", touch.height)
-        write_tiff(target / "height.tiff", touch.height, *touch.view.pixel_sides(touch.pixel))
-        for layer in touch.each_layer():
-            write_layer(layer, target)
-        if ply:
-            write_ply(target / "height.ply", touch.film, touch.pixel, touch.view)
-        if pictures:
-            # Loading Matplotlib takes longer than computing a touch.
-            from tactograph.nodes.drawing.result_pictures import draw_result
-
-            draw_result(touch, target)
+        StoredResult.write_touch(touch, target, ply=ply, pictures=pictures)
 
 
 def _on_even_grid(touch: Touch) -> Touch:

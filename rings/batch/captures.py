@@ -29,16 +29,18 @@ def find_captures(patterns: Sequence[str]) -> Captures:
     """Find every place that a pattern matches, once, in order of name.
 
     A pattern is a path with ``*``, ``?``, ``[...]`` and ``**`` as a shell takes them.  A folder
-    that holds folders and no file stands for those folders.  Files beside matching folders are
-    passed over: a batch never mixes both kinds.  Raises InputError if a pattern matches nothing.
+    that holds folders and no file, except YAML, stands for those folders.  Files beside matching
+    folders are passed over: a batch never mixes both kinds.  Raises InputError if a pattern matches
+    nothing.
     """
     captures: dict[str, None] = {}
     passed_over: dict[str, None] = {}
     spread = [each for pattern in patterns for each in _spread(pattern)]
     for pattern in spread:
-        matches = sorted(glob(absolute(pattern), recursive=True))  # noqa: PTH207
-        if not matches:
+        found = sorted(glob(absolute(pattern), recursive=True))  # noqa: PTH207
+        if not found:
             raise InputError(f"--over {pattern}: nothing is there")
+        matches = [match for match in found if not match.endswith(".yaml")] or found
         folders = [match for match in matches if Path(match).is_dir()]
         captures.update(dict.fromkeys(folders or matches))
         passed_over.update(dict.fromkeys(set(matches) - {*folders} if folders else ()))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageColor
 
-from tactograph.sdk import LedLabels
+from tactograph.sdk import LabelMap
 
 NAN_LEVEL = 255
 """The level of NaN, above those of numbers."""
@@ -55,7 +55,7 @@ def draw(array: NDArray[Any], unit: str) -> Picture:
 
 def _labels(array: NDArray[Any], unit: str) -> Picture:
     count = max(int(array.max(initial=0)).bit_length(), 1)
-    table = np.array([*map(ImageColor.getrgb, LedLabels.colours)], np.uint8)
+    table = np.array([*map(ImageColor.getrgb, LabelMap("LEDs", leds=True).colours)], np.uint8)
     uri = _uri(np.minimum(array, 255).astype(np.uint8), table)
     return Picture(uri, 0, count, unit, False, array)
 

@@ -22,6 +22,7 @@ from tactograph.sdk import (
     Result,
     TactographError,
     nodes,
+    read_graph,
 )
 
 RATE_WINDOW_S = 1.0
@@ -67,7 +68,7 @@ class Tuning:
         device: str | None = None,
     ) -> None:
         self.source, self.params = source, dict(params)
-        self.base = Graph.read(source)
+        self.base = read_graph(source)
         self.captures = captures_of(self.base, params)
         self.asked = Asked(self.base, 0, 0, None)
         self.shown = Shown()
@@ -187,7 +188,7 @@ class Tuning:
             return False
         self._stamp = now
         try:
-            base = Graph.read(self.source)
+            base = read_graph(self.source)
             Pipeline.verify(base)
         except TactographError as error:
             self._unreadable = " ".join(str(error).split())

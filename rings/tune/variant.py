@@ -9,7 +9,7 @@ from typing import Any
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.main import YAML
 
-from tactograph.sdk import Graph, InputError, atomic_files
+from tactograph.sdk import Graph, InputError, atomic_files, read_graph
 
 Change = dict[str, Any]
 
@@ -86,4 +86,4 @@ def write_variant(file: Path, source: str, changes: list[Change], title: str) ->
     yaml.width = 100
     with atomic_files(file.parent, target=file) as stage:
         yaml.dump(document, stage / file.name)
-    return Graph.read(file)
+    return read_graph(file)

@@ -14,7 +14,6 @@ from tactograph.graph import (
     TactographError as TactographError,
     load as load,
     node as node,
-    parity as parity,
     warn as warn,
 )
 from tactograph.graph.backends.launch import (
@@ -41,6 +40,10 @@ from tactograph.graph.extras import (
 )
 from tactograph.graph.files.flat_graph import (
     Graph as Graph,
+)
+from tactograph.graph.files.read_graph import (
+    GraphFile as GraphFile,
+    read_graph as read_graph,
 )
 from tactograph.graph.rings import (
     brought as brought,
@@ -71,6 +74,7 @@ from tactograph.nodes import (
     ScaleError as ScaleError,
     Slope as Slope,
     SlopeVariance as SlopeVariance,
+    robust_deviation as robust_deviation,
 )
 from tactograph.nodes.calibrate.ball.find_balls import (
     FoundBalls as FoundBalls,
@@ -104,10 +108,6 @@ from tactograph.nodes.contact.largest_contacts import (
 from tactograph.nodes.drawing.new_picture import (
     Colour as Colour,
     NewPicture as NewPicture,
-    write_picture as write_picture,
-)
-from tactograph.nodes.drawing.result_pictures import (
-    draw_result as draw_result,
 )
 from tactograph.nodes.files.calibration_file import (
     FileKind as FileKind,
@@ -119,7 +119,6 @@ from tactograph.nodes.files.image_files import (
     Crop as Crop,
     ImageFile as ImageFile,
     Lights as Lights,
-    cropped as cropped,
 )
 from tactograph.nodes.files.sensor_identity import (
     SensorIdentity as SensorIdentity,
@@ -142,9 +141,6 @@ from tactograph.nodes.optics.near_light import (
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,
 )
-from tactograph.nodes.optics.robust import (
-    robust_deviation as robust_deviation,
-)
 from tactograph.nodes.optics.shape import (
     Length as Length,
     Shape as Shape,
@@ -160,12 +156,9 @@ from tactograph.nodes.stream.touch import (
     Arrows as Arrows,
     Axes as Axes,
     ColourMap as ColourMap,
-    Layer as Layer,
+    LabelMap as LabelMap,
     LayerKind as LayerKind,
-    LedLabels as LedLabels,
     LiveState as LiveState,
-    Placed as Placed,
-    Regions as Regions,
     Touch as Touch,
 )
 from tactograph.nodes.trust.check_ranks import (

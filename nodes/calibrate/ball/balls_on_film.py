@@ -8,7 +8,7 @@ from typing import NamedTuple, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, Film
+from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, Film, robust_deviation
 from tactograph.nodes.calibrate import FOLD_COUNT, MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.ball.ball_surface import ball_height, sunk
 from tactograph.nodes.calibrate.lights.light_fit import (
@@ -147,8 +147,7 @@ class Balls:
 
     def scale(self, residual: F8) -> float:
         """Return the robust standard deviation of a sample's residual."""
-        spread = DEVIATIONS_PER_MAD * float(np.median(np.abs(residual / self.reference_light)))
-        return max(LIGHT_DEVIATION, spread)
+        return max(LIGHT_DEVIATION, float(robust_deviation(residual / self.reference_light)))
 
     def grain(self, residual: F8, flat: F4, noise: F4) -> float:
         """Relative standard deviation of the light from the model, beyond the camera's noise.

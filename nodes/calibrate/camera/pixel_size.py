@@ -31,8 +31,8 @@ def pixel_size(
         mm per px; or x, y for pixels that are not square.  `read_lens` turns those into a lens, and
         this node returns the side of the ideal image's pixels.
     camera
-        The file of a camera.  Its pixel size takes precedence over `mm`, because images
-        undistorted by it have that pixel size.
+        The file of a camera.  Its pixel size takes precedence over `mm` and `stated`, because
+        images undistorted by it have that pixel size.
 
     Raises
     ------
@@ -41,18 +41,16 @@ def pixel_size(
     """
     if mm is not None:
         mm = oblong_lens(*sides_of(mm))[1]
+    mm = mm or stated
     if camera is None:
-        mm = mm or stated
         if mm is None:
             raise InputError("the pixel size is not known; give `mm`=MM, or `camera`=camera.npz")
         return mm
     of_camera = float(FileKind.named("camera").read(camera)[0]["pixel_size"])
-    if mm is None:
-        return of_camera
-    if not HeightFile.agree(mm, of_camera):
+    if mm is not None and not HeightFile.agree(mm, of_camera):
         warn(
-            f"{camera}: states {of_camera:.6g} mm per px, which is used instead of `mm`="
-            f"{mm:.6g}, since images undistorted by it have that pixel size"
+            f"{camera}: states {of_camera:.6g} mm per px, which is used instead of {mm:.6g}, "
+            "since images undistorted by it have that pixel size"
         )
     return of_camera
 

@@ -139,7 +139,7 @@ CALIBRATION_KIND = FileKind(
     1,
     "run calibrate",
     Calibration,
-    sources="the images, and the ball's place and radius",
+    sources="the images, the pixel size, and the ball's place and radius",
     users="sensors whose LEDs flash: reconstruct, precise, paper",
     check=_check_sensor,
 )

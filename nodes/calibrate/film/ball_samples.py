@@ -204,8 +204,8 @@ class FilmEvidence(NamedTuple):
     shape: RestShape | None = None
 
     @staticmethod
-    def usual(name: str) -> Unknown:
-        """Return what is usual of an unknown before any evidence: value, deviation and limits."""
+    def prior(name: str) -> Unknown:
+        """Return an unknown before any evidence: its usual value, deviation and limits."""
         return Unknown.of(name)
 
     @staticmethod

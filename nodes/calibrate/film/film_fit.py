@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from tactograph.graph import InputError
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8
+from tactograph.nodes import F4, F8, robust_deviation
 from tactograph.nodes.calibrate.ball.balls_on_film import (
     MAX_INDEPENDENT_SAMPLES,
     MAX_ROUNDS,
@@ -97,8 +97,7 @@ class Fitting(NamedTuple):
     def certainty(self, fitted: Fitted) -> "Certainty":
         """Return how well a fit knows LEDs and film."""
         trial = _Trial.of(self, fitted).judged()
-        spread = np.median(np.abs(trial.light / self.balls.reference_light))
-        robust = DEVIATIONS_PER_MAD * float(spread)
+        robust = float(robust_deviation(trial.light / self.balls.reference_light))
         trial = trial._replace(problem=trial.problem._replace(scale=robust))
         first = self.unknowns.values(fitted).size
         covariance = trial.equations().covariance()[:first, :first]

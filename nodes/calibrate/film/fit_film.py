@@ -25,6 +25,7 @@ from tactograph.nodes import (
     Misfit,
     Noise,
     PixelSize,
+    robust_deviation,
 )
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls
@@ -36,7 +37,6 @@ from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
 from tactograph.nodes.optics.film import FilmPart
 from tactograph.nodes.optics.radiosity import cell_grid
 from tactograph.nodes.optics.rest_shape import RestShape
-from tactograph.nodes.optics.robust import robust_deviation
 from tactograph.nodes.optics.sheet import SheetLight, SheetMask
 
 MIN_CONTACT_CELLS = 4

@@ -18,12 +18,7 @@ from tactograph.nodes.calibrate.ball.find_balls import FoundBalls
 from tactograph.nodes.calibrate.rating.hold_out_presses import HeldOut
 from tactograph.nodes.calibrate.tables.build_lut import in_tables
 from tactograph.nodes.calibrate.tables.fit_null_vector import NullFit
-from tactograph.nodes.drawing.new_picture import (
-    FIGURES_IN,
-    Colour,
-    NewPicture,
-    write_picture,
-)
+from tactograph.nodes.drawing.new_picture import FIGURES_IN, Colour, NewPicture
 from tactograph.nodes.optics.gauss_newton import SlopeNormal
 from tactograph.nodes.optics.sheet import SheetLabels, SheetLight, SheetMask, SheetSlope, cut
 
@@ -60,7 +55,7 @@ def plot_calibration(
     area: Mask | None = None,
     verdict: str | None = None,
     *,
-    file: NewPicture,
+    picture: NewPicture,
 ) -> None:
     """Draw the objects, the coverage of the tables, the residual of the fit and the null test.
 
@@ -115,7 +110,7 @@ def plot_calibration(
     figure.suptitle(title, x=0.02, ha="left", fontsize=11)
     # Those of single LEDs are printed.
     shown = {name: quality[name] for name in quality if "/" not in name}
-    write_picture(figure, file, shown, top)
+    picture.write(figure, shown, top)
 
 
 def _draw_circle(axes: Axes, light: F4, mask: U1, wide: int) -> None:

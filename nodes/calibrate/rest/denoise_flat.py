@@ -7,10 +7,9 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from tactograph.graph import node
-from tactograph.nodes import F4, Light
+from tactograph.nodes import F4, Light, robust_deviation
 from tactograph.nodes.calibrate import MIN_FLAT_LIGHT
 from tactograph.nodes.optics.block_sums import block_sums
-from tactograph.nodes.optics.robust import robust_deviation
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 SCALES_PX = (4.0, 8.0, 16.0, 32.0)

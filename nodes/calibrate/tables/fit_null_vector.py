@@ -5,9 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError, node
-from tactograph.nodes import Labels, Light, Mask, NullVector, Spread
+from tactograph.nodes import Labels, Light, Mask, NullVector, Spread, robust_deviation
 from tactograph.nodes.calibrate import MIN_PIXELS
-from tactograph.nodes.optics.robust import robust_deviation
 
 
 class NullFit(NamedTuple):

@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError, Port, node
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, Labels, Light, Mask, Reflectance, Slope
+from tactograph.nodes import F4, Labels, Light, Mask, Reflectance, Slope, robust_deviation
 from tactograph.nodes.calibrate import MIN_PIXELS
 from tactograph.nodes.optics.gauss_newton import SlopeNormal
 
@@ -48,6 +48,5 @@ def fit_reflectance(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Refl
         basis = SlopeNormal(*slope[:, chosen]).harmonics.T.astype(np.float64)
         harmonic, *_ = np.linalg.lstsq(basis, plane[chosen].astype(np.float64), rcond=None)
         coefficients.append(harmonic)
-        away = np.abs(basis @ harmonic - plane[chosen])
-        residuals.append(DEVIATIONS_PER_MAD * np.median(away))
+        residuals.append(robust_deviation(basis @ harmonic - plane[chosen]))
     return ReflectanceFit(np.asarray(coefficients, np.float32), np.asarray(residuals, np.float32))

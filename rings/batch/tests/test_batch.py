@@ -398,6 +398,7 @@ def test_a_folder_of_captures_is_not_a_capture(batch: Batch, saving: str, tmp_pa
 
 
 def test_a_folder_of_captures_stands_for_those(batch: Batch, tmp_path: Path) -> None:
+    (tmp_path / "day" / "capture.yaml").write_text("sensor: bench 2\n")
     assert batch(over=str(tmp_path / "day")) == (0, "")
     assert batch.store.captures == list(map(str, batch.captures))
 

@@ -22,7 +22,6 @@ from tactograph.sdk import RunOptions, graph_command, need
     help="Processes on this machine.  [default: one a core, if each has enough to do]",
 )  # fmt: skip
 @click.option("--retry-failed", is_flag=True, help="Do those again that failed before.")
-@RunOptions.add
 def command(
     graph: str,
     values: tuple[str, ...],

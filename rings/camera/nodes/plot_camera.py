@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from tactograph.rings.camera.nodes.find_grid import GridMarks
 from tactograph.rings.camera.nodes.read_grey import GreyImage
-from tactograph.sdk import F4, Colour, Metrics, NewPicture, Port, node, write_picture
+from tactograph.sdk import F4, Colour, Metrics, NewPicture, Port, node
 
 ARROW_SHARE = 0.5
 """Length of an arrow for the root mean square, relative to the spacing of the marks."""
@@ -20,7 +20,7 @@ def plot_camera(
     departure: Annotated[F4, Port("N 2", "px", nan=True)],
     quality: Metrics,
     *,
-    file: NewPicture,
+    picture: NewPicture,
 ) -> None:
     """Draw the marks on the image, and arrows for their departures from the fit.
 
@@ -58,4 +58,4 @@ def plot_camera(
     right.set(xlim=(0, columns), ylim=(rows, 0), xlabel="x / px", ylabel="y / px")
     right.set(aspect="equal", title="departure from the fit")
     figure.suptitle("  ".join(f"{name} {value:.4g}" for name, value in quality.items()), fontsize=9)
-    write_picture(figure, file)
+    picture.write(figure)

@@ -299,7 +299,8 @@ def test_the_cameras_pixel_size_goes_before_a_stated_one_and_says_so(tmp_path: P
         assert pixel_size(mm=0.0701, camera=file) == pytest.approx(0.07)
         assert not notes
         assert pixel_size(mm=0.08, camera=file) == pytest.approx(0.07)
-    assert len(notes) == 1
+        assert pixel_size(stated=0.09, camera=file) == pytest.approx(0.07)
+    assert [note.partition("instead of ")[2][:5] for note in notes] == ["0.08,", "0.09,"]
     with pytest.raises(InputError, match="give `mm`=MM"):
         pixel_size()
 

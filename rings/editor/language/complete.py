@@ -5,7 +5,7 @@ from pathlib import Path
 
 from tactograph.rings.editor.language.cursor import Cursor, mapping
 from tactograph.rings.editor.language.scope import PATCH_VERBS, Scope, scope_at, taken_by
-from tactograph.sdk import Graph, nodes
+from tactograph.sdk import Graph, GraphFile, nodes
 
 CHANGE_VERBS = ("set", "replace", "remove", "backend", "neutral")
 """The verbs that speak of a node that is there."""
@@ -16,7 +16,7 @@ Offers = dict[str, str]
 def offers_at(cursor: Cursor, file: Path, graph: Graph | None) -> Offers:
     """The words that fit at the cursor; none where anything may stand."""
     if "extends" in cursor.path[-2:]:
-        return _plain([*Graph.names(), *Graph.names("overlays")])
+        return _plain([*GraphFile.names(), *GraphFile.names("overlays")])
     scope = scope_at(cursor, file, graph)
     if not cursor.entry:
         return scope.ports if cursor.path[-2:-1] == ("outputs",) else {}
@@ -24,7 +24,7 @@ def offers_at(cursor: Cursor, file: Path, graph: Graph | None) -> Offers:
         case ("op",):
             return _plain(dir(nodes))
         case ("group",):
-            names = (name.removesuffix(".group") for name in Graph.names("groups"))
+            names = (name.removesuffix(".group") for name in GraphFile.names("groups"))
             return _plain([*mapping(cursor.data.get("groups")), *names])
         case (verb,) if verb in CHANGE_VERBS and not cursor.is_key:
             return _changeable(scope)

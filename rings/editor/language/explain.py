@@ -8,7 +8,7 @@ from tactograph.rings.editor.language.complete import CHANGE_VERBS
 from tactograph.rings.editor.language.cursor import Cursor, mapping
 from tactograph.rings.editor.language.declared import of_node
 from tactograph.rings.editor.language.scope import Scope, scope_at, taken_by
-from tactograph.sdk import Graph, InputError, nodes
+from tactograph.sdk import Graph, GraphFile, InputError, nodes, read_graph
 
 
 class Spot(NamedTuple):
@@ -40,14 +40,14 @@ def definition_at(cursor: Cursor, file: Path, graph: Graph | None) -> Spot | Non
     try:
         if "extends" in cursor.path[-2:]:
             near = file.parent
-            found = Graph.find(word, near, "overlays") or Graph.find(word, near, "graphs")
-            return Spot(found or Graph.read(word).file)
+            found = GraphFile.find(word, near, "overlays") or GraphFile.find(word, near, "graphs")
+            return Spot(found.place if found else read_graph(word).file)
         if cursor.inside == ("op",):
             function = inspect.unwrap(getattr(nodes, word).function)
             return Spot(Path(inspect.getfile(function)), inspect.getsourcelines(function)[1] - 1)
         if cursor.inside == ("group",) and word not in mapping(cursor.data.get("groups")):
-            group = Graph.find(f"{word}.group.yaml", file.parent, "groups")
-            return Spot(group) if group else None
+            group = GraphFile.find(f"{word}.group.yaml", file.parent, "groups")
+            return Spot(group.place) if group else None
     except (InputError, AttributeError):  # there is no such file, or node
         return None
     return _of_name(word.removeprefix("previous."), scope_at(cursor, file, graph))

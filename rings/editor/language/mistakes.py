@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from tactograph.sdk import Graph, Pipeline, TactographError
+from tactograph.sdk import Graph, GraphFile, Pipeline, TactographError
 
 _MEANT_WORDS = re.compile(r"'([^']+)'[^']*; did you mean (('[^']+'(?:, | or )?)+)\?")
 _QUOTED_WORD = re.compile(r"'([^']+)'")
@@ -41,7 +41,7 @@ def check(text: str, file: Path) -> Checked:
     messages: dict[str, None] = {}
     graphs: list[Graph] = []
     with _gathered(messages):
-        graphs = Graph.parsed(text, file)
+        graphs = GraphFile(file).graphs_of(text)
     for graph in graphs:
         with _gathered(messages):
             Pipeline.verify(graph)

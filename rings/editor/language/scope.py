@@ -13,7 +13,7 @@ from tactograph.rings.editor.language.declared import (
     of_group,
     of_node,
 )
-from tactograph.sdk import Document, Graph, InputError
+from tactograph.sdk import Document, Graph, GraphFile, InputError
 
 PATCH_VERBS = ("set", "replace", "insert", "remove", "backend", "neutral")
 BASE_OF_OVERLAYS = "reconstruct"
@@ -70,7 +70,7 @@ def scope_at(cursor: Cursor, file: Path, graph: Graph | None) -> Scope:
     if graph is None:
         base = cursor.data.get("base") or cursor.data.get("extends") or BASE_OF_OVERLAYS
         try:
-            graph = Graph.parsed(f"format: 1\nextends: '{base}'", file)[0]
+            graph = GraphFile(file).graphs_of(f"format: 1\nextends: '{base}'")[0]
         except InputError:  # there is no such graph
             return Scope()
     return of_graph(graph)
@@ -103,8 +103,8 @@ def _group(name: str, data: Mapping[str, Any], file: Path) -> Declared:
     if "extends" not in stated:
         return of_data(stated)
     try:
-        found = Graph.find(str(stated["extends"]), file.parent, "groups")
-        return of_data(mapping(Document.read(found).data)) if found else NO_DECLARATION
+        found = GraphFile.find(str(stated["extends"]), file.parent, "groups")
+        return of_data(mapping(Document.read(found.place).data)) if found else NO_DECLARATION
     except InputError:
         return NO_DECLARATION
 

@@ -4,14 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tactograph.sdk import (
-    Crop,
-    HeightError,
-    HeightFile,
-    InputError,
-    cropped,
-    node,
-)
+from tactograph.sdk import Crop, HeightError, HeightFile, InputError, Layout, node
 
 ERROR_FILE = "error.npy"
 
@@ -41,7 +34,7 @@ def read_error(*, height: Path, crop: Crop | None = None) -> HeightError | None:
             return None
         stated = HeightFile.read(file).height
     HeightFile(stated).checked(file, unknown=True)
-    error: HeightError = np.ascontiguousarray(cropped(stated, crop, file))
+    error: HeightError = np.ascontiguousarray(Layout(crop=crop).cropped(stated, file))
     if (error < 0).any():
         raise InputError(f"{file}: a standard deviation cannot be negative")
     return error

@@ -40,6 +40,9 @@ def _points(touch: Touch, tracks: MarkerTracks) -> Mapping[str, Any]:
     }
 
 
-MARKER_ARROWS = Arrows(lambda tracks: (tracks.markers[:, :2], tracks.shift, tracks.visible))
-"""From each marker's place on the untouched film."""
-KIND = LayerKind(MarkerTracks, MARKER_ARROWS, topics={"markers": _points})
+def _arrows(touch: Touch, tracks: MarkerTracks) -> Arrows:
+    """From each marker's place on the untouched film."""
+    return Arrows(tracks.markers[:, :2], tracks.shift, tracks.visible)
+
+
+KIND = LayerKind(MarkerTracks, _arrows, topics={"markers": _points})

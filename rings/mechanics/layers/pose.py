@@ -4,7 +4,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.sdk import F4, Axes, LayerKind, Placed, Port, Touch
+from tactograph.sdk import F4, Axes, LayerKind, Port, Touch
 
 Pose = Annotated[F4, Port("6", "mm, deg")]
 """Shift x, y, z and turn vector x, y, z of the object, about the image's middle on the film at
@@ -23,14 +23,14 @@ class ObjectPose(NamedTuple):
     covariance: PoseCovariance
 
 
-def _placed(touch: Touch, moved: ObjectPose) -> Placed:
+def _axes(touch: Touch, moved: ObjectPose) -> Axes:
     rows, columns = touch.height.shape
     middle = touch.pixel * np.array([columns - 1, rows - 1, 0]) / 2
-    return Placed(moved.pose[:3] + middle, moved.pose[3:], moved.covariance)
+    return Axes("object", moved.pose[:3] + middle, moved.pose[3:], moved.covariance)
 
 
 def _state(moved: ObjectPose) -> dict[str, float]:
     return dict(zip(POSE_NAMES, moved.pose.tolist(), strict=True))
 
 
-KIND = LayerKind(ObjectPose, Axes("object", _placed), topics={"pose": _placed}, state=_state)
+KIND = LayerKind(ObjectPose, _axes, topics={"pose": _axes}, state=_state)

@@ -10,18 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.recheck.nodes.film_change import FilmChange
-from tactograph.sdk import (
-    F4,
-    FilmEvidence,
-    Judged,
-    Metrics,
-    PixelSize,
-    node,
-    robust_deviation,
-)
+from tactograph.sdk import F4, FilmEvidence, Judged, Metrics, PixelSize, node, robust_deviation
 
 PLACE_PX, LED_DRIFT, LED_DRIFT_ACROSS = (
-    FilmEvidence.usual(name).spread for name in ("place_px", "led_drift", "led_drift_across")
+    FilmEvidence.prior(name).spread for name in ("place_px", "led_drift", "led_drift_across")
 )
 """Deviations that are usual: of the image in px, of an LED's light and of its change across it."""
 MAX_AMBIENT = 0.004

@@ -3,7 +3,7 @@
 from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
 from tactograph.rings.recheck.nodes.film_change import FilmChange
 from tactograph.rings.recheck.nodes.judge_film import Verdicts
-from tactograph.sdk import Light, NewPicture, node, write_picture
+from tactograph.sdk import Light, NewPicture, node
 
 
 @node
@@ -13,7 +13,7 @@ def plot_check(
     change: FilmChange,
     verdicts: Verdicts,
     *,
-    file: NewPicture,
+    picture: NewPicture,
 ) -> None:
     """Draw the film then and now, maps of albedo and dents, and the verdicts.
 
@@ -33,4 +33,4 @@ def plot_check(
     lines = [f"{cause}: {verdict}" for cause, verdict in zip(causes, verdicts[:5], strict=True)]
     text = lower.text(0, 1, "\n\n".join(lines), va="top", wrap=True, fontsize=9)
     text.set_parse_math(False)
-    write_picture(figure, file)
+    picture.write(figure)

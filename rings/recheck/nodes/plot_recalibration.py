@@ -5,17 +5,7 @@ from matplotlib.patches import Circle
 
 from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
 from tactograph.rings.recheck.nodes.film_change import FilmChange
-from tactograph.sdk import (
-    F4,
-    Colour,
-    FoundBalls,
-    Light,
-    Metrics,
-    NewPicture,
-    SheetLight,
-    node,
-    write_picture,
-)
+from tactograph.sdk import F4, Colour, FoundBalls, Light, Metrics, NewPicture, SheetLight, node
 
 
 @node
@@ -28,7 +18,7 @@ def plot_recalibration(
     quality: Metrics,
     advice: str,
     *,
-    file: NewPicture,
+    picture: NewPicture,
 ) -> None:
     """Draw both films at rest, the check press, and maps of albedo and dents.
 
@@ -49,7 +39,7 @@ def plot_recalibration(
     figure.suptitle(advice, x=0.02, ha="left", fontsize=11)
     # Those of single LEDs are drawn.
     shown = {name: quality[name] for name in quality if not name.startswith("light_percent")}
-    write_picture(figure, file, shown, top=0.92)
+    picture.write(figure, shown, top=0.92)
 
 
 def _draw_press(axes: Axes, press: F4, circles: F4) -> None:

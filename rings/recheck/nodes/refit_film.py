@@ -242,7 +242,7 @@ def _changed(film: Film, names: dict[str, float]) -> Film:
     thicker, diffuse = values.pop("thicker", 0.0), values.pop("diffuse", 0.0)
     values["diffuse"] = film.diffuse + diffuse
     fields: dict[str, Any] = {
-        name: FilmEvidence.usual(name).within(value) for name, value in values.items()
+        name: FilmEvidence.prior(name).within(value) for name, value in values.items()
     }
     return film._replace(
         lights=film.lights + np.array([0, 0, thicker]),
@@ -255,7 +255,7 @@ def _usual(prior: _Prior, name: str) -> tuple[float, float]:
     """What is expected of a change, or of the new value of a parameter, and the deviation."""
     if name == "thicker":
         return 0.0, THICKNESS_DEVIATION_MM
-    first, old = FilmEvidence.usual(name), prior.film
+    first, old = FilmEvidence.prior(name), prior.film
     if name == "diffuse":
         return 0.0, first.spread
     if name in COAT_UNKNOWNS and old.refraction == 1:

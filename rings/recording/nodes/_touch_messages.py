@@ -21,7 +21,7 @@ from tactograph.rings.recording.files.ros_messages import (
     pose_message,
     text_message,
 )
-from tactograph.sdk import Placed, Provenance, Touch
+from tactograph.sdk import Axes, Provenance, Touch
 
 MAX_BYTE = 255
 
@@ -66,11 +66,11 @@ def _layers(stamp: int, touch: Touch) -> list[Message]:
     ]
 
 
-def _message(topic: str, stamp: int, carried: NDArray[Any] | Mapping[str, Any] | Placed) -> Message:
+def _message(topic: str, stamp: int, carried: NDArray[Any] | Mapping[str, Any] | Axes) -> Message:
     """The message of what a `Topic` returns."""
     if isinstance(carried, np.ndarray):
         return image_message(topic, stamp, carried, FILM_FRAME)
-    if not isinstance(carried, Placed):
+    if not isinstance(carried, Axes):
         return cloud_message(topic, stamp, carried)
     units = np.array([milli] * 3 + [np.pi / 180] * 3)
     turn = units[3:] * carried.turn

@@ -8,7 +8,9 @@ import click
 from tactograph.sdk import graph_command, need
 
 
-@graph_command("tune", short_help="Change a graph in the browser, and see what it gives.")
+@graph_command(
+    "tune", plans=False, short_help="Change a graph in the browser, and see what it gives."
+)
 @click.option("--backend", help="Run on numpy or opencl instead of the graph's preference.")
 @click.option("--device", metavar="TEXT", help="Part of the OpenCL device's name.")
 @click.option("--port", type=click.IntRange(0, 65535), default=0, help="Default: a free one.")
@@ -26,9 +28,9 @@ def command(
     Values are given as NAME=VALUE, as to 'run'.  Nothing is written but what is saved.
     """
     # Readers of graphs take longer to load than all that --help needs.
-    from tactograph.sdk import Graph
+    from tactograph.sdk import read_graph
 
-    params = Graph.read(graph).read_words(values)
+    params = read_graph(graph).read_words(values)
     need("tune", "tune", "nicegui")
     from tactograph.rings.tune.page import serve
     from tactograph.rings.tune.tuning import Tuning

@@ -57,9 +57,9 @@ DERIVATIVE_STEP = 1e-3
 EMISSION_LIMITS = -1.0, 4.0
 COAT_LIMITS = {"albedo": (0.0, 0.95), "roughness": (0.08, 0.6), "refraction": (1.3, 1.6)}
 """Of a film with a coat, whose base has the albedo that light from film to film has."""
-USUAL_NEARNESS = FilmEvidence.usual("nearness").start
+USUAL_NEARNESS = FilmEvidence.prior("nearness").start
 """Widths of the image over the distance of an LED."""
-SHARED_PRIORS = tuple(FilmEvidence.usual(name) for name in ("emission", *COAT_LIMITS))
+SHARED_PRIORS = tuple(FilmEvidence.prior(name) for name in ("emission", *COAT_LIMITS))
 """What all LEDs share: m, of an LED that emits as cos^m, and the coat."""
 
 
@@ -326,7 +326,7 @@ def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
     if film.refraction > 1:
         figures |= {"film_albedo": film.albedo, "coat_roughness": film.roughness}
         figures |= {"coat_index": film.refraction}
-    bounce = FilmEvidence.usual("bounced").spread
+    bounce = FilmEvidence.prior("bounced").spread
     misfit = np.array([level, 4 * scene.pixel, LIGHT_ERROR, bounce, 0], np.float32)
     film = film.stored()._replace(other_lights=others)
     return FilmOfObjects(film, misfit, scale, figures, doubts)

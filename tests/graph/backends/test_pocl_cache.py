@@ -1,6 +1,7 @@
 """A damaged program in PoCL's cache ends one run, not all that follow."""
 
 import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -76,3 +77,12 @@ def test_a_process_that_was_killed_is_no_crash(runs: Runs) -> None:
     runs.die(signal.SIGKILL)
     assert runs.begin() == ("the usual place", "")
     assert list((runs.cache / "crashes").iterdir()) == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="another system has no XDG_CACHE_HOME")
+def test_a_folder_for_caches_that_cannot_be_written_to_is_named(tmp_path: Path) -> None:
+    """PoCL then has no device, and PyOpenCL ended the run by a KeyError of its own."""
+    (tmp_path / "file").write_bytes(b"")
+    caches = tmp_path / "file" / "caches"
+    done = python("-m", "tactograph", "devices", XDG_CACHE_HOME=caches)
+    assert f"no OpenCL device works here; {caches}, for drivers' programs, cannot" in done.stdout

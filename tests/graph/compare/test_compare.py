@@ -190,6 +190,7 @@ def test_a_fallback_is_reported_once(compared: Compared, write: Write, no_device
 def test_warnings_are_counted_and_marked(compared: Compared, tmp_path: Path, write: Write) -> None:
     text = GRAPH.replace("op: doubled", 'op: noticed, with: {text: "<LEDs> swapped"}')
     graphs = [write(GRAPH, "first.yaml"), write(text, "second.yaml")]
+    (tmp_path / "captures" / "capture.yaml").write_text("of: all")
     done = compared(graphs=graphs, over=[tmp_path / "captures"])
     assert "\n2 of 4 with warnings\n" in done.out
     assert done.out.count("warning: ") == 1

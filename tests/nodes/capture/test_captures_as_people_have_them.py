@@ -191,6 +191,15 @@ def test_the_white_of_a_pgm_is_full_scale(tmp_path: Path, bits: int) -> None:
         read_one(tmp_path)
 
 
+def test_numbers_from_0_in_names_of_another_form_count_from_0(tmp_path: Path) -> None:
+    write(tmp_path, [f"cam_{k}_5MP.png" for k in range(4)])
+    capture, notes = read_one(tmp_path, files="cam_{}_5MP")
+    assert np.allclose(255 * capture.image, IMAGES)
+    assert notes == ["cam_0_5MP to cam_3_5MP are taken as LEDs 1 to 4"]
+    capture, _ = read_one(tmp_path, files="cam_{}_5MP", leds=(4, 1, 2))
+    assert np.allclose(255 * capture.image, IMAGES[[3, 0, 1]])
+
+
 def test_what_a_folder_of_captures_states_holds_for_each_unless_its_own_file_differs(
     tmp_path: Path,
 ) -> None:

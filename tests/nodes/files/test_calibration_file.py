@@ -269,7 +269,11 @@ def test_a_calibration_that_could_not_be_read_is_not_written(
     with pytest.raises(InputError) as caught:
         write(tmp_path / "cal.npz", film)
     assert f"not written: {why}" in str(caught.value)
-    assert str(caught.value).endswith("; check the images, and the ball's place and radius")
+    assert str(caught.value).endswith(
+        "check the images, the pixel size, and the ball's place and radius"
+    )
+    with pytest.raises(InputError, match=r"; a ball of 3\.8 mm explains the light better$"):
+        write(tmp_path / "cal.npz", film, ["a ball of 3.8 mm explains the light better", "dim"])
     assert not list(tmp_path.iterdir())
 
 

@@ -44,7 +44,7 @@ def drift(light: F4, **settings) -> F4:
 
 
 def shaped(drift: F4) -> F4:
-    basis = terms(np.arange(SIZE[0]), np.arange(SIZE[1]), SIZE)
+    basis = terms(SIZE)
     return np.tensordot(drift, basis, axes=1)
 
 
@@ -95,7 +95,7 @@ def test_the_skirt_of_a_large_press_is_no_drift_that_varies() -> None:
     for k, (p, q) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
         light[k] += steep * (p * x + q * y) / radius + (1 + p) * 0.1 * steep
     fitted = film_drift(coarsen(light), coarsen(noise), degree=2, grain=0.0)
-    basis = terms(np.arange(60), np.arange(80), (60, 80))
+    basis = terms((60, 80))
     assert np.abs(np.tensordot(fitted, basis, axes=1) - 1).max() < 2e-4
 
 

@@ -126,7 +126,7 @@ def test_light_changes_with_the_normal_as_its_derivatives_state(name: str) -> No
     tangents = np.stack([nz, none, -nx]), np.stack([none, nz, -ny])
     place = X, Y, Z
     lit = predict(film, N, *place) > film.diffuse[:, None] + 0.05
-    changes = _changes(film, N, tangents, place, rest_below(film, *place), Z)
+    changes = _changes(film, N, place, rest_below(film, *place), Z)
     for along, change in zip(tangents, changes, strict=True):
         before, after = (
             predict(film, n / np.linalg.norm(n, axis=0), *place)

@@ -11,6 +11,16 @@ Size = tuple[int | None, int | None]
 """Width and height of frames in px; None: the driver's."""
 
 
+def pixel_on_film(mm: float | None, preset: SensorPreset | None) -> float:
+    """Return the side of a pixel in mm as given, else the preset's.  Raises InputError without."""
+    pixel = mm or (preset.pixel_size_mm if preset else None)
+    if pixel is None:
+        raise InputError(
+            "the pixel size is not known; give `pixel_size_mm`=MM, or a `sensor` that states it"
+        )
+    return pixel
+
+
 def preset_of(sensor: str | None, *, flashing: bool) -> SensorPreset | None:
     """Read the preset of a sensor whose LEDs flash, or whose colours are lit at once.
 

@@ -17,7 +17,7 @@ from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Plane
-from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
+from tactograph.rings.live.nodes.camera.sensor_kind import pixel_on_film, preset_of
 from tactograph.rings.live.nodes.guide._guide_params import GuideParams
 from tactograph.rings.live.nodes.guide._watch_film import Watch, colours_at_rest, new_folder, tell
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream
@@ -27,7 +27,7 @@ from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import degree_for
 from tactograph.rings.oneshot.nodes.presses.rate_presses import advise, presses_per_cell, rim_slope
 from tactograph.sdk import F4, ImageFile, InputError, Light, PixelSize, atomic_files, node
-from tactograph.sdk.nodes import find_ball, level_presses, pixel_size
+from tactograph.sdk.nodes import find_ball, level_presses
 
 SMOOTHING_PX = 2.0
 """Standard deviation of the Gaussian over the film at rest, as in `read_presses`."""
@@ -91,7 +91,7 @@ def guide_colour_presses(
     """
     folder = new_folder(guide.file)
     preset = preset_of(driver.sensor, flashing=False)
-    pixel = pixel_size(mm=pixel_size_mm, stated=preset.pixel_size_mm if preset else None)
+    pixel = pixel_on_film(pixel_size_mm, preset)
     source = open_colour_sensor(driver, (guide.width_px, guide.height_px))
     with closing(source):
         if warm_up_s is None:

@@ -14,7 +14,7 @@ from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import make_film, top_of
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
 from tactograph.rings.live.nodes.camera.open_camera import Plane
-from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
+from tactograph.rings.live.nodes.camera.sensor_kind import pixel_on_film, preset_of
 from tactograph.rings.live.nodes.guide._guide_params import GuideParams
 from tactograph.rings.live.nodes.guide._watch_film import Watch, film_at_rest, new_folder, tell
 from tactograph.rings.live.nodes.touches.sensor import open_rig
@@ -33,7 +33,7 @@ from tactograph.sdk import (
     atomic_files,
     node,
 )
-from tactograph.sdk.nodes import find_ball, flat_field, pixel_size, read_balls, read_flat
+from tactograph.sdk.nodes import find_ball, flat_field, read_balls, read_flat
 
 USUAL_LEDS = 4
 MAX_PRESS_SATURATED = 0.01
@@ -94,7 +94,7 @@ def guide_presses(
     folder = new_folder(guide.file)
     pressed = folder / "pressed"
     preset = preset_of(driver.sensor, flashing=True)
-    pixel = pixel_size(mm=pixel_size_mm, stated=preset.pixel_size_mm if preset else None)
+    pixel = pixel_on_film(pixel_size_mm, preset)
     leds = leds or (preset.leds if preset else None) or USUAL_LEDS
     size = guide.width_px, guide.height_px
     rig = open_rig(driver, port, size, leds=leds)

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Annotated, Any, NamedTuple, TypeVar
 from urllib.parse import parse_qsl
 
@@ -101,6 +102,11 @@ def read_scene(
     except ValidationError as error:
         first = error.errors()[0]
         name = ".".join(str(part) for part in first["loc"])
+        if first["type"] == "unexpected_keyword_argument":
+            names = [field.name for field in fields(kind)]
+            raise InputError.unknown(
+                f"`camera`={text}: {name} is no setting", name, names
+            ) from None
         raise InputError(f"`camera`={text}: {name}: {first['msg'].lower()}") from None
 
 

@@ -1,7 +1,7 @@
 """Draw a picture of a touch for a live stream, fast enough for every camera frame."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -10,19 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from tactograph.sdk import (
-    F4,
-    Arrows,
-    ColourMap,
-    Height,
-    InputError,
-    Layer,
-    LedLabels,
-    Light,
-    Lights,
-    Regions,
-    Touch,
-)
+from tactograph.sdk import F4, Arrows, ColourMap, Height, InputError, LabelMap, Light, Lights, Touch
 
 Picture = NDArray[np.uint8]
 """H x W x 3, red, green, blue."""
@@ -41,11 +29,12 @@ DIMMED_SHARE = 0.6
 """Brightness of the image under the labels, so that their colours stand out."""
 WHITE_SHARE = 0.995
 """Share of the pixels that are shown below white."""
-LABEL_COUNT = len(LedLabels.colours)
-LABEL_BITS = LABEL_COUNT.bit_length() - 1
+LED_COLOURS = LabelMap("LEDs", leds=True).colours
+"""Of each label of LEDs."""
+LABEL_BITS = len(LED_COLOURS).bit_length() - 1
 BLUE_CURVE, GREEN_CURVE, RED_CURVE = ("blue", "#3d7bff"), ("green", "#36c25b"), ("red", "#ff5247")
 LIGHT_NAMES: dict[Lights, tuple[tuple[str, str], ...]] = {
-    "leds": tuple((str(k + 1), LedLabels.colours[1 << k]) for k in range(LABEL_BITS)),
+    "leds": tuple((str(k + 1), LED_COLOURS[1 << k]) for k in range(LABEL_BITS)),
     "bgr": (BLUE_CURVE, GREEN_CURVE, RED_CURVE),
     "rgb": (RED_CURVE, GREEN_CURVE, BLUE_CURVE),
 }
@@ -71,7 +60,7 @@ def draw_touch(
     InputError
         If the touch has no such map.
     """
-    height, image, layers = touch.height, touch.image, touch.each_layer()
+    height, image, drawings = touch.height, touch.image, touch.drawings
     rows, columns = height.shape
     width = round(HEIGHT_PX * columns / rows)
     half = (HEIGHT_PX - TITLE_PX - GAP_PX) // 2
@@ -83,12 +72,14 @@ def draw_touch(
     canvas[:] = BACKGROUND_RGB
     mean = _grey(image, small, half)
     first = _grey(image[:1], small, half) if lights == "leds" else _coloured(image, lights, mean)
-    for each in layers:
-        if isinstance(each.kind.drawn, Arrows):
+    for drawing in drawings.values():
+        if isinstance(drawing, Arrows):
             first = np.ascontiguousarray(first)
-            each.kind.drawn.draw(each.value, first, small / columns)
-    layer = _chosen(layers, chosen)
-    beneath, title = _drawn(layer, mean, lights)
+            drawing.draw(first, small / columns)
+    layer = _chosen(drawings, chosen)
+    beneath, title = _dimmed(mean), ""
+    if layer is not None:
+        beneath, title = _drawn(touch.layers[layer], drawings[layer], mean, lights)
     upper, lower = GAP_PX + TITLE_PX, GAP_PX + 2 * TITLE_PX + half + GAP_PX
     _place(canvas, colour_height(_resized(height, width, HEIGHT_PX), top), GAP_PX, upper)
     levels = np.linspace(255, 0, HEIGHT_PX).astype(np.uint8)
@@ -106,7 +97,7 @@ def draw_touch(
     _write(pen, GAP_PX, GAP_PX, "height above the film at rest")
     _write(pen, right, GAP_PX, "camera, LED 1" if lights == "leds" else "camera")
     _write(pen, right, lower - TITLE_PX, title)
-    if layer and isinstance(layer.kind.drawn, LedLabels):
+    if layer is not None and _is_of_leds(drawings[layer]):
         _legend(pen, right + small, lower - TITLE_PX, LIGHT_NAMES[lights][: image.shape[0]])
     _ticks(pen, GAP_PX + width + GAP_PX, upper, top)
     _scale_bar(pen, GAP_PX, upper + HEIGHT_PX, width, columns * touch.pixel)
@@ -114,32 +105,29 @@ def draw_touch(
     return np.asarray(page)
 
 
-def _chosen(layers: list[Layer], name: str | None) -> Layer | None:
+def _chosen(drawings: Mapping[str, Any], name: str | None) -> str | None:
     """The layer that is shown beneath the image."""
     if name is None:
-        return next((each for each in layers if isinstance(each.kind.drawn, LedLabels)), None)
-    maps = {e.name: e for e in layers if isinstance(e.kind.drawn, LedLabels | Regions | ColourMap)}
+        return next((each for each, how in drawings.items() if _is_of_leds(how)), None)
+    maps = [each for each, how in drawings.items() if isinstance(how, LabelMap | ColourMap)]
     if name not in maps:
         has = f"it has {', '.join(maps)}" if maps else "it has none"
         raise InputError(f"`layer`={name}: the touch has no such map; {has}")
-    return maps[name]
+    return name
 
 
-def _drawn(layer: Layer | None, grey: Picture, lights: Lights) -> tuple[Picture, str]:
+def _is_of_leds(drawing: Any) -> bool:
+    return isinstance(drawing, LabelMap) and drawing.leds
+
+
+def _drawn(value: Any, how: Any, grey: Picture, lights: Lights) -> tuple[Picture, str]:
     """A layer's picture, of the size of the grey one, and its title."""
-    rows, columns = grey.shape[:2]
-    value: Any = layer.value if layer else np.zeros((rows, columns), np.uint8)
-    match layer and layer.kind.drawn:
-        case LedLabels(title):
-            return _labelled(value, grey, _label_colours(lights)), title
-        case Regions(noun):
-            return _labelled(value, grey, _region_colours()), f"{noun}s"
-        case ColourMap(title, unit, _, scale):
-            plane = np.float32(scale) * _resized(value, columns, rows)
-            least, most = float(np.nanmin(plane)), float(np.nanmax(plane))
-            words = f"{title}: {least:.3g} to {most:.3g} {unit}"
-            return colour_height(plane - least, most - least or 1.0), words
-    return _labelled(value, grey, _label_colours(lights)), ""
+    if isinstance(how, LabelMap):
+        return _labelled(value, grey, _label_colours(how, lights)), how.title
+    plane = np.float32(how.scale) * _resized(value, *grey.shape[1::-1])
+    least, most = float(np.nanmin(plane)), float(np.nanmax(plane))
+    words = f"{how.title}: {least:.3g} to {most:.3g} {how.unit}"
+    return colour_height(plane - least, most - least or 1.0), words
 
 
 def colour_height(height: Height, top: float) -> Picture:
@@ -178,30 +166,25 @@ def _coloured(image: Light, lights: Lights, like: Picture) -> Picture:
     return _as_bytes(picture)
 
 
+def _dimmed(grey: Picture) -> Picture:
+    return np.asarray(cv2.convertScaleAbs(grey, alpha=DIMMED_SHARE), np.uint8)
+
+
 def _labelled(numbers: NDArray[np.uint8], grey: Picture, colours: Picture) -> Picture:
     rows, columns = grey.shape[:2]
     labels = cv2.resize(numbers, (columns, rows), interpolation=cv2.INTER_NEAREST)
-    dim = cv2.convertScaleAbs(grey, alpha=DIMMED_SHARE)
+    dim = _dimmed(grey)
     mixed = cv2.addWeighted(dim, 1 - LABEL_OPACITY, colours[labels], LABEL_OPACITY, 0)
     return np.where(labels[..., None] > 0, mixed, dim)
 
 
 @lru_cache
-def _label_colours(lights: Lights) -> Picture:
-    """A colour for each of the 256 labels: the LED's own, or a dark one for several."""
-    colours = [*LedLabels.colours]
-    for k, (_, colour) in enumerate(LIGHT_NAMES[lights]):
-        colours[1 << k] = colour
-    return _in_rgb(colours)
-
-
-@lru_cache
-def _region_colours() -> Picture:
-    """A colour for each of the 256 numbers of regions."""
-    return _in_rgb(Regions.colour(n) for n in range(LABEL_COUNT))
-
-
-def _in_rgb(colours: Iterable[str]) -> Picture:
+def _label_colours(how: LabelMap, lights: Lights) -> Picture:
+    """A colour for each of the 256 labels; of an LED its own."""
+    colours = how.colours
+    if how.leds:
+        for k, (_, colour) in enumerate(LIGHT_NAMES[lights]):
+            colours[1 << k] = colour
     return np.array([[*bytes.fromhex(colour[1:])] for colour in colours], np.uint8)
 
 
@@ -252,7 +235,7 @@ def _scale_bar(pen: ImageDraw.ImageDraw, x: int, bottom: int, width: int, mm: fl
 def _legend(
     pen: ImageDraw.ImageDraw, right: int, y: int, names: tuple[tuple[str, str], ...]
 ) -> None:
-    entries = [*names, ("several", LedLabels.colours[0b11])]
+    entries = [*names, ("several", LED_COLOURS[0b11])]
     for text, colour in reversed(entries):
         right -= round(pen.textlength(text, font=_font()))
         _write(pen, right, y, text)

@@ -24,13 +24,11 @@ from tactograph.sdk import (
     Axes,
     ColourMap,
     InputError,
-    Layer,
-    LedLabels,
+    LabelMap,
     Light,
     Lights,
     Metrics,
     Provenance,
-    Regions,
     Session,
     Touch,
     View,
@@ -107,8 +105,8 @@ def view_rerun(
     stream.images(touch.image[:, ::image_step, ::image_step], lights)
     stream.surface(touch, surface_step)
     stream.section(touch)
-    for layer in touch.each_layer():
-        stream.layer(layer, touch, image_step, lights)
+    for name, drawing in touch.drawings.items():
+        stream.layer(name, drawing, touch, image_step, lights)
     times = {step["node"]: step["ms"] for step in provenance.nodes if not step["once"]}
     latency_s = touch.latency_s(now)
     if latency_s is not None:
@@ -283,25 +281,24 @@ class _Stream:
         else:
             self.log("camera/colour", rr.Image(np.moveaxis(planes, 0, -1), color_model=lights))
 
-    def layer(self, layer: Layer, touch: Touch, step: int, lights: Lights) -> None:
+    def layer(self, name: str, drawing: Any, touch: Touch, step: int, lights: Lights) -> None:
         """A layer, in the way in which its kind is drawn."""
-        rr, (name, kind, value) = rerun(), layer
-        match kind.drawn:
+        rr, value = rerun(), touch.layers[name]
+        match drawing:
             case ColourMap(colours=colours):
                 scale = {"gray": "grayscale"}.get(colours, colours)
                 self.log(name, rr.DepthImage(value, meter=1000.0, colormap=scale))
-            case LedLabels():
+            case LabelMap(leds=True):
                 classes = _classes(touch.image.shape[0], lights)
                 self._log_once(name, rr.AnnotationContext(classes))
                 self.log(name, rr.SegmentationImage(value[::step, ::step]))
-            case Regions():
+            case LabelMap():
                 self.log(name, rr.SegmentationImage(value[::step, ::step]))
-            case Arrows(of):
-                begin, way, _ = of(value)
+            case Arrows(begin, way):
                 arrows = rr.Arrows2D(origins=(begin + 0.5) / step, vectors=way / step)
                 self.log(f"camera/led1/{name}", arrows)
-            case Axes(entity, of):
-                self._object(f"film/{entity}", of(touch, value).frame)
+            case Axes(entity) as axes:
+                self._object(f"film/{entity}", axes.frame)
 
     def _log_once(self, path: str, entity: Any) -> None:
         """Log what lasts, at the first touch."""
@@ -344,8 +341,7 @@ class _Stream:
 
     def section(self, touch: Touch) -> None:
         """The row through the highest point, x and height in mm, upwards."""
-        rr, height, layers = rerun(), touch.height, touch.each_layer()
-        error = next((each.value for each in layers if each.kind.is_deviation), None)
+        rr, height, error = rerun(), touch.height, touch.deviation
         row = int(np.unravel_index(int(height.argmax()), height.shape)[0])
         x = touch.places_mm()[0][row]
 

@@ -91,6 +91,12 @@ def test_an_untouched_film_ends_with_a_line_that_says_what_to_do(tmp_path: Path)
         next(touches)
 
 
+def test_an_unknown_pixel_size_is_refused_by_names_that_the_user_has(tmp_path: Path) -> None:
+    arguments = GIVEN | {"pixel_size_mm": None}
+    with pytest.raises(InputError, match="give `pixel_size_mm`=MM, or a `sensor` that states it"):
+        next(guide_presses(camera=SCENE, **arguments, file=tmp_path / "cal.npz"))
+
+
 def test_a_wrong_ball_is_reported_and_not_taken(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -124,5 +124,5 @@ def test_a_closed_camera_delivers_nothing() -> None:
 def test_a_scene_follows_a_question_mark() -> None:
     assert read_scene("simulated", Scene) == Scene()
     assert read_scene("simulated?radius_mm=3&seed=4", Scene) == Scene(radius_mm=3, seed=4)
-    with pytest.raises(InputError, match="depth"):
+    with pytest.raises(InputError, match="depth is no setting; did you mean 'depth_mm'"):
         read_scene("simulated?depth=1", Scene)

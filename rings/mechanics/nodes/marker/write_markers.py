@@ -5,8 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tactograph.rings.mechanics.layers.markers import MARKER_ARROWS
-from tactograph.sdk import ImageFile, InputError, Touch, atomic_files, node
+from tactograph.sdk import Arrows, ImageFile, InputError, Touch, atomic_files, node
 
 MARKER_COLUMNS = "x_px,y_px,dx_px,dy_px,x_mm,y_mm,dx_mm,dy_mm,visible"
 MIN_WIDTH_PX = 640
@@ -45,7 +44,7 @@ def write_markers(touch: Touch, *, folder: Path) -> None:
     grey = (255 * image.mean(axis=0).clip(0, 1)).astype(np.uint8)
     large = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_LINEAR)
     picture = np.asarray(cv2.cvtColor(large, cv2.COLOR_GRAY2RGB), np.uint8)
-    MARKER_ARROWS.draw(tracks, picture, scale)
+    Arrows(markers[:, :2], shift, visible).draw(picture, scale)
     with atomic_files(folder / touch.name if touch.name else folder) as target:
         formats = ["%.3f"] * 4 + ["%.4f"] * 4 + ["%d"]
         np.savetxt(target / "markers.csv", table, formats, ",", header=MARKER_COLUMNS, comments="")

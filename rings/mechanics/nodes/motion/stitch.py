@@ -29,17 +29,7 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     surface_of,
 )
 from tactograph.rings.mechanics.nodes.motion.read_touches import TouchHeights
-from tactograph.sdk import (
-    F4,
-    F8,
-    InputError,
-    Metrics,
-    PixelSize,
-    Port,
-    node,
-    tell_progress,
-    warn,
-)
+from tactograph.sdk import F4, F8, InputError, Metrics, PixelSize, Port, node, tell_progress, warn
 from tactograph.sdk.nodes import find_contact
 
 MIN_PARTNERS = 4

@@ -5,16 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.rings.mechanics.nodes.motion.stitch import Sources, Stitched
-from tactograph.sdk import (
-    HeightFile,
-    ImageFile,
-    Metrics,
-    PixelSize,
-    Provenance,
-    StoredResult,
-    Touch,
-    node,
-)
+from tactograph.sdk import ImageFile, Metrics, PixelSize, Provenance, StoredResult, Touch, node
 
 
 @node
@@ -50,16 +41,11 @@ def write_stitched(
     """
     # Loading Matplotlib takes longer than the rest.
     from tactograph.rings.mechanics.nodes.motion._seams import draw_seams
-    from tactograph.sdk import draw_result
 
     no_image = np.zeros((1, *height.shape), np.float32)
     touch = Touch(height, no_image, pixel, layers={"error": error})
     about = {**provenance.as_dict(), "pixel_size_mm": float(pixel), "metrics": metrics}
     with StoredResult.new_files(folder, about) as target:
-        formats = ("npy", "tiff", "ply") if ply else ("npy", "tiff")
-        for name in formats:
-            HeightFile(height, pixel).write(target / f"height.{name}")
-        np.save(target / "error.npy", error)
+        StoredResult.write_touch(touch, target, ply=ply)
         ImageFile(target / "source.png").write(source)
-        draw_result(touch, target)
         draw_seams(height, source, pixel, target / "seams.png")

@@ -17,17 +17,7 @@ from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope
 from tactograph.rings.metrology.nodes.scan.scale_step import ScaleStep
 from tactograph.rings.metrology.nodes.surface.measure_step import ErrorParts
-from tactograph.sdk import (
-    F4,
-    Height,
-    HeightError,
-    Metrics,
-    PixelSize,
-    Port,
-    SizeLimit,
-    node,
-    warn,
-)
+from tactograph.sdk import F4, Height, HeightError, Metrics, PixelSize, Port, SizeLimit, node, warn
 from tactograph.sdk.nodes import integrate_dct
 
 MAX_SQUARED_SLOPE = 3.0

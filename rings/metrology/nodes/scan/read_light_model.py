@@ -16,7 +16,7 @@ from tactograph.rings.metrology.nodes.scan.light_model_file import (
     read_light_model_file,
 )
 from tactograph.rings.metrology.nodes.scan.scan_file import is_scan
-from tactograph.sdk import F4, Crop, ImageFile, InputError, Light, PixelSize, cropped, node
+from tactograph.sdk import F4, Crop, ImageFile, InputError, Layout, Light, PixelSize, node
 from tactograph.sdk.nodes import coarsen
 
 TILES_PER_ROW = 3
@@ -57,7 +57,8 @@ def read_light_model(
     file = find_light_model(file) if is_scan(file) else file
     model_file = read_light_model_file(file)
     x0, y0, x1, y1 = crop or (0, 0, model_file.width, model_file.height)
-    cropped(np.broadcast_to(np.uint8(0), (model_file.height, model_file.width)), crop, file)
+    frame = np.broadcast_to(np.uint8(0), (model_file.height, model_file.width))
+    Layout(crop=crop).cropped(frame, file)  # refuses a crop beyond the frame
     u, v = (
         np.arange(first, last, dtype=np.float32) + (1 - size) / 2
         for first, last, size in ((x0, x1, model_file.width), (y0, y1, model_file.height))

@@ -20,10 +20,10 @@ from tactograph.sdk import (
     Crop,
     Height,
     InputError,
+    Layout,
     Metrics,
     PixelSize,
     Port,
-    cropped,
     node,
     warn,
 )
@@ -84,7 +84,7 @@ def scale_step(
     """
     if folder is None or certified_um is None:
         raise InputError("a known step needs both: `folder`=SCAN `certified_um`=DEPTH,UNCERTAINTY")
-    shown_height = np.ascontiguousarray(cropped(height, crop, folder))
+    shown_height = np.ascontiguousarray(Layout(crop=crop).cropped(height, folder))
     cells = parts_within(parts, crop, height.shape)
     try:
         step = measure_step(

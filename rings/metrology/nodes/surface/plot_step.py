@@ -6,15 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tactograph.rings.metrology.nodes.surface.measure_step import Across, EdgeCount, step_profiles
-from tactograph.sdk import (
-    Colour,
-    Height,
-    Metrics,
-    NewPicture,
-    PixelSize,
-    node,
-    write_picture,
-)
+from tactograph.sdk import Colour, Height, Metrics, NewPicture, PixelSize, node
 
 
 @node
@@ -23,7 +15,7 @@ def plot_step(
     pixel: PixelSize,
     figures: Metrics,
     *,
-    file: NewPicture | None = None,
+    file: Path | None = None,
     along: Across = "x",
     edges: EdgeCount = 2,
 ) -> None:
@@ -61,4 +53,4 @@ def plot_step(
     axes.set(xlabel=f"{along} / mm", ylabel="height without the levels' slope / µm")
     depth, doubt = figures["step_depth_um"], figures["step_uncertainty_um"]
     axes.set_title(f"{depth:.2f} ± {doubt:.2f} µm by {len(profiles)} profiles; the middle one")
-    write_picture(figure, Path(file))
+    NewPicture(file).write(figure)

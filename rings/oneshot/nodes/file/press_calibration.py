@@ -59,7 +59,7 @@ PRESS_CALIBRATION = FileKind(
     1,
     "run calibrate_presses",
     PressCalibration,
-    sources="the images, and the ball's place and radius",
+    sources="the images, the pixel size, and the ball's place and radius",
     users="one-shot sensors: gelsight_mini, recalibrate_oneshot",
 )
 NewPressCalibration = Annotated[Path, AfterValidator(PRESS_CALIBRATION.new_file)]

@@ -7,17 +7,7 @@ import numpy as np
 from tactograph.rings.oneshot.nodes.map.mapped_light import mapped_light
 from tactograph.rings.oneshot.nodes.map.reflectance_map import PLACE_TERMS, SHADE_COUNT
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.sdk import (
-    F4,
-    Close,
-    Height,
-    Light,
-    LightDeparture,
-    Misfit,
-    SizeLimit,
-    Slope,
-    node,
-)
+from tactograph.sdk import F4, Close, Height, Light, LightDeparture, Misfit, SizeLimit, Slope, node
 
 MIN_MAP_ERROR = 0.007
 """Standard deviation of the light: a map of harmonics is coarser than a film's model."""

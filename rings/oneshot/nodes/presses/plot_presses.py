@@ -9,7 +9,7 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.presses import Circles
-from tactograph.sdk import F4, Colour, Light, NewPicture, Port, node, write_picture
+from tactograph.sdk import F4, Colour, Light, NewPicture, Port, node
 
 TITLE_LETTERS = 120
 """Letters in a line of the title."""
@@ -24,7 +24,7 @@ def plot_presses(
     verdict: str,
     advice: str,
     *,
-    file: NewPicture,
+    picture: NewPicture,
 ) -> None:
     """Draw the contacts on the film at rest, and each one's error by a calibration without it.
 
@@ -60,4 +60,4 @@ def plot_presses(
     errors.set(title="normal, held out / degrees", xlabel="contact, by number")
     lines = [textwrap.fill(line, TITLE_LETTERS) for line in (verdict, f"next: {advice}")]
     figure.suptitle("\n".join(lines), x=0.02, ha="left", fontsize=11)
-    write_picture(figure, file)
+    picture.write(figure)

@@ -14,7 +14,7 @@ from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.plan.names import bind
 from tactograph.nodes import Lens
-from tactograph.nodes.drawing.new_picture import write_picture
+from tactograph.nodes.drawing.new_picture import NewPicture
 from tactograph.nodes.files.calibration_file import FileKind
 from tactograph.nodes.stored import Stored
 
@@ -69,7 +69,7 @@ def test_a_photo_is_not_overwritten(node: str, content: str, tmp_path: Path) -> 
     picture = tmp_path / "photo.png"
     file = picture.with_suffix(".npz")
     check(node, file)
-    write_picture(Figure(), picture)
+    NewPicture(picture).write(Figure())
     check(node, file)
     picture.unlink()
     if content == "folder":

@@ -7,6 +7,7 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
+from tactograph.graph.files.read_graph import read_graph
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.rating.join_doubts import join_doubts
 from tactograph.nodes.calibrate.rating.pressed_ball import PressedBall
@@ -81,6 +82,12 @@ def test_leds_of_a_ring_in_another_order_are_reported_without_a_doubt() -> None:
 def test_doubts_of_other_nodes_are_repeated() -> None:
     doubts = join_doubts(["the balls are oval"], [], ["the film is brighter"])
     assert notes_of(GOOD, other_doubts=doubts) == doubts
+
+
+def test_what_images_show_is_stated_before_what_a_model_makes_of_them() -> None:
+    """A touch in the flat frame also looks like film that is bent at rest."""
+    order = list(read_graph("calibrate").nodes["doubts"].inputs)
+    assert (order[0], order[-1]) == ("flat", "ring_doubts")
 
 
 def test_an_ordinary_film_raises_no_warning() -> None:
