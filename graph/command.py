@@ -15,9 +15,9 @@ from tactograph.graph.errors import (
     TactographError,
     WriteError,
     did_you_mean,
-    full_disk,
     is_of_printing,
     message_of,
+    of_system,
     printable,
 )
 from tactograph.graph.run.collect_seldom import collect_seldom
@@ -180,8 +180,8 @@ def _report_unexpected(error: BaseException) -> int:
         return _end_unheard(error)
     if os.environ.get("TACTOGRAPH_TRACEBACK"):
         raise error
-    if full := full_disk(error):
-        return _report(full)
+    if told := of_system(error):
+        return _report(told)
     message = f"{type(error).__name__}: {_one_line(error)} (TACTOGRAPH_TRACEBACK=1 shows where)"
     click.echo(f"tactograph: internal error: {message}", err=True)
     return 1

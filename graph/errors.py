@@ -85,10 +85,10 @@ class ErrorsTogether:
     def raise_any(self) -> None:
         """Raise the first error, with the others."""
         if self._errors:
-            first, *others = self._errors
-            error = self._errors[first]
-            error.others = others
-            raise error
+            first, *rest = self._errors.values()
+            more = [line for error in rest for line in (str(error), *error.others)]
+            first.others = [*first.others, *more]
+            raise first
 
 
 class WriteError(InputError):
@@ -138,6 +138,13 @@ def full_disk(error: BaseException) -> WriteError | None:
         return None
     where = error.filename or "a disk"
     return WriteError(f"{where}: {reason}; make room, or set TMPDIR to a folder with room")
+
+
+def of_system(error: BaseException) -> InputError | None:
+    """An error for the user if a disk is full or a file is not theirs to use, else None."""
+    if isinstance(error, PermissionError) and error.filename:
+        return InputError(f"{error.filename}: {error.strerror}")
+    return full_disk(error)
 
 
 def printable(text: str) -> str:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import platformdirs
 
-from tactograph.graph.disk.disk_cache import cache_folder
+from tactograph.graph.disk.disk_cache import cache_folder, can_be_written
 
 CACHE_VARIABLE = "POCL_CACHE_DIR"
 """The environment variable that PoCL reads when it is loaded."""
@@ -41,9 +41,7 @@ def unwritable_folder() -> Path | None:
     PoCL then has no device, and PyOpenCL, which fails, is told to keep nothing there.
     """
     folder = Path(platformdirs.user_cache_dir())
-    with suppress(OSError):
-        folder.mkdir(parents=True, exist_ok=True)
-    if os.access(folder, os.W_OK):
+    if can_be_written(folder):
         return None
     os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
     return folder

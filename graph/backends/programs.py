@@ -25,7 +25,7 @@ except ImportError:  # Windows
 
 from tactograph.graph.backends.pocl_cache import SPECIALISE_VARIABLE
 from tactograph.graph.backends.pocl_source import pocl_binary, pocl_source
-from tactograph.graph.disk.disk_cache import cached_file, read_cached, write_cached
+from tactograph.graph.disk.disk_cache import cached_file, can_be_written, read_cached, write_cached
 
 Recipe = tuple[str, tuple[str, ...]]
 """A program's source and options."""
@@ -93,14 +93,7 @@ def start_compiler(context: cl.Context) -> None:
 def is_ready(device: cl.Device, source: str, options: tuple[str, ...]) -> bool:
     """Return whether building a source for the disk would gain nothing."""
     file = _cache_file(device, source, options)
-    return fcntl is None or file is None or file.exists() or not _can_be_written(file.parent)
-
-
-@cache
-def _can_be_written(folder: Path) -> bool:
-    with suppress(OSError):
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    return os.access(folder, os.W_OK)
+    return fcntl is None or file is None or file.exists() or not can_be_written(file.parent)
 
 
 def _from_disk(context: cl.Context, file: Path, options: tuple[str, ...]) -> cl.Program | None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tactograph.graph.commands import GraphName, changed, say, set_option, with_option
-from tactograph.graph.errors import GraphError
+from tactograph.graph.errors import ErrorsTogether, GraphError
 
 if TYPE_CHECKING:
     from tactograph.graph.files.flat_graph import Graph
@@ -29,8 +29,11 @@ def command(graph: str, overlays: tuple[str, ...], settings: tuple[str, ...]) ->
 
     try:
         graphs = read_graphs(graph)
+        errors = ErrorsTogether()
         for read in graphs:
-            _check(changed(read, overlays, settings), read.params.keys() - read.inherited)
+            with errors.gathered():
+                _check(changed(read, overlays, settings), read.params.keys() - read.inherited)
+        errors.raise_any()
         _check_variants(graph, graphs[0])
     except GraphError as error:
         for other in error.others:

@@ -9,6 +9,7 @@ import hashlib
 import os
 import zlib
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,14 @@ def cache_folder() -> Path | None:
     if setting == "off":
         return None
     return Path(setting or platformdirs.user_cache_dir("tactograph", appauthor=False))
+
+
+@cache
+def can_be_written(folder: Path) -> bool:
+    """Return whether a folder is there, or can be made, and can be written to."""
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    return os.access(folder, os.W_OK)
 
 
 def cached_file(folder: str, *origin: Any) -> Path | None:

@@ -73,19 +73,9 @@ def _whole(value: Any) -> Any:
 Format = Annotated[
     Literal[1], BeforeValidator(_whole), Field(description="The version of this file format.")
 ]
-
-
-def _listed(value: Any) -> Any:
-    if isinstance(value, str):
-        return [value]
-    if not isinstance(value, list):
-        raise PydanticCustomError("names", "a name or a list of names is needed")
-    return value
-
-
 _ONE_OR_MORE = (
     Field(min_length=1),
-    BeforeValidator(_listed),
+    BeforeValidator(lambda value: [value] if isinstance(value, str | int | float) else value),
     WithJsonSchema({"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}),
 )
 Names = Annotated[list[str], *_ONE_OR_MORE]

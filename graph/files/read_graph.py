@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from tactograph.graph.disk.strict_yaml import Document
-from tactograph.graph.errors import GraphError, InputError, did_you_mean
+from tactograph.graph.errors import ErrorsTogether, GraphError, InputError, did_you_mean
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.graph_model import GraphModel, VariantModel, validate
 from tactograph.graph.files.graph_places import Shipped, find_file, shipped, variants_added_to
@@ -115,7 +115,9 @@ class GraphFile(NamedTuple):
 
 def variants_of(graph: Graph, file: Path) -> list[Graph]:
     """The variants in a file that holds the graph, or has it as base."""
-    return [_lay(graph, each, ()) for each in graph.variants.values() if each.file == file]
+    names = [name for name, each in graph.variants.items() if each.file == file]
+    laid = ErrorsTogether.of_all(names, lambda name: _lay(graph, graph.variants[name], ()))
+    return [*laid.values()]
 
 
 def with_overlays(graph: Graph, names: Iterable[str]) -> Graph:

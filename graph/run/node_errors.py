@@ -8,10 +8,9 @@ from tactograph.graph.errors import (
     GraphNames,
     NodeError,
     TactographError,
-    WriteError,
-    full_disk,
     is_of_printing,
     message_of,
+    of_system,
 )
 from tactograph.graph.plan.draft import Task
 from tactograph.graph.plan.feeds import feed_of
@@ -44,8 +43,8 @@ class Blaming(GraphNames):
             if isinstance(error, OSError) and is_of_printing(error):
                 return
             task = self._task
-            if full := full_disk(error):
-                raise WriteError(f"node '{task.id}' ({task.node.name}): {full}") from error
+            if told := of_system(error):
+                raise type(told)(f"node '{task.id}' ({task.node.name}): {told}") from error
             kind_of = DeviceError if isinstance(error, self._device_error) else NodeError
             raise kind_of(
                 f"node '{task.id}' ({task.node.name}) failed: {type(error).__name__}: "

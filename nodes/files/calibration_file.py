@@ -305,7 +305,8 @@ def _load(file: Path, maker: str, only: str | None = None) -> dict[str, NDArray[
     try:
         return load_arrays(file, only)
     except (OSError, ValueError) as error:
-        why = "it holds a pickle" if "pickle" in str(error) else f"damaged, or no .npz: {error}"
+        damage = getattr(error, "strerror", None) or f"damaged, or no .npz: {error}"
+        why = "it holds a pickle" if "pickle" in str(error) else damage
         raise InputError(f"{file}: this calibration cannot be used: {why}") from None
 
 

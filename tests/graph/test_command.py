@@ -359,6 +359,17 @@ def test_a_full_disk_is_named_in_the_error(
     assert "tactograph: /tmp/x: No space left on device; make room, or set TMPDIR" in message
 
 
+def test_a_file_of_another_user_is_named_in_the_error(
+    tactograph: Command, about: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done = about("run", lit_by("forbidden"))
+    assert done.code == 2
+    assert "node 'light' (forbidden): /tmp/x: Permission denied" in one_line(done)
+    failing(monkeypatch, PermissionError(errno.EACCES, "Permission denied", "/tmp/x"))
+    done = tactograph("check", "paper")
+    assert (done.code, one_line(done).strip()) == (2, "tactograph: /tmp/x: Permission denied")
+
+
 @each("name", shipped_names())
 def test_each_shipped_graph_is_found_verified_explained_and_resolved(
     tactograph: Command, write: Write, name: str
@@ -554,6 +565,19 @@ def test_check_lists_all_errors_of_a_pass(tactograph: Command, write: Write) -> 
     assert "1 more: 'tactograph check' lists them" in one_line(
         tactograph("run", write(text), "file=x")
     )
+
+
+def test_check_lists_the_errors_of_all_variants(tactograph: Command, write: Write) -> None:
+    for changes, errors in (
+        (("{neutral: refine}", "{remove: shdow}"), ("no node 'refine'", "did you mean 'shadow'")),
+        (
+            ("{set: shadow, with: {treshold: 3}}", "{set: shadow, with: {threshold: -3}}"),
+            ("did you mean 'threshold'", "should be greater than 0"),
+        ),
+    ):
+        variants = "".join(f"  v{k}: {{patch: [{c}]}}\n" for k, c in enumerate(changes))
+        done = tactograph("check", write(f"format: 1\nbase: paper\nvariants:\n{variants}"))
+        assert [error in done.err for error in errors] == [True, True]
 
 
 def test_warnings_of_an_item_that_fails_come_before_its_error(about: Command) -> None:

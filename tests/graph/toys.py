@@ -439,6 +439,12 @@ def crowded(image: Light) -> Light:
 
 
 @node
+def forbidden(image: Light) -> Light:
+    """Fails as a node that may not read a file."""
+    raise PermissionError(errno.EACCES, "Permission denied", "/tmp/x")
+
+
+@node
 def refusing(image: Light) -> Light:
     """Refuses the user's data."""
     raise InputError("image.png: too dark")

@@ -109,13 +109,12 @@ def rate_exposure(
                 "press and flat frame in the same way"
             )
             continue
-        led, level = _departure(press, free, where)
+        which, level = _departure(press, free, where)
         worst = max(worst, level, key=abs)
         if abs(level) > MAX_DEPARTURE:
             more = f"{abs(level):.0%} {'brighter' if level > 0 else 'darker'}"
             doubts.append(
-                f"{where}under LED {led + 1} the film beside the ball is {more} than {compared}: "
-                f"{cure}"
+                f"{where}under {which} the film beside the ball is {more} than {compared}: {cure}"
             )
             continue
         added = added_share(*(a[:, far] for a in cells))
@@ -155,8 +154,8 @@ def _free(press: F4, circles: F4) -> NDArray[np.bool_]:
     return free if free.mean() >= MIN_FREE_SHARE else np.ones_like(free)
 
 
-def _departure(press: F4, free: NDArray[np.bool_], where: str) -> tuple[int, float]:
-    """Return the LED that departs most, and its light on the film at rest minus 1."""
+def _departure(press: F4, free: NDArray[np.bool_], where: str) -> tuple[str, float]:
+    """Return the LED that departs most, or "all LEDs", and its light on film at rest minus 1."""
     levels = np.median(press[:, free], axis=1) - 1
     if (levels < NO_FILM_LIGHT - 1).all():
         raise InputError(
@@ -164,4 +163,6 @@ def _departure(press: F4, free: NDArray[np.bool_], where: str) -> tuple[int, flo
             "and heights are measured relative to the light of the film at rest"
         )
     led = int(np.argmax(np.abs(levels)))
-    return led, float(levels[led])
+    level = float(levels[led])
+    is_of_all = (levels * np.sign(level) > MAX_DEPARTURE).all()
+    return "all LEDs" if is_of_all else f"LED {led + 1}", level

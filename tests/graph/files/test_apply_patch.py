@@ -117,8 +117,8 @@ def test_insert_after_lists_the_values_that_can_be_named(
     [
         ("{set: slope}", "set needs 'with' or 'in'"),
         ("{set: slope, with: null}", "a mapping is needed, not None"),
-        ("{set: null, in: {height: again}}", "set: a name or a list of names is needed, not None"),
-        ("{set: 3, with: {a: 1}}", "set: a name or a list of names is needed, not 3"),
+        ("{set: null, in: {height: again}}", "a list is needed, not None"),
+        ("{set: 3, with: {a: 1}}", "patch[0].set[0]: text is needed, not 3"),
         ("{set: slope, with: {a: 4,0}}", "'0' is not a name such as 'cal' or 'cal.flat'; a"),
         ("{replace: slope, op: pixel_size, in: {height: null}}", "only 'set' takes an input away"),
         ("{insert: slope, op: pixel_size}", "insert: there is a node 'slope' already"),

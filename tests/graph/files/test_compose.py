@@ -159,7 +159,7 @@ def test_an_overlay_that_reads_a_missing_node_does_not_fit(write: Write, tmp_pat
         ("stream", "extends: 'stream' is an overlay; lay it over a graph"),
         ("precise_ablation", "extends: 'precise_ablation' is a study; 'tactograph compare prec"),
         ("[]", "extends: at least one is needed, not []"),
-        ("{a: b}", "extends: a name or a list of names is needed, not {'a': 'b'}"),
+        ("{a: b}", "extends: a list is needed, not {'a': 'b'}"),
         ("[base.yaml, 5]", "extends[1]: text is needed, not 5"),
     ],
 )

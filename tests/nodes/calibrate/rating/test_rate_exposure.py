@@ -63,6 +63,8 @@ def test_one_led_of_one_press_is_named() -> None:
     sheet[2, 40:] *= 1.3
     _, text = rated(sheet, names=("first", "second"))
     assert text.startswith("second: under LED 3 ")
+    _, text = rated(press(1.25))
+    assert text.startswith("ball: under all LEDs the film beside the ball is 25% brighter")
 
 
 def test_if_a_ball_covers_everything_all_pixels_count() -> None:
