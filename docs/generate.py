@@ -5,6 +5,7 @@ from pathlib import Path
 import mkdocs_gen_files
 
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
+from tactograph.graph.declare.node_page import node_page
 from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph, shipped_titles
 from tactograph.graph.plan.sketch import plan_svg
@@ -19,7 +20,7 @@ def write_nodes() -> None:
         kernel = "yes" if node.has_kernel else ""
         rows.append(f"| [{name}](nodes/{name}.md) | {kernel} | {node.about.summary} |")
         with mkdocs_gen_files.open(f"nodes/{name}.md", "w") as page:
-            page.write(node.page)
+            page.write(node_page(node))
     with mkdocs_gen_files.open("nodes.md", "w") as page:
         page.write("\n".join(rows) + "\n")
 

@@ -35,6 +35,7 @@ from tactograph.graph.errors import (
 )
 
 if TYPE_CHECKING:
+    from tactograph.graph.backends import parity
     from tactograph.graph.cache.cache import Cache
     from tactograph.graph.run.open_pipeline import load
     from tactograph.graph.run.pipeline import Pipeline
@@ -61,6 +62,7 @@ __all__ = [
     "Wanted",
     "load",
     "node",
+    "parity",
     "warn",
 ]
 
@@ -69,6 +71,7 @@ _LATE_MODULES = {
     "Cache": "cache.cache",
     "Pipeline": "run.pipeline",
     "load": "run.open_pipeline",
+    "parity": "backends.parity",
 }
 """Names that a node file does not need, with their modules: importing the planner is slow."""
 
@@ -77,4 +80,4 @@ def __getattr__(name: str) -> Any:
     if name not in _LATE_MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module = importlib.import_module(f"{__name__}.{_LATE_MODULES[name]}")
-    return getattr(module, name)
+    return module if name == "parity" else getattr(module, name)

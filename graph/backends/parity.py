@@ -29,7 +29,7 @@ MAX_DIFFERENCES = 5
 def check(node: Node, device: str | None = None) -> int:
     """Compare a node's kernel with its NumPy function over all generated cases.
 
-    For the test of a node: ``def test_brighten(): brighten.check_parity()``.
+    For the test of a node: ``def test_brighten(): parity.check(brighten)``.
 
     Parameters
     ----------

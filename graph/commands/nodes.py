@@ -19,9 +19,10 @@ if TYPE_CHECKING:
 def command(name: str | None) -> None:
     """List all nodes with their summaries, or print everything about the node NAME."""
     from tactograph.graph.declare.find_node import find_node, node_places
+    from tactograph.graph.declare.node_page import node_page
 
     if name is not None:
-        say(find_node(name).page)
+        say(node_page(find_node(name)))
         return
     places = node_places()
     width = max(map(len, places))

@@ -125,19 +125,6 @@ class Node:
     def _sized(self) -> dict[tuple[str, ...], Node]:
         return {}
 
-    @property
-    def page(self) -> str:
-        """All about it in Markdown: its docstring, inputs, parameters, outputs and errors."""
-        from tactograph.graph.declare.node_page import node_page
-
-        return node_page(self)
-
-    def check_parity(self, device: str | None = None) -> int:
-        """Compare its kernel with its NumPy function over generated inputs (`parity.check`)."""
-        from tactograph.graph.backends import parity
-
-        return parity.check(self, device)
-
     @cached_property
     def about(self) -> Description:
         """The parsed docstring."""

@@ -14,6 +14,7 @@ from tactograph.graph import (
     TactographError as TactographError,
     load as load,
     node as node,
+    parity as parity,
     warn as warn,
 )
 from tactograph.graph.backends.launch import (
@@ -25,6 +26,9 @@ from tactograph.graph.commands import (
 )
 from tactograph.graph.cores import (
     cores as cores,
+)
+from tactograph.graph.declare.node_page import (
+    node_page as node_page,
 )
 from tactograph.graph.disk.atomic_files import (
     atomic_files as atomic_files,
@@ -67,13 +71,11 @@ from tactograph.nodes import (
     Light as Light,
     LightPositions as LightPositions,
     Mask as Mask,
-    Metrics as Metrics,
     Misfit as Misfit,
     Noise as Noise,
     PixelSize as PixelSize,
     ScaleError as ScaleError,
     Slope as Slope,
-    SlopeVariance as SlopeVariance,
     robust_deviation as robust_deviation,
 )
 from tactograph.nodes.calibrate.ball.find_balls import (
@@ -136,7 +138,7 @@ from tactograph.nodes.optics.gauss_newton import (
     SlopeNormal as SlopeNormal,
 )
 from tactograph.nodes.optics.near_light import (
-    places as places,
+    image_places as image_places,
 )
 from tactograph.nodes.optics.rest_shape import (
     RestShape as RestShape,

@@ -16,10 +16,8 @@ from tactograph.nodes.calibrate.lights.light_fit import (
     LedPlaces,
 )
 from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
-from tactograph.nodes.optics.coat import MIN_COSINE
 from tactograph.nodes.optics.film import (
     at_rest,
-    led_axis,
     predict,
     rest_below,
     rest_light,
@@ -277,10 +275,7 @@ class Fitted(NamedTuple):
             if rest.bounced is not None:
                 light = light + self.film.albedo * rest.bounced
             model += np.log(np.maximum(light, MIN_REST_LIGHT))
-        for k, light in enumerate(self.film.lights.astype(np.float64)):
-            axis, way = led_axis(self.film, k), light - np.stack([rest.x, rest.y, 0 * rest.x], 1)
-            cosine = way @ axis / (np.linalg.norm(axis) * np.linalg.norm(way, axis=1))
-            model[k] += self.film.emission * np.log(np.maximum(cosine, MIN_COSINE))
+        model += rest.emitted(self.film)
         return np.asarray(model if self.power == 1 else model * self.power)
 
     def rest_residual(self, rest: Rest) -> F8:

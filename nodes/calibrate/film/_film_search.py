@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactograph.graph import warn
-from tactograph.nodes import Metrics
+from tactograph.nodes import Film, Metrics
 from tactograph.nodes.calibrate import FOLD_COUNT
 from tactograph.nodes.calibrate.ball.balls_on_film import (
     MAX_INDEPENDENT_SAMPLES,
@@ -133,6 +133,7 @@ def choose(
         if odds.are_sure and not Odds().pays(aimed[1].errors, found[1].errors):
             found = aimed
     trial, best, whole = found
+    best = prune(trial, best)
     if "harmonics" in parts and may_grow(best):
         best = bend(trial, best)
     best, balls = without_bad(trial, best)
@@ -153,16 +154,18 @@ def search(
     plain = judge(trial, first, trial.fit(first, start))
     if "bounce" in parts and may_grow(plain):
         trial = trial._replace(balls=trial.samples(start.film))
-    best = settle(*grow(trial, plain, parts))
+    best = settle(grow([(trial, plain)], parts))
     if "bounce" in best[1].parts:
-        dark = settle(*grow(trial, plain, [part for part in parts if part != "bounce"]))
-        return best if Odds().pays(dark[1].errors, best[1].errors) else dark
-    if not set(parts) >= SHINING_PARTS or not may_grow(best[1]):
+        without = [part for part in parts if part != "bounce"]
+        smaller, larger = settle(grow([(trial, plain)], without)), best
+    elif set(parts) >= SHINING_PARTS and may_grow(best[1]):
+        smaller, larger = best, settle(grow([shining(trial, start, SHINING_PARTS | first)], parts))
+        # An albedo at its limit is not found.
+        if larger[1].fitted.film.albedo == Unknown.of("albedo").high:
+            return smaller
+    else:
         return best
-    bright = settle(*grow(*shining(trial, start, SHINING_PARTS | first), parts))
-    # An albedo at its limit is not found.
-    is_found = bright[1].fitted.film.albedo < Unknown.of("albedo").high
-    return bright if is_found and Odds().pays(best[1].errors, bright[1].errors) else best
+    return larger if Odds().pays(smaller[1].errors, larger[1].errors) else smaller
 
 
 def shining(trial: Trial, start: Fitted, parts: frozenset[str]) -> tuple[Trial, Model]:
@@ -172,13 +175,14 @@ def shining(trial: Trial, start: Fitted, parts: frozenset[str]) -> tuple[Trial, 
     return trial, judge(trial, parts, trial.fit(parts, placed))
 
 
-def grow(trial: Trial, best: Model, parts: list[str]) -> tuple[Trial, Model]:
-    """Add parts to a model one by one, as long as that pays.
+def grow(path: list[tuple[Trial, Model]], parts: list[str]) -> list[tuple[Trial, Model]]:
+    """Add parts to the last model one by one, as long as that pays; return the models.
 
     A part pays if the film is likelier with it, given how usual its values are, and if it lowers
     the held-out error (`Odds.pays`).  Once the film has a coat or an albedo, the samples are
     renewed: then the light that it reflects from film to film is known.
     """
+    trial, best = path[-1]
     while may_grow(best) and (untried := [part for part in parts if part not in best.parts]):
         wider = [best.parts | {part} for part in untried]
         fitted = [trial.fit(parts, best.fitted) for parts in wider]
@@ -187,17 +191,17 @@ def grow(trial: Trial, best: Model, parts: list[str]) -> tuple[Trial, Model]:
         better = judge(trial, wider[first], fitted[first])
         if not trial.prefers(better, best):
             break
-        if not better.fitted.film.lights_itself:
-            best = better
-            continue
-        resampled, placed = _sampled_again(trial, better.fitted)
-        better = judge(resampled, better.parts, resampled.fit(better.parts, placed))
-        # Renewed samples of a coat show light from film to film, which the next part explains.
-        explains_all = "bounce" in better.parts or "bounce" not in parts
-        if explains_all and Odds().pays(better.errors, best.errors):
-            break
-        trial, best = resampled, better
-    return trial, best
+        if better.fitted.film.lights_itself:
+            resampled, placed = _sampled_again(trial, better.fitted)
+            better = judge(resampled, better.parts, resampled.fit(better.parts, placed))
+            # Renewed samples of a coat show light from film to film, which the next part explains.
+            explains_all = "bounce" in better.parts or "bounce" not in parts
+            if explains_all and Odds().pays(better.errors, best.errors):
+                break
+            trial = resampled
+        best = better
+        path = [*path, (trial, best)]
+    return path
 
 
 def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial, Fitted]:
@@ -208,13 +212,15 @@ def _sampled_again(trial: Trial, fitted: Fitted, **options: Any) -> tuple[Trial,
     return trial._replace(balls=balls), fitted._replace(shifts=shifts)
 
 
-def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
-    """Fit the chosen parts to more samples until the light from film to film converges.
+def settle(path: list[tuple[Trial, Model]]) -> tuple[Trial, Model, Balls]:
+    """Fit the last model to more samples until the light from film to film converges.
 
     That is no more than the film's own light: a smaller share of it than light departs by by
-    itself is not seen.
+    itself is not seen.  A model that then errs more than the one before it, which had a part less,
+    is not better than that.
     Also returns every pixel of the balls.
     """
+    trial, best = path[-1]
     for _ in range(MAX_ROUNDS):
         film, rim = best.fitted.film, trial.balls.rim
         trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
@@ -225,7 +231,31 @@ def settle(trial: Trial, best: Model) -> tuple[Trial, Model, Balls]:
         changed = abs(best.fitted.film.albedo - film.albedo)
         if film.albedo == 0 or (max(changed / film.albedo, moved) < LIGHT_DEVIATION):
             break
-    return trial, judge(trial, best.parts, best.fitted), whole
+    best = judge(trial, best.parts, best.fitted)
+    if len(path) > 1 and best.error > path[-2][1].error:
+        return settle(path[:-1])
+    return trial, best, whole
+
+
+def prune(trial: Trial, best: Model) -> Model:
+    """Drop parts that do not pay: without them a film is as likely, and errs as little.
+
+    Those are tried whose light is less than the film leaves unexplained.
+    """
+    few, settled = trial._replace(balls=trial.balls.thinned(), figures={}), best.parts
+    for part in sorted(settled & PART_UNKNOWNS.keys()):
+        film, parts = best.fitted.film, best.parts - {part}
+        plain = Film.matt(film.lights)._asdict()
+        off = film._replace(**{name: plain[name] for name in PART_UNKNOWNS[part]})
+        without = best.fitted._replace(film=off)
+        change = without.predicted(few.balls) - best.fitted.predicted(few.balls)
+        if np.square(change / few.balls.reference_light).mean() > best.fitted.scale**2:
+            continue
+        both = (best.parts, best.fitted), (parts, without)
+        larger, smaller = (judge(few, each, few.fit(each, begun)) for each, begun in both)
+        if not few.prefers(larger, smaller):
+            best = best._replace(parts=parts, fitted=trial.fit(parts, smaller.fitted))
+    return best if best.parts == settled else judge(trial, best.parts, best.fitted)
 
 
 def bend(trial: Trial, best: Model) -> Model:

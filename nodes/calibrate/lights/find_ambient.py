@@ -1,14 +1,14 @@
 """Estimate the ambient light where no image with all LEDs off was taken."""
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy import optimize
 from scipy.ndimage import binary_dilation, uniform_filter
 
 from tactograph.graph import NodeCall, SizeLimit, node
-from tactograph.nodes import F4, Dark, Film, Light, Metrics, PixelSize
+from tactograph.nodes import F4, F8, Dark, Film, Light, Metrics, PixelSize
 from tactograph.nodes.calibrate.lights.descend import least_squares
 from tactograph.nodes.calibrate.lights.light_fit import LedFit
 from tactograph.nodes.calibrate.lights.light_samples import (
@@ -23,7 +23,6 @@ from tactograph.nodes.calibrate.lights.light_samples import (
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
 from tactograph.nodes.light.film_bounce import MAX_ALBEDO, film_bounce
 from tactograph.nodes.light.flat_field import flat_field
-from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetHeight, SheetLight, SheetMask, SheetSlope
 
@@ -105,15 +104,15 @@ def find_ambient(
     least = MIN_AMBIENT * float(np.median(flat))
     if not sensor.presses or most < least:
         return nothing
-    lights, plain = sensor.placed(0.0)
+    placed, plain = sensor.placed(0.0)
     if plain <= sensor.placed(least)[1]:
         return nothing
-    sensor = sensor.unbounced(lights, bounce)
     # LEDs that face the film's middle light its sides less, which looks like ambient light.
-    facing = _emitted(lights, flat.shape, pixel)
-    found = (sensor.likeliest(most, emitted) for emitted in (1.0, facing))
-    residual, ambient, emitted = min(found, key=lambda each: each[0])
-    beyond, without = (sensor.placed(a, emitted)[1] for a in (MAX_DARK_RATIO * most, 0.0))
+    points = sensor.unbounced(placed, bounce)
+    disks = points._replace(leds=placed._replace(emission=1.0))
+    found = (each.likeliest(most) for each in (points, disks))
+    residual, ambient, sensor = min(found, key=lambda each: each[0])
+    beyond, without = (sensor.placed(a)[1] for a in (MAX_DARK_RATIO * most, 0.0))
     if ambient < least or residual > MAX_MISFIT_SHARE * without or beyond < residual:
         # Light diffused in the gel has a similar effect, which `fit_film` models.
         return nothing
@@ -134,12 +133,11 @@ class _Sensor(NamedTuple):
     flat: Light
     pixel: float
     shape: RestShape | None
+    leds: Film | None = None
+    """What is known about how the LEDs emit; None: alike everywhere."""
 
-    def placed(self, ambient: float, emitted: F4 | float = 1.0) -> tuple[F4, float]:
-        """Place LEDs after this much ambient light is subtracted; return them and their misfit.
-
-        Divided by what LEDs `emitted`, the film at rest is lit by ones that emit alike everywhere.
-        """
+    def placed(self, ambient: float) -> tuple[Film, float]:
+        """Place LEDs after this much ambient light is subtracted; return them and their misfit."""
         flat, (_, rows, columns) = _led_light(self.flat, ambient), self.flat.shape
         dark, objects = np.full((rows, columns), ambient, np.float32), []
         for press in self.presses:
@@ -147,55 +145,47 @@ class _Sensor(NamedTuple):
             brightened = press._replace(light=light, lit=label_lit(light))
             objects.append(brightened.samples(self.pixel, MAX_SAMPLES_EACH, self.shape))
         if unreached(objects):
-            return np.zeros((len(flat), 3), np.float32), np.inf
-        rest = Rest.of(np.asarray(flat / emitted, np.float32), self.pixel, self.shape)
+            return Film.matt(np.zeros((len(flat), 3), np.float32)), np.inf
+        rest = Rest.of(flat, self.pixel, self.shape)
+        if self.leds is not None and rest is not None:
+            rest = rest.under_points(self.leds)
         fit = LedFit.of(objects, rest, self.pixel * columns)
-        return fit.lights, fit.cost(objects, rest)
+        return Film.matt(fit.lights), fit.cost(objects, rest)
 
-    def likeliest(self, most: float, emitted: F4 | float) -> tuple[float, float, F4 | float]:
-        """Return the least misfit, the ambient light that leaves it, and what LEDs emitted."""
+    def likeliest(self, most: float) -> tuple[float, float, Self]:
+        """Return the least misfit, the ambient light that leaves it, and the sensor."""
         minimize: Any = optimize.minimize_scalar  # its stubs know no bounds
         stop = {"xatol": AMBIENT_TOLERANCE * float(np.median(self.flat))}
         found = minimize(
-            lambda ambient: self.placed(ambient, emitted)[1],
+            lambda ambient: self.placed(ambient)[1],
             bounds=(0, most), method="bounded", options=stop,
         )  # fmt: skip
-        return float(found.fun), float(found.x), emitted
+        return float(found.fun), float(found.x), self
 
-    def unbounced(self, lights: F4, bounce: NodeCall) -> "_Sensor":
+    def unbounced(self, film: Film, bounce: NodeCall) -> Self:
         """Return the sensor without light from film to film.
 
         That brightens film beside a press, too, where ambient light changes nothing: there it is
         told.  Film that hangs or lies in shadow is darker, and tells less.
         """
-        film, presses = Film.matt(lights)._replace(albedo=MAX_ALBEDO), []
+        film, presses = film._replace(albedo=MAX_ALBEDO), []
         for press in self.presses if self.shape is None else ():
             light = flat_field(press.light, self.flat, np.zeros_like(press.height))
             thrown = bounce(light, press.height, film, self.pixel)
             beside = ~binary_dilation(press.height > 0, iterations=EDGE_MARGIN_PX)
             more, by = (each.mean(axis=0, dtype=float)[beside] for each in (light - 1, thrown))
-            # A share of that light, and the LEDs' drift.
-            slopes = np.column_stack([by, np.ones_like(by)]) / LIGHT_DEVIATION
-            share, _ = least_squares(
-                lambda u, by=slopes, more=more: by @ u - more / LIGHT_DEVIATION,
-                np.zeros(2),
-                jacobian=lambda _, by=slopes: by,
-            )
-            direct = press.light - self.flat * thrown * np.float32(np.clip(share, 0, 1))
-            presses.append(press._replace(light=direct))
+            share = np.float32(_share(more, by))
+            presses.append(press._replace(light=press.light - share * self.flat * thrown))
         return self._replace(presses=presses or self.presses)
+
+
+def _share(light: F8, by: F8) -> float:
+    """Return the share of some light in another, which also drifts: robust least squares."""
+    slopes = np.column_stack([by, np.ones_like(by)]) / LIGHT_DEVIATION
+    away = light / LIGHT_DEVIATION
+    share, _ = least_squares(lambda u: slopes @ u - away, np.zeros(2), jacobian=lambda _: slopes)
+    return float(np.clip(share, 0, 1))
 
 
 def _led_light(flat: F4, ambient: float) -> F4:
     return np.asarray(np.maximum(flat - np.float32(ambient), 0), np.float32)
-
-
-def _emitted(lights: F4, shape: tuple[int, ...], pixel: float) -> F4:
-    """Return what disks that face the film's middle emit towards it, over that to its middle."""
-    x, y = np.meshgrid(*(places(count, np.float32(pixel)) for count in (shape[2], shape[1])))
-    planes = []
-    for led in lights:
-        to = [led[0] - x, led[1] - y, np.full_like(x, led[2])]
-        square = sum(part * part for part in to)
-        planes.append(sum(part * end for part, end in zip(to, led, strict=True)) / np.sqrt(square))
-    return np.stack(planes) / np.linalg.norm(lights, axis=1)[:, None, None]

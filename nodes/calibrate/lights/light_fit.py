@@ -90,13 +90,12 @@ class LedFit:
     ) -> "LedFit":
         """Fit LEDs and shifts to all objects and the film at rest: robust least squares (Huber).
 
-        Slants K x 2, if given, are where the search for the LEDs starts.  The film at rest tells
-        the LEDs alone, without objects, if it is no plane.
+        Slants K x 2, if given, are where the search for the LEDs starts.
         """
         flat = rest is not None
-        count = len(objects[0].light) if objects else len(rest.logarithm) if rest is not None else 0
+        count = len(objects[0].light)
         if start is None:
-            leds = np.array([_distant(objects, rest, k, width_mm, flat) for k in range(count)])
+            leds = np.array([_distant(objects, k, width_mm, flat) for k in range(count)])
             if slants is not None:
                 leds[:, :2] = slants
         else:
@@ -145,40 +144,33 @@ class LedFit:
 
     def jacobian(self, objects: list[Object], rest: Rest | None) -> F8:
         """Derivatives by differences; an LED affects its own light, a shift its own object."""
-        leds, shifts = self.leds, self.shifts
-        count, flat = len(leds), rest is not None
-        sizes = [o.light.shape[1] for o in objects]
-        ends = np.cumsum(np.multiply(sizes, count), dtype=int)
-        starts = shifts.size + np.concatenate([[0], ends])
-        at_rest = np.concatenate(_rest_residual(rest, leds)) if flat else np.empty(0)
-        jacobian = np.zeros((int(starts[-1]) + at_rest.size, leds.size + shifts.size))
-        jacobian[np.arange(shifts.size), leds.size + np.arange(shifts.size)] = np.tile(
-            1 / SHIFT_DEVIATIONS, len(objects)
-        )
-        bases = [o.moved(s) for o, s in zip(objects, shifts, strict=True)]
-        before = [
-            [_led_residual(press, normal, z, k, leds[k], flat) for k in range(count)]
-            for press, (normal, z) in zip(objects, bases, strict=True)
-        ]
-        for k, j in np.ndindex(leds.shape):
-            step, changed = DERIVATIVE_STEP * max(1.0, abs(float(leds[k, j]))), leds.copy()
-            changed[k, j] += step
-            column = jacobian[:, 4 * k + j]
-            for number, (press, (normal, z)) in enumerate(zip(objects, bases, strict=True)):
-                after = _led_residual(press, normal, z, k, changed[k], flat)
-                first, size = starts[number] + k * sizes[number], sizes[number]
-                column[first : first + size] = (after - before[number][k]) / step / LIGHT_DEVIATION
-            if flat:
-                after = np.concatenate(_rest_residual(rest, changed))
-                column[starts[-1] :] = (after - at_rest) / step
+        leds, shifts, flat = self.leds, self.shifts, rest is not None
+        ends = np.cumsum([shifts.size, *(press.light.size for press in objects)])
+        at_rest = np.concatenate([np.empty(0), *_rest_residual(rest, leds)])
+        jacobian = np.zeros((int(ends[-1]) + at_rest.size, leds.size + shifts.size))
+        own, every = np.arange(shifts.size), np.arange(len(leds))
+        jacobian[own, leds.size + own] = np.tile(1 / SHIFT_DEVIATIONS, len(objects))
+        steps = DERIVATIVE_STEP * np.maximum(1.0, np.abs(leds))
         for i, (press, shift) in enumerate(zip(objects, shifts, strict=True)):
-            first = leds.size + 3 * i
+            moved, rows = press.moved(shift), jacobian[ends[i] : ends[i + 1]]
+            before, by_led = (
+                _residual(press, *moved, leds, flat),
+                rows.reshape(len(leds), -1, len(jacobian.T)),
+            )
+            for j, column in enumerate(np.eye(leds.shape[1])):
+                after = _residual(press, *moved, leds + steps * column, flat)
+                change = (after - before) / steps[:, j, None] / LIGHT_DEVIATION
+                by_led[every, :, leds.shape[1] * every + j] = change
 
             def residual(by: F8, press: Object = press) -> F8:
                 return residual_of(press, leds, by, flat).ravel() / LIGHT_DEVIATION
 
-            own = by_differences(residual, shift, 1)
-            jacobian[starts[i] : starts[i + 1], first : first + 3] = own
+            first = leds.size + 3 * i
+            rows[:, first : first + 3] = by_differences(residual, shift, 1)
+        for column, step in enumerate(steps.ravel() if flat else ()):
+            changed = leds.ravel() + step * (np.arange(leds.size) == column)
+            after = np.concatenate(_rest_residual(rest, changed.reshape(leds.shape)))
+            jacobian[ends[-1] :, column] = (after - at_rest) / step
         return jacobian
 
 
@@ -223,14 +215,11 @@ def shift_of(press: Object, placed: LedFit) -> F8:
 
 def residual_of(press: Object, leds: F8, shift: F8, flat: bool) -> F8:
     """Light minus model, K x N; zero where an LED does not reach."""
-    normal, z = press.moved(shift)
-    return np.stack([_led_residual(press, normal, z, k, leds[k], flat) for k in range(len(leds))])
+    return _residual(press, *press.moved(shift), leds, flat)
 
 
-def _distant(objects: list[Object], rest: Rest | None, k: int, width_mm: float, flat: bool) -> F8:
+def _distant(objects: list[Object], k: int, width_mm: float, flat: bool) -> F8:
     """A distant LED by linear least squares, then moved to a distance of a few image widths."""
-    if not objects and rest is not None:
-        return _distant_over(rest, k, width_mm)
     normal = np.hstack([o.moved(np.zeros(3))[0][:, o.lit[k]] for o in objects])
     light = np.concatenate([o.light[k, o.lit[k]] for o in objects])
     if objects[0].beneath is not None:
@@ -252,26 +241,16 @@ def slants_of(normal: F8, light: F8) -> F8:
     return np.asarray(np.linalg.lstsq(normal[:2].T, light - normal[2], rcond=None)[0])
 
 
-def _distant_over(rest: Rest, k: int, width_mm: float) -> F8:
-    """A distant LED by the light of a film of known shape, if all together shine from above."""
-    assert rest.beneath is not None  # a plane alone tells no LEDs
-    nx, ny, nz = rest.beneath[0]
-    light = np.exp(rest.logarithm[k] - np.log(np.exp(rest.logarithm).mean(axis=0))) * nz
-    (a, b, c), *_ = np.linalg.lstsq(np.stack([nx, ny, nz], axis=1), light, rcond=None)
-    c = max(float(c), MIN_OVER)
-    return np.array([a / c, b / c, 0.2 / width_mm, np.log(c)])
-
-
-def _over(beneath: tuple[F8, F8, F8, F8], a: float, b: float, c: float) -> F8:
-    """The irradiance of the film at rest by an LED, in units of L_z."""
+def _over(beneath: tuple[F8, F8, F8, F8], a: F8, b: F8, c: F8) -> F8:
+    """The irradiance of the film at rest by LEDs, in units of L_z."""
     (nx, ny, nz), x, y, z = beneath
     dx, dy, dz = a - c * x, b - c * y, 1 - c * z
     return np.asarray((nx * dx + ny * dy + nz * dz) * (dx * dx + dy * dy + dz * dz) ** -1.5)
 
 
-def _led_residual(press: Object, normal: F8, z: F8, k: int, led: F8, flat: bool) -> F8:
-    """The residual of one LED, computed in units of L_z, which stay finite for a distant LED."""
-    (nx, ny, nz), (a, b, c, log_strength) = normal, led
+def _residual(press: Object, normal: F8, z: F8, leds: F8, flat: bool) -> F8:
+    """Light minus model, in units of L_z, which stay finite for a distant LED."""
+    (nx, ny, nz), (a, b, c, log_strength) = normal, leds.T[..., None]
     dx, dy, dz = a - c * press.x, b - c * press.y, 1 - c * z
     plan = dx * dx + dy * dy
     at_rest = plan + 1 if flat else (a * a + b * b + 1) * np.exp(log_strength / 1.5)
@@ -280,19 +259,17 @@ def _led_residual(press: Object, normal: F8, z: F8, k: int, led: F8, flat: bool)
         model /= irradiance_ratio(at_rest, 1.0) * np.maximum(
             _over(press.beneath, a, b, c), MIN_OVER
         )
-    return np.where(press.lit[k] & (model > DIM_LIGHT), press.light[k] - model, 0)
+    return np.where(press.lit & (model > DIM_LIGHT), press.light - model, 0)
 
 
 def _rest_residual(rest: Rest | None, leds: F8) -> list[F8]:
     """Logarithm of the flat frame minus the model's, without the shared gain."""
     if rest is None:
         return []
-    model = np.empty_like(rest.logarithm)
-    for k, (a, b, c, log_strength) in enumerate(leds):
-        square = (a - c * rest.x) ** 2 + (b - c * rest.y) ** 2 + 1
-        model[k] = log_strength - 1.5 * np.log(square)
-        if rest.beneath is not None:
-            model[k] = log_strength + np.log(np.maximum(_over(rest.beneath, a, b, c), MIN_OVER))
+    a, b, c, log_strength = leds.T[..., None]
+    model = log_strength - 1.5 * np.log((a - c * rest.x) ** 2 + (b - c * rest.y) ** 2 + 1)
+    if rest.beneath is not None:
+        model = log_strength + np.log(np.maximum(_over(rest.beneath, a, b, c), MIN_OVER))
     # The mean of a block is `block` times less noisy than a pixel.
     residual = (rest.logarithm - (model - model.mean(axis=0))) * rest.block
     # The strengths' common factor is free: hold their mean.

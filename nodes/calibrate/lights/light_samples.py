@@ -1,15 +1,17 @@
 """Samples of known shapes under the LEDs, and the flat frame in blocks."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, map_coordinates
 
-from tactograph.nodes import F4, F8, U1, Height, Labels, Light, Mask, Slope
+from tactograph.nodes import F4, F8, U1, Film, Height, Labels, Light, Mask, Slope
 from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE, MIN_PIXELS
 from tactograph.nodes.calibrate.rating.verdict import MAX_INDEPENDENT_REST
+from tactograph.nodes.optics.coat import MIN_COSINE
+from tactograph.nodes.optics.film import led_axis
 from tactograph.nodes.optics.near_light import places
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import cut
@@ -134,6 +136,20 @@ class Rest:
         thrown = None if bounced is None else blocks(bounced).reshape(count, -1)
         beneath = None if shape is None else shape.at(x, y)
         return cls(logarithm, x, y, block, beneath, thrown)
+
+    def emitted(self, film: Film) -> F8:
+        """Return the logarithm of what the LEDs emit to it, K x N, over that along their axes."""
+        logarithms = []
+        for k, light in enumerate(film.lights.astype(np.float64)):
+            axis, way = led_axis(film, k), light - np.stack([self.x, self.y, 0 * self.x], 1)
+            cosine = way @ axis / (np.linalg.norm(axis) * np.linalg.norm(way, axis=1))
+            logarithms.append(film.emission * np.log(np.maximum(cosine, MIN_COSINE)))
+        return np.stack(logarithms)
+
+    def under_points(self, film: Film) -> Self:
+        """Return the frame as under LEDs in the same places that emit alike everywhere."""
+        emitted = self.emitted(film)
+        return replace(self, logarithm=self.logarithm - emitted + emitted.mean(axis=0))
 
     def spread(self, residual: F8) -> float:
         """Return the standard deviation of a block; larger if a model (smoothly) leaves more."""

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Port, node
 from tactograph.nodes import (
     F4,
+    Film,
     Height,
     Light,
     LightPositions,
@@ -15,7 +16,6 @@ from tactograph.nodes import (
     Noise,
     PixelSize,
     Slope,
-    Uneven,
 )
 from tactograph.nodes.calibrate import MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.ball.find_balls import FoundBalls
@@ -56,7 +56,7 @@ def hold_out_presses(
     balls: FoundBalls,
     noise: Noise,
     pixel: PixelSize,
-    uneven: Uneven,
+    film: Film,
 ) -> HeldOut:
     """Place the LEDs without a press, measure the press with them, and compare it with its ball.
 
@@ -74,7 +74,7 @@ def hold_out_presses(
     balls : circles B x 3 in px, radii in mm, and the press of each ball
     noise : (shot, read), from `estimate_noise`
     pixel : mm per px
-    uneven : relative standard deviation of the film's brightness
+    film : how its LEDs emit, and the relative standard deviation of its brightness
 
     Returns
     -------
@@ -92,6 +92,8 @@ def hold_out_presses(
     if len(used) < 2:
         return HeldOut(degrees, microns, quality)
     rest, width_mm = Rest.of(flat, pixel), pixel * flat.shape[2]
+    if rest is not None:
+        rest = rest.under_points(film)
     most = samples_for(len(used) - 1)
     objects = {i: presses[i].samples(pixel, most) for i in used}
     everything = LedFit.of(list(objects.values()), rest, width_mm)
@@ -104,7 +106,7 @@ def hold_out_presses(
         p, q = presses[i].slope
         reached = in_tables(presses[i].mask, presses[i].lit, len(flat))
         judged = reached & (p * p + q * q < MAX_SAMPLE_SLOPE * MAX_SAMPLE_SLOPE)
-        surface = _measure(presses[i], judged, sigma, placed.lights, pixel, uneven, shift[2])
+        surface = _measure(presses[i], judged, sigma, placed.lights, pixel, film.uneven, shift[2])
         errors = []
         for b in np.flatnonzero(balls.of == i):
             circle = np.array([*(balls.circle[b, :2] + shift[:2]), balls.circle[b, 2]])

@@ -6,7 +6,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.sdk import FileKind, Lens, Metrics, PixelSize, Port, Stored, View
+from tactograph.sdk import FileKind, Lens, PixelSize, Port, Stored, View
 
 
 class CameraLens(NamedTuple):
@@ -33,7 +33,7 @@ class CameraLens(NamedTuple):
         Stored(1, 1e5),
         "px, columns and rows of the images for which it is valid",
     ]
-    quality: Metrics
+    quality: dict[str, float]
 
 
 KIND = FileKind(

@@ -10,7 +10,7 @@ from scipy.optimize import least_squares
 
 from tactograph.rings.camera.nodes.find_grid import GridMarks
 from tactograph.rings.camera.nodes.read_grey import GreyImage
-from tactograph.sdk import F4, InputError, Lens, Metrics, PixelSize, Port, View, node, warn
+from tactograph.sdk import F4, InputError, Lens, PixelSize, Port, View, node, warn
 
 POSE_TERMS = 4
 """Parameters of the grid's pose: scale, rotation, and position of the cell 0, 0."""
@@ -38,7 +38,7 @@ class LensFit(NamedTuple):
     pixel: PixelSize
     residual: Annotated[float, Port(unit="px")]
     departure: Annotated[F4, Port("N 2", "px", nan=True)]
-    quality: Metrics
+    quality: dict[str, float]
 
 
 @node
@@ -112,7 +112,7 @@ def fit_lens(
         )
     pixel = pitch_mm / pitch
     width, length = View(lens).pixel_sides(pixel)
-    quality: Metrics = {
+    quality: dict[str, float] = {
         "marks": int(inliers.sum()),
         "unused_marks": int((~inliers).sum()) + marks.astray,
         "residual_px": residual,

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from tactograph.rings.camera.nodes.find_grid import GridMarks
 from tactograph.rings.camera.nodes.read_grey import GreyImage
-from tactograph.sdk import F4, Colour, Metrics, NewPicture, Port, node
+from tactograph.sdk import F4, Colour, NewPicture, Port, node
 
 ARROW_SHARE = 0.5
 """Length of an arrow for the root mean square, relative to the spacing of the marks."""
@@ -18,7 +18,7 @@ def plot_camera(
     image: GreyImage,
     marks: GridMarks,
     departure: Annotated[F4, Port("N 2", "px", nan=True)],
-    quality: Metrics,
+    quality: dict[str, float],
     *,
     picture: NewPicture,
 ) -> None:

@@ -8,7 +8,7 @@ from pydantic import AfterValidator
 
 from tactograph.rings.camera.calibrations.camera_kind import KIND, CameraLens
 from tactograph.rings.camera.nodes.read_grey import GreyImage
-from tactograph.sdk import Lens, Metrics, PixelSize, Port, Provenance, node
+from tactograph.sdk import Lens, PixelSize, Port, Provenance, node
 
 
 @node
@@ -17,7 +17,7 @@ def write_camera(
     lens: Lens,
     pixel: PixelSize,
     residual: Annotated[float, Port(unit="px")],
-    quality: Metrics,
+    quality: dict[str, float],
     *,
     file: Annotated[Path, AfterValidator(KIND.new_file)],
     provenance: Provenance,

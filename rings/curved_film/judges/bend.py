@@ -5,10 +5,10 @@ import math
 import numpy as np
 
 from tactograph.rings.curved_film.nodes.find_rest import BALL_BENDS, MIN_PRESSES, Bending
-from tactograph.sdk import Film, FilmEvidence, Judged, Metrics
+from tactograph.sdk import Film, FilmEvidence, Judged
 
 
-def doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str]:
+def doubts(evidence: FilmEvidence, film: Film, fitted: dict[str, float]) -> list[str]:
     """Return a doubt if one bend over the frame explains the light better than a plane.
 
     It is looked for only where something is wrong: LEDs at infinity, or normals of held-out presses

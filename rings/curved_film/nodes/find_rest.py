@@ -14,7 +14,6 @@ from tactograph.sdk import (
     FilmEvidence,
     InputError,
     Light,
-    Metrics,
     NodeCall,
     Noise,
     PixelSize,
@@ -24,8 +23,8 @@ from tactograph.sdk import (
     ShapeFit,
     SheetLight,
     StatedCircles,
+    image_places,
     node,
-    places,
 )
 from tactograph.sdk.nodes import calibrate_lights, film_bounce, find_balls, label_lit, press_slopes
 
@@ -49,7 +48,7 @@ class FoundRest(NamedTuple):
 
     height: Annotated[F4, Port("R C", "mm", low=-1, high=5)]
     shape: RestShape
-    quality: Metrics
+    quality: dict[str, float]
     scale_error: ScaleError = 0.0
 
 
@@ -67,8 +66,8 @@ class Bend(NamedTuple):
     def deviation(self) -> float:
         """Return the film's height's standard deviation about its mean, over the frame."""
         size, pixel = self.fit.evidence.flat.shape, self.fit.evidence.pixel
-        y, x = (places(side, np.float32(pixel)).astype(np.float64) for side in size[1:])
-        x, y = (part[::8].ravel() for part in np.broadcast_arrays(x[None], y[:, None]))
+        x, y = (part.astype(np.float64) for part in image_places(size[1:], pixel))
+        x, y = (part[::8].ravel() for part in np.broadcast_arrays(x, y))
         by = np.stack([x * x / 2, x * y, y * y / 2, x, y])
         by -= by.mean(axis=1, keepdims=True)
         return float(np.sqrt(np.einsum("an,ab,bn->n", by, self.covariance, by).mean()))

@@ -22,8 +22,8 @@ from tactograph.sdk import (
     Mask,
     PixelSize,
     RestShape,
+    image_places,
     node,
-    places,
     warn,
 )
 from tactograph.sdk.nodes import undistort
@@ -168,11 +168,11 @@ def _form(
 
 def by_rays(size: tuple[int, int], pixel: float, camera: float, form: Callable[[F8, F8], F8]) -> F8:
     """Return the height at which the ray of each pixel meets a form, by its height over x and y."""
-    v, u = (places(side, np.float32(pixel)).astype(np.float64) for side in size)
+    u, v = (part.astype(np.float64) for part in image_places(size, pixel))
     height = np.zeros(size)
     for _ in range(RAY_STEPS if camera else 1):
         nearer = 1 - camera * height
-        height = form(u * nearer, v[:, None] * nearer)
+        height = form(u * nearer, v * nearer)
     return height
 
 

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 from tactograph.rings.editor.language.cursor import mapping
-from tactograph.sdk import Graph, nodes
+from tactograph.sdk import Graph, node_page, nodes
 
 _PAGE_SECTION = re.compile(r"^## (\w+)\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 _PAGE_ITEM = re.compile(r"^- `(\w+)` (.*)$", re.MULTILINE)
@@ -33,7 +33,7 @@ def of_node(op: str) -> Declared:
     node = getattr(nodes, op, None)
     if node is None:
         return NO_DECLARATION
-    page = node.page
+    page = node_page(node)
     lines = {name: dict(_PAGE_ITEM.findall(body)) for name, body in _PAGE_SECTION.findall(page)}
     return Declared(
         summary=page,

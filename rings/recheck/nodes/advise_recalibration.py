@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tactograph.rings.recheck.nodes.film_change import FilmChange
-from tactograph.sdk import F4, Metrics, PixelSize, node, warn
+from tactograph.sdk import F4, PixelSize, node, warn
 
 REFERENCE_FIGURES = "film_heldout_deg", "heldout_normal_deg"
 """Figures that hold a full calibration's error on held-out presses, in degrees."""
@@ -29,7 +29,7 @@ MIN_DENT_SLOPE = 0.02
 class RecalibrationAdvice(NamedTuple):
     """What has changed, in figures, and what to do, in one sentence."""
 
-    quality: Metrics
+    quality: dict[str, float]
     advice: str
 
 
@@ -37,8 +37,8 @@ class RecalibrationAdvice(NamedTuple):
 def advise_recalibration(
     change: FilmChange,
     pixel: PixelSize,
-    refitted: Metrics,
-    before: Metrics,
+    refitted: dict[str, float],
+    before: dict[str, float],
 ) -> RecalibrationAdvice:
     """Report what has changed in figures, and what to do in one sentence.
 
@@ -79,7 +79,9 @@ def _dent(dent: F4, pixel: float) -> tuple[float, float]:
     return float(dent.flat[np.abs(dent).argmax()]), float(slope.max())
 
 
-def _reasons(strength: F4, slope: float, refitted: Metrics, full: float | None) -> list[str]:
+def _reasons(
+    strength: F4, slope: float, refitted: dict[str, float], full: float | None
+) -> list[str]:
     reasons = []
     error = refitted.get("check_deg/held_out")
     most = DUE_ERROR_DEG if full is None else max(DUE_ERROR_RATIO * full, DUE_ERROR_DEG)
@@ -102,7 +104,7 @@ def _reasons(strength: F4, slope: float, refitted: Metrics, full: float | None) 
     return reasons
 
 
-def _sentence(reasons: list[str], refitted: Metrics, full: float | None) -> str:
+def _sentence(reasons: list[str], refitted: dict[str, float], full: float | None) -> str:
     if reasons:
         return "a full calibration is due: " + "; ".join(reasons)
     if "check_deg/held_out" not in refitted:

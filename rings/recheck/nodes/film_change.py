@@ -20,8 +20,8 @@ from tactograph.sdk import (
     PixelSize,
     Port,
     SizeLimit,
+    image_places,
     node,
-    places,
     robust_deviation,
 )
 from tactograph.sdk.nodes import flat_field, integrate_dct
@@ -185,7 +185,7 @@ def _smooth_part(
     """The strengths K, the fitted ratio K x H x W, the ambient light, and the shift."""
     count, rows, columns = ratio.shape
     step = columns // MAX_FIT_WIDTH_PX + 1
-    u, v = np.meshgrid(*(places(n, np.float32(2 / columns)) for n in (columns, rows)))
+    u, v = np.broadcast_arrays(*image_places(flat.shape[1:], 2 / columns))
     place = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v]).astype(np.float64)
     strength = np.median(ratio[:, is_known], axis=1) if is_known.any() else np.ones(count)
     if new_film:  # six smooth terms for each LED

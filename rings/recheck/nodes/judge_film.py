@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.recheck.nodes.film_change import FilmChange
-from tactograph.sdk import F4, FilmEvidence, Judged, Metrics, PixelSize, node, robust_deviation
+from tactograph.sdk import F4, FilmEvidence, Judged, PixelSize, node, robust_deviation
 
 PLACE_PX, LED_DRIFT, LED_DRIFT_ACROSS = (
     FilmEvidence.prior(name).spread for name in ("place_px", "led_drift", "led_drift_across")
@@ -36,7 +36,7 @@ class Verdicts(NamedTuple):
     lens: str
     ambient: str
     camera: str
-    quality: Metrics
+    quality: dict[str, float]
 
 
 @node

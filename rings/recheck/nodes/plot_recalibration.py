@@ -5,7 +5,7 @@ from matplotlib.patches import Circle
 
 from tactograph.rings.recheck.nodes._film_pictures import draw_films, draw_light
 from tactograph.rings.recheck.nodes.film_change import FilmChange
-from tactograph.sdk import F4, Colour, FoundBalls, Light, Metrics, NewPicture, SheetLight, node
+from tactograph.sdk import F4, Colour, FoundBalls, Light, NewPicture, SheetLight, node
 
 
 @node
@@ -15,7 +15,7 @@ def plot_recalibration(
     change: FilmChange,
     image: SheetLight,
     balls: FoundBalls,
-    quality: Metrics,
+    quality: dict[str, float],
     advice: str,
     *,
     picture: NewPicture,

@@ -17,7 +17,6 @@ from tactograph.sdk import (
     FilmEvidence,
     FoundBalls,
     Light,
-    Metrics,
     Misfit,
     NodeCall,
     Noise,
@@ -47,7 +46,7 @@ class FilmRefit(NamedTuple):
     film: Film
     misfit: Misfit
     pixel_size: PixelSize
-    quality: Metrics
+    quality: dict[str, float]
 
 
 class _Samples:
@@ -181,14 +180,16 @@ def refit_film(
     )
 
 
-def _result(new: Film, old: Film, residual: F4, pixel: float, figures: Metrics) -> FilmRefit:
+def _result(
+    new: Film, old: Film, residual: F4, pixel: float, figures: dict[str, float]
+) -> FilmRefit:
     film = new.stored()
     moved = np.asarray(old.other_lights + (film.lights - old.lights), np.float32)
     film = film._replace(other_lights=moved)
     return FilmRefit(film, np.asarray(residual, np.float32), pixel, figures)
 
 
-def _changes(old: Film, new: Film, thicker: float) -> Metrics:
+def _changes(old: Film, new: Film, thicker: float) -> dict[str, float]:
     """The changes of the film, in practical units."""
     diffuse = float(np.mean(new.diffuse - old.diffuse))
     return {

@@ -22,15 +22,14 @@ from tactograph.sdk import (
     FilmEvidence,
     InputError,
     Light,
-    Metrics,
     Misfit,
     NodeCall,
     PixelSize,
     ScaleError,
     SheetLight,
     SizeLimit,
+    image_places,
     node,
-    places,
 )
 from tactograph.sdk.nodes import film_bounce, film_light, integrate_dct
 
@@ -69,7 +68,7 @@ class FilmOfObjects(NamedTuple):
     film: Film
     misfit: Misfit
     scale_error: ScaleError
-    quality: Metrics
+    quality: dict[str, float]
     doubts: list[str]
 
 
@@ -101,9 +100,8 @@ class _Scene:
     @property
     def places(self) -> tuple[F8, F8]:
         """u, 1 x w, and v, h x 1, in mm."""
-        rows, columns = self.presses[0].shape[1:]
-        across, down = (places(n, np.float32(self.pixel)).astype(float) for n in (columns, rows))
-        return across[None], down[:, None]
+        x, y = image_places(self.presses[0].shape[1:], self.pixel)
+        return x.astype(float), y.astype(float)
 
     @property
     def width(self) -> float:

@@ -12,7 +12,6 @@ from tactograph.sdk import (
     InputError,
     Light,
     LightPositions,
-    Metrics,
     PixelSize,
     node,
     warn,
@@ -30,7 +29,7 @@ class LampLights(NamedTuple):
     """A matt film under the lamps, figures, and what speaks against the lamps."""
 
     film: Film
-    quality: Metrics
+    quality: dict[str, float]
     doubts: list[str]
 
 
@@ -53,7 +52,7 @@ def lamp_lights(lamps: LightPositions, flat: Light, pixel: PixelSize) -> LampLig
     InputError
         If the film's light is that of the lamps in another order.
     """
-    quality: Metrics = {}
+    quality: dict[str, float] = {}
     doubts: list[str] = []
     evidence = FilmEvidence.of_flat(flat, pixel, lamps.astype(np.float64))
     rest = evidence.rest()

@@ -9,7 +9,7 @@ import pytest
 
 TEST = """
 import numpy as np
-from tactograph.graph import node
+from tactograph.graph import node, parity
 from tactograph.graph.backends.device_call import DeviceCall
 from tactograph.graph.backends.opencl import open_device
 from tactograph.nodes import Light
@@ -36,7 +36,7 @@ __kernel void astray(
 def test_astray() -> None:
     {call}
 """
-PARITY = "astray.check_parity()"
+PARITY = "parity.check(astray)"
 CALL = "DeviceCall(astray, open_device()[0])(np.ones((3, 4, 5), np.float32))"
 
 

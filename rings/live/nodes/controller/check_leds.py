@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 from annotated_types import Interval
 
 from tactograph.rings.live.nodes.controller.led_controller import LedController, open_controller
-from tactograph.sdk import InputError, Metrics, node, warn
+from tactograph.sdk import InputError, node, warn
 
 MEASURED_REQUESTS = 20
 """Requests over which the round trip is measured."""
@@ -17,7 +17,7 @@ class LedCheck(NamedTuple):
     """The controller's identity, and the measured figures."""
 
     controller: str
-    figures: Metrics
+    figures: dict[str, float]
 
 
 @node
@@ -65,7 +65,7 @@ def check_leds(
         return LedCheck(f"firmware {firmware}, id {uid}, at {controller.port}", figures)
 
 
-def _flash(controller: LedController, leds: int, step_s: float, cycles: int) -> Metrics:
+def _flash(controller: LedController, leds: int, step_s: float, cycles: int) -> dict[str, float]:
     controller.start_cycle([*range(1, leds + 1), 0], step_s=step_s, on_s=0.6 * step_s)
     length = (leds + 1) * step_s
     first = controller.status()

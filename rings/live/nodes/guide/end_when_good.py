@@ -4,12 +4,12 @@ from typing import Annotated
 
 from annotated_types import Ge, Gt, Interval
 
-from tactograph.sdk import EndOfStream, Metrics, node
+from tactograph.sdk import EndOfStream, node
 
 
 @node
 def end_when_good(
-    quality: Metrics,
+    quality: dict[str, float],
     advice: str,
     names: list[str],
     *,

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 from scipy.interpolate import CubicSpline
 
-from tactograph.sdk import F4, Film, InputError, LightPositions, ShapeImage, places
+from tactograph.sdk import F4, Film, InputError, LightPositions, ShapeImage, image_places
 from tactograph.sdk.nodes import expose, film_light, light_ring, press, render, shape_ball
 
 MAX_BYTE = 255
@@ -132,8 +132,7 @@ class SimulatedSensor:
         self.start = time.monotonic() if start is None else start
         self.exposure_s = scene.exposure_s or EXPOSURE_S
         pixel, shape = scene.pixel_size_mm, (scene.height_px, scene.width_px)
-        self._x = places(scene.width_px, np.float32(pixel))
-        self._y = places(scene.height_px, np.float32(pixel))
+        self._x, self._y = image_places(shape, pixel)
         self.lights = scene.lights
         self.strength = np.ones(len(self.lights), np.float32)
         self._lens = _lens_share(shape, scene.vignetting)
@@ -273,8 +272,7 @@ class _PressedFilm:
         self._steepness[:, -1] = 0
 
     def surface(self, across: F4, down: F4, depth: float) -> tuple[F4, F4]:
-        """Height in mm and slope, H x W and 2 x H x W, at offsets from the ball's axis."""
-        across, down = np.meshgrid(across, down)
+        """Height in mm, H x W, and slope, at offsets from the axis, 1 x W and H x 1."""
         distance = np.sqrt(across * across + down * down)
         cell = np.minimum(distance * np.float32(1 / self._step), RADIUS_SAMPLES - 1)
         index = np.minimum(cell.astype(np.intp), RADIUS_SAMPLES - 2)

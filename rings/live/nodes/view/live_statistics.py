@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.sdk import Height, LiveState, Metrics, Port, Provenance, Session, atomic_files, node
+from tactograph.sdk import Height, LiveState, Port, Provenance, Session, atomic_files, node
 
 BIN_S = 1e-4
 """Width of the bins that count latencies, so that memory does not grow with time."""
@@ -29,7 +29,7 @@ def live_statistics(
     time: Annotated[float, Port(unit="s")],
     state: LiveState,
     truth: Height | None = None,
-    contact: Metrics | None = None,
+    contact: dict[str, float] | None = None,
     *,
     folder: Path | None = None,
     every_s: Annotated[float, Gt(0)] = 1.0,
@@ -63,7 +63,7 @@ class Statistics:
         self._latencies = np.zeros(round(MAX_LATENCY_S / BIN_S), np.int64)
         self._errors = 0
         self._square_error = self._worst = 0.0
-        self._contact: Metrics = {}
+        self._contact: dict[str, float] = {}
         self._touched = self._deepest = self._doubtful = 0.0
         self._memory_first = 0.0
         self._state = LiveState()
@@ -76,7 +76,7 @@ class Statistics:
         state: LiveState,
         truth: Height | None,
         provenance: Provenance | None = None,
-        contact: Metrics | None = None,
+        contact: dict[str, float] | None = None,
     ) -> None:
         """Count one height that has just been computed."""
         now = time.monotonic()
@@ -103,9 +103,9 @@ class Statistics:
         if now - self._reported_s >= self._every:
             self._tell(now)
 
-    def figures(self) -> Metrics:
+    def figures(self) -> dict[str, float]:
         """The figures so far, from `WARM_UP_S` after the start."""
-        figures: Metrics = {"heights": float(self._heights)}
+        figures: dict[str, float] = {"heights": float(self._heights)}
         if self._heights > 1:
             figures["heights_per_s"] = (self._heights - 1) / (self._last - self._first)
             used = time.process_time() - self._processor
@@ -168,7 +168,7 @@ class Statistics:
         print(", ".join(parts), flush=True)
 
 
-def _of_all(figures: Metrics, name: str) -> list[float]:
+def _of_all(figures: dict[str, float], name: str) -> list[float]:
     """The values of one figure for all contacts."""
     return [figure for key, figure in figures.items() if key.startswith(f"{name}/")]
 

@@ -27,7 +27,6 @@ from tactograph.sdk import (
     LabelMap,
     Light,
     Lights,
-    Metrics,
     Provenance,
     Session,
     Touch,
@@ -356,7 +355,7 @@ class _Stream:
             colours += [(150, 180, 215)] * 2
         self.log("section", rr.LineStrips2D(strips, colors=colours))
 
-    def figures(self, group: str, figures: Metrics) -> None:
+    def figures(self, group: str, figures: dict[str, float]) -> None:
         scalars = rerun().Scalars
         for name, value in figures.items():
             self.log([group, name], scalars(float(value)))

@@ -16,7 +16,7 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
     Thickness,
 )
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
-from tactograph.sdk import F4, F8, Contacts, HeightFile, InputError, Metrics, node, warn
+from tactograph.sdk import F4, F8, Contacts, HeightFile, InputError, node, warn
 from tactograph.sdk.nodes import find_contact, read_height
 
 THICKNESS_RANGE_MM = 0.3, 30.0
@@ -43,7 +43,7 @@ def calibrate_force(
     thickness_mm: Thickness | None = None,
     thickness_error_mm: Annotated[float, Ge(0)] = 0.0,
     poisson: Poisson = 0.48,
-) -> Metrics:
+) -> dict[str, float]:
     """Fit Young's modulus to presses whose force is known, and hold each out in turn.
 
     The layer is linear: a force comes out proportional to the modulus that it is computed with,
@@ -233,7 +233,7 @@ def _force(
     return _total(figures, "n"), _total(figures, "sd_n")
 
 
-def _total(figures: Metrics, what: str) -> float:
+def _total(figures: dict[str, float], what: str) -> float:
     return sum(
         value for name, value in figures.items() if name.startswith(f"contact_force_{what}/")
     )

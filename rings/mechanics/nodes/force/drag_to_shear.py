@@ -23,18 +23,7 @@ from tactograph.rings.mechanics.nodes.force.elastic_layer import (
 )
 from tactograph.rings.mechanics.nodes.force.press_to_pressure import NEWTONS_PER_KPA_MM2, Pressure
 from tactograph.rings.mechanics.nodes.marker.marker_places import marker_places
-from tactograph.sdk import (
-    F4,
-    F8,
-    Contacts,
-    Height,
-    LargestContacts,
-    Metrics,
-    PixelSize,
-    Port,
-    View,
-    node,
-)
+from tactograph.sdk import F4, F8, Contacts, Height, LargestContacts, PixelSize, Port, View, node
 
 Shear = Annotated[F4, Port("2 H W", "kPa", low=-50, high=50)]
 """Traction on the film in its plane, x and y."""
@@ -53,7 +42,7 @@ class ShearForce(NamedTuple):
     """Shear by pixel, and figures by contact."""
 
     shear: Shear
-    figures: Metrics
+    figures: dict[str, float]
 
 
 class _Cells(NamedTuple):
@@ -128,7 +117,7 @@ def drag_to_shear(
     shear, chance = _likeliest(by_shear / modulus_kpa, drag, cells, sums, marker_error_px * pixel)
     total = sums @ shear
     deviation = np.hypot(chance, modulus_error * total)
-    figures: Metrics = {}
+    figures: dict[str, float] = {}
     for name, value, spread in zip(product(numbers, FORCE_TOTALS), total, deviation, strict=True):
         number, (what, unit) = name
         if number not in measured:

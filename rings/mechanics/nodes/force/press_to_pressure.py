@@ -19,7 +19,6 @@ from tactograph.sdk import (
     Height,
     HeightError,
     LargestContacts,
-    Metrics,
     PixelSize,
     Port,
     View,
@@ -41,7 +40,7 @@ class PressForce(NamedTuple):
     """Pressure by pixel, and figures by contact."""
 
     pressure: Pressure
-    figures: Metrics
+    figures: dict[str, float]
 
 
 @node
@@ -153,9 +152,9 @@ class _Place:
 
 def _figures(
     pressure: F4, contact: Contacts, numbers: NDArray[np.intp], area: NDArray[Any]
-) -> Metrics:
+) -> dict[str, float]:
     """Figures of contacts; `area` is that of a pixel in mm^2."""
-    figures: Metrics = {}
+    figures: dict[str, float] = {}
     load = pressure * area
     for number in numbers:
         y, x = np.nonzero(contact == number)

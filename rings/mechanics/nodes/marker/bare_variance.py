@@ -5,7 +5,9 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Gt
 
-from tactograph.sdk import Mask, SlopeVariance, node
+from tactograph.sdk import F4, Mask, Port, node
+
+SlopeVariance = Annotated[F4, Port("2 H W", "1"), "Variance of p and of q"]
 
 
 @node

@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Interval
 
-from tactograph.sdk import Close, Light, PixelSize, node, places
+from tactograph.sdk import Close, Light, PixelSize, image_places, node
 
 
 @node(neutral="light", tolerance=Close(2e-4, 1e-4, why="an exponential moves a marker's edge"))
@@ -40,9 +40,8 @@ def print_markers(
     center_x_mm, center_y_mm : centre of the drag, from the middle of the image
     reach_mm : standard deviation of the drag's fall-off
     """
-    rows, columns = light.shape[1:]
     side, pitch = np.float32(pixel), np.float32(pitch_mm)
-    x, y = places(columns, side)[None], places(rows, side)[:, None]
+    x, y = image_places(light.shape[1:], pixel)
     dx, dy = x - np.float32(center_x_mm), y - np.float32(center_y_mm)
     near = np.exp(-(dx * dx + dy * dy) / np.float32(2 * reach_mm * reach_mm))
     u, v = x - np.float32(drag_x_mm) * near, y - np.float32(drag_y_mm) * near

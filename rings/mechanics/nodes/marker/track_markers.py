@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from tactograph.rings.mechanics.layers.markers import MarkerTracks, Shifts
 from tactograph.rings.mechanics.nodes.marker.find_markers import Markers, find_markers
 from tactograph.rings.mechanics.nodes.marker.marker_darkness import Darkness
-from tactograph.sdk import F4, F8, Metrics, PixelSize, node, warn
+from tactograph.sdk import F4, F8, PixelSize, node, warn
 
 NEIGHBOUR_PITCHES = 1.6
 """Distance, in pitches, within which markers move alike."""
@@ -24,7 +24,7 @@ class Tracks(NamedTuple):
     """The tracks of the markers, and the figures."""
 
     tracks: MarkerTracks
-    quality: Metrics
+    quality: dict[str, float]
 
 
 @node
@@ -75,7 +75,7 @@ def track_markers(
     return Tracks(tracks, _figures(shift, matched, pixel))
 
 
-def _figures(shift: F8 | F4, matched: NDArray[np.generic], pixel: float) -> Metrics:
+def _figures(shift: F8 | F4, matched: NDArray[np.generic], pixel: float) -> dict[str, float]:
     length = np.hypot(shift[:, 0], shift[:, 1])[np.asarray(matched) > 0] * pixel
     return {
         "markers": float(len(shift)),

@@ -11,18 +11,7 @@ from tactograph.rings.mechanics.layers.markers import MarkerTracks
 from tactograph.rings.mechanics.layers.pose import ObjectPose
 from tactograph.rings.mechanics.nodes.marker.marker_places import marker_places
 from tactograph.rings.mechanics.nodes.motion._surface import IN_DEGREES, small_motion
-from tactograph.sdk import (
-    F4,
-    F8,
-    Contacts,
-    Height,
-    LargestContacts,
-    Metrics,
-    PixelSize,
-    Port,
-    View,
-    node,
-)
+from tactograph.sdk import F4, F8, Contacts, Height, LargestContacts, PixelSize, Port, View, node
 
 COLUMN_X, COLUMN_Y, COLUMN_VARIANCE = range(3)
 COLUMN_STATE, COLUMN_STILL, COLUMN_WAY, COLUMN_CONTACT = range(3, 7)
@@ -48,7 +37,7 @@ class Slip(NamedTuple):
     """The state of each marker for the next frame, and figures by contact."""
 
     slides: Slides
-    figures: Metrics
+    figures: dict[str, float]
 
 
 @node
@@ -109,7 +98,7 @@ def find_slip(
     on_object, variance = _on_object(markers.place, moved)
     judged = (number > 0) & (tracks.visible > 0) & (variance < MAX_POSE_MM**2)
     _slide(slides, judged, on_object, variance, slip_mm, hold_frames)
-    figures: Metrics = {}
+    figures: dict[str, float] = {}
     for contact_number in largest.numbers(contact):
         mine = np.flatnonzero(judged & (number == contact_number))
         if begins or len(mine) < MIN_MARKERS:

@@ -8,18 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import center_of_mass
 from scipy.optimize import linear_sum_assignment
 
-from tactograph.sdk import (
-    F4,
-    F8,
-    Contacts,
-    LargestContacts,
-    Lens,
-    Metrics,
-    PixelSize,
-    Port,
-    View,
-    node,
-)
+from tactograph.sdk import F4, F8, Contacts, LargestContacts, Lens, PixelSize, Port, View, node
 
 COLUMN_AGE, COLUMN_UNSEEN, COLUMN_X, COLUMN_Y, COLUMN_VX, COLUMN_VY = range(6)
 """Columns of the tracks: frames since it began, frames since it was last seen, centre in px,
@@ -38,7 +27,7 @@ class FollowedContacts(NamedTuple):
 
     contact: Contacts
     tracks: Tracks
-    figures: Metrics
+    figures: dict[str, float]
 
 
 @node
@@ -103,7 +92,7 @@ def follow_contacts(
             lasting[number] = row + 1
     rows[rows[:, COLUMN_UNSEEN] > patience] = 0
     followed = lasting[contact]
-    figures: Metrics = {}
+    figures: dict[str, float] = {}
     for lasts in largest.numbers(followed):
         age, _, x, y, *speed = rows[lasts - 1].tolist()
         stretch = View(lens).ideal_steps(contact.shape, x, y)

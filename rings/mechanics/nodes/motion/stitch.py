@@ -29,7 +29,7 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     surface_of,
 )
 from tactograph.rings.mechanics.nodes.motion.read_touches import TouchHeights
-from tactograph.sdk import F4, F8, InputError, Metrics, PixelSize, Port, node, tell_progress, warn
+from tactograph.sdk import F4, F8, InputError, PixelSize, Port, node, tell_progress, warn
 from tactograph.sdk.nodes import find_contact
 
 MIN_PARTNERS = 4
@@ -55,7 +55,7 @@ class StitchedSurface(NamedTuple):
     height: Stitched
     error: Stitched
     source: Sources
-    figures: Metrics
+    figures: dict[str, float]
 
 
 @node
@@ -148,7 +148,7 @@ def stitch(
     grid = _grid(surfaces, poses)
     height, error, astray, source, difference = _fused(surfaces, deviations, poses, leans, grid)
     error = np.hypot(error * np.float32(max(difference, 1.0) if stated else difference), astray)
-    figures: Metrics = {
+    figures: dict[str, float] = {
         "stitched_touches": float(len(poses)),
         "stitched_pairs": float(len(pairs)),
         "stitched_area_mm2": float(np.isfinite(height).sum() * pixel**2),

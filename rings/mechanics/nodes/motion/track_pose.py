@@ -10,6 +10,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.rings.mechanics.layers.pose import POSE_NAMES, Pose, PoseCovariance
+from tactograph.rings.mechanics.nodes.marker.bare_variance import SlopeVariance
 from tactograph.rings.mechanics.nodes.motion._held_film import held_film
 from tactograph.rings.mechanics.nodes.motion._match_shifts import Spectra, resolves
 from tactograph.rings.mechanics.nodes.motion._rigid_fit import MIN_PAIRS, OPEN_MM, Fit, fit_motion
@@ -22,19 +23,7 @@ from tactograph.rings.mechanics.nodes.motion._surface import (
     small_motion,
     surface_of,
 )
-from tactograph.sdk import (
-    F4,
-    F8,
-    Contacts,
-    Height,
-    Metrics,
-    PixelSize,
-    Port,
-    SlopeVariance,
-    View,
-    node,
-    warn,
-)
+from tactograph.sdk import F4, F8, Contacts, Height, PixelSize, Port, View, node, warn
 
 KeySurface = Annotated[F4, Port("2 H W", "mm", nan=True)]
 """Heights of the key frame, NaN beside the touched film, and beside what moves with the object."""
@@ -67,7 +56,7 @@ class TrackedPose(NamedTuple):
     covariance: PoseCovariance
     key: KeySurface
     memory: Memory
-    figures: Metrics
+    figures: dict[str, float]
 
 
 @node
@@ -210,7 +199,7 @@ def _begin(heights: F4, stated: float, pressed: float) -> TrackedPose:
 
 
 def _tracked(
-    motion: F8, covariance: F8, key: F4, memory: F4, is_open: F8, further: Metrics
+    motion: F8, covariance: F8, key: F4, memory: F4, is_open: F8, further: dict[str, float]
 ) -> TrackedPose:
     """The pose in mm and degrees, its figures, and a warning of unobservable motions."""
     pose = IN_DEGREES * six_numbers(motion)
@@ -219,7 +208,7 @@ def _tracked(
     at_pose[:3, 3:] = -cross_matrix(motion[:3, 3])
     spread = np.diag(IN_DEGREES) @ at_pose
     covariance = spread @ covariance @ spread.T
-    figures: Metrics = {}
+    figures: dict[str, float] = {}
     for axis, value, deviation in zip(POSE_NAMES, pose, np.sqrt(np.diag(covariance)), strict=True):
         figures[f"pose_{axis}"], figures[f"pose_sd_{axis}"] = float(value), float(deviation)
     figures["pose_open"] = float(is_open.shape[1])

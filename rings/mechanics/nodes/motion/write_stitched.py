@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from tactograph.rings.mechanics.nodes.motion.stitch import Sources, Stitched
-from tactograph.sdk import ImageFile, Metrics, PixelSize, Provenance, StoredResult, Touch, node
+from tactograph.sdk import ImageFile, PixelSize, Provenance, StoredResult, Touch, node
 
 
 @node
@@ -14,7 +14,7 @@ def write_stitched(
     error: Stitched,
     source: Sources,
     pixel: PixelSize,
-    metrics: Metrics,
+    metrics: dict[str, float],
     *,
     folder: Path,
     ply: bool = False,

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from tactograph.rings.metrology.nodes.certify.transfer_function import CUT_OFF_SHARE
 from tactograph.rings.metrology.nodes.certify.uncertainty_budget import BudgetRow
-from tactograph.sdk import F8, Colour, Metrics
+from tactograph.sdk import F8, Colour
 
 PAGE_TEXT = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title><style>
@@ -31,7 +31,7 @@ def page(
     about: Sequence[str],
     characteristics: Sequence[Mapping[str, Any]],
     rows: Sequence[BudgetRow],
-    figures: Metrics,
+    figures: dict[str, float],
     curves: Mapping[str, F8 | None],
 ) -> str:
     """Return the page as HTML."""
@@ -57,7 +57,7 @@ def _characteristics(entries: Sequence[Mapping[str, Any]]) -> str:
     return f"<table>{head}{''.join(lines)}</table>"
 
 
-def _budget(rows: Sequence[BudgetRow], figures: Metrics) -> str:
+def _budget(rows: Sequence[BudgetRow], figures: dict[str, float]) -> str:
     top = figures.get("uncertainty_height_um")
     head = "<tr><th>input</th><th>u</th><th>distribution</th><th>c</th><th>c u / um</th></tr>"
     lines = []
@@ -90,7 +90,7 @@ def _budget(rows: Sequence[BudgetRow], figures: Metrics) -> str:
     return f"<table>{head}{''.join(lines)}</table>{text}"
 
 
-def _response(curve: F8 | None, figures: Metrics) -> tuple[str, str] | None:
+def _response(curve: F8 | None, figures: dict[str, float]) -> tuple[str, str] | None:
     if curve is None:
         return None
     true, apart, spread = 1e3 * curve

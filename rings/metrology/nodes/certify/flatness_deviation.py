@@ -3,11 +3,11 @@
 import numpy as np
 
 from tactograph.rings.metrology.nodes.certify.measure_touches import Heights
-from tactograph.sdk import Metrics, node
+from tactograph.sdk import node
 
 
 @node
-def flatness_deviation(height: Heights | None = None) -> Metrics:
+def flatness_deviation(height: Heights | None = None) -> dict[str, float]:
     """Return how far a flat is from flat, by the mean of its captures.
 
     ISO 25178-600: flatness deviation is Sz of a flat.  The mean of N captures leaves 1 / N of the

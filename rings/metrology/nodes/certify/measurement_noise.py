@@ -3,13 +3,13 @@
 import numpy as np
 
 from tactograph.rings.metrology.nodes.certify.measure_touches import Heights
-from tactograph.sdk import InputError, Metrics, node
+from tactograph.sdk import InputError, node
 
 MIN_REPEATS = 2
 
 
 @node
-def measurement_noise(height: Heights | None = None) -> Metrics:
+def measurement_noise(height: Heights | None = None) -> dict[str, float]:
     """Return the noise of a single height and the drift, of repeats of one still touch.
 
     ISO 25178-600: noise added to the output during normal use.  Sq of the difference of two
@@ -42,7 +42,7 @@ def measurement_noise(height: Heights | None = None) -> Metrics:
     apart = np.diff(maps, axis=0)
     apart = apart - np.nanmean(apart, axis=(1, 2), keepdims=True)
     noise = float(np.sqrt(np.nanmean(np.square(apart)) / 2))
-    figures: Metrics = {
+    figures: dict[str, float] = {
         "measurement_noise_um": noise,
         "topography_repeatability_um": float(np.sqrt(np.nanmean(maps.var(axis=0, ddof=1)))),
         "noise_repeats": float(len(maps)),

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.metrology.nodes.certify.compare_shapes import Compared
-from tactograph.sdk import F8, Metrics, Port, node
+from tactograph.sdk import F8, Port, node
 
 LEVEL_COUNT = 10
 """Levels of the response curve, of equally many points each."""
@@ -15,7 +15,7 @@ LEVEL_COUNT = 10
 class Response(NamedTuple):
     """Figures, and the curve: true height, mean deviation and its spread of every level."""
 
-    metrics: Metrics
+    metrics: dict[str, float]
     curve: Annotated[F8, Port("3 B", "mm")] | None = None
 
 
@@ -59,7 +59,7 @@ def response_curve(compared: Compared) -> Response:
     if true is None or measured is None or shape is None or touch is None:
         return Response({})
     parts = response_parts(true, measured, shape)
-    figures: Metrics = {
+    figures: dict[str, float] = {
         "amplification_coefficient": parts.amplification,
         "linearity_deviation_um": 1e3 * parts.linearity,
         "topography_fidelity_um": 1e3 * float(np.sqrt(np.mean(np.square(measured - true)))),

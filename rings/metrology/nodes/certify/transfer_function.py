@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from tactograph.rings.metrology.nodes.certify.measure_touches import Heights
-from tactograph.sdk import F8, Metrics, PixelSize, Port, node, warn
+from tactograph.sdk import F8, PixelSize, Port, node, warn
 
 CUT_OFF_SHARE = 0.5
 """Height response at which a wave counts as resolved (ISO 25178-600, lateral period limit)."""
@@ -16,7 +16,7 @@ NYQUIST_FREQUENCY = 0.5
 class Transfer(NamedTuple):
     """Figures, and the curve: cycles per mm, and the height response there."""
 
-    metrics: Metrics
+    metrics: dict[str, float]
     curve: Annotated[F8, Port("2 S", "1")] | None = None
 
 

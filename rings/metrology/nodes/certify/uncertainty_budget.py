@@ -9,7 +9,7 @@ from scipy.stats import norm, t
 
 from tactograph.rings.metrology.nodes.certify.compare_shapes import Compared
 from tactograph.rings.metrology.nodes.certify.response_curve import response_parts
-from tactograph.sdk import F8, Metrics, node
+from tactograph.sdk import F8, node
 
 COVERED_SHARE = 0.9545
 """Share of a normal distribution within two standard deviations: k = 2 (GUM 6.3.3)."""
@@ -38,14 +38,14 @@ class Budget(NamedTuple):
     """The rows, those that were not measured too, and figures."""
 
     rows: list[BudgetRow]
-    metrics: Metrics
+    metrics: dict[str, float]
 
 
 @node
 def uncertainty_budget(
     compared: Compared,
-    noise: Metrics,
-    flatness: Metrics,
+    noise: dict[str, float],
+    flatness: dict[str, float],
     *,
     radius_mm: float | None = None,
     radius_error_um: Annotated[float, Ge(0)] | None = None,
@@ -96,7 +96,7 @@ def uncertainty_budget(
     standard, factor = _standard(rows, top)
     expanded = factor * standard
     drawn = _drawn(rows, top, draws, np.random.default_rng(seed))
-    figures: Metrics = {
+    figures: dict[str, float] = {
         "uncertainty_height_um": top,
         "standard_uncertainty_um": standard,
         "coverage_factor": factor,
@@ -120,7 +120,7 @@ def uncertainty_budget(
 
 
 def _rows(
-    compared: Compared, noise: Metrics, flatness: Metrics, reference: float | None
+    compared: Compared, noise: dict[str, float], flatness: dict[str, float], reference: float | None
 ) -> list[BudgetRow]:
     n, f = noise.get("measurement_noise_um"), flatness.get("flatness_rms_um")
     amplification = linearity = fidelity = None

@@ -8,7 +8,7 @@ from tactograph.rings.metrology.nodes.certify._statement_page import page
 from tactograph.rings.metrology.nodes.certify.response_curve import Response
 from tactograph.rings.metrology.nodes.certify.transfer_function import Transfer
 from tactograph.rings.metrology.nodes.certify.uncertainty_budget import COVERED_SHARE, Budget
-from tactograph.sdk import Metrics, Provenance, atomic_files, node
+from tactograph.sdk import Provenance, atomic_files, node
 
 JSON_FILE, PAGE_FILE = "statement.json", "statement.html"
 AS_MEASURED = "measured"
@@ -47,11 +47,11 @@ STATED_FIGURES = (
 
 @node
 def write_statement(
-    noise: Metrics,
-    flatness: Metrics,
+    noise: dict[str, float],
+    flatness: dict[str, float],
     response: Response,
     transfer: Transfer,
-    xy: Metrics,
+    xy: dict[str, float],
     budget: Budget,
     *,
     folder: Path,
@@ -100,7 +100,7 @@ def write_statement(
         )
 
 
-def _about(figures: Metrics, provenance: Provenance) -> list[str]:
+def _about(figures: dict[str, float], provenance: Provenance) -> list[str]:
     """What the statement is of, and what it holds for."""
     of = provenance.inputs.get("calibration", {})
     identity = [f"{name} {text}" for name, text in sorted(of.items())]

@@ -7,7 +7,7 @@ import numpy as np
 from annotated_types import Gt
 
 from tactograph.rings.metrology.nodes.certify._sensor import certified_sensor
-from tactograph.sdk import Crop, InputError, Metrics, View, node
+from tactograph.sdk import Crop, InputError, View, node
 from tactograph.sdk.nodes import find_grid, read_grey
 
 
@@ -18,7 +18,7 @@ def xy_mapping(
     grid: Path | None = None,
     pitch_mm: Annotated[float, Gt(0)] | None = None,
     crop: Crop | None = None,
-) -> Metrics:
+) -> dict[str, float]:
     """Compare the places of a grid's marks, by the calibration's lens and pixel, with its pitch.
 
     Rotation and position of the grid are free.  ISO 25178-600: the amplification coefficients

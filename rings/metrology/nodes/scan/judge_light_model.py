@@ -4,7 +4,7 @@ import numpy as np
 
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope, light_model_slope
-from tactograph.sdk import InputError, Light, Metrics, Odds, Slope, node, warn
+from tactograph.sdk import InputError, Light, Odds, Slope, node, warn
 from tactograph.sdk.nodes import slope_curl
 
 MAX_RESIDUAL = 0.01
@@ -25,7 +25,7 @@ def judge_light_model(
     model: LightModel | None = None,
     *,
     only_warn: bool = False,
-) -> Metrics:
+) -> dict[str, float]:
     """Warn where the light contradicts the model, and refuse a model that is clearly another's.
 
     Parameters

@@ -9,7 +9,7 @@ from annotated_types import Interval
 from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import light_model_slope
 from tactograph.rings.metrology.nodes.scan.read_light_model import check_frame, on_cells
-from tactograph.sdk import Crop, Metrics, node, warn
+from tactograph.sdk import Crop, node, warn
 from tactograph.sdk.nodes import coarsen, read_capture
 
 MAX_UNTOUCHED_SLOPE = 0.02
@@ -23,7 +23,7 @@ def judge_untouched(
     folder: Path | None = None,
     crop: Crop | None = None,
     cell: Annotated[int, Interval(ge=0, le=64)] = 16,
-) -> Metrics:
+) -> dict[str, float]:
     """Return how far the model takes untouched film for tilted, and warn where that is much.
 
     A model, with its own flat field, was made for the film of that day.  Film at rest is level:

@@ -17,7 +17,7 @@ from tactograph.rings.metrology.nodes.scan.light_model import LightModel
 from tactograph.rings.metrology.nodes.scan.light_model_slope import ModelSlope
 from tactograph.rings.metrology.nodes.scan.scale_step import ScaleStep
 from tactograph.rings.metrology.nodes.surface.measure_step import ErrorParts
-from tactograph.sdk import F4, Height, HeightError, Metrics, PixelSize, Port, SizeLimit, node, warn
+from tactograph.sdk import F4, Height, HeightError, PixelSize, Port, SizeLimit, node, warn
 from tactograph.sdk.nodes import integrate_dct
 
 MAX_SQUARED_SLOPE = 3.0
@@ -42,7 +42,7 @@ class ScanLevel(NamedTuple):
 
     bend: Height
     error: HeightError
-    metrics: Metrics
+    metrics: dict[str, float]
     parts: ErrorParts
     settled: ErrorParts | None = None
     """The parts where a step of known depth settled them."""
@@ -133,7 +133,7 @@ def level_scan(
     errors = np.concatenate([errors, [lacking]]).astype(np.float32)
     parts = np.concatenate([errors, [NOMINAL_GROWTH * growth]]).astype(np.float32)
     factor, settled = 1.0, None
-    figures: Metrics = {"level_bow_um": bow}
+    figures: dict[str, float] = {"level_bow_um": bow}
     stated_scale = scale if step is None else step.scale
     if stated_scale is not None:
         factor, uncertain = stated_scale

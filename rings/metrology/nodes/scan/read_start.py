@@ -20,7 +20,7 @@ from tactograph.rings.metrology.nodes.scan.read_light_model import (
     read_light_model,
 )
 from tactograph.rings.metrology.nodes.scan.scan_pixel_size import scan_pixel_size
-from tactograph.sdk import F4, Crop, Light, Metrics, PixelSize, Port, node
+from tactograph.sdk import F4, Crop, Light, PixelSize, Port, node
 from tactograph.sdk.nodes import coarsen
 
 CELL_PX = 16
@@ -32,7 +32,7 @@ MIN_LIGHT_TOWARDS = 1e-3
 class Start(NamedTuple):
     """What a light model says."""
 
-    metrics: Metrics
+    metrics: dict[str, float]
     rest: Light | None = None
     slants: Annotated[F4, Port("K 2", "1", low=-1, high=1)] | None = None
     """L_x / L_z and L_y / L_z of each LED, from the middle of the frame."""
@@ -76,7 +76,7 @@ def read_start(
     rest, _ = modelled_light(coefficients(model.quadratic, powers), level)
     towards = model.linear[:, :, 0]
     slants = towards[:, :2] / np.maximum(towards[:, 2:], MIN_LIGHT_TOWARDS)
-    figures: Metrics = {}
+    figures: dict[str, float] = {}
     if len(image) > PIXEL_UNKNOWNS:
         on_coarse_cells = coarsen(image, factor=CELL_PX), on_cells(model, CELL_PX)
         solved = light_model_slope(*on_coarse_cells)

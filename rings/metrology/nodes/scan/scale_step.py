@@ -15,18 +15,7 @@ from tactograph.rings.metrology.nodes.surface.measure_step import (
     measure_step,
     parts_within,
 )
-from tactograph.sdk import (
-    F4,
-    Crop,
-    Height,
-    InputError,
-    Layout,
-    Metrics,
-    PixelSize,
-    Port,
-    node,
-    warn,
-)
+from tactograph.sdk import F4, Crop, Height, InputError, Layout, PixelSize, Port, node, warn
 
 USUAL_STEP_SCALE, MAX_STEP_SCALE = 1.08, 1.25
 """Factors by which a known step is deeper or shallower than a light model makes it: one that films
@@ -39,7 +28,7 @@ class ScaleStep(NamedTuple):
     scale: StepScale
     errors: Annotated[F4, Port("E", "1", low=-0.01, high=0.01)]
     """What its depth errs by in each part of the error, as a share of it."""
-    metrics: Metrics
+    metrics: dict[str, float]
 
 
 @node
@@ -47,7 +36,7 @@ def scale_step(
     height: Height,
     parts: ErrorParts,
     pixel: PixelSize,
-    light: Metrics,
+    light: dict[str, float],
     *,
     folder: Path | None = None,
     certified_um: CertifiedDepth | None = None,

@@ -7,7 +7,7 @@ from annotated_types import Gt, Interval
 from numpy.polynomial.polynomial import polygrid2d, polyvander2d
 from scipy.ndimage import gaussian_filter
 
-from tactograph.sdk import F4, Height, InputError, Metrics, PixelSize, node
+from tactograph.sdk import F4, Height, InputError, PixelSize, node
 
 GAUSSIAN_ALPHA = np.sqrt(np.log(2) / np.pi)
 """Constant of ISO 16610-61: a Gaussian filter passes half of a wave as long as its nesting
@@ -20,7 +20,7 @@ class SLSurface(NamedTuple):
     """The S-L surface, and what it was filtered by."""
 
     height: Height
-    metrics: Metrics
+    metrics: dict[str, float]
 
 
 @node
@@ -61,7 +61,7 @@ def filter_surface(
             "waves shorter than its index, the L-filter longer ones; give the smaller as "
             "`s_filter_mm`"
         )
-    metrics: Metrics = {"form_degree": float(form_degree)}
+    metrics: dict[str, float] = {"form_degree": float(form_degree)}
     if s_filter_mm is not None:
         metrics["s_filter_mm"] = s_filter_mm
         height = gaussian_mean(height, s_filter_mm / pixel)

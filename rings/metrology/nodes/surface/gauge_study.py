@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.metrology.nodes.surface.measure_step import Across, EdgeCount, measure_step
-from tactograph.sdk import Crop, InputError, Metrics, node
+from tactograph.sdk import Crop, InputError, node
 from tactograph.sdk.nodes import read_height, read_pixel_size
 
 HEIGHT_FILE = "height.npy"
@@ -25,7 +25,7 @@ def gauge_study(
     crop: Crop | None = None,
     along: Across = "x",
     edges: EdgeCount = 2,
-) -> Metrics:
+) -> dict[str, float]:
     """Measure the step of every result, and split the variance by parts, operators and trials.
 
     Analysis of variance of a crossed, balanced study (AIAG, "Measurement systems analysis", 2010):

@@ -11,18 +11,7 @@ from annotated_types import Ge, Gt, Interval
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from tactograph.sdk import (
-    F4,
-    Crop,
-    Height,
-    HeightError,
-    InputError,
-    Metrics,
-    PixelSize,
-    Port,
-    node,
-    warn,
-)
+from tactograph.sdk import F4, Crop, Height, HeightError, InputError, PixelSize, Port, node, warn
 
 MIN_PROFILES = 5
 MIN_ZONE_PX = 3
@@ -75,7 +64,7 @@ def measure_step(
     along: Across = "x",
     edges: EdgeCount = 2,
     certified_um: CertifiedDepth | None = None,
-) -> Metrics:
+) -> dict[str, float]:
     """Measure a groove (two edges) or a step (one) on every profile across it.
 
     Of a groove of width W, ISO 5436-1 (type A1) compares the middle third of its bottom with the
@@ -213,7 +202,7 @@ def _edge_loss(profiles: list[Profile], pixel: float) -> float:
     return pixel * float(np.median(np.tan(wall) - 2 * np.tan(wall / 2))) / np.sqrt(3)
 
 
-def _warn_of_wide_walls(figures: Metrics) -> None:
+def _warn_of_wide_walls(figures: dict[str, float]) -> None:
     """Warn where a wall reaches into the parts that stand for the levels."""
     least = np.radians(min(figures[name] for name in figures if name.startswith("wall_")))
     run = abs(figures["step_depth_um"]) / 1e3 / np.tan(max(least, 1e-6))

@@ -6,14 +6,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tactograph.rings.metrology.nodes.surface.measure_step import Across, EdgeCount, step_profiles
-from tactograph.sdk import Colour, Height, Metrics, NewPicture, PixelSize, node
+from tactograph.sdk import Colour, Height, NewPicture, PixelSize, node
 
 
 @node
 def plot_step(
     height: Height,
     pixel: PixelSize,
-    figures: Metrics,
+    figures: dict[str, float],
     *,
     file: Path | None = None,
     along: Across = "x",

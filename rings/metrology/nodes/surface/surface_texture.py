@@ -8,7 +8,7 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 
 from tactograph.rings.metrology.nodes.surface.areal_surface import areal_surface
-from tactograph.sdk import Contacts, Height, LargestContacts, Metrics, PixelSize, node, warn
+from tactograph.sdk import Contacts, Height, LargestContacts, PixelSize, node, warn
 
 POINTS_PER_TERM = 10
 """Least number of points per term; with fewer the form would fit the surface's texture, too."""
@@ -25,7 +25,7 @@ def surface_texture(
     form_degree: Annotated[int, Interval(ge=0, le=8)] = 1,
     edge_px: Annotated[int, Interval(ge=0, le=50)] = 4,
     largest: LargestContacts,
-) -> Metrics:
+) -> dict[str, float]:
     """Return Sa, Sq, Sz, Ssk and Sku of ISO 25178-2, of each contact or of the whole map.
 
     A form is fitted by least squares and subtracted; surfalize evaluates the remaining heights.
@@ -61,7 +61,7 @@ def surface_texture(
     is_known = np.isfinite(height)
     if contact is None:
         return _texture(height, is_known, pixel, form_degree, "the height map")
-    figures: Metrics = {}
+    figures: dict[str, float] = {}
     for number in largest.numbers(contact):
         inside = _without_edge((contact == number).astype(np.uint8), edge_px) & is_known
         texture = _texture(height, inside, pixel, form_degree, f"contact {number}")
@@ -77,9 +77,9 @@ def _without_edge(mask: NDArray[np.uint8], edge: int) -> NDArray[np.bool_]:
 
 def _texture(
     height: Height, inside: NDArray[np.bool_], pixel: float, degree: int, name: str
-) -> Metrics:
+) -> dict[str, float]:
     count = int(inside.sum())
-    figures: Metrics = {"texture_area_mm2": count * pixel**2}
+    figures: dict[str, float] = {"texture_area_mm2": count * pixel**2}
     terms = (degree + 1) * (degree + 2) // 2
     rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
     if count < POINTS_PER_TERM * terms or min(len(rows), len(columns)) < degree + 2:

@@ -8,18 +8,7 @@ from pydantic import AfterValidator
 from tactograph.rings.oneshot.nodes.map.raise_walls import WallGain
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import MattDeviation
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.sdk import (
-    CheckRanks,
-    Dark,
-    FileKind,
-    Lens,
-    Light,
-    Mask,
-    Metrics,
-    Misfit,
-    PixelSize,
-    Stored,
-)
+from tactograph.sdk import CheckRanks, Dark, FileKind, Lens, Light, Mask, Misfit, PixelSize, Stored
 
 
 class PressCalibration(NamedTuple):
@@ -40,7 +29,7 @@ class PressCalibration(NamedTuple):
         "being x and y in px from the image's middle divided by half its width",
     ]
     misfit: Misfit
-    quality: Annotated[Metrics, "figures of the calibration's quality, for people"]
+    quality: Annotated[dict[str, float], "figures of the calibration's quality, for people"]
     doubts: Annotated[list[str], "what speaks against the calibration, a sentence each"]
     area: Annotated[Mask, Stored(0, 1, plain=1), "1 where the frame shows film"]
     lens: Annotated[

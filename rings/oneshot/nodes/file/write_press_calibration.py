@@ -5,17 +5,7 @@ from tactograph.rings.oneshot.nodes.file.press_calibration import (
     NewPressCalibration,
 )
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
-from tactograph.sdk import (
-    Lens,
-    Light,
-    Mask,
-    Metrics,
-    PixelSize,
-    Provenance,
-    SensorIdentity,
-    node,
-    warn,
-)
+from tactograph.sdk import Lens, Light, Mask, PixelSize, Provenance, SensorIdentity, node, warn
 
 
 @node
@@ -23,7 +13,7 @@ def write_press_calibration(
     flat: Light,
     pixel: PixelSize,
     reflectance: ReflectanceMap,
-    quality: Metrics,
+    quality: dict[str, float],
     advice: str,
     doubts: list[str] | None = None,
     area: Mask | None = None,

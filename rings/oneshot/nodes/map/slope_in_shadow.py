@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.map.reflectance_map import SHADE_COUNT, shading, terms
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap, solved
-from tactograph.sdk import F4, Height, Light, Metrics, Port, Slope, SlopeNormal, node
+from tactograph.sdk import F4, Height, Light, Port, Slope, SlopeNormal, node
 
 MattDeviation = Annotated[float, Port(unit="1")]
 """Standard deviation of a matt film's light from the map; 0 of any other film."""
@@ -68,7 +68,7 @@ def slope_in_shadow(
     return _nearer_to_neighbours(slope, rows, columns, near[:, shaded], far)
 
 
-def matt_deviation(quality: Metrics, residual: float) -> float:
+def matt_deviation(quality: dict[str, float], residual: float) -> float:
     """Return the deviation of a film that `judge_radius` finds matt, and 0 of another."""
     return residual if quality.get("matt") else 0.0
 

@@ -14,18 +14,7 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     reconstruct,
     refine_center,
 )
-from tactograph.sdk import (
-    F4,
-    FoundBalls,
-    Judged,
-    Light,
-    Metrics,
-    PixelSize,
-    Port,
-    PressedBall,
-    node,
-    warn,
-)
+from tactograph.sdk import F4, FoundBalls, Judged, Light, PixelSize, Port, PressedBall, node, warn
 
 COVERAGE_CELLS = (4, 6)
 """Rows and columns of cells into which the film is divided to measure coverage."""
@@ -39,7 +28,7 @@ PART_COUNT = 5
 class PressRating(NamedTuple):
     """Figures for programs; for people what to press next, what is doubtful, and the verdict."""
 
-    quality: Metrics
+    quality: dict[str, float]
     advice: str
     doubts: list[str]
     verdict: str

@@ -1,14 +1,24 @@
 """Read the many presses of a ball from which a one-shot sensor is calibrated."""
 
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
 from scipy.ndimage import gaussian_filter
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
-from tactograph.sdk import F4, CaptureFile, Crop, InputError, Layout, Light, StatedCircles, node
+from tactograph.sdk import (
+    F4,
+    CaptureFile,
+    Crop,
+    InputError,
+    Layout,
+    Light,
+    Lights,
+    StatedCircles,
+    node,
+)
 
 
 class Presses(NamedTuple):
@@ -25,7 +35,7 @@ def read_presses(
     *,
     folder: Path | None = None,
     flat: Path,
-    lights: Literal["leds", "bgr", "rgb"] = "bgr",
+    lights: Lights = "bgr",
     crop: Crop | None = None,
     smooth_px: Annotated[float, Interval(ge=0, le=100)] = 2.0,
 ) -> Presses:
@@ -72,7 +82,7 @@ def read_presses(
 
 def read_film(
     place: Path,
-    lights: Literal["leds", "bgr", "rgb"],
+    lights: Lights,
     smooth_px: float,
     crop: Crop | None = None,
 ) -> F4:

@@ -26,7 +26,7 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     refine_center,
 )
 from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
-from tactograph.sdk import F8, Light, Metrics, Odds, PixelSize, PressedBall, node
+from tactograph.sdk import F8, Light, Odds, PixelSize, PressedBall, node
 
 MAX_PRESS_PIXELS = 1500
 """Most pixels of a press that are fitted."""
@@ -43,7 +43,7 @@ class MapRefit(NamedTuple):
     """The new map, and figures."""
 
     reflectance: ReflectanceMap
-    quality: Metrics
+    quality: dict[str, float]
 
 
 @node

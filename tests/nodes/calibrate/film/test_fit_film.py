@@ -337,8 +337,8 @@ def test_a_model_that_settles_badly_loses_to_one_that_does_not(
     """The least held-out error wins, whatever part looked best on the way."""
     settle = _film_search.settle
 
-    def unsettled(trial: Any, best: Any) -> Any:
-        trial, best, whole = settle(trial, best)
+    def unsettled(path: Any) -> Any:
+        trial, best, whole = settle(path)
         if "bounce" in best.parts:
             best = best._replace(error=7.5, errors=[7.5 + each for each in best.errors])
         return trial, best, whole
@@ -347,6 +347,37 @@ def test_a_model_that_settles_badly_loses_to_one_that_does_not(
     fit = fitted(MATT._replace(albedo=0.7), FOUR[:2])
     assert fit.film.albedo == 0
     assert fit.quality["film_heldout_deg"] < 7
+
+
+@pytest.mark.one_case
+@pytest.mark.parametrize("stays", [True, False])
+def test_a_part_that_errs_more_once_settled_is_given_up(
+    stays: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    judge = _film_search.judge
+
+    def badly(trial: Any, parts: Any, *more: Any) -> Any:
+        model, is_settled = judge(trial, parts, *more), trial.balls.u.size > 2000
+        return model._replace(error=7.5) if is_settled and parts and not stays else model
+
+    monkeypatch.setattr(_film_search, "judge", badly)
+    coated = MATT._replace(refraction=1.5, roughness=0.25, base=0.5)
+    fit = fitted(coated, FOUR[:2], without=("bounce", "diffuse", "harmonics"))
+    assert (fit.film.refraction > 1.4) == stays
+    assert fit.quality["film_heldout_deg"] < 7
+
+
+def test_a_part_that_explains_nothing_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    def grown(path: Any, _: Any) -> Any:
+        trial, best = path[-1]
+        parts = frozenset({"diffuse"})
+        return [(trial, _film_search.judge(trial, parts, trial.fit(parts, best.fitted)))]
+
+    monkeypatch.setattr(_film_search, "grow", grown)
+    fit = fitted(MATT, FOUR[:2], without=("lobe", "bounce", "harmonics"))
+    assert "diffuse" in tried(fit)
+    assert not fit.film.diffuse.any()
+    assert fit.film.gain == 1
 
 
 def test_grain_is_the_misfit_beyond_the_cameras_noise() -> None:

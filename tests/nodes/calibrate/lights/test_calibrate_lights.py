@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4
+from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.ball.ball_slopes import BallSlopes, ball_slopes
 from tactograph.nodes.calibrate.lights.calibrate_lights import LightsFit, calibrate_lights
+from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rest.estimate_noise import estimate_noise
 from tactograph.nodes.calibrate.rest.rest_light import rest_light
 from tactograph.nodes.calibrate.tables.label_lit import label_lit
@@ -140,3 +141,16 @@ def test_noise_is_relative_to_the_film_at_rest() -> None:
     flat = np.full((4, 2, 2), 0.6, np.float32)
     noise = light_noise(image, flat, np.array([1e-4, 1e-5], np.float32))
     assert noise == pytest.approx(np.sqrt(1e-4 * 0.3 + 1e-5) / 0.6)
+
+
+def test_a_frame_under_leds_with_a_lens_tells_what_points_would_light() -> None:
+    frames = {
+        m: Rest.of(render(FILM, PIXEL, RING, cosine_leds=m > 0).light.astype(np.float32), PIXEL)
+        for m in (0, 1)
+    }
+    film = Film.matt(RING)._replace(emission=1.0)
+    assert frames[0] is not None
+    assert frames[1] is not None
+    points = frames[1].under_points(film).logarithm
+    assert np.abs(frames[1].logarithm - frames[0].logarithm).max() > 3e-3
+    assert np.abs(points - frames[0].logarithm).max() < 1e-5
