@@ -6,7 +6,7 @@ import numpy as np
 
 from tactograph.graph import InputError, Port, SizeLimit, node
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, Film, Light, PixelSize
-from tactograph.nodes.calibrate.lights.light_fit import LedFit, other_places, residual_of
+from tactograph.nodes.calibrate.lights.light_fit import LedFit, other_places
 from tactograph.nodes.calibrate.lights.light_samples import Rest, presses_of, samples_for, unreached
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import (
@@ -85,11 +85,7 @@ def calibrate_lights(
         raise InputError(why)
     rest, width = Rest.of(flat, pixel, shape), pixel * light.shape[2]
     placed = LedFit.of(objects, rest, width, slants=slants)
-    residual = [
-        residual_of(each, placed.leds, shift, placed.flat)
-        for each, shift in zip(objects, placed.shifts, strict=True)
-    ]
-    of_leds = zip(np.hstack(residual), np.hstack([each.lit for each in objects]), strict=True)
+    of_leds = zip(placed.left(objects), np.hstack([each.lit for each in objects]), strict=True)
     spread = DEVIATIONS_PER_MAD * np.array([np.median(np.abs(r[lit])) for r, lit in of_leds])
     others = other_places(objects, rest, placed, width)
     film = Film.matt(placed.lights)._replace(other_lights=others)

@@ -126,6 +126,11 @@ class LedFit:
         strength = np.ones(len(self.leds)) if self.flat else np.exp(self.leds[:, 3])
         return strength.astype(np.float32)
 
+    def left(self, objects: list[Object]) -> F8:
+        """Light minus model on all objects, K x N; zero where an LED does not reach."""
+        each = zip(objects, self.shifts, strict=True)
+        return np.hstack([residual_of(o, self.leds, shift, self.flat) for o, shift in each])
+
     def residuals(self, objects: list[Object], rest: Rest | None) -> F8:
         """Residuals of shifts, the objects' light and the film at rest, in standard deviations."""
         leds, shifts, flat = self.leds, self.shifts, rest is not None
@@ -167,10 +172,10 @@ class LedFit:
 
             first = leds.size + 3 * i
             rows[:, first : first + 3] = by_differences(residual, shift, 1)
-        for column, step in enumerate(steps.ravel() if flat else ()):
-            changed = leds.ravel() + step * (np.arange(leds.size) == column)
+        for unknown, step in enumerate(steps.ravel() if flat else ()):
+            changed = leds.ravel() + step * (np.arange(leds.size) == unknown)
             after = np.concatenate(_rest_residual(rest, changed.reshape(leds.shape)))
-            jacobian[ends[-1] :, column] = (after - at_rest) / step
+            jacobian[ends[-1] :, unknown] = (after - at_rest) / step
         return jacobian
 
 
@@ -182,11 +187,9 @@ def other_places(objects: list[Object], rest: Rest | None, placed: LedFit, width
     certain are combined with the signs of a Hadamard matrix's rows, so that the squares of their
     effects add up exactly.
     """
-    leds, flat = placed.leds, rest is not None
+    leds = placed.leds
     slopes = placed.jacobian(objects, rest)
-    on_objects = np.concatenate(
-        [residual_of(o, leds, s, flat) for o, s in zip(objects, placed.shifts, strict=True)], axis=1
-    )
+    on_objects = placed.left(objects)
     on_film = np.concatenate([np.zeros(1), *_rest_residual(rest, leds)])
     lit = np.hstack([press.lit for press in objects])
     first, last = placed.shifts.size, placed.shifts.size + on_objects.size
