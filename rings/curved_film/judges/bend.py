@@ -12,13 +12,17 @@ def doubts(evidence: FilmEvidence, film: Film, fitted: dict[str, float]) -> list
     """Return a doubt if one bend over the frame explains the light better than a plane.
 
     It is looked for only where something is wrong: LEDs at infinity, or normals of held-out presses
-    that are far off.
+    that are far off, by the film that was found or by a larger model that errs more than a plain
+    film.
 
     Parameters
     ----------
     evidence, film, fitted : the inputs of `fit_film`, its film and its figures
     """
-    heldout = Judged.of_heldout("film_heldout_deg", fitted.get("film_heldout_deg"))
+    plain_deg = fitted.get("film_heldout_deg/matt", math.inf)
+    errors = {n: deg for n, deg in fitted.items() if n.startswith("film_heldout_deg")}
+    worse = (deg for n, deg in errors.items() if n == "film_heldout_deg" or deg > plain_deg)
+    heldout = Judged.of_heldout("film_heldout_deg", max(worse, default=None))
     presses = np.count_nonzero(evidence.circle[:, 2])
     if (
         evidence.shape is not None
