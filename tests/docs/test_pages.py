@@ -73,6 +73,7 @@ LONG = (
     "filters.md",
     "force.md",
     "graph_files.md",
+    "index.md",
     "new_kernel.md",
     "python.md",
     "sensors.md",

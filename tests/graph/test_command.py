@@ -370,6 +370,7 @@ def test_a_file_of_another_user_is_named_in_the_error(
     assert (done.code, one_line(done).strip()) == (2, "tactograph: /tmp/x: Permission denied")
 
 
+@pytest.mark.slow
 @each("name", shipped_names())
 def test_each_shipped_graph_is_found_verified_explained_and_resolved(
     tactograph: Command, write: Write, name: str

@@ -49,6 +49,7 @@ def test_reconstruct_reaches_its_error_on_soft_presses(
     assert metrics["rmse_px"] <= FILMS[rig, shape]
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("graph", ["reconstruct", "precise"])
 def test_saturated_light_of_an_led_does_not_bend_the_height(
     raytraced: Raytraced, calibration: Calibration, tmp_path: Path, graph: str
