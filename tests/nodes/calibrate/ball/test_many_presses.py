@@ -81,6 +81,7 @@ def calibrated(sensor: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[
     return calibrate(sensor / "presses", out, sensor / "flat"), out
 
 
+@pytest.mark.slow
 def test_bad_presses_are_left_out_and_named_with_the_reason(calibrated) -> None:
     result, _ = calibrated
     left_out = [note for note in result.warnings if "left out" in note]

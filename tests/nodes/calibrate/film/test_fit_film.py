@@ -367,17 +367,20 @@ def test_a_part_that_errs_more_once_settled_is_given_up(
     assert fit.quality["film_heldout_deg"] < 7
 
 
-def test_a_part_that_explains_nothing_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("part", ["diffuse", "lobe"])
+def test_a_part_that_explains_nothing_is_dropped(
+    part: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def grown(path: Any, _: Any) -> Any:
         trial, best = path[-1]
-        parts = frozenset({"diffuse"})
+        parts = frozenset({part})
         return [(trial, _film_search.judge(trial, parts, trial.fit(parts, best.fitted)))]
 
     monkeypatch.setattr(_film_search, "grow", grown)
-    fit = fitted(MATT, FOUR[:2], without=("lobe", "bounce", "harmonics"))
-    assert "diffuse" in tried(fit)
+    fit = fitted(MATT, FOUR[:2], without={"diffuse", "lobe", "bounce", "harmonics"} - {part})
+    assert part in tried(fit)
     assert not fit.film.diffuse.any()
-    assert fit.film.gain == 1
+    assert (fit.film.gain, fit.film.refraction, fit.film.albedo) == (1, 1, 0)
 
 
 def test_grain_is_the_misfit_beyond_the_cameras_noise() -> None:
