@@ -180,8 +180,8 @@ def _report_unexpected(error: BaseException) -> int:
         return _end_unheard(error)
     if os.environ.get("TACTOGRAPH_TRACEBACK"):
         raise error
-    if told := of_system(error):
-        return _report(told)
+    if refusal := of_system(error):
+        return _report(refusal)
     message = f"{type(error).__name__}: {_one_line(error)} (TACTOGRAPH_TRACEBACK=1 shows where)"
     click.echo(f"tactograph: internal error: {message}", err=True)
     return 1

@@ -125,7 +125,9 @@ def _first_process() -> int:
 def _handles() -> Iterator[cl.Device]:
     if _first_process() != os.getpid():
         raise InputError(NOT_IN_A_FORK)
-    pocl_cache.unwritable_folder()
+    if pocl_cache.unwritable_folder():
+        # PyOpenCL fails where it cannot keep its programs.
+        os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
     try:
         import pyopencl as cl
     except ImportError:

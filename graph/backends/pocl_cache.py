@@ -36,15 +36,9 @@ def compile_once() -> None:
 
 @cache
 def unwritable_folder() -> Path | None:
-    """The user's folder for caches, if it cannot be written to.
-
-    PoCL then has no device, and PyOpenCL, which fails, is told to keep nothing there.
-    """
+    """The user's folder for caches, if it cannot be written to: PoCL then has no device."""
     folder = Path(platformdirs.user_cache_dir())
-    if can_be_written(folder):
-        return None
-    os.environ.setdefault("PYOPENCL_NO_CACHE", "1")
-    return folder
+    return None if can_be_written(folder) else folder
 
 
 @cache

@@ -165,9 +165,10 @@ def _set_use(graph: Graph, path: str, values: Mapping[str, Any], places: Places)
     settings = {**use.settings, **values}
     graph = replace(graph, uses={**graph.uses, path: replace(use, settings=settings)})
     nodes = graph.definition(use).nodes.values()
-    for name in values.keys() - {p for each in nodes for p in params_in(each.settings).values()}:
+    read = {param for each in nodes for param in params_in(each.settings).values()}
+    if unread := [name for name in values if name not in read]:
         raise GraphError(
-            f"{places['']}: set: no node of the group '{use.group}' takes the param '{name}' "
+            f"{places['']}: set: no node of the group '{use.group}' takes the param '{unread[0]}' "
             "any more, since an earlier change gave its reader a value"
         )
 

@@ -43,8 +43,9 @@ class Blaming(GraphNames):
             if isinstance(error, OSError) and is_of_printing(error):
                 return
             task = self._task
-            if told := of_system(error):
-                raise type(told)(f"node '{task.id}' ({task.node.name}): {told}") from error
+            if refusal := of_system(error):
+                where = f"node '{task.id}' ({task.node.name})"
+                raise type(refusal)(f"{where}: {refusal}") from error
             kind_of = DeviceError if isinstance(error, self._device_error) else NodeError
             raise kind_of(
                 f"node '{task.id}' ({task.node.name}) failed: {type(error).__name__}: "

@@ -183,18 +183,27 @@ def _by_name(folder: Path) -> dict[tuple[str, str], Named]:
 
 
 def _by_pattern(folder: Path, pattern: str, leds: Sequence[int]) -> dict[int, Path | None]:
-    """The image of each LED."""
-    return {led: _find_one(folder, pattern, led) for led in leds}
+    """The image of each LED.
+
+    The folder is listed once, which is faster than testing every possible file name.
+    """
+    try:
+        listed = {file.name.lower() for file in (folder / pattern).parent.iterdir()}
+    except OSError:  # each LED has a folder of its own, or there is none
+        listed = None
+    return {led: _find_one(folder, pattern, led, listed) for led in leds}
 
 
-def _find_one(folder: Path, pattern: str, led: int) -> Path | None:
+def _find_one(folder: Path, pattern: str, led: int, listed: set[str] | None) -> Path | None:
     try:
         stem = pattern.format(led)
         if stem == pattern:
             raise ValueError
     except (ValueError, IndexError, KeyError, AttributeError):
         raise InputError(f"`files`={pattern}: write it as led{{}} or image{{:02}}") from None
-    matching = [file for s in IMAGE_SUFFIXES if (file := folder / f"{stem}{s}").is_file()]
+    name = stem.rpartition("/")[2].lower()
+    likely = (s for s in IMAGE_SUFFIXES if listed is None or f"{name}{s}" in listed)
+    matching = [file for s in likely if (file := folder / f"{stem}{s}").is_file()]
     if len(matching) > 1:
         names = " and ".join(file.name for file in matching)
         raise InputError(f"{folder}: {names} are both there; keep the one that is meant")

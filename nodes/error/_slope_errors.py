@@ -106,8 +106,7 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
         light[:, part], sharper[part] = _shown(unperturbed.rows(part), film)
 
     in_blocks(shine, rows, columns)
-    hidden, turn = folds(unperturbed.slope, light)
-    turn *= film.refraction != 1
+    fold = folds(unperturbed.slope, light) if film.refraction != 1 else None
     gathered = causes.spread / 2 * np.stack([sum(second_differences(plane)) for plane in light])
 
     def enter(part: slice) -> None:
@@ -117,8 +116,10 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
         by_apparent = by_light / sharper[part]
         root = _root_of_noise(by_apparent * (causes.shared * inside.sigma))
         mean = inside.averaged - (by_apparent * gathered[:, part]).sum(axis=1)
-        noise = sum(each * each for each in root)
-        mean += np.where(turn[part] > FOLD_VARIANCES * noise, hidden[:, part], np.float32(0))
+        if fold is not None:
+            hidden, turn = (plane[..., part, :] for plane in fold)
+            noise = sum(each * each for each in root)
+            mean += np.where(turn > FOLD_VARIANCES * noise, hidden, np.float32(0))
         for number, other in enumerate(film.other_lights):
             elsewhere = (other - film.lights)[:, :, None, None]
             wrong = (by_place * elsewhere).sum(axis=1)

@@ -109,8 +109,9 @@ def touch_misfit(
     departs -= brighter(departs, model_light, uneven) * model_light
     product: F4 | np.float32 = np.float32(0)
     for plane in departs:
-        left = np.where(counts, plane, np.float32(0))
-        product = product + left[:-lag, :-lag] * (left[lag:, :-lag] + left[:-lag, lag:])
+        steep_part = np.where(counts, plane, np.float32(0))
+        beside = steep_part[lag:, :-lag] + steep_part[:-lag, lag:]
+        product = product + steep_part[:-lag, :-lag] * beside
     pairs = counts[:-lag, :-lag] * (counts[lag:, :-lag].astype(np.float32) + counts[:-lag, lag:])
     mean = np.asarray(product / np.float32(len(lights)), np.float32)
     residual = _typical(block_sums(mean, BLOCK_PX), block_sums(pairs, BLOCK_PX))

@@ -216,8 +216,8 @@ def settle(path: list[tuple[Trial, Model]]) -> tuple[Trial, Model, Balls]:
     """Fit the last model to more samples until the light from film to film converges.
 
     That is no more than the film's own light: a smaller share of it than light departs by by
-    itself is not seen.  A model that then errs more than the one before it, which had a part less,
-    is not better than that.
+    itself is not seen.  If the model then errs more than the one before it, which had a part less,
+    that one is settled in its place.
     Also returns every pixel of the balls.
     """
     trial, best = path[-1]

@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from tactograph.graph import InputError, Port, SizeLimit, node
-from tactograph.nodes import DEVIATIONS_PER_MAD, F4, Film, Light, PixelSize
+from tactograph.nodes import F4, Film, Light, PixelSize, robust_deviation
 from tactograph.nodes.calibrate.lights.light_fit import LedFit, other_places
 from tactograph.nodes.calibrate.lights.light_samples import Rest, presses_of, samples_for, unreached
 from tactograph.nodes.optics.rest_shape import RestShape
@@ -85,8 +85,9 @@ def calibrate_lights(
         raise InputError(why)
     rest, width = Rest.of(flat, pixel, shape), pixel * light.shape[2]
     placed = LedFit.of(objects, rest, width, slants=slants)
-    of_leds = zip(placed.left(objects), np.hstack([each.lit for each in objects]), strict=True)
-    spread = DEVIATIONS_PER_MAD * np.array([np.median(np.abs(r[lit])) for r, lit in of_leds])
+    lit = np.hstack([each.lit for each in objects])
+    of_leds = zip(placed.object_residuals(objects), lit, strict=True)
+    spread = np.array([robust_deviation(residual[lit]) for residual, lit in of_leds])
     others = other_places(objects, rest, placed, width)
     film = Film.matt(placed.lights)._replace(other_lights=others)
     return LightsFit(film, placed.strength, spread.astype(np.float32))

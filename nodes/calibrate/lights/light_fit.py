@@ -126,7 +126,7 @@ class LedFit:
         strength = np.ones(len(self.leds)) if self.flat else np.exp(self.leds[:, 3])
         return strength.astype(np.float32)
 
-    def left(self, objects: list[Object]) -> F8:
+    def object_residuals(self, objects: list[Object]) -> F8:
         """Light minus model on all objects, K x N; zero where an LED does not reach."""
         each = zip(objects, self.shifts, strict=True)
         return np.hstack([residual_of(o, self.leds, shift, self.flat) for o, shift in each])
@@ -158,10 +158,8 @@ class LedFit:
         steps = DERIVATIVE_STEP * np.maximum(1.0, np.abs(leds))
         for i, (press, shift) in enumerate(zip(objects, shifts, strict=True)):
             moved, rows = press.moved(shift), jacobian[ends[i] : ends[i + 1]]
-            before, by_led = (
-                _residual(press, *moved, leds, flat),
-                rows.reshape(len(leds), -1, len(jacobian.T)),
-            )
+            before = _residual(press, *moved, leds, flat)
+            by_led = rows.reshape(len(leds), -1, len(jacobian.T))
             for j, column in enumerate(np.eye(leds.shape[1])):
                 after = _residual(press, *moved, leds + steps * column, flat)
                 change = (after - before) / steps[:, j, None] / LIGHT_DEVIATION
@@ -189,7 +187,7 @@ def other_places(objects: list[Object], rest: Rest | None, placed: LedFit, width
     """
     leds = placed.leds
     slopes = placed.jacobian(objects, rest)
-    on_objects = placed.left(objects)
+    on_objects = placed.object_residuals(objects)
     on_film = np.concatenate([np.zeros(1), *_rest_residual(rest, leds)])
     lit = np.hstack([press.lit for press in objects])
     first, last = placed.shifts.size, placed.shifts.size + on_objects.size
