@@ -28,7 +28,7 @@ __kernel void astray(
 {{
     GRID_3(k, y, x, K, H, W)
     const long i = (k * H + y) * W + x;
-    out[i + {beyond}] = light[i];
+    out[i == 0 ? {beyond} : i] = light[i];
 }}
 ''')
 
