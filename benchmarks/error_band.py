@@ -4,6 +4,7 @@
     python benchmarks/error_band.py --raytraced             # rigs of ../shared/data, and a summary
     python benchmarks/error_band.py --raytraced --blur 0.8  # rigs in the hand, through a lens
     python benchmarks/error_band.py --new 6 --seed 1        # rigs and touches that chance makes
+    python benchmarks/error_band.py --new 6 --touches 3     # three times as many of each kind
 
 Simulated rigs and shapes are other ones than those of the ray-traced captures.  The surface is
 rendered three times finer than the camera's pixels and averaged, so that edges are mixed as a
@@ -13,7 +14,8 @@ images are not those of the stated shape.  A new rig is one
 in the hand whose LEDs, coat, albedo, pupil and blur chance draws; its film has one albedo, and its
 exposure leaves no pixel of a press saturated, which `calibrate` warns of.  Two presses of a ball
 and the pupil's height calibrate it.  A kind of its touches is one row, the mean of their shares and
-the least, as the pixels of one touch err together.
+the least, as the pixels of one touch err together.  Last, each kind over all rigs: the mean share,
+and the geometric mean of stated over actual errors, root mean squares of a touch.
 """
 
 import argparse
@@ -87,9 +89,10 @@ def main() -> None:
     parser.add_argument("--blur", type=float, help="px, a Gaussian that those are seen through")
     instead.add_argument("--new", type=int, default=0, help="so many rigs that chance makes")
     parser.add_argument("--seed", type=int, default=1, help="of the first of those")
+    parser.add_argument("--touches", type=int, default=1, help="so many times as many of each kind")
     given = parser.parse_args()
     if given.new:
-        new_rigs(given.new, given.seed)
+        new_rigs(range(given.seed, given.seed + given.new), given.touches)
         return
     if given.raytraced:
         with tempfile.TemporaryDirectory() as folder:
@@ -130,21 +133,30 @@ def raytraced(blur: float | None, folder: Path) -> None:
             print(f"{family}: {right} of {len(found)} within 85 to 95 %, least {min(found):.0f} %")
 
 
-def new_rigs(count: int, first: int) -> None:
+def new_rigs(seeds: range, times: int) -> None:
     """Every kind of touch on rigs that chance makes, the pixels of a kind together."""
-    print("| rig |", " | ".join(drawn_touches(np.random.default_rng(0))), "|")
-    print("| --- |" + " --- |" * len(drawn_touches(np.random.default_rng(0))))
-    rows = []
-    for seed in range(first, first + count):
+    kinds = list(drawn_touches(np.random.default_rng(0)))
+    print("| rig |", " | ".join(kinds), "|")
+    print("| --- |" + " --- |" * len(kinds))
+    rows, touches = [], {kind: [] for kind in kinds}
+    for seed in seeds:
         rng = np.random.default_rng(seed)
         rig = drawn_rig(rng)
         with tempfile.TemporaryDirectory() as folder:
-            kinds = bands_by_kind(rig, rng, Path(folder))
-        rows += [np.mean(each) for each in kinds.values()]
-        cells = (f"{np.mean(each):.0f} % ({min(each):.0f})" for each in kinds.values())
+            found = touches_by_kind(rig, rng, times, Path(folder))
+        bands = {kind: [touch.band for touch in found[kind]] for kind in kinds}
+        rows += [np.mean(each) for each in bands.values()]
+        cells = (f"{np.mean(each):.0f} % ({min(each):.0f})" for each in bands.values())
         flaws = ", ".join(f"{name} {value:.2g}" for name, value in (rig.flaws or {}).items())
         leds = f"LEDs at {rig.slant_deg:.0f} degrees, {rig.distance_mm:.0f} mm"
         print(f"| {seed}: {leds}; {flaws} |", " | ".join(cells), "|", flush=True)
+        for kind in kinds:
+            touches[kind] += found[kind]
+    means = []
+    for each in touches.values():
+        band, log_ratio = np.mean([(touch.band, np.log(touch.ratio)) for touch in each], axis=0)
+        means.append(f"{band:.0f} %, {np.exp(log_ratio):.2f}")
+    print("| all: in the band, stated over actual |", " | ".join(means), "|")
     right = sum(85 <= band <= 95 for band in rows)
     print(f"{right} of {len(rows)} within 85 to 95 %, least {min(rows):.0f} %")
 
@@ -202,8 +214,16 @@ def drawn_touches(rng: np.random.Generator) -> dict[str, list[Any]]:
     }
 
 
-def bands_by_kind(rig: Rig, rng: np.random.Generator, folder: Path) -> dict[str, list[float]]:
-    """Calibrate a rig; return the bands of the touches of each kind."""
+class Touch(NamedTuple):
+    band: float
+    ratio: float
+    """Of the root mean squares of stated and actual errors."""
+
+
+def touches_by_kind(
+    rig: Rig, rng: np.random.Generator, times: int, folder: Path
+) -> dict[str, list[Touch]]:
+    """Calibrate a rig; return the touches of each kind, of which those of one time come first."""
 
     def seed() -> int:
         return int(rng.integers(2**31))
@@ -221,14 +241,17 @@ def bands_by_kind(rig: Rig, rng: np.random.Generator, folder: Path) -> dict[str,
     if camera := (rig.flaws or {}).get("camera_mm"):
         given["camera_mm"] = camera
     run("calibrate", **given, ball_radius_mm=NEW_BALL_MM, pixel_size_mm=rig.pixel_mm)
-    bands: dict[str, list[float]] = {}
-    for kind, touches in drawn_touches(rng).items():
-        for number, touch in enumerate(touches):
-            capture = folder / f"{kind} {number}"
-            simulate(rig, rendered(rig, *touch), capture, seed())
-            found = run("precise", capture=capture, calibration=calibration)["metrics"]
-            bands.setdefault(kind, []).append(found["in_90_percent_band"])
-    return bands
+    by_kind: dict[str, list[Touch]] = {}
+    for _ in range(times):
+        for kind, touches in drawn_touches(rng).items():
+            for touch in touches:
+                one = by_kind.setdefault(kind, [])
+                capture = folder / f"{kind} {len(one)}"
+                simulate(rig, rendered(rig, *touch), capture, seed())
+                found = run("precise", capture=capture, calibration=calibration)
+                metrics = found["metrics"]
+                one.append(Touch(metrics["in_90_percent_band"], metrics["stated_over_actual"]))
+    return by_kind
 
 
 def report(name: str, rig: Rig, folder: Path) -> None:
