@@ -1,5 +1,6 @@
 """The equations for the height as a record, and the residuals of a height."""
 
+import math
 from typing import Annotated, NamedTuple, TypeVar
 
 import numpy as np
@@ -11,6 +12,9 @@ from tactograph.nodes.height.springs import Springs, Ties
 
 REST_STIFFNESS = np.float32(1e5)
 """Stiffness of the film at rest, in units of the surest step's stiffness."""
+SHARED_RISE_PX = 0.5 / math.sqrt(12)
+"""Standard deviation of an error that all rises share, in px: shadows are followed in steps of half
+a pixel."""
 STATE_FREE, STATE_REST, STATE_AWAY = 0, 1, 2
 """The states of a pixel: its height is unknown, it is at rest, or it does not count."""
 
@@ -32,7 +36,8 @@ class HeightSystem(NamedTuple):
 
     The height minimises the sum of rho(r^2 / variance), with r the residual of an equation, z = 0
     on the film at rest, and rho as given by `scales`; of rises that it would mostly reject, the sum
-    of r^2 / variance.
+    of r^2 / variance.  All rises together are lifted until half of them lie below the height
+    (`disagreement`).
     """
 
     right: Annotated[F4, Port("h w", "mm")]
@@ -111,6 +116,15 @@ class HeightSystem(NamedTuple):
             (self.state == STATE_REST) * REST_STIFFNESS,
             Ties(top, foot, stiffness(rise, rise_variance(self.scales))),
         )
+
+    def disagreement(self, height: F4) -> np.float32:
+        """By how much a height exceeds half of the rises, beyond an error that all share."""
+        if not self.rise.size:
+            return np.float32(0)
+        middle = (self.rise.size - 1) // 2
+        median = np.partition(self.residuals(height)[2], middle)[middle]
+        shared = np.float32(SHARED_RISE_PX * self.scales[3])
+        return np.float32(median - shared * shared / median if abs(median) > shared else 0)
 
 
 def window_at(corner: I4, shape: tuple[int, ...]) -> Window:

@@ -10,7 +10,12 @@ import numpy as np
 
 from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import I4
-from tactograph.nodes.height.height_equations import rise_variance, surest, window_at
+from tactograph.nodes.height.height_equations import (
+    SHARED_RISE_PX,
+    rise_variance,
+    surest,
+    window_at,
+)
 from tactograph.nodes.height.height_levels import (
     GAP_PIXELS,
     Level,
@@ -188,13 +193,24 @@ class HeightNetworks:
         )  # fmt: skip
         return float(run.download(parts).sum(dtype=float))
 
-    def weigh(self, height: DeviceArray, scale: float) -> None:
-        """Compute the stiffness of all levels from Cauchy's weights of `height`."""
+    def weigh(
+        self,
+        height: DeviceArray,
+        scale: float,
+        rise: DeviceArray | None = None,
+        *,
+        lifts: bool = False,
+    ) -> None:
+        """Compute the stiffness of all levels from Cauchy's weights of `height`.
+
+        Write the rises to `rise`, or, if it `lifts` them, reduce those there by the disagreement.
+        """
         run, square, unit = self._run, float(np.float32(scale * scale)), self._unit
         if self.rises:
             run.kernel(
                 "stiffen_rises", (run.group,), height, self.wants.rise, self.finest_ends,
-                self._finest, self.rises, self._rise_variance, unit, square, local=(run.group,),
+                self._finest, rise, self.rises, self._rise_variance, unit, square,
+                SHARED_RISE_PX * self.pixel, int(lifts), local=(run.group,),
             )  # fmt: skip
             entries = self._knots[-1]
             run.kernel(

@@ -41,6 +41,11 @@ def integrate_weighted(
     reweighted least squares) and improves the height by conjugate gradients, preconditioned by
     multigrid (`springs`).
 
+    The steps across a rim err alike, as no slope shows its wall, and as one measurement they would
+    have little weight.  Rises err independently, so their median is right: by the height's median
+    departure from them, all are lifted for the next round (Uzawa's method for the constraint that
+    it is zero), less what they may err alike (James and Stein's estimator).
+
     Parameters
     ----------
     system
@@ -66,10 +71,12 @@ def integrate_weighted(
         before_cut = system.cut(before)
         warm = system.cost(before_cut, robust) < system.cost(height, robust)
         height = before_cut if warm else height
-    scales = _scales(rounds, robust, ease, warm=warm)
-    for scale in scales:
+    scales, rise = _scales(rounds, robust, ease, warm=warm), system.rise
+    for number, scale in enumerate(scales):
         springs = system.springs(height, scale)
-        force = springs.pull(*system.steps, system.rise)
+        if number:
+            rise = rise - system.disagreement(height)
+        force = springs.pull(*system.steps, rise)
         enough = MIN_ENERGY_SHARE * springs.energy(*system.steps)
         last, height = height, conjugate_gradients(hierarchy(springs), force, height, steps, enough)
         # An unchanged height has the same weights: the remaining rounds would change nothing.
@@ -113,10 +120,11 @@ def _launch(run: Launch) -> None:
         warm = networks.cost(start, networks.robust) < networks.cost(height, networks.robust)
         height = start if warm else height
     scales = _scales(settings["rounds"], networks.robust, settings["ease"], warm=warm)
-    for scale in scales:
-        networks.weigh(height, scale)
-        enough = networks.enough(MIN_ENERGY_SHARE, networks.pixels, networks.wants)
-        solver.solve(networks.pixels, networks.wants, height, settings["steps"], enough)
+    wants = networks.wants._replace(rise=run.scratch((1, networks.rises)))
+    for number, scale in enumerate(scales):
+        networks.weigh(height, scale, wants.rise, lifts=number > 0)
+        enough = networks.enough(MIN_ENERGY_SHARE, networks.pixels, wants)
+        solver.solve(networks.pixels, wants, height, settings["steps"], enough)
 
     def place(by: float) -> None:
         run.kernel("place", size, height, networks.state, out, by, *size, *networks.place)
