@@ -117,14 +117,19 @@ class HeightSystem(NamedTuple):
             Ties(top, foot, stiffness(rise, rise_variance(self.scales))),
         )
 
-    def disagreement(self, height: F4) -> np.float32:
-        """By how much a height exceeds half of the rises, beyond an error that all share."""
+    def disagreement(self, height: F4, scale: float) -> np.float32:
+        """By how much a height exceeds half of the rises, beyond an error that all share.
+
+        With Cauchy's weight, since springs that have lost their stiffness take it up later.
+        """
         if not self.rise.size:
             return np.float32(0)
         middle = (self.rise.size - 1) // 2
         median = np.partition(self.residuals(height)[2], middle)[middle]
         shared = np.float32(SHARED_RISE_PX * self.scales[3])
-        return np.float32(median - shared * shared / median if abs(median) > shared else 0)
+        off = median - shared * shared / median if abs(median) > shared else np.float32(0)
+        square = np.float32(scale * scale) * rise_variance(self.scales)
+        return np.float32(off / (1 + off * off / square))
 
 
 def window_at(corner: I4, shape: tuple[int, ...]) -> Window:

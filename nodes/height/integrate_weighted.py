@@ -75,7 +75,7 @@ def integrate_weighted(
     for number, scale in enumerate(scales):
         springs = system.springs(height, scale)
         if number:
-            rise = rise - system.disagreement(height)
+            rise = rise - system.disagreement(height, scale)
         force = springs.pull(*system.steps, rise)
         enough = MIN_ENERGY_SHARE * springs.energy(*system.steps)
         last, height = height, conjugate_gradients(hierarchy(springs), force, height, steps, enough)
