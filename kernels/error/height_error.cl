@@ -240,7 +240,7 @@ LANED __kernel void err_slopes(
     __global const float *restrict light, __global const float *restrict blunt,
     __global float *restrict out, const int K, const int frame_height, const int frame_width,
     const int top, const int left, const int H, const int W, const float pixel,
-    const float shared, const float uneven, const float half_spread, const int coated,
+    const float shared, const float uneven, const float half_spread, const int with_folds,
     __global const float *restrict kinds,
     __global const uint *restrict keys, __global const float *misfit,
     __global const float *apparent,
@@ -309,7 +309,7 @@ LANED __kernel void err_slopes(
     // What folds under a coat hide of the mean slope (`folds` of nodes/error/_slope_errors.py).
     const floats tiny = 1e-10f;
     floats turn = FOLD_VARIANCES * (pp + qq), hidden_p = 0.0f, hidden_q = 0.0f;
-    for (int down = 0; coated && down < 2; ++down) {
+    for (int down = 0; with_folds && down < 2; ++down) {
         __global const float *first = slope + top * frame_width + left;
         const Sides of_p = sides_at(first, row, column, count, H, W, frame_width, down);
         first += frame_size;

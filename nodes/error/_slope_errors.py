@@ -40,6 +40,7 @@ from tactograph.nodes.optics.near_light import (
     light_by_place,
     vectors_at,
 )
+from tactograph.nodes.slope.pixel_mean_slope import PIXEL_VARIANCE
 
 MIN_DETERMINANT_SHARE = np.float32(1e-4)
 """Determinant over the product of its diagonal below which all LEDs lie in one line."""
@@ -50,6 +51,9 @@ MAX_SLOPE = np.float32(3)
 FOLD_VARIANCES = np.float32(BAND_DEVIATIONS * math.sqrt(37))
 """Noise of `folds`, at the end of the 90 % band, over the variance of a slope: slopes extrapolated
 from two pixels differ from the one between them by 6 variances, and both share it by -1."""
+SEEN_FOLD_FACTOR = np.float32(1.5)
+"""Variance of light within a pixel and its blur, over what the gradients of the light seen give,
+which has been blurred: 1 on wide bends, 2 on sharp folds."""
 
 
 class Unperturbed(NamedTuple):
@@ -93,7 +97,9 @@ class Causes(NamedTuple):
     """Factor on a touch's noise, for correlation, for the flat frame's noise, and for few draws."""
     pixel: np.float32
     spread: np.float32
-    """Variance in px^2 by which a blurred camera spreads a pixel's light."""
+    """Variance in px^2 within which light is mixed (`mixing`)."""
+    folded: bool
+    """Whether `folds` count."""
 
 
 def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
@@ -106,7 +112,7 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
         light[:, part], sharper[part] = _shown(unperturbed.rows(part), film)
 
     in_blocks(shine, rows, columns)
-    fold = folds(unperturbed.slope, light) if film.refraction != 1 else None
+    fold = folds(unperturbed.slope, light) if causes.folded else None
     gathered = causes.spread / 2 * np.stack([sum(second_differences(plane)) for plane in light])
 
     def enter(part: slice) -> None:
@@ -137,6 +143,18 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
 
     in_blocks(enter, rows, columns)
     return errors
+
+
+def mixing(refraction: float, blur: float | None) -> tuple[np.float32, bool]:
+    """Return the variance in px^2 within which light is mixed, and whether folds tell the rest.
+
+    Under a coat they tell it while their sides, a pixel away, lie beyond two deviations of the
+    blur.  A wider blur bends them, and the light that it mixes follows from its own gradients.
+    """
+    square, coated = np.float32((blur or 0.0) ** 2), refraction != 1
+    if not coated or 4 * square <= 1:
+        return square, coated
+    return SEEN_FOLD_FACTOR * (square + PIXEL_VARIANCE), False
 
 
 def folds(slope: F4, light: F4) -> tuple[F4, F4]:

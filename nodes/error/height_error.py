@@ -33,7 +33,7 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.error._edge_errors import RESOLVED_BEND, edge_deviation_px, largest_bend
 from tactograph.nodes.error._random_errors import ERROR_COUNT, RISE_SIGNS, drawn, key_of, kinds
-from tactograph.nodes.error._slope_errors import Causes, Unperturbed, slope_errors
+from tactograph.nodes.error._slope_errors import Causes, Unperturbed, mixing, slope_errors
 from tactograph.nodes.height.height_equations import STATE_FREE, HeightSystem
 from tactograph.nodes.height.height_levels import levels_of
 from tactograph.nodes.height.height_networks import HeightNetworks
@@ -113,7 +113,7 @@ def height_error(
     - the difference between a pixel's mean slope and the slope of its mean normal, whose expansion
       fails across an edge; what folds hide under a coat (`folds`); and the effect of a blur, which
       is not corrected: to second order light changes by half the blur's variance times the
-      Laplacian of the light of the slopes;
+      Laplacian of the light of the slopes, and more under a coat (`mixing`);
     - errors of the shadows' rises: an independent error, and the departure of the height from the
       rise.  At a rim that no pixel resolves, slopes pull the height down, with everything that
       stands on the rim.  In a gel that diffuses light shadows end softly, and the departure is an
@@ -169,7 +169,7 @@ def height_error(
     *_, residual = system.residuals(inside)
     residual *= not film.diffuse.any()
     shared = STUDENT_FACTOR * np.float32(math.sqrt(correlation or 1.0))
-    causes = Causes(film, misfit, shared, pixel, np.float32((blur or 0.0) ** 2))
+    causes = Causes(film, misfit, shared, pixel, *mixing(film.refraction, blur))
     slopes = slope_errors(plain, causes, seed)
 
     def random_load(number: int) -> Wants:
@@ -259,6 +259,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
     inputs = run.inputs
     frame = tuple(run.sizes[symbol] for symbol in "KHW")
     slopes = run.scratch((ERROR_COUNT, 2, *networks.shape))
+    spread, folded = mixing(inputs["film.refraction"], inputs.get("blur"))
     # A separate launch, since neighbours read its light; a coat takes half of the time.
     light, blunt = run.scratch((frame[0], *networks.shape)), run.scratch(networks.shape)
     run.kernel(
@@ -275,8 +276,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
         *(inputs[name] for name in ("used", "film.lights", "film.other_lights")), light, blunt,
         slopes, *frame, *networks.place, networks.pixel,
         float(STUDENT_FACTOR) * math.sqrt(inputs.get("correlation") or 1.0),
-        inputs["film.uneven"], (inputs.get("blur") or 0.0) ** 2 / 2,
-        int(inputs["film.refraction"] != 1),
+        inputs["film.uneven"], float(spread / 2), int(folded),
         run.keep("kinds", lambda: run.put(kinds())), run.put(np.array(keys)), inputs["misfit"],
         inputs["apparent"], *(inputs.get(name) for name in ("bounced", "earlier", "tilt")),
         # The data of a work-item fill a cache, and a CPU holds those of all items of a group.

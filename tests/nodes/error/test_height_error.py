@@ -5,9 +5,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d, uniform_filter1d
 
 from tactograph.nodes import F4, Film, ShadowRises
-from tactograph.nodes.error._slope_errors import Unperturbed, _shown as shown_light, folds
+from tactograph.nodes.error._slope_errors import Unperturbed, _shown as shown_light, folds, mixing
 from tactograph.nodes.error.doubt_rest import doubt_rest
 from tactograph.nodes.error.height_error import height_error
 from tactograph.nodes.height.height_equations import HeightSystem
@@ -133,6 +135,29 @@ def test_smooth_film_hides_nothing() -> None:
     hidden, turn = (part[..., 2:-2] for part in folds(bending, 1 + bending))
     assert not hidden.any()
     assert not turn.any()
+
+
+@pytest.mark.parametrize("blur", [0.51, 0.7, 0.9])
+@pytest.mark.parametrize("roundness", [0.0, 0.3, 0.7, 1.5])
+def test_a_blurred_fold_mixes_light_as_its_gradients_tell(blur: float, roundness: float) -> None:
+    """Both sides of a fold, its light seen through pixels and a blur, twenty times as fine."""
+    fine = np.linspace(-12, 12, 480, endpoint=False)
+    fold = gaussian_filter1d((fine > 0).astype(float), max(20 * roundness, 1e-6), mode="nearest")
+
+    def seen(light: NDArray[np.float64]) -> NDArray[np.float64]:
+        blurred = gaussian_filter1d(light, 20 * blur, mode="nearest")
+        return uniform_filter1d(blurred, 20, mode="nearest")
+
+    mixed = (seen(fold * fold) - seen(fold) ** 2).sum() / 20
+    gradients = np.square(np.diff(seen(fold)[::20])).sum()
+    spread, counts = mixing(1.5, blur)
+    assert not counts
+    assert 0.6 * mixed < spread * gradients < 1.5 * mixed
+
+
+def test_a_blur_within_a_pixel_leaves_folds_their_sides() -> None:
+    assert mixing(1.5, 0.3) == (pytest.approx(0.09), True)
+    assert mixing(1.0, 0.9) == (pytest.approx(0.81), False)
 
 
 def test_all_behind_a_fold_shares_its_error_under_a_coat() -> None:
