@@ -1,0 +1,86 @@
+"""Find how high film still is that looks at rest: the skirt of a touch."""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from tactograph.graph import node
+from tactograph.nodes import F8, Height, HeightError, Mask, PixelSize, Slope, SlopeVariance
+
+TRIAL_REACHES = 40
+"""Number of reaches that are tried, in equal ratios."""
+
+
+class Skirt(NamedTuple):
+    """The height that film at rest was held below, and its standard deviation."""
+
+    height: Height
+    error: HeightError
+
+
+@node
+def skirt_height(slope: Slope, variance: SlopeVariance, rest: Mask, pixel: PixelSize) -> Skirt:
+    """Return how high the film is above zero where it was held at zero, and beside it.
+
+    Stretched film on a soft base returns to rest like a exp(-d / reach).  Its slopes fall below the
+    noise of a pixel while it is still some micrometres high, but the mean of all slopes at one
+    distance d from the film that moves shows them.  For each reach, from a pixel to the largest
+    d, least squares fit a to those means; reaches count by their likelihood.  So the skirt is
+    the mean of a reach exp(-d / reach), and its variance that of the fits and the reaches.  Both
+    are multiplied by 1 - variance / height^2 at d = 0, or by 0 (James and Stein 1961), since most
+    of a skirt within its noise is noise.
+
+    All film that moves stands on the skirt at d = 0.  A skirt may differ from one side of a touch
+    to another, and the frame may cut it off: any height from none to twice the one found counts as
+    equally likely, which adds a third of its square to the variance.
+
+    Parameters
+    ----------
+    slope, variance : 2 x H x W, relative to the film at rest, and their variances
+    rest : H x W, 1 on the film that is held at zero
+    pixel : mm per px
+
+    Returns
+    -------
+    H x W in mm each; 0 if all film is at rest, or none.
+    """
+    if rest.all() or not rest.any():
+        return Skirt(np.zeros(rest.shape, np.float32), np.zeros(rest.shape, np.float32))
+    away = np.asarray(cv2.distanceTransform(rest, cv2.DIST_L2, cv2.DIST_MASK_5), np.float32)
+    down, across = np.gradient(away)
+    bins, held = away.astype(np.intp)[rest != 0], rest != 0
+    weight = (2 / (variance[0] + variance[1]))[held]
+    falls = -(slope[0] * across + slope[1] * down)[held] * weight
+    information, total = (np.bincount(bins, each) for each in (weight, falls))
+    measured = information > 0
+    distance = np.flatnonzero(measured) * float(pixel)
+    information, fall = information[measured], total[measured] / information[measured]
+    at = np.arange(bins.max() + 2) * float(pixel)
+    height, deviation = _skirt(distance, fall, information, at)
+    return Skirt(
+        *(np.interp(away, at / pixel, each).astype(np.float32) for each in (height, deviation))
+    )
+
+
+def _skirt(distance: F8, fall: F8, information: F8, at: F8) -> tuple[F8, F8]:
+    """The height and its standard deviation at some distances, from the mean fall by distance.
+
+    Distances in mm; `information` is one over the variance of each fall.
+    """
+    step, end = at[1], max(distance[-1], 2 * at[1])
+    reach = np.geomspace(step, end, TRIAL_REACHES)[:, None]
+    shape = np.exp(-distance / reach)
+    known = (information * shape * shape).sum(axis=1, keepdims=True)
+    begin = (information * shape * fall).sum(axis=1, keepdims=True) / known
+    misfit = (information * np.square(fall - begin * shape)).sum(axis=1, keepdims=True)
+    excess = max(1.0, misfit.min() / max(distance.size - 2, 1))
+    likelihood = np.exp((misfit.min() - misfit) / (2 * excess)) / np.sqrt(known)
+    likelihood /= likelihood.sum()
+    unit = reach * np.exp(-at / reach)
+    height = (likelihood * begin * unit).sum(axis=0)
+    square = (likelihood * (begin * begin + excess / known) * unit * unit).sum(axis=0)
+    variance = np.maximum(square - height * height, 0)
+    share = max(0.0, 1 - variance[0] / max(height[0] ** 2, np.finfo(float).tiny))
+    height = share * height
+    return height, np.sqrt(share * variance + height * height / 3)
