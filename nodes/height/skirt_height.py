@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import F8, Height, HeightError, Mask, PixelSize, Slope, SlopeVariance
+from tactograph.nodes import F8, Height, HeightError, Mask, Misfit, PixelSize, Slope, SlopeVariance
 
-TRIAL_REACHES = 40
-"""Number of reaches that are tried, in equal ratios."""
+TRIAL_REACHES, MIN_SQUARE = 40, 1e-30
+"""Number of reaches that are tried, in equal ratios; lower bound on a square in a denominator."""
 
 
 class Skirt(NamedTuple):
@@ -20,25 +20,25 @@ class Skirt(NamedTuple):
 
 
 @node
-def skirt_height(slope: Slope, variance: SlopeVariance, rest: Mask, pixel: PixelSize) -> Skirt:
+def skirt_height(
+    slope: Slope, variance: SlopeVariance, rest: Mask, misfit: Misfit, pixel: PixelSize
+) -> Skirt:
     """Return how high the film is above zero where it was held at zero, and beside it.
 
     Stretched film on a soft base returns to rest like a exp(-d / reach).  Its slopes fall below the
     noise of a pixel while it is still some micrometres high, but the mean of all slopes at one
     distance d from the film that moves shows them.  For each reach, from a pixel to the largest
-    d, least squares fit a to those means; reaches count by their likelihood.  So the skirt is
-    the mean of a reach exp(-d / reach), and its variance that of the fits and the reaches.  Both
-    are multiplied by 1 - variance / height^2 at d = 0, or by 0 (James and Stein 1961), since most
-    of a skirt within its noise is noise.
-
-    All film that moves stands on the skirt at d = 0.  A skirt may differ from one side of a touch
-    to another, and the frame may cut it off: any height from none to twice the one found counts as
-    equally likely, which adds a third of its square to the variance.
+    d, least squares fit a to those means, and a fall that all film shares, since the model of its
+    light errs; reaches count by their likelihood.  So the skirt is the mean of a reach
+    exp(-d / reach), and its variance that of the fits and the reaches.  Both are multiplied by
+    1 - variance / height^2 at d = 0, or by 0 (James and Stein 1961), since most of a skirt within
+    its noise is noise.  All film that moves stands on the skirt at d = 0.
 
     Parameters
     ----------
     slope, variance : 2 x H x W, relative to the film at rest, and their variances
     rest : H x W, 1 on the film that is held at zero
+    misfit : errors of the film's model; its tilt is the standard deviation of the shared fall
     pixel : mm per px
 
     Returns
@@ -49,7 +49,8 @@ def skirt_height(slope: Slope, variance: SlopeVariance, rest: Mask, pixel: Pixel
         return Skirt(np.zeros(rest.shape, np.float32), np.zeros(rest.shape, np.float32))
     away = np.asarray(cv2.distanceTransform(rest, cv2.DIST_L2, cv2.DIST_MASK_5), np.float32)
     down, across = np.gradient(away)
-    bins, held = away.astype(np.intp)[rest != 0], rest != 0
+    held = rest != 0
+    bins = away.astype(np.intp)[held]
     weight = (2 / (variance[0] + variance[1]))[held]
     falls = -(slope[0] * across + slope[1] * down)[held] * weight
     information, total = (np.bincount(bins, each) for each in (weight, falls))
@@ -57,30 +58,36 @@ def skirt_height(slope: Slope, variance: SlopeVariance, rest: Mask, pixel: Pixel
     distance = np.flatnonzero(measured) * float(pixel)
     information, fall = information[measured], total[measured] / information[measured]
     at = np.arange(bins.max() + 2) * float(pixel)
-    height, deviation = _skirt(distance, fall, information, at)
+    height, deviation = _skirt(distance, fall, information, at, float(misfit[4]))
     return Skirt(
         *(np.interp(away, at / pixel, each).astype(np.float32) for each in (height, deviation))
     )
 
 
-def _skirt(distance: F8, fall: F8, information: F8, at: F8) -> tuple[F8, F8]:
+def _skirt(distance: F8, fall: F8, information: F8, at: F8, tilt: float) -> tuple[F8, F8]:
     """The height and its standard deviation at some distances, from the mean fall by distance.
 
-    Distances in mm; `information` is one over the variance of each fall.
+    Distances in mm; `information` is one over the variance of each fall, `tilt` the standard
+    deviation of the fall that all film has.
     """
-    step, end = at[1], max(distance[-1], 2 * at[1])
-    reach = np.geomspace(step, end, TRIAL_REACHES)[:, None]
+    reach = np.geomspace(at[1], max(distance[-1], 2 * at[1]), TRIAL_REACHES)[:, None]
     shape = np.exp(-distance / reach)
-    known = (information * shape * shape).sum(axis=1, keepdims=True)
-    begin = (information * shape * fall).sum(axis=1, keepdims=True) / known
-    misfit = (information * np.square(fall - begin * shape)).sum(axis=1, keepdims=True)
+    steep, even = (
+        (shape * shape) @ information,
+        information.sum() + 1 / max(tilt * tilt, MIN_SQUARE),
+    )
+    both = shape @ information
+    of_shape, of_all = shape @ (information * fall), information @ fall
+    determinant = steep * even - both * both
+    begin = (even * of_shape - both * of_all) / determinant
+    tilted = (steep * of_all - both * of_shape) / determinant
+    misfit = information @ (fall * fall) - begin * of_shape - tilted * of_all
     excess = max(1.0, misfit.min() / max(distance.size - 2, 1))
-    likelihood = np.exp((misfit.min() - misfit) / (2 * excess)) / np.sqrt(known)
+    likelihood = np.exp((misfit.min() - misfit) / (2 * excess)) / np.sqrt(determinant)
     likelihood /= likelihood.sum()
     unit = reach * np.exp(-at / reach)
-    height = (likelihood * begin * unit).sum(axis=0)
-    square = (likelihood * (begin * begin + excess / known) * unit * unit).sum(axis=0)
+    height = (likelihood * begin) @ unit
+    square = (likelihood * (begin * begin + excess * even / determinant)) @ (unit * unit)
     variance = np.maximum(square - height * height, 0)
-    share = max(0.0, 1 - variance[0] / max(height[0] ** 2, np.finfo(float).tiny))
-    height = share * height
-    return height, np.sqrt(share * variance + height * height / 3)
+    share = max(0.0, 1 - variance[0] / max(height[0] ** 2, MIN_SQUARE))
+    return share * height, np.sqrt(share * variance)

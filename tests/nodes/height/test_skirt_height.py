@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tactograph.nodes import F4, U1
 from tactograph.nodes.height.skirt_height import Skirt, skirt_height
@@ -12,6 +11,7 @@ PIXEL, NOISE = np.float32(0.08), 0.004
 Y, X = np.mgrid[-90:90, -120:120] * PIXEL
 RADIUS = np.hypot(X, Y)
 HELD_MM = 3.0
+MISFIT = np.array([0, 1, 0, 0, 2e-4], np.float32)
 
 
 def skirt_of(film: F4, seed: int = 0) -> tuple[Skirt, U1]:
@@ -20,7 +20,9 @@ def skirt_of(film: F4, seed: int = 0) -> tuple[Skirt, U1]:
     down, across = np.gradient(film, PIXEL)
     noise = np.random.default_rng(seed).normal(0, NOISE, (2, *film.shape))
     slope = (np.stack([across, down]) + noise).astype(np.float32)
-    return skirt_height(slope, np.full(slope.shape, np.float32(NOISE**2)), rest, PIXEL), rest
+    return skirt_height(
+        slope, np.full(slope.shape, np.float32(NOISE**2)), rest, MISFIT, PIXEL
+    ), rest
 
 
 def tail(height_mm: float, reach_mm: float) -> F4:
@@ -50,11 +52,18 @@ def test_film_at_rest_has_hardly_a_skirt() -> None:
     assert (heights <= 2.5 * np.array([skirt.error.max() for skirt in found])).all()
 
 
+def test_light_that_all_film_shares_is_no_skirt() -> None:
+    """Film at rest falls by 0.0003 everywhere, as if light that a touch throws were not known."""
+    dome = np.asarray(-3e-4 * RADIUS, np.float32)
+    found, _ = skirt_of(dome)
+    assert np.abs(found.height).max() < 3e-4
+
+
 @pytest.mark.parametrize("value", [0, 1])
 def test_no_film_at_rest_or_nothing_else_has_no_skirt(value: int) -> None:
     rest = np.full(X.shape, value, np.uint8)
     slope = np.full((2, *X.shape), np.float32(0.01))
-    found = skirt_height(slope, slope, rest, PIXEL)
+    found = skirt_height(slope, slope, rest, MISFIT, PIXEL)
     assert not found.height.any()
     assert not found.error.any()
 
@@ -65,5 +74,5 @@ def test_slopes_that_are_not_known_do_not_count() -> None:
     slope = np.stack([across, down]).astype(np.float32)
     variance = np.full(slope.shape, np.float32(NOISE**2))
     slope[:, :, :60], variance[:, :, :60] = 5.0, 1e12
-    found = skirt_height(slope, variance, (RADIUS > HELD_MM).astype(np.uint8), PIXEL)
+    found = skirt_height(slope, variance, (RADIUS > HELD_MM).astype(np.uint8), MISFIT, PIXEL)
     assert found.height[90, 120] == pytest.approx(3e-3, rel=0.2)
