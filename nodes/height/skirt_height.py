@@ -32,7 +32,7 @@ def skirt_height(
     light errs; reaches count by their likelihood.  So the skirt is the mean of a reach
     exp(-d / reach), and its variance that of the fits and the reaches.  Both are multiplied by
     1 - variance / height^2 at d = 0, or by 0 (James and Stein 1961), since most of a skirt within
-    its noise is noise.  All film that moves stands on the skirt at d = 0.
+    its noise is noise (H4).  All film that moves stands on the skirt at d = 0.
 
     Parameters
     ----------
