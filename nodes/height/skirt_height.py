@@ -47,21 +47,23 @@ def skirt_height(
     """
     if rest.all() or not rest.any():
         return Skirt(np.zeros(rest.shape, np.float32), np.zeros(rest.shape, np.float32))
-    away = np.asarray(cv2.distanceTransform(rest, cv2.DIST_L2, cv2.DIST_MASK_5), np.float32)
-    down, across = np.gradient(away)
+    away = cv2.distanceTransform(rest, cv2.DIST_L2, cv2.DIST_MASK_5)
     held = rest != 0
-    bins = away.astype(np.intp)[held]
-    weight = (2 / (variance[0] + variance[1]))[held]
-    falls = -(slope[0] * across + slope[1] * down)[held] * weight
-    information, total = (np.bincount(bins, each) for each in (weight, falls))
+    across, down = (cv2.Sobel(away, cv2.CV_32F, x, 1 - x, ksize=1, scale=0.5) for x in (1, 0))
+    falls = -(slope[0] * across + slope[1] * down)[held]
+    weight = 2 / (variance[0] + variance[1])[held]
+    away = away[held]
+    bins = away.astype(np.intp)
+    information, total = (np.bincount(bins, each) for each in (weight, falls * weight))
     measured = information > 0
     distance = np.flatnonzero(measured) * float(pixel)
     information, fall = information[measured], total[measured] / information[measured]
-    at = np.arange(bins.max() + 2) * float(pixel)
-    height, deviation = _skirt(distance, fall, information, at, float(misfit[4]))
-    return Skirt(
-        *(np.interp(away, at / pixel, each).astype(np.float32) for each in (height, deviation))
-    )
+    at = np.arange(bins.max() + 2)
+    skirts = _skirt(distance, fall, information, at * float(pixel), float(misfit[4]))
+    planes = [np.full(rest.shape, each[0], np.float32) for each in skirts]
+    for plane, each in zip(planes, skirts, strict=True):
+        plane[held] = np.interp(away, at, each)
+    return Skirt(*planes)
 
 
 def _skirt(distance: F8, fall: F8, information: F8, at: F8, tilt: float) -> tuple[F8, F8]:
