@@ -54,7 +54,8 @@ def skirt_height(
     weight = 2 / (variance[0] + variance[1])[held]
     away = away[held]
     bins = away.astype(np.intp)
-    information, total = (np.bincount(bins, each) for each in (weight, falls * weight))
+    sums = [np.bincount(bins, each) for each in (weight, falls * weight)]
+    information, total = np.asarray(sums, np.float64)
     measured = information > 0
     information, fall = information[measured], total[measured] / information[measured]
     at = np.arange(bins.max() + 2, dtype=np.float64)
