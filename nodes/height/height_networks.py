@@ -194,12 +194,7 @@ class HeightNetworks:
         return float(run.download(parts).sum(dtype=float))
 
     def weigh(
-        self,
-        height: DeviceArray,
-        scale: float,
-        rise: DeviceArray | None = None,
-        *,
-        lifts: bool = False,
+        self, height: DeviceArray, scale: float, rise: DeviceArray | None = None, lifts: int = 0
     ) -> None:
         """Compute the stiffness of all levels from Cauchy's weights of `height`.
 
@@ -210,7 +205,7 @@ class HeightNetworks:
             run.kernel(
                 "stiffen_rises", (run.group,), height, self.wants.rise, self.finest_ends,
                 self._finest, rise, self.rises, self._rise_variance, unit, square,
-                SHARED_RISE_PX * self.pixel, int(lifts), local=(run.group,),
+                SHARED_RISE_PX * self.pixel, lifts, local=(run.group,),
             )  # fmt: skip
             entries = self._knots[-1]
             run.kernel(

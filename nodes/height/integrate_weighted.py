@@ -122,7 +122,7 @@ def _launch(run: Launch) -> None:
     scales = _scales(settings["rounds"], networks.robust, settings["ease"], warm=warm)
     wants = networks.wants._replace(rise=run.scratch((1, networks.rises)))
     for number, scale in enumerate(scales):
-        networks.weigh(height, scale, wants.rise, lifts=number > 0)
+        networks.weigh(height, scale, wants.rise, int(number > 0))
         enough = networks.enough(MIN_ENERGY_SHARE, networks.pixels, wants)
         solver.solve(networks.pixels, wants, height, settings["steps"], enough)
 
