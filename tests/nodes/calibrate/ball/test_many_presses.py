@@ -19,7 +19,7 @@ from tactograph.nodes.calibrate.rating.advise_press import advise_press
 from tactograph.nodes.capture.read_balls import read_balls
 from tactograph.nodes.capture.read_flat import read_flat
 from tactograph.nodes.simulate.render import render
-from tests.fixtures import without_ranks
+from tests.fixtures import of_matt_film, without_ranks
 from tests.nodes.calibrate.lights.test_calibrate_lights import BLANK, FILM, PIXEL, RING, SIZE, off
 
 GOOD = {"a": (52, 42, 5.0), "b": (106, 40, 4.0), "c": (60, 80, 4.0), "d": (108, 82, 5.0)}
@@ -71,7 +71,8 @@ def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def calibrate(presses: Path, out: Path, flat: Path) -> Result:
     params = {"capture": presses, "flat": flat, "pixel_size_mm": PIXEL, "out": out}
-    (result,) = open_pipeline(without_ranks(read_graph("calibrate")), params).items()
+    bare = of_matt_film(without_ranks(read_graph("calibrate")))
+    (result,) = open_pipeline(bare, params).items()
     return result
 
 

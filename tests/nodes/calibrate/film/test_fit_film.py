@@ -281,6 +281,7 @@ def test_leds_behind_lenses_are_placed_right() -> None:
     assert fit.film.emission == pytest.approx(12, rel=0.05)
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("centres", [FOUR[:1], FOUR[:2]], ids=["one ball", "two"])
 def test_leds_that_face_straight_down_are_placed_right(centres: list[tuple[float, float]]) -> None:
     """As on a flat board; taken to face the middle, they made a right radius seem wrong."""
