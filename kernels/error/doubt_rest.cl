@@ -7,7 +7,8 @@ LANED __kernel void doubt_rest(
     __global const float *restrict error, __global const uchar *restrict rest,
     __global const float *restrict free, __global const float *restrict variance,
     const float pixel, __global const float *restrict apart,
-    __global const float *restrict height, const float scale_error, const float zero,
+    __global const float *restrict height, __global const float *restrict skirt,
+    const float scale_error, const float zero,
     __global float *restrict out, const int H, const int W, const float level,
     const float steepest)
 {
@@ -23,6 +24,7 @@ LANED __kernel void doubt_rest(
     const floats above = load_floats(height + at, count), scaled = scale_error * above;
     const floats held = MORE_OF(wide, moved) + hidden;
     const floats off = stated * stated + moved + scaled * scaled;
-    const floats without_zero = load_bytes(rest + at, count) != 0 ? held : off;
+    const floats below = load_floats(skirt + at, count);
+    const floats without_zero = (load_bytes(rest + at, count) != 0 ? held : off) + below * below;
     store_floats(sqrt(without_zero + zero * zero), out + at, count);
 }

@@ -5,13 +5,13 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
-from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.capture.read_capture import CaptureFile, Layout, read_capture
 from tactograph.nodes.files.calibration_file import dark_led
 from tactograph.nodes.files.image_files import lights_of
+from tactograph.nodes.optics.light_trend import smoothed_light
 
 
 class Flat(NamedTuple):
@@ -45,7 +45,7 @@ def read_flat(
     dark
         One image taken with all LEDs off; a ``capture.yaml`` beside it may give its ``bits``, else
         one of 16 bits has those of the untouched film.
-    smooth_px : standard deviation of the Gaussian that smooths the flat image
+    smooth_px : standard deviation of the Gaussian that smooths the flat image (`smoothed_light`)
 
     Raises
     ------
@@ -71,7 +71,7 @@ def read_flat(
         )
         return Flat(np.ones_like(image), black)
     stack = _mean(image, folder, layout)
-    flat = np.stack([gaussian_filter(each - black, smooth_px, mode="nearest") for each in stack])
+    flat = np.stack([smoothed_light(each - black, smooth_px) for each in stack])
     if (led := dark_led(flat)) is not None:
         raise InputError(
             f"{folder}: under LED {led} the film is no brighter than {dark or 'the dark image'}; "

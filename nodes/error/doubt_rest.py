@@ -26,6 +26,7 @@ def doubt_rest(
     pixel: PixelSize,
     apart: Height,
     height: Height,
+    skirt: HeightError,
     scale_error: ScaleError | None = None,
     zero: ZeroError | None = None,
     *,
@@ -41,7 +42,8 @@ def doubt_rest(
 
     `free` is a height integrated from the slopes alone.  It shows a wide touch: a step, or a touch
     whose top reaches the border of the frame and looks calm there.  Where pieces of such film lie
-    farther `apart` than `free`, their distance counts, also for film that hangs between them.  A
+    farther `apart` than `free`, their distance counts, also for film that hangs between them.
+    The error of the `skirt` of a touch is added, on this film and on all that stands on it.  A
     narrow touch hides below the noise of a slope over one pixel, times the `level` up to which
     light counts as noise.  Any height up to that limit is equally likely, so its variance is a
     third of the square.
@@ -59,6 +61,7 @@ def doubt_rest(
     pixel : mm per px
     apart : H x W in mm, the distance of pieces of film at rest (`rest_apart`)
     height : H x W in mm
+    skirt : H x W in mm, the error of the skirt's height (`skirt_height`)
     scale_error : relative error of all heights; None: the scale is exact
     zero : error of the zero in mm (`zero_error`); None: the zero is known
     level : standard deviations of the light that `calm_film` counts as noise
@@ -72,7 +75,7 @@ def doubt_rest(
     hidden = np.float32((level * pixel) ** 2 / 6) * slopes
     moved, scaled = apart * apart, np.float32(scale_error or 0) * height
     held, off = np.maximum(free * free, moved) + hidden, error * error + moved + scaled * scaled
-    without_zero = np.sqrt(np.where(rest != 0, held, off))
+    without_zero = np.sqrt(np.where(rest != 0, held, off) + skirt * skirt)
     return np.asarray(np.hypot(without_zero, np.float32(zero or 0)), np.float32)
 
 
@@ -84,8 +87,8 @@ def _example(rng: np.random.Generator, H: int, W: int, **_: int) -> dict[str, An
     """Some film is at rest, and some slopes are unknown."""
     variance = rng.uniform(1e-6, 1e-2, (2, H, W))
     variance[:, rng.random((H, W)) < 0.1] = 1e12
-    free, apart, height = rng.normal(0, 0.01, (3, H, W)).astype(np.float32)
-    return {"free": free, "apart": apart, "height": height} | {
+    free, apart, height, skirt = rng.normal(0, 0.01, (4, H, W)).astype(np.float32)
+    return {"free": free, "apart": apart, "height": height, "skirt": np.abs(skirt)} | {
         "rest": rng.integers(0, 2, (H, W)).astype(np.uint8),
         "variance": variance.astype(np.float32),
         "scale_error": float(rng.uniform(0, 0.3)),

@@ -201,23 +201,25 @@ def test_bounced_light_that_has_not_settled_is_an_error() -> None:
 def test_the_error_of_film_held_at_zero_is_its_height_by_slopes_alone() -> None:
     rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.002))
     flat = np.zeros(SHAPE, np.float32)
-    stated = doubt_rest(error, rest, flat + np.float32(0.1), variance_of(1e-4), PIXEL, flat, flat)
+    stated = doubt_rest(error, rest, flat + np.float32(0.1), variance_of(1e-4), PIXEL, *3 * [flat])
     assert stated[rest == 1] == pytest.approx(0.1, rel=0.01)
     assert (stated[rest == 0] == error[rest == 0]).all()
-    hidden = doubt_rest(error, rest, flat, variance_of(1e-4), PIXEL, flat, flat)[rest == 1]
+    hidden = doubt_rest(error, rest, flat, variance_of(1e-4), PIXEL, *3 * [flat])[rest == 1]
     assert hidden == pytest.approx(4.5 / np.sqrt(3) * 0.01 * PIXEL, rel=1e-4)
 
 
 def test_the_error_of_film_held_at_zero_is_the_distance_of_its_pieces() -> None:
     rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.002))
     flat = np.zeros(SHAPE, np.float32)
-    stated = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, flat - np.float32(0.1), flat)
+    stated = doubt_rest(
+        error, rest, flat, variance_of(1e-12), PIXEL, flat - np.float32(0.1), flat, flat
+    )
     assert stated == pytest.approx(0.1, rel=1e-3)
 
 
 def test_the_error_of_a_slope_is_limited_by_the_steepest_slope() -> None:
     flat, rest = np.zeros(SHAPE, np.float32), np.ones(SHAPE, np.uint8)
-    stated = doubt_rest(flat, rest, flat, variance_of(1e12), PIXEL, flat, flat, level=1.0)
+    stated = doubt_rest(flat, rest, flat, variance_of(1e12), PIXEL, *3 * [flat], level=1.0)
     assert stated == pytest.approx(PIXEL / np.sqrt(3), rel=1e-4)
 
 
@@ -276,16 +278,25 @@ def test_noise_changes_the_height_by_the_stated_error() -> None:
 def test_an_uncertain_scale_is_an_error_of_every_height() -> None:
     z, _ = dome()
     rest, flat, error = at_rest(z), np.zeros(SHAPE, np.float32), np.full(SHAPE, np.float32(0.001))
-    inputs = error, rest, flat, variance_of(1e-12), PIXEL, flat, z
+    inputs = error, rest, flat, variance_of(1e-12), PIXEL, flat, z, flat
     sure, unsure = (doubt_rest(*inputs, scale_error=share) for share in (0, 0.2))
     assert np.allclose(unsure[rest == 0], np.hypot(sure, 0.2 * z)[rest == 0], rtol=1e-5)
     assert np.array_equal(unsure[rest == 1], sure[rest == 1])
     assert unsure.max() > 2 * sure.max()
 
 
+def test_the_error_of_a_skirt_is_one_of_all_that_stands_on_it() -> None:
+    rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.03))
+    flat = np.zeros(SHAPE, np.float32)
+    skirt = flat + np.float32(0.04)
+    stated = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, flat, flat, skirt)
+    assert stated[rest == 0] == pytest.approx(0.05)
+    assert stated[rest == 1] == pytest.approx(0.04, rel=1e-3)
+
+
 def test_an_unknown_zero_is_an_error_everywhere() -> None:
     rest, error = at_rest(plateau()), np.full(SHAPE, np.float32(0.03))
     flat = np.zeros(SHAPE, np.float32)
-    stated = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, flat, flat, zero=0.04)
+    stated = doubt_rest(error, rest, flat, variance_of(1e-12), PIXEL, *3 * [flat], zero=0.04)
     assert stated[rest == 0] == pytest.approx(0.05)
     assert stated[rest == 1] == pytest.approx(0.04, rel=1e-3)
