@@ -80,11 +80,14 @@ def replay(
     first = list(islice(frames, RATE_FRAMES))
     if not first:
         raise InputError(f"{recording}: holds no frame")
-    every = _paced(source, chain(first, frames), _Pace(speed), first[0].led == ALL_LIT)
-    if first[0].led == ALL_LIT:
-        yield from _one_shot(source, every)
-    else:
+    one_shot = first[0].led == ALL_LIT
+    every = _paced(source, chain(first, frames), _Pace(speed), one_shot)
+    if not one_shot:
         yield from _flashed(source, every, first, calibration, refresh)
+        return
+    for frame in every:
+        light = _colours(frame, source.state.settings)
+        yield LiveFrames.counted(light, frame.time, [frame], source.state)
 
 
 replay.handed_in(read_capture.check_handed_in)
@@ -108,13 +111,6 @@ def _paced(
             source.state.dropped += max(frame.number - before.number - 1, 0)
         before = frame
         yield frame
-
-
-def _one_shot(source: _Recording, frames: Iterator[RawFrame]) -> Iterator[LiveFrames]:
-    """Yield every colour frame as a touch."""
-    for frame in frames:
-        light = _colours(frame, source.state.settings)
-        yield LiveFrames.counted(light, frame.time, [frame], source.state)
 
 
 def _flashed(
