@@ -11,7 +11,7 @@ from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.capture.read_capture import CaptureFile, Layout, read_capture
 from tactograph.nodes.files.calibration_file import dark_led
 from tactograph.nodes.files.image_files import lights_of
-from tactograph.nodes.optics.light_trend import smoothed_light
+from tactograph.nodes.optics.smoothed_light import smoothed_light
 
 
 class Flat(NamedTuple):

@@ -54,12 +54,13 @@ def skirt_height(
     weight = 2 / (variance[0] + variance[1])[held]
     away = away[held]
     bins = away.astype(np.intp)
-    information, total = (np.bincount(bins, each) for each in (weight, falls * weight))
+    sums = [np.bincount(bins, each) for each in (weight, falls * weight)]
+    information, total = np.asarray(sums, np.float64)
     measured = information > 0
-    distance = np.flatnonzero(measured) * float(pixel)
     information, fall = information[measured], total[measured] / information[measured]
-    at = np.arange(bins.max() + 2)
-    skirts = _skirt(distance, fall, information, at * float(pixel), float(misfit[4]))
+    at = np.arange(bins.max() + 2, dtype=np.float64)
+    mm = at * float(pixel)
+    skirts = _skirt(mm[:-1][measured], fall, information, mm, float(misfit[4]))
     planes = [np.full(rest.shape, each[0], np.float32) for each in skirts]
     for plane, each in zip(planes, skirts, strict=True):
         plane[held] = np.interp(away, at, each)

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from tactograph.graph import node
 from tactograph.nodes import F8, Light, LightPositions, PixelSize
 from tactograph.nodes.calibrate.lights.light_samples import Rest
-from tactograph.nodes.optics.light_trend import TREND_DEGREE
+from tactograph.nodes.calibrate.rest.denoise_flat import TREND_DEGREE
 
 MAX_SLOPE = 0.008
 """Largest RMS slope of untouched film; it is 0.002 to 0.005 on real and rendered film."""

@@ -4,18 +4,20 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander
 
 from tactograph.graph import node
 from tactograph.nodes import F4, Light, robust_deviation
 from tactograph.nodes.calibrate import MIN_FLAT_LIGHT
 from tactograph.nodes.optics.block_sums import block_sums
-from tactograph.nodes.optics.light_trend import light_trend
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 SCALES_PX = (4.0, 8.0, 16.0, 32.0)
 """Standard deviations of the Gaussians that separate the bands of detail."""
 MIN_SIDE_DEVIATIONS = 8
 """Smallest side of an image for a Gaussian, in its standard deviations."""
+TREND_DEGREE = 6
+"""Degree of the polynomial trend of the light over the image, which is always kept."""
 BLOCK_PX = 32
 """Side of a block in px; only the calmer half of a press's blocks, the untouched one, counts."""
 MARK_DEVIATIONS, CONFIRMED_SHARE = 5.0, 0.5
@@ -76,11 +78,20 @@ def _bands(plane: F4) -> tuple[list[F4], F4]:
 
     Remove the trend first, so that the remainder can be mirrored at the borders.
     """
-    trend = light_trend(plane)
+    trend = _trend(plane)
     residual = plane - trend
     scales = [s for s in SCALES_PX if MIN_SIDE_DEVIATIONS * s < min(plane.shape)]
     levels = [residual, *(cv2.GaussianBlur(residual, (0, 0), scale) for scale in scales)]
     return [fine - coarse for fine, coarse in pairwise(levels)], trend + levels[-1]
+
+
+def _trend(plane: F4) -> F4:
+    """The least-squares polynomial, of `TREND_DEGREE` along x and along y."""
+    down, across = (
+        np.linalg.qr(chebvander(np.linspace(-1, 1, side), TREND_DEGREE))[0].astype(np.float32)
+        for side in plane.shape
+    )
+    return np.asarray(down @ (down.T @ plane @ across) @ across.T, np.float32)
 
 
 def _calm(band: F4) -> F4:
