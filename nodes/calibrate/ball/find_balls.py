@@ -12,6 +12,7 @@ from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_grid import Grid, find_grid, place_balls
+from tactograph.nodes.calibrate.ball.ball_search import CONTACT_SHARES
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.judge_flat import RETAKE_FLAT, is_uneven
@@ -48,11 +49,12 @@ def find_balls(
     shape: RestShape | None = None,
     *,
     pitch_mm: Annotated[float, Gt(0)] | None = None,
+    only_warn: bool = False,
 ) -> FoundBalls:
     """Return the contact circle of every press, as `find_ball` finds it, or its grid of balls.
 
     A press without a ball is named in a warning and gets a radius of 0, which excludes it from
-    all later steps.  A single press without a ball is refused.
+    all later steps.  A single press without a ball is refused, and so is a flat frame with one.
 
     Parameters
     ----------
@@ -68,6 +70,7 @@ def find_balls(
     pitch_mm
         Pitch of a square grid of balls, of which every press shows several (`_ball_grid`).
         None: every press is one of a single ball.
+    only_warn : whether a flat frame that shows a ball is left to later nodes, which doubt it
 
     Returns
     -------
@@ -77,8 +80,8 @@ def find_balls(
     Raises
     ------
     InputError
-        If no press shows its ball; if the balls of a grid overlap, or lie on a film that is no
-        plane.
+        If no press shows its ball, or the flat frame does; if the balls of a grid overlap, or lie
+        on a film that is no plane.
     """
     if not names:
         none = np.zeros(len(radius), np.float32)
@@ -88,6 +91,8 @@ def find_balls(
         raise InputError(
             "a grid of balls is for film that is flat at rest: press single balls, one a press"
         )
+    if shape is None and not only_warn and is_uneven(flat, pixel):
+        _refuse_pressed(flat, light, radius, pixel)
     if pitch_mm is not None or marks is not None:
         none = np.zeros((0, 3), np.float32)
         return _grids(light, flat, radius, names, pixel, pitch_mm, none if marks is None else marks)
@@ -119,6 +124,24 @@ def find_balls(
         np.arange(len(balls), dtype=np.int32),
         names,
     )
+
+
+def _refuse_pressed(flat: F4, light: F4, radius: F4, pixel: float) -> None:
+    """Refuse an uneven flat frame that shows a ball, as then all film beside it seems to sink.
+
+    A ball that is large enough to be found makes a press uneven, too.
+    """
+    if not any(is_uneven(press * flat, pixel) for press in cut(light, flat.shape[1])):
+        raise InputError(
+            "the capture shows untouched film, and the flat frame a touch: exchange the two"
+        )
+    try:
+        ball = find_ball(flat, pixel, radius_mm=float(radius.max()))
+    except InputError:
+        return
+    if ball.contact > CONTACT_SHARES[-1] * radius.max() / pixel:  # else dirt is as round
+        x, y = ball.center
+        raise InputError(f"{TOUCHED_FLAT} (it shows a ball at {x:.0f},{y:.0f} px)")
 
 
 def _grids(

@@ -189,7 +189,8 @@ def find_rest(
         raise InputError(
             "finding the film's shape needs `flat`: the untouched film's light tells it"
         )
-    balls = find_balls(light, flat, radius, circles, names, pixel)
+    # Light of film that is no plane may look like a ball's.
+    balls = find_balls(light, flat, radius, circles, names, pixel, only_warn=True)
     shown = np.flatnonzero(balls.circle[:, 2])
     if shown.size < MIN_PRESSES:
         raise InputError(
