@@ -5,12 +5,13 @@ from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge
 
 from tactograph.rings.curved_film.nodes.read_rest import by_rays
 from tactograph.sdk import (
     F4,
     F8,
+    MIN_CAMERA_MM,
     FilmEvidence,
     InputError,
     Light,
@@ -146,7 +147,7 @@ def find_rest(
     noise: Noise,
     stated: RestShape | None = None,
     *,
-    camera_mm: Annotated[float, Gt(0)] | None = None,
+    camera_mm: Annotated[float, Ge(MIN_CAMERA_MM)] | None = None,
     bounce: NodeCall = film_bounce,
 ) -> FoundRest:
     """Return the film's shape at rest as given, or else as found.

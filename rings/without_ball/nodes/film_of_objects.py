@@ -12,12 +12,13 @@ from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
 from tactograph.sdk import (
     F8,
+    MIN_CAMERA_MM,
     Film,
     FilmEvidence,
     InputError,
@@ -114,7 +115,7 @@ def film_of_objects(
     flat: Light,
     pixel: PixelSize,
     *,
-    camera_mm: Annotated[float, Gt(0)] | None = None,
+    camera_mm: Annotated[float, Ge(MIN_CAMERA_MM)] | None = None,
     bounce: NodeCall = film_bounce,
 ) -> FilmOfObjects:
     """Return the LEDs and the film that make one surface of each press.
