@@ -61,7 +61,6 @@ from tactograph.graph.run.result import (
 from tactograph.nodes import (
     F4 as F4,
     F8 as F8,
-    MIN_CAMERA_MM as MIN_CAMERA_MM,
     Contacts as Contacts,
     Dark as Dark,
     Film as Film,

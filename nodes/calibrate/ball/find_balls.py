@@ -91,7 +91,8 @@ def find_balls(
         raise InputError(
             "a grid of balls is for film that is flat at rest: press single balls, one a press"
         )
-    if shape is None and not only_warn and is_uneven(flat, pixel):
+    is_touched = is_uneven(flat, pixel)
+    if is_touched and shape is None and not only_warn:
         _refuse_pressed(flat, light, radius, pixel)
     if pitch_mm is not None or marks is not None:
         none = np.zeros((0, 3), np.float32)
@@ -107,15 +108,14 @@ def find_balls(
             )
         except InputError as error:
             reason = str(error).partition("; ")[0]
-            if len(names) == 1 and is_uneven(flat, pixel):
-                raise InputError(f"{TOUCHED_FLAT} ({reason})") from None
+            advice = f"{reason}; {MARKING_ADVICE}; else press again"
             if len(names) == 1:
-                raise InputError(f"{reason}; {MARKING_ADVICE}; else press again") from None
+                raise InputError(f"{TOUCHED_FLAT} ({reason})" if is_touched else advice) from None
             warn(f"press {name} is left out: {reason}; {MARKING_ADVICE}")
             ball = None
         balls.append(ball)
     if not any(balls):
-        cure = TOUCHED_FLAT if is_uneven(flat, pixel) else "check `radius` and `pixel`"
+        cure = TOUCHED_FLAT if is_touched else "check `radius` and `pixel`"
         raise InputError(f"none of {len(names)} presses shows its ball; {cure}")
     return FoundBalls(
         np.array([(*b.center, b.contact) if b else (0, 0, 0) for b in balls], np.float32),
@@ -170,18 +170,16 @@ def _grids(
             grid = find_grid(press, radius_px, pitch_mm / pixel, pixel, rest)
         else:
             grid, why = None, "unlike others it has no marks; they need none with `pitch_mm`=MM"
-        if grid is None and len(names) > 1:
-            warn(f"press {names[number]} is left out: {why}")
         if grid is not None:
-            grids.append((number, float(size), grid))
+            grids.append((number, grid))
+        elif len(names) > 1:
+            warn(f"press {names[number]} is left out: {why}")
     if not grids:
         raise InputError(
             f"none of {len(names)} presses shows a grid of balls; check `radius`, `pitch_mm` and "
             "`pixel`"
         )
-    numbers, sizes, placed = zip(*grids, strict=True)
+    numbers, placed = zip(*grids, strict=True)
     circle, goodness = (np.concatenate(p).astype(np.float32) for p in zip(*placed, strict=True))
-    counts = [len(grid.circle) for grid in placed]
-    radii = np.repeat(np.array(sizes, np.float32), counts)
-    of = np.repeat(np.array(numbers, np.int32), counts)
-    return FoundBalls(circle, goodness, radii, of, names)
+    of = np.repeat(np.array(numbers, np.int32), [len(grid.circle) for grid in placed])
+    return FoundBalls(circle, goodness, radius[of].astype(np.float32), of, names)

@@ -11,7 +11,6 @@ from tactograph.rings.curved_film.nodes.read_rest import by_rays
 from tactograph.sdk import (
     F4,
     F8,
-    MIN_CAMERA_MM,
     FilmEvidence,
     InputError,
     Light,
@@ -147,7 +146,7 @@ def find_rest(
     noise: Noise,
     stated: RestShape | None = None,
     *,
-    camera_mm: Annotated[float, Ge(MIN_CAMERA_MM)] | None = None,
+    camera_mm: Annotated[float, Ge(1 / FilmEvidence.prior("camera").high)] | None = None,
     bounce: NodeCall = film_bounce,
 ) -> FoundRest:
     """Return the film's shape at rest as given, or else as found.

@@ -15,7 +15,7 @@ from tactograph.rings.shapes.mesh_file import rasterised, read_mesh
 from tactograph.sdk import (
     F4,
     F8,
-    MIN_CAMERA_MM,
+    FilmEvidence,
     HeightFile,
     InputError,
     Lens,
@@ -62,7 +62,7 @@ def read_rest(
     radius_mm: float | None = None,
     cylinder_mm: Radius | None = None,
     at_mm: Pose | None = None,
-    camera_mm: Annotated[float, Ge(MIN_CAMERA_MM)] | None = None,
+    camera_mm: Annotated[float, Ge(1 / FilmEvidence.prior("camera").high)] | None = None,
 ) -> Resting:
     """Return the film at rest, as its maker's drawing has it.
 

@@ -18,7 +18,6 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from tactograph.sdk import (
     F8,
-    MIN_CAMERA_MM,
     Film,
     FilmEvidence,
     InputError,
@@ -115,7 +114,7 @@ def film_of_objects(
     flat: Light,
     pixel: PixelSize,
     *,
-    camera_mm: Annotated[float, Ge(MIN_CAMERA_MM)] | None = None,
+    camera_mm: Annotated[float, Ge(1 / FilmEvidence.prior("camera").high)] | None = None,
     bounce: NodeCall = film_bounce,
 ) -> FilmOfObjects:
     """Return the LEDs and the film that make one surface of each press.
@@ -184,9 +183,9 @@ def _leds(scene: _Scene, unknowns: F8) -> F8:
 
 
 def _film(scene: _Scene, unknowns: F8) -> Film:
-    coat = unknowns[3 * len(scene.presses[0]) + 1 :].tolist()
-    lights = scene.matt.with_leds(_leds(scene, unknowns)).film.lights
-    film = Film.matt(lights.astype(np.float32))._replace(camera=scene.camera)
+    emission, *coat = unknowns[3 * len(scene.presses[0]) :].tolist()
+    lights = scene.matt.with_leds(_leds(scene, unknowns)).film.lights.astype(np.float32)
+    film = Film.matt(lights)._replace(camera=scene.camera, emission=emission)
     if coat:
         film = film._replace(base=coat[0], **dict(zip(COAT_LIMITS, coat, strict=True)))
     return film
@@ -221,10 +220,11 @@ def _vectors(scene: _Scene, film: Film, z: F8) -> F8:
     """v of equation N1 where the camera's rays meet the film: K x 3 x h x w."""
     u, v = scene.places
     nearer, vectors = 1 - scene.camera * z, []
-    for lx, ly, lz in film.lights.astype(np.float64):
+    for led, (lx, ly, lz) in enumerate(film.lights.astype(np.float64)):
         away = np.stack([lx - u * nearer, ly - v * nearer, lz - z])
         ratio = ((lx - u) ** 2 + (ly - v) ** 2 + lz**2) / np.square(away).sum(axis=0)
-        vectors.append(away / lz * ratio * np.sqrt(ratio))
+        beam = FilmEvidence.emitted(film, led, (u * nearer, v * nearer, z))
+        vectors.append(away / lz * ratio * np.sqrt(ratio) * beam)
     return np.stack(vectors)
 
 
@@ -284,8 +284,7 @@ def _residuals(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     shared = unknowns[3 * count :]
     about = [usual.start for usual in SHARED_PRIORS][: shared.size]
     usual = USUAL_NEARNESS / scene.width
-    emitting = film._replace(emission=float(shared[0]))
-    fit = scene.matt._replace(leds=_leds(scene, unknowns), film=emitting)
+    fit = scene.matt._replace(leds=_leds(scene, unknowns), film=film)
     at_rest = fit.rest_residual(scene.rest)
     parts = [
         (unknowns[2 : 3 * count : 3] - usual) / usual,
@@ -305,6 +304,14 @@ def _residuals(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     return np.concatenate(parts)
 
 
+def doubts_of_emission(emission: float) -> list[str]:
+    """A doubt if the LEDs' emission is at a limit: no value was found, and the scale makes up."""
+    return [
+        f"the LEDs seem to emit as the cosine to the power of {emission:.2g}, which is the limit: "
+        "no film that is modelled here explains presses and flat frame; calibrate with a ball"
+    ] * any(math.isclose(emission, limit, abs_tol=DERIVATIVE_STEP) for limit in EMISSION_LIMITS)
+
+
 def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
     """The film, and how well it is known."""
     film, count = _film(scene, solved.x), len(scene.presses[0])
@@ -320,8 +327,8 @@ def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
     doubts = [
         f"presses and flat frame leave {scale:.0%} of the heights' scale open: press other "
         "objects, steep and at other places, or calibrate with a ball"
-    ] * (scale > DOUBTFUL_SCALE)
-    figures = {"scale_error_percent": 100 * scale, "led_emission": float(solved.x[3 * count])}
+    ] * (scale > DOUBTFUL_SCALE) + doubts_of_emission(film.emission)
+    figures = {"scale_error_percent": 100 * scale, "led_emission": film.emission}
     if film.refraction > 1:
         figures |= {"film_albedo": film.albedo, "coat_roughness": film.roughness}
         figures |= {"coat_index": film.refraction}
