@@ -46,7 +46,6 @@ from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
 from tactograph.nodes.light.film_drift import drift_gain
 from tactograph.nodes.light.light_noise import rest_noise
 from tactograph.nodes.light.untouched_film import light_at_rest
-from tactograph.nodes.optics.film import emitted
 from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
@@ -213,11 +212,6 @@ class FilmEvidence(NamedTuple):
     def least_squares(residual: Callable[[F8], F8], start: F8, spread: F8) -> F8:
         """Return the unknowns, of usual `spread`, that leave residuals the least, robustly."""
         return least_squares(residual, start, spread)
-
-    @staticmethod
-    def emitted(film: Film, led: int, place: tuple[F8, F8, F8]) -> F8:
-        """Return an LED's beam at x, y, z over that below, where the film is at rest (F1)."""
-        return np.asarray(emitted(film, led, place))
 
     @classmethod
     def of_flat(cls, flat: Light, pixel: float, lights: NDArray[Any] | None = None) -> Self:

@@ -216,14 +216,22 @@ def _solved(scene: _Scene, unknowns: F8, *, coated: bool) -> OptimizeResult:
     return solved
 
 
+def _beams(scene: _Scene, film: Film, z: F8) -> F8:
+    """The light of level film at heights over that under LEDs that emit alike everywhere."""
+    alike = Film.matt(film.lights)._replace(camera=scene.camera)
+    films = alike._replace(emission=film.emission, aim=film.aim), alike
+    level, apparent = np.zeros((2, *z.shape)), z / (1 - scene.camera * z)
+    emitting, plain = (film_light(level, apparent, each, scene.pixel) for each in films)
+    return np.asarray(emitting / plain, float)
+
+
 def _vectors(scene: _Scene, film: Film, z: F8) -> F8:
     """v of equation N1 where the camera's rays meet the film: K x 3 x h x w."""
     u, v = scene.places
     nearer, vectors = 1 - scene.camera * z, []
-    for led, (lx, ly, lz) in enumerate(film.lights.astype(np.float64)):
+    for (lx, ly, lz), beam in zip(film.lights.astype(float), _beams(scene, film, z), strict=True):
         away = np.stack([lx - u * nearer, ly - v * nearer, lz - z])
         ratio = ((lx - u) ** 2 + (ly - v) ** 2 + lz**2) / np.square(away).sum(axis=0)
-        beam = FilmEvidence.emitted(film, led, (u * nearer, v * nearer, z))
         vectors.append(away / lz * ratio * np.sqrt(ratio) * beam)
     return np.stack(vectors)
 
