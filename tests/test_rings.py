@@ -16,6 +16,7 @@ from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.rings import Ring, bring, rings
 from tactograph.sdk import sources
 from tests.fixtures import ROOT, needs_rings
+from tests.sources import tree
 
 SHIPPED = sorted(folder.parent.name for folder in (ROOT / "rings").glob("*/__init__.py"))
 BUILDS_ON = {
@@ -34,7 +35,7 @@ CORE = ("graph", "nodes", "kernels", "pipelines", "tactograph")
 
 
 def imported(file: Path) -> Iterator[str]:
-    for each in ast.walk(ast.parse(file.read_text())):
+    for each in ast.walk(tree(file)):
         if isinstance(each, ast.ImportFrom) and each.module:
             yield each.module
         elif isinstance(each, ast.Import):

@@ -97,11 +97,11 @@ def reopen_damaged(store: Store) -> int:
 def open_chunks(store: Store, *, retry_failed: bool) -> list[Chunk]:
     """The chunks in which captures are still to do."""
     finished = (DONE,) if retry_failed else (DONE, FAILED)
-    chunks: dict[int, list[tuple[int, str]]] = {}
+    chunks: dict[int, Chunk] = {}
     for number, (status, capture) in enumerate(zip(store.statuses, store.captures, strict=True)):
         if status not in finished:
             chunks.setdefault(number // store.chunk, []).append((number, capture))
-    return [Chunk(tuple(each)) for each in chunks.values()]
+    return [*chunks.values()]
 
 
 def _map_types(captures: Sequence[str], workers: Workers) -> dict[str, MapType]:

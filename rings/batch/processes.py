@@ -32,14 +32,9 @@ def set_up(job: Job) -> None:
     _worker = Worker(job)
 
 
-def open_ahead() -> None:
-    """Open the pipeline of this process."""
-    _worker.open_ahead()
-
-
-def find_map_types(place: str) -> dict[str, MapType]:
-    """The types of the maps, from a capture."""
-    return _worker.map_types(place)
+def ask_worker(method: str, *about: Any) -> Any:
+    """Call a method of the worker of this process."""
+    return getattr(_worker, method)(*about)
 
 
 def do_chunk(chunk: Chunk) -> Tally:
@@ -72,11 +67,12 @@ class Processes:
         """Start to open the graph in all processes.  One that dies of it is told at work."""
         with suppress(BrokenProcessPool):
             for _ in range(self._number):
-                hand_over(self._pool, open_ahead)
+                hand_over(self._pool, ask_worker, "open_ahead")
 
     def map_types(self, place: str) -> dict[str, MapType]:
         """The types of the maps, from a capture.  Raises TactographError if it cannot be done."""
-        return self.ask(find_map_types, place)
+        types: dict[str, MapType] = self.ask(ask_worker, "map_types", place)
+        return types
 
     def ask(self, question: Callable[..., Answer], *about: Any) -> Answer:
         """Ask one of the processes.  Raises InputError if it dies."""
@@ -111,8 +107,8 @@ class Processes:
         reason = f"its process died, alone as well; {RUN_ALONE_HINT}"
         store = open_store(self._job.place)
         assert store is not None
-        store.write({number: Entry(FAILED, reason) for number, _ in chunk.captures})
-        return Tally(0, len(chunk.captures))
+        store.write({number: Entry(FAILED, reason) for number, _ in chunk})
+        return Tally(0, len(chunk))
 
     def _until_death(
         self, chunks: Iterator[Chunk], number: int

@@ -57,7 +57,7 @@ def run_batch(job: Job, captures: Captures, number: int | None, *, retry_failed:
             line.say(f"{damaged} finished capture{plural} damaged: done again", err=True)
         chunks = open_chunks(store, retry_failed=retry_failed)
         line.say(f"{_before(store, retry_failed=retry_failed)}; {workers.name}")
-        _show(workers.run(iter(chunks)), sum(len(each.captures) for each in chunks))
+        _show(workers.run(iter(chunks)), sum(map(len, chunks)))
         return _conclude(store, job)
 
 

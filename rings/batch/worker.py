@@ -21,11 +21,8 @@ from tactograph.sdk import InputError, Pipeline, Result, TactographError
 PIXEL_UNIT = "mm/px"
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """Captures, by number, that one worker does and writes together."""
-
-    captures: tuple[tuple[int, str], ...]
+Chunk = list[tuple[int, str]]
+"""Captures, by number, that one worker does and writes together."""
 
 
 @dataclass(frozen=True)
@@ -108,14 +105,14 @@ class Worker:
             coming = (
                 (chunk, number, reader.submit(self._read, self._pipeline, place))
                 for chunk in chunks
-                for number, place in chunk.captures
+                for number, place in chunk
             )
             # Each capture's turn is taken after the next one is begun.
             for turn, _next in pairwise(chain(coming, [None])):
                 assert turn is not None
                 chunk, number, ready = turn
                 entries[number] = self._attempt(ready.result())
-                if number == chunk.captures[-1][0]:
+                if number == chunk[-1][0]:
                     if written is not None:
                         yield written.result()
                     fallbacks = tuple(self._pipeline.plan.fallbacks)

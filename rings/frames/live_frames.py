@@ -1,7 +1,8 @@
 """Camera frames with their LED, and the touches made of them."""
 
-from dataclasses import dataclass
-from typing import Annotated, NamedTuple
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,3 +45,17 @@ class LiveFrames(NamedTuple):
     truth_slope: Slope | None = None
     truth_shadow: Labels | None = None
     truth_rest: Height | None = None
+
+    @classmethod
+    def counted(
+        cls,
+        image: Light,
+        time: float,
+        new: list[RawFrame],
+        state: LiveState,
+        truth: Height | None = None,
+    ) -> Self:
+        """Return the next touch of a stream, which its `state` counts."""
+        state.touches += 1
+        now = replace(state, faults=Counter(state.faults))
+        return cls(image, f"{state.touches:06}", time, new, now, truth)

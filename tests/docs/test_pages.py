@@ -31,7 +31,7 @@ from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.files.read_graph import read_graph, shipped_names
 from tactograph.graph.rings import brought
 from tests.each import each
-from tests.fixtures import ROOT, MadeOnce, needs_rings, python
+from tests.fixtures import ROOT, Calibration, MadeOnce, needs_rings, python
 
 PAGES = sorted([*(ROOT / "docs").glob("*.md"), *ROOT.glob("rings/*/docs/*.md")])
 RUN = ("sh", "python", "yaml")
@@ -43,7 +43,10 @@ tactograph run simulate_flat out=flat seed=2 --quiet
 tactograph run simulate out=ball radius_mm=7 seed=1 --quiet
 tactograph run calibrate capture=ball flat=flat ball_radius_mm=7 pixel_size_mm=0.0714286 out=cal.npz --quiet
 """  # noqa: E501
-"""Commands that several pages begin with; they run once for all of them, by the wheel."""
+"""Commands that several pages begin with; they run once for all `LONG` ones, by the wheel.
+
+Others go on with the calibration of a rig that many tests share.
+"""
 MADE = [line.removesuffix(" --quiet") for line in SENSOR.splitlines()]
 
 
@@ -174,7 +177,11 @@ def marks_of(page: Path) -> list[pytest.MarkDecorator]:
     ids=lambda page: page.name,
 )
 def test_the_examples_of_a_page_run(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+    page: Path,
+    tmp_path: Path,
+    calibration: Calibration,
+    monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
@@ -186,7 +193,10 @@ def test_the_examples_of_a_page_run(
     names: dict[str, Any] = {"__name__": "__main__"}
     for block in blocks(page):
         if block.language == "sh" and (is_tour or block.text.startswith(SENSOR)):
-            shutil.copytree(request.getfixturevalue("sensor"), tmp_path, dirs_exist_ok=True)
+            if page.name in LONG:
+                shutil.copytree(request.getfixturevalue("sensor"), tmp_path, dirs_exist_ok=True)
+            else:
+                shutil.copy(calibration("far28"), tmp_path / "cal.npz")
             lines = block.text.splitlines()
             left = [line for line in lines if line.removesuffix(" --quiet") not in MADE]
             run("\n".join(left), block.where, tmp_path, environment)

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import networkx as nx
 
+from tests.sources import tree
+
 ROOT = Path(__file__).parents[2]
 GRAPH = ROOT / "graph"
 PACKAGE = "tactograph.graph"
@@ -30,7 +32,7 @@ def imports() -> nx.DiGraph[str]:
     """Every import between modules, those inside functions and for type checkers too."""
     graph: nx.DiGraph[str] = nx.DiGraph()
     for module, file in modules().items():
-        for node in ast.walk(ast.parse(file.read_text())):
+        for node in ast.walk(tree(file)):
             if isinstance(node, ast.ImportFrom) and node.module:
                 names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
             elif isinstance(node, ast.Import):

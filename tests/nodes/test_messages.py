@@ -14,6 +14,7 @@ from tactograph.graph.declare.find_node import find_node, node_places, shipped_n
 from tactograph.graph.errors import MARKED_NAME
 from tactograph.graph.rings import rings
 from tactograph.nodes.capture.read_capture import CaptureFile
+from tests.sources import tree
 
 ASSIGNMENT = re.compile(r"(?<![\w.=$<`-])[a-z]\w*=(?!=)")
 """A value that is assigned to a name."""
@@ -54,11 +55,10 @@ def _of_graphs() -> Iterator[str]:
 
 
 def _foreign_marks() -> Iterator[str]:
-    imported = {name: _imported(name) for name in shipped_nodes()}
+    nodes_of = {_file(name): [name] for name in shipped_nodes()}
+    imported = {name: _imported(file) for file, (name,) in nodes_of.items()}
     for file in _files():
-        nodes = [n for n, files in imported.items() if _file(n) == file] or [
-            n for n, files in imported.items() if file in files
-        ]
+        nodes = nodes_of.get(file) or [n for n, files in imported.items() if file in files]
         known = {
             name for node in map(find_node, nodes) for name in (*node.parameters, *node.inputs)
         }
@@ -73,9 +73,9 @@ def _files() -> list[Path]:
     return [file for ring in shipped for file in ring.files("nodes", "[!_]*/**/*.py")]
 
 
-def _sentences(tree: ast.AST) -> Iterator[str]:
+def _sentences(source: ast.AST) -> Iterator[str]:
     """The texts of a file that may be messages: of several words, no docstrings, no pages."""
-    nodes = [*ast.walk(tree)]
+    nodes = [*ast.walk(source)]
     inner = {node.value for node in nodes if isinstance(node, ast.Expr)}
     inner |= {part for n in nodes if isinstance(n, ast.JoinedStr) for part in n.values}
     for node in nodes:
@@ -90,16 +90,11 @@ def _sentences(tree: ast.AST) -> Iterator[str]:
 
 @cache
 def _texts(file: Path) -> list[str]:
-    return [*_sentences(_tree(file))]
+    return [*_sentences(tree(file))]
 
 
 def _bare(text: str) -> str:
     return COMMAND.sub("", MARKED_NAME.sub("", text))
-
-
-@cache
-def _tree(file: Path) -> ast.Module:
-    return ast.parse(file.read_text(encoding="utf-8"))
 
 
 def _file(node: str) -> Path:
@@ -116,9 +111,9 @@ def _source(module: str) -> Path | None:
     return None if spec is None or spec.origin is None else Path(spec.origin)
 
 
-def _imported(node: str) -> set[Path]:
+def _imported(own: Path) -> set[Path]:
     """The file of a node, those that it imports, and those that they import."""
-    files, waiting = set[Path](), [_file(node)]
+    files, waiting = set[Path](), [own]
     while waiting:
         file = waiting.pop()
         if file in files:
@@ -131,7 +126,7 @@ def _imported(node: str) -> set[Path]:
 @cache
 def _imports(file: Path) -> list[Path]:
     """The files of the package that a file imports."""
-    imports = (each for each in ast.walk(_tree(file)) if isinstance(each, ast.ImportFrom))
+    imports = (each for each in ast.walk(tree(file)) if isinstance(each, ast.ImportFrom))
     modules = [(str(each.module), each.names) for each in imports]
     names = [
         name

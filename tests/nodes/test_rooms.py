@@ -7,10 +7,13 @@ import ast
 import re
 from collections import Counter
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import networkx as nx
 import pytest
+
+from tests.sources import tree
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = "tactograph.nodes"
@@ -30,13 +33,16 @@ def product(folder: str) -> Iterator[Path]:
     return (file for file in (ROOT / folder).rglob("*.py") if not other & {*file.parts})
 
 
-def imported_names() -> Iterator[tuple[Path, str, str]]:
+@cache
+def imported_names() -> list[tuple[Path, str, str]]:
     """Each file of a room, the module that it imports from, and the imported name."""
-    for file in (ROOT / "nodes").rglob("*.py"):
-        for statement in ast.walk(ast.parse(file.read_text())):
-            if isinstance(statement, ast.ImportFrom) and statement.module:
-                for name in statement.names:
-                    yield file.relative_to(ROOT), statement.module, name.name
+    return [
+        (file.relative_to(ROOT), statement.module, name.name)
+        for file in (ROOT / "nodes").rglob("*.py")
+        for statement in ast.walk(tree(file))
+        if isinstance(statement, ast.ImportFrom) and statement.module
+        for name in statement.names
+    ]
 
 
 def module_of(file: Path) -> str:
@@ -80,7 +86,7 @@ def test_kernels_have_the_rooms_of_their_nodes() -> None:
 
 
 def states_reason(file: Path) -> bool:
-    return "Long because" in (ast.get_docstring(ast.parse(file.read_text())) or "")
+    return "Long because" in (ast.get_docstring(tree(file)) or "")
 
 
 @pytest.mark.parametrize("folder", ["graph", "nodes", "rings"])
@@ -94,7 +100,7 @@ def code_lines(file: Path) -> int:
     text = file.read_text()
     docstrings = {
         line
-        for each in ast.walk(ast.parse(text))
+        for each in ast.walk(tree(file))
         if isinstance(each, ast.Expr) and isinstance(each.value, ast.Constant)
         for line in range(each.lineno, (each.end_lineno or each.lineno) + 1)
     }
@@ -122,7 +128,7 @@ def test_a_long_node_states_its_reason() -> None:
 
 def test_a_constant_is_named_by_noun_and_unit() -> None:
     for file in (file for folder in ("graph", "nodes", "rings") for file in product(folder)):
-        for statement in ast.parse(file.read_text()).body:
+        for statement in tree(file).body:
             if not isinstance(statement, ast.Assign | ast.AnnAssign):
                 continue
             targets = [each for each in ast.walk(statement) if isinstance(each, ast.Name)]

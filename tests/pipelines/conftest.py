@@ -11,16 +11,23 @@ import pytest
 from numpy.typing import NDArray
 
 from tactograph.graph.files.changes import with_changes
-from tactograph.graph.files.read_graph import read_graph
+from tactograph.graph.files.read_graph import Source, read_graph
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
-from tests.fixtures import Calibration, Raytraced, images_of, without_pictures, without_ranks
+from tests.fixtures import (
+    Calibration,
+    Raytraced,
+    images_of,
+    of_matt_film,
+    without_pictures,
+    without_ranks,
+)
 
 Image = NDArray[Any]
 
 
 def run(
-    graph: str,
+    graph: Source,
     out: Path | None = None,
     backend: str | None = None,
     changes: dict[str, object] | None = None,
@@ -79,8 +86,9 @@ def changed(capture: Path, out: Path, change: Callable[[Image], Image]) -> Path:
 
 
 def changed_rig(rig: Path, out: Path, shapes: list[str], change: Callable[[Image], Image]) -> None:
-    """A rig that another camera sees, and its calibration."""
+    """A rig of matt film that another camera sees, and its calibration."""
     for capture in ("flat", "calibration", *shapes):
         changed(rig / capture, out / capture, change)
     images = {"capture": out / "calibration", "flat": out / "flat"}
-    run("calibrate", out / "cal.npz", ranked=False, **images_of(rig) | images)
+    calibrate = of_matt_film(read_graph("calibrate"))
+    run(calibrate, out / "cal.npz", ranked=False, **images_of(rig) | images)

@@ -16,7 +16,7 @@ from tactograph.nodes.simulate.light_ring import light_ring
 from tactograph.nodes.simulate.render import render
 from tactograph.nodes.simulate.shape_ball import shape_ball
 from tactograph.nodes.simulate.shape_flat import shape_flat
-from tests.fixtures import few_ranks, without_ranks
+from tests.fixtures import few_ranks, of_matt_film, without_ranks
 
 PIXEL_MM, BALL_MM = 0.1, 4.0
 CANVAS = {"width_px": 160, "height_px": 120, "pixel_size_mm": PIXEL_MM}
@@ -59,7 +59,7 @@ def calibrated(
     ranked: bool = True,
 ) -> Any:
     """The result of `calibrate` for these captures; touches are checked if it is `ranked`."""
-    graph = read_graph("calibrate")
+    graph = of_matt_film(read_graph("calibrate"))
     images = {"capture": str(folder / "ball"), "flat": str(folder / "flat")}
     known = {"ball_radius_mm": BALL_MM, "pixel_size_mm": size_mm}
     params = {**images, **known, "out": str(folder / out), "accept_contradictions": True}

@@ -663,11 +663,11 @@ def test_a_batch_resumes_after_a_full_disk_which_it_reports(
 
 def reported(chunk: Chunk) -> Tally:
     """Do nothing; say how many captures there are."""
-    return Tally(len(chunk.captures))
+    return Tally(len(chunk))
 
 
 def test_no_chunk_is_lost_when_a_process_dies_between_two(tmp_path: Path) -> None:
-    chunks = [Chunk(((n, f"{n}"),)) for n in range(4)]
+    chunks = [[(n, f"{n}")] for n in range(4)]
     done = 0
     for tally in Processes(job_of(graph_of(TAKING)), 1, reported).run(chunks):
         done += tally.done
@@ -681,7 +681,7 @@ def test_no_chunk_is_lost_when_a_process_dies_between_two(tmp_path: Path) -> Non
 
 def poisoned(chunk: Chunk) -> Tally:
     """Do a chunk, unless it holds capture 3, which ends the process."""
-    if any(number == 3 for number, _ in chunk.captures):
+    if any(number == 3 for number, _ in chunk):
         os.kill(os.getpid(), signal.SIGKILL)
     return do_chunk(chunk)
 

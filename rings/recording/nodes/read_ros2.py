@@ -66,7 +66,7 @@ def read_ros2(
     try:
         messages = ros.subscribe(topic, IMAGE_TYPE)
         end = None if seconds is None else time.monotonic() + seconds
-        while (end is None or time.monotonic() < end) and (items is None or touches.count < items):
+        while (end is None or time.monotonic() < end) and touches.state.touches != items:
             if not messages:
                 ros.wait(WAIT_S)
                 continue
@@ -93,19 +93,18 @@ class RosTouches:
 
     Attributes
     ----------
-    count : touches so far
+    state : the counters
     """
 
     def __init__(self, film: CalibratedFilm, lights: Order, bits: int | None) -> None:
-        self.count = 0
         self._film, self._lights, self._bits = film, lights, bits
         self._offset = time.time_ns() - time.monotonic_ns()
         self._new: dict[int, NDArray[Any]] = {}
-        self._state = LiveState()
+        self.state = LiveState()
 
     def take(self, image: Any) -> LiveFrames | None:
         """Take a sensor_msgs/Image; return the touch if this completes it."""
-        self._state.frames += 1
+        self.state.frames += 1
         try:
             light = self._light(image)
         except InputError as error:
@@ -113,11 +112,9 @@ class RosTouches:
             return None
         if light is None:
             return None
-        self.count += 1
-        self._state.touches = self.count
         stamp = image.header.stamp
         moment = 1e-9 * (10**9 * stamp.sec + stamp.nanosec - self._offset)
-        return LiveFrames(light, f"{self.count:06}", moment, [], self._state)
+        return LiveFrames.counted(light, moment, [], self.state)
 
     def _light(self, image: Any) -> Light | None:
         """The light of all LEDs, once each has a new image."""

@@ -9,7 +9,6 @@ import json
 import re
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from itertools import chain, islice, pairwise
 from pathlib import Path
 from statistics import median
@@ -81,11 +80,14 @@ def replay(
     first = list(islice(frames, RATE_FRAMES))
     if not first:
         raise InputError(f"{recording}: holds no frame")
-    every = _paced(source, chain(first, frames), _Pace(speed), first[0].led == ALL_LIT)
-    if first[0].led == ALL_LIT:
-        yield from _one_shot(source, every)
-    else:
+    one_shot = first[0].led == ALL_LIT
+    every = _paced(source, chain(first, frames), _Pace(speed), one_shot)
+    if not one_shot:
         yield from _flashed(source, every, first, calibration, refresh)
+        return
+    for frame in every:
+        light = _colours(frame, source.state.settings)
+        yield LiveFrames.counted(light, frame.time, [frame], source.state)
 
 
 replay.handed_in(read_capture.check_handed_in)
@@ -95,7 +97,8 @@ replay.reads_ahead()
 def _paced(
     source: _Recording, frames: Iterator[RawFrame], pace: _Pace, one_shot: bool
 ) -> Iterator[RawFrame]:
-    """Yield each frame when it is due; refuse a mix of both kinds of sensor."""
+    """Count each frame, and yield it when it is due; refuse a mix of both kinds of sensor."""
+    before: RawFrame | None = None
     for frame in frames:
         if (frame.led == ALL_LIT) != one_shot:
             raise InputError(
@@ -103,18 +106,11 @@ def _paced(
                 "replay them apart"
             )
         pace.wait(frame.time)
-        yield frame
-
-
-def _one_shot(source: _Recording, frames: Iterator[RawFrame]) -> Iterator[LiveFrames]:
-    """Yield every colour frame as a touch."""
-    state = LiveState(settings=source.settings)
-    before: RawFrame | None = None
-    for frame in frames:
-        _count(state, frame, before)
+        source.state.frames += 1
+        if before is not None:
+            source.state.dropped += max(frame.number - before.number - 1, 0)
         before = frame
-        state.touches += 1
-        yield _touch(_colours(frame, source.settings), frame.time, [frame], state, source)
+        yield frame
 
 
 def _flashed(
@@ -125,34 +121,17 @@ def _flashed(
     refresh: Refresh,
 ) -> Iterator[LiveFrames]:
     """Yield the newest frames of all LEDs as touches."""
-    state = LiveState(settings=source.settings)
     new: list[RawFrame] = []
-    assembler = _assembler(source, first, calibration, refresh)
-    before: RawFrame | None = None
+    assembler, shape = _assembler(source, first, calibration, refresh), first[0].data.shape
     for frame in frames:
-        if before is not None and frame.data.shape != before.data.shape:
-            assembler = _assembler(source, [frame], calibration, refresh)
-        _count(state, frame, before)
-        before = frame
+        if frame.data.shape != shape:
+            assembler, shape = _assembler(source, [frame], calibration, refresh), frame.data.shape
         new.append(frame)
         assembler.add(frame)
         if frame.led and assembler.due:
-            state.touches += 1
-            yield _touch(assembler.take(), assembler.newest.time, new, state, source)
+            light, moment = assembler.take(), assembler.newest.time
+            yield LiveFrames.counted(light, moment, new, source.state)
             new = []
-
-
-def _count(state: LiveState, frame: RawFrame, before: RawFrame | None) -> None:
-    state.frames += 1
-    if before is not None:
-        state.dropped += max(frame.number - before.number - 1, 0)
-
-
-def _touch(
-    image: Light, time: float, new: list[RawFrame], state: LiveState, source: _Recording
-) -> LiveFrames:
-    name, now = f"{state.touches:06}", replace(state, settings=source.settings)
-    return LiveFrames(image, name, time, new, now)
 
 
 def _colours(frame: RawFrame, settings: dict[str, Any]) -> Light:
@@ -173,7 +152,7 @@ class _Recording:
     ----------
     path : the file, or the folder
     leds : number of LEDs; known from the first frame on
-    settings : the camera's settings, as far as they have been read
+    state : the counters, with the camera's settings as far as they have been read
     """
 
     def __init__(self, path: Path, check: Callable[[SensorIdentity, Path], None]) -> None:
@@ -183,7 +162,7 @@ class _Recording:
         # From this computer's monotonic clock to the time of day.
         self._offset = time.time_ns() - time.monotonic_ns()
         self.leds = 0
-        self.settings: dict[str, Any] = {}
+        self.state = LiveState()
 
     def frames(self) -> Iterator[RawFrame]:
         """Yield the frames in the order of the files; warn of lost data."""
@@ -243,7 +222,7 @@ class _Recording:
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             return  # a touch without readable settings is no reason to stop
         if settings is not None and settings.get("bits") in (None, *range(1, 17)):
-            self.settings = settings
+            self.state.settings = settings
 
 
 class _Pace:
@@ -298,4 +277,4 @@ def _assembler(
     pairs = [(a, b) for a, b in pairwise(frames) if b.number > a.number]
     steps = [(b.time - a.time) / (b.number - a.number) for a, b in pairs]
     rate = 1 / max(median(steps or [0.1]), 1e-4)
-    return Assembler(film, dark, (*leds, *off), rate, refresh, _full_scale(source.settings))
+    return Assembler(film, dark, (*leds, *off), rate, refresh, _full_scale(source.state.settings))

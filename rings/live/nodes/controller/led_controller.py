@@ -140,7 +140,8 @@ class LedController:
         self._watchdog = round(1000 * watchdog_s)
         self._clock = Clock()
         self._courses: deque[Course] = deque(maxlen=16)
-        self._command = "off"
+        self._wanted: tuple[str, tuple[int, ...], float] = "off", (0,), math.inf
+        """The request of the lasting state, and its LEDs and their step, as for `Course`."""
         self._faults: Counter[str] = Counter()
         self._news: deque[str] = deque(maxlen=100)
         self._state_lock = threading.RLock()
@@ -225,11 +226,11 @@ class LedController:
         step = round(1e6 * step_s)
         on = step if on_s is None else round(1e6 * on_s)
         leds = ",".join(str(led) for led in order)
-        command = f"cycle {leds} {step} {on} {TRIGGER_US}"
+        cycle = f"cycle {leds} {step} {on} {TRIGGER_US}", tuple(order), 1e-6 * step
         try:
-            self._do(command, tuple(order), 1e-6 * step)
+            self._do(*cycle)
         except ControllerLostError:
-            self._command = command
+            self._wanted = cycle
             raise
 
     def status(self) -> Status:
@@ -312,7 +313,7 @@ class LedController:
         """Request a lasting state, and remember it for `_restore`."""
         with self._request_lock:
             reply = self._ask(command)
-            self._command = command
+            self._wanted = command, order, step
             with self._state_lock, _intelligible():
                 moment = 1e-6 * whole_number(reply.values["t"])
                 if not self._hear(moment, reply.received, reply.sent):
@@ -323,12 +324,7 @@ class LedController:
     def _restore(self) -> None:
         """Restore the controller's requested state."""
         self._ask(f"watchdog {self._watchdog}")
-        verb, *words = self._command.split()
-        if verb != "cycle":
-            self._do(self._command, (int(words[0]) if words else 0,))
-            return
-        order = tuple(int(word) for word in words[0].split(","))
-        self._do(self._command, order, 1e-6 * int(words[1]))
+        self._do(*self._wanted)
 
     # Answers and events
 
@@ -400,9 +396,9 @@ class LedController:
 
     def _does_what_it_should(self) -> bool:
         status = self.status()
-        words = self._command.split()
-        state = "off" if words == ["set", "0"] else words[0]
-        if status.state == state and (state != "set" or status.led == int(words[1])):
+        command, (led, *_), _ = self._wanted
+        state = "off" if command == "set 0" else command.split()[0]
+        if status.state == state and (state != "set" or status.led == led):
             return True
         self._note_reset()
         return False

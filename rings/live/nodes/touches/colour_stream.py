@@ -1,7 +1,7 @@
 """The stream of touches of a live one-shot sensor: one per colour frame."""
 
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -105,12 +105,7 @@ class ColourStream(TouchStream):
     def _touch(self, shots: list[Shot]) -> LiveFrames:
         """The touch of the newest frame; it carries all frames, for a recording."""
         newest = shots[-1]
-        self.state.touches += 1
-        return LiveFrames(
-            planes_of(newest.data, self.order, top_of(newest.data, self.full)),
-            f"{self.state.touches:06}",
-            newest.time,
-            [RawFrame(shot.number, ALL_LIT, shot.time, shot.data) for shot in shots],
-            replace(self.state, faults=Counter(self.state.faults)),
-            self.sensor.truth(newest.time),
-        )
+        light = planes_of(newest.data, self.order, top_of(newest.data, self.full))
+        new = [RawFrame(shot.number, ALL_LIT, shot.time, shot.data) for shot in shots]
+        truth = self.sensor.truth(newest.time)
+        return LiveFrames.counted(light, newest.time, new, self.state, truth)

@@ -1,9 +1,9 @@
 """The stream of touches: match and assemble frames, count and report faults."""
 
 import time
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from tactograph.rings.frames.assemble import Assembler, Refresh
 from tactograph.rings.frames.live_frames import LiveFrames, RawFrame
@@ -245,8 +245,6 @@ class Stream(TouchStream):
         newest = self._assembler.newest
         image, new = self._assembler.take(), [*self._new]
         self._new.clear()
-        self.state.touches += 1
         self.state.motion = motion
-        state = replace(self.state, faults=Counter(self.state.faults))
         truth = self.sensor.truth(newest.time)
-        return LiveFrames(image, f"{self.state.touches:06}", newest.time, new, state, truth)
+        return LiveFrames.counted(image, newest.time, new, self.state, truth)

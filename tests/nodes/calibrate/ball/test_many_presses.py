@@ -19,7 +19,7 @@ from tactograph.nodes.calibrate.rating.advise_press import advise_press
 from tactograph.nodes.capture.read_balls import read_balls
 from tactograph.nodes.capture.read_flat import read_flat
 from tactograph.nodes.simulate.render import render
-from tests.fixtures import without_ranks
+from tests.fixtures import of_matt_film, without_ranks
 from tests.nodes.calibrate.lights.test_calibrate_lights import BLANK, FILM, PIXEL, RING, SIZE, off
 
 GOOD = {"a": (52, 42, 5.0), "b": (106, 40, 4.0), "c": (60, 80, 4.0), "d": (108, 82, 5.0)}
@@ -71,7 +71,8 @@ def sensor(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def calibrate(presses: Path, out: Path, flat: Path) -> Result:
     params = {"capture": presses, "flat": flat, "pixel_size_mm": PIXEL, "out": out}
-    (result,) = open_pipeline(without_ranks(read_graph("calibrate")), params).items()
+    bare = of_matt_film(without_ranks(read_graph("calibrate")))
+    (result,) = open_pipeline(bare, params).items()
     return result
 
 
@@ -107,6 +108,21 @@ def test_a_touched_flat_frame_is_named_as_the_reason_for_a_missing_ball() -> Non
     radius, known = np.full(1, 5.0, np.float32), np.full((1, 3), np.nan, np.float32)
     with pytest.raises(InputError, match="the flat frame is lit unevenly, as by a touch: take it"):
         find_balls(np.ones_like(touched), touched, radius, known, [""], PIXEL)
+
+
+@pytest.mark.parametrize(
+    ("at_rest", "why"),
+    [(True, "capture shows untouched film.*exchange"), (False, "it shows a ball at 52,4[12] px")],
+)
+def test_a_flat_frame_with_a_ball_is_refused_before_a_film_is_fitted(at_rest, why) -> None:
+    """It took up to a minute, and LEDs at infinity, or another radius, were named."""
+    flat, film = pressed(*GOOD["a"]), render(FILM, PIXEL, RING).light
+    light = np.asarray((film if at_rest else pressed(*GOOD["d"])) / flat, np.float32)
+    given = np.full(1, 5.0, np.float32), np.float32([[108, 82, CONTACT]]), [""], PIXEL
+    with pytest.raises(InputError, match=why):
+        find_balls(light, flat, *given)
+    assert find_balls(light, flat, *given, only_warn=True).circle[0, 2] == CONTACT
+    find_balls(np.asarray(pressed(*GOOD["d"]) / film, np.float32), film, *given)
 
 
 def test_the_leds_are_placed_by_the_good_presses_alone(calibrated) -> None:

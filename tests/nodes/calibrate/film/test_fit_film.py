@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from tactograph.graph import GraphError
+from tactograph.graph.backends.device_call import DeviceCall
+from tactograph.graph.backends.opencl import OpenCL
 from tactograph.graph.declare.check_settings import check_settings
 from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
@@ -25,6 +27,16 @@ FOUR = [(-4.0, -2.5), (4.0, -2.0), (-3.5, 2.5), (4.5, 2.5)]
 Y, X = (np.mgrid[: SIZE[0], : SIZE[1]] - np.array([47.5, 63.5])[:, None, None]) * PIXEL
 
 
+CALLED: dict[str, Any] = {"bounce": film_bounce}
+"""The node that a fit calls."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def on_device(device: OpenCL) -> None:
+    """Call it there, as graphs do; on the host it takes half of a fit's time."""
+    CALLED["bounce"] = DeviceCall(film_bounce, device)
+
+
 def press(film: Film, centre: tuple[float, float], seed: int, contact: float = RIM) -> F4:
     """A ball's light relative to the film at rest, with the camera's noise."""
     apparent, slope, _ = ball_seen(RADIUS, contact, centre, film.camera, SIZE)
@@ -35,7 +47,7 @@ def press(film: Film, centre: tuple[float, float], seed: int, contact: float = R
     direct = direct.reshape(-1, *SIZE).astype(np.float32)
     light = direct
     for _ in range(6 if film.albedo else 0):
-        light = direct + film_bounce(light, apparent, film, PIXEL, cells=X.size)
+        light = direct + CALLED["bounce"](light, apparent, film, PIXEL, cells=X.size)
     rng = np.random.default_rng(seed)
     return (light + rng.normal(0, 0.004, light.shape)).astype(np.float32)
 
@@ -83,7 +95,7 @@ def fitted(
         np.repeat(lights[None], 8, axis=0),
         NOISE,
         PIXEL,
-        **more,
+        **CALLED | more,
     )
 
 
@@ -281,6 +293,7 @@ def test_leds_behind_lenses_are_placed_right() -> None:
     assert fit.film.emission == pytest.approx(12, rel=0.05)
 
 
+@pytest.mark.one_case
 @pytest.mark.parametrize("centres", [FOUR[:1], FOUR[:2]], ids=["one ball", "two"])
 def test_leds_that_face_straight_down_are_placed_right(centres: list[tuple[float, float]]) -> None:
     """As on a flat board; taken to face the middle, they made a right radius seem wrong."""
