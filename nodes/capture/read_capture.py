@@ -391,8 +391,8 @@ def _what_is_missing(folder: Path, layout: Layout) -> str:
         return "holds no colour image, and no folder inside it does"
     if len(images := images_of(folder)) == 1:
         return (
-            f"holds a single image, {images[0].name}; a capture has one per LED, led1.png, "
-            f"led2.png and so on. If the channels of a colour image are the lights, {LIGHTS_ADVICE}"
+            f"holds a single image, {images[0].name}; a capture has a file, not a page, per LED: "
+            f"led1.png, led2.png and so on. If a colour image holds the lights, {LIGHTS_ADVICE}"
         )
     videos = [file for file in folder.iterdir() if file.suffix.lower() in VIDEO_SUFFIXES]
     if videos and not images:

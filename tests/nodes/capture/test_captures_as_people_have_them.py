@@ -159,7 +159,7 @@ def test_a_colour_that_is_saturated_shows_although_its_mean_is_not(tmp_path: Pat
 @pytest.mark.parametrize(
     ("grey", "coloured", "settings", "message"),
     [
-        ([], ["touch.png"], {}, r"single image, touch\.png; .*give `lights`=bgr"),
+        ([], ["touch.png"], {}, r"single image, touch\.png; .*not a page, .*give `lights`=bgr"),
         (LEDS, LEDS[2:3], {}, r"led3\.png: a colour image, but led1\.png is grey"),
         ([], LEDS, {"lights": "bgr"}, "one colour image is needed here"),
     ],
