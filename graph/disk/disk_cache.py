@@ -81,11 +81,12 @@ def write_cached(file: Path, body: bytes, most_bytes: int = MAX_FOLDER_BYTES) ->
 def _make_room(new: Path, most: int) -> None:
     """Delete the least recently read files."""
     stats = []
-    for file in new.parent.glob(f"*{CACHE_SUFFIX}"):
+    for file in os.scandir(new.parent):
         with suppress(OSError):
-            stats.append((file.stat().st_mtime, file.stat().st_size, file))
+            if file.name.endswith(CACHE_SUFFIX):
+                stats.append((file.stat().st_mtime, file.stat().st_size, file.path))
     total = 0
-    for _, size, file in sorted(stats, reverse=True):
+    for _, size, path in sorted(stats, reverse=True):
         total += size
-        if total > most and file != new:
-            file.unlink(missing_ok=True)
+        if total > most and path != str(new):
+            Path(path).unlink(missing_ok=True)
