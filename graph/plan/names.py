@@ -47,7 +47,7 @@ def bind(
     stays = (name for name in graph.nodes if name not in names.passed)
     tasks = ErrorsTogether.of_all(stays, partial(_task, names))
     before = {task.id: _read_by(task) for task in tasks.values()}
-    _refuse_cycles(graph, before)
+    _refuse_cycles(graph, tasks, before)
     references = graph.outputs if outputs is None else outputs
     values = {name: _output(names, name, reference) for name, reference in references.items()}
     needed = {value.node for value in values.values()}
@@ -296,9 +296,17 @@ def _check_recalls(tasks: Mapping[str, Task]) -> None:
                 )
 
 
-def _refuse_cycles(graph: Graph, before: Before) -> None:
+def _refuse_cycles(graph: Graph, tasks: Mapping[str, Task], before: Before) -> None:
+    """Name the place that closes a cycle: in the graph's own file if it has one, as a patch may."""
     if cycle := find_cycle(before):
-        where = graph.nodes[cycle[0]].where("in")
+        places = [graph.nodes[cycle[0]].where("in")] + [
+            tasks[reader].entry.where(f"in.{name}")
+            for reader in cycle
+            for name, value in tasks[reader].reads.items()
+            if value.node in cycle
+        ]
+        own = graph.where("").partition(":")[0]
+        where = min(places, key=lambda place: not place.startswith(own))
         raise GraphError(f"{where}: the graph has a cycle: {' -> '.join(cycle)}")
 
 

@@ -1,6 +1,7 @@
 """One image file: decode, check, crop, and convert to fractions of full scale."""
 
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,7 +65,8 @@ class ImageFile:
         try:
             if file.stat().st_size == 0:
                 raise InputError(f"{file}: the file is empty")
-            with Image.open(file, formats=IMAGE_FORMATS) as image:
+            quietly = warnings.catch_warnings(action="ignore")  # what is damaged is refused
+            with quietly, Image.open(file, formats=IMAGE_FORMATS) as image:
                 _check_plain(image, file)
                 plane = np.asarray(image)
                 plain = image.mode == "L"

@@ -31,6 +31,14 @@ class SensorIdentity(NamedTuple):
         taken_on_purpose = provenance.arguments.get("another_sensor")
         return cls.stated_in({} if taken_on_purpose else provenance.inputs.get("calibration", {}))
 
+    @classmethod
+    def in_words(cls, calibration: Path) -> str:
+        """Return when a calibration was made, and of which sensor, as far as it is known."""
+        header = file_identity(calibration)
+        when = f" of {header['date'][:10]}" if "date" in header else ""
+        sensor = str(cls.stated_in(header)) or "a sensor without a name"
+        return f"the calibration {calibration}{when} is of {sensor}"
+
     def check(self, place: object, calibration: Path | None, another_sensor: bool) -> None:
         """Refuse images of this sensor if the calibration is another's, as far as both are known.
 
@@ -47,12 +55,10 @@ class SensorIdentity(NamedTuple):
         """
         if calibration is None:
             return
-        header = file_identity(calibration)
-        stated = self.stated_in(header)
+        stated = self.stated_in(file_identity(calibration))
         if all(a == b or not (a and b) for a, b in zip(self, stated, strict=True)):
             return
-        when = f" of {header['date'][:10]}" if "date" in header else ""
-        line = f"{place}: is of {self}, but the calibration {calibration}{when} is of {stated}"
+        line = f"{place}: is of {self}, but {self.in_words(calibration)}"
         if not another_sensor:
             raise InputError(
                 f"{line}; give the calibration of this sensor, or `another_sensor`=true to take "

@@ -12,6 +12,7 @@ from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, Light, PixelSize
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball._ball_grid import Grid, find_grid, place_balls
+from tactograph.nodes.calibrate.ball.ball_search import CONTACT_SHARES
 from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.judge_flat import RETAKE_FLAT, is_uneven
@@ -48,11 +49,12 @@ def find_balls(
     shape: RestShape | None = None,
     *,
     pitch_mm: Annotated[float, Gt(0)] | None = None,
+    only_warn: bool = False,
 ) -> FoundBalls:
     """Return the contact circle of every press, as `find_ball` finds it, or its grid of balls.
 
     A press without a ball is named in a warning and gets a radius of 0, which excludes it from
-    all later steps.  A single press without a ball is refused.
+    all later steps.  A single press without a ball is refused, and so is a flat frame with one.
 
     Parameters
     ----------
@@ -68,6 +70,7 @@ def find_balls(
     pitch_mm
         Pitch of a square grid of balls, of which every press shows several (`_ball_grid`).
         None: every press is one of a single ball.
+    only_warn : whether a flat frame that shows a ball is left to later nodes, which doubt it
 
     Returns
     -------
@@ -77,8 +80,8 @@ def find_balls(
     Raises
     ------
     InputError
-        If no press shows its ball; if the balls of a grid overlap, or lie on a film that is no
-        plane.
+        If no press shows its ball, or the flat frame does; if the balls of a grid overlap, or lie
+        on a film that is no plane.
     """
     if not names:
         none = np.zeros(len(radius), np.float32)
@@ -88,6 +91,9 @@ def find_balls(
         raise InputError(
             "a grid of balls is for film that is flat at rest: press single balls, one a press"
         )
+    is_touched = is_uneven(flat, pixel)
+    if is_touched and shape is None and not only_warn:
+        _refuse_pressed(flat, light, radius, pixel)
     if pitch_mm is not None or marks is not None:
         none = np.zeros((0, 3), np.float32)
         return _grids(light, flat, radius, names, pixel, pitch_mm, none if marks is None else marks)
@@ -102,15 +108,14 @@ def find_balls(
             )
         except InputError as error:
             reason = str(error).partition("; ")[0]
-            if len(names) == 1 and is_uneven(flat, pixel):
-                raise InputError(f"{TOUCHED_FLAT} ({reason})") from None
+            advice = f"{reason}; {MARKING_ADVICE}; else press again"
             if len(names) == 1:
-                raise InputError(f"{reason}; {MARKING_ADVICE}; else press again") from None
+                raise InputError(f"{TOUCHED_FLAT} ({reason})" if is_touched else advice) from None
             warn(f"press {name} is left out: {reason}; {MARKING_ADVICE}")
             ball = None
         balls.append(ball)
     if not any(balls):
-        cure = TOUCHED_FLAT if is_uneven(flat, pixel) else "check `radius` and `pixel`"
+        cure = TOUCHED_FLAT if is_touched else "check `radius` and `pixel`"
         raise InputError(f"none of {len(names)} presses shows its ball; {cure}")
     return FoundBalls(
         np.array([(*b.center, b.contact) if b else (0, 0, 0) for b in balls], np.float32),
@@ -119,6 +124,24 @@ def find_balls(
         np.arange(len(balls), dtype=np.int32),
         names,
     )
+
+
+def _refuse_pressed(flat: F4, light: F4, radius: F4, pixel: float) -> None:
+    """Refuse an uneven flat frame that shows a ball, as then all film beside it seems to sink.
+
+    A ball that is large enough to be found makes a press uneven, too.
+    """
+    if not any(is_uneven(press * flat, pixel) for press in cut(light, flat.shape[1])):
+        raise InputError(
+            "the capture shows untouched film, and the flat frame a touch: exchange the two"
+        )
+    try:
+        ball = find_ball(flat, pixel, radius_mm=float(radius.max()))
+    except InputError:
+        return
+    if ball.contact > CONTACT_SHARES[-1] * radius.max() / pixel:  # else dirt is as round
+        x, y = ball.center
+        raise InputError(f"{TOUCHED_FLAT} (it shows a ball at {x:.0f},{y:.0f} px)")
 
 
 def _grids(
@@ -147,18 +170,16 @@ def _grids(
             grid = find_grid(press, radius_px, pitch_mm / pixel, pixel, rest)
         else:
             grid, why = None, "unlike others it has no marks; they need none with `pitch_mm`=MM"
-        if grid is None and len(names) > 1:
-            warn(f"press {names[number]} is left out: {why}")
         if grid is not None:
-            grids.append((number, float(size), grid))
+            grids.append((number, grid))
+        elif len(names) > 1:
+            warn(f"press {names[number]} is left out: {why}")
     if not grids:
         raise InputError(
             f"none of {len(names)} presses shows a grid of balls; check `radius`, `pitch_mm` and "
             "`pixel`"
         )
-    numbers, sizes, placed = zip(*grids, strict=True)
+    numbers, placed = zip(*grids, strict=True)
     circle, goodness = (np.concatenate(p).astype(np.float32) for p in zip(*placed, strict=True))
-    counts = [len(grid.circle) for grid in placed]
-    radii = np.repeat(np.array(sizes, np.float32), counts)
-    of = np.repeat(np.array(numbers, np.int32), counts)
-    return FoundBalls(circle, goodness, radii, of, names)
+    of = np.repeat(np.array(numbers, np.int32), [len(grid.circle) for grid in placed])
+    return FoundBalls(circle, goodness, radius[of].astype(np.float32), of, names)

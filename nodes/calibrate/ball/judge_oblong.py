@@ -3,7 +3,6 @@
 from typing import Annotated
 
 import numpy as np
-from annotated_types import Gt
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, Light, PixelSize
@@ -23,10 +22,8 @@ def judge_oblong(
     goodness: Annotated[F4, Port("B", "1")],
     of: BallPress,
     pixel: PixelSize,
-    radius: BallRadii | None = None,
+    radius: BallRadii,
     shape: RestShape | None = None,
-    *,
-    radius_mm: Annotated[float, Gt(0)] | None = None,
 ) -> list[str]:
     """Return a doubt if the best ball's contact is an ellipse, as on pixels that are not square.
 
@@ -42,13 +39,10 @@ def judge_oblong(
     pixel : mm per px
     shape
         The film at rest if it is no plane: then contacts are no circles, and nothing is doubted.
-    radius_mm : the radius of all balls, where `radius` is not given
     """
     best = int(np.argmax(np.where(circle[:, 2] > 0, goodness, -1)))
     if shape is not None or not circle[best, 2]:
         return []
-    if radius is None:
-        radius = np.full(len(circle), radius_mm, np.float32)
     press = cut(light, flat.shape[1])[of[best]]
     oblong, square, free = oblong_of(press, Circle(*circle[best]), radius[best] / pixel)
     if not Odds.of_frame(square, free, 1, len(flat)).are_sure:

@@ -4,13 +4,13 @@ from itertools import product
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge, Gt
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from tactograph.rings.camera.nodes.find_grid import GridMarks
 from tactograph.rings.camera.nodes.read_grey import GreyImage
-from tactograph.sdk import F4, InputError, Lens, PixelSize, Port, View, node, warn
+from tactograph.sdk import F4, FilmEvidence, InputError, Lens, PixelSize, Port, View, node, warn
 
 POSE_TERMS = 4
 """Parameters of the grid's pose: scale, rotation, and position of the cell 0, 0."""
@@ -47,7 +47,7 @@ def fit_lens(
     marks: GridMarks,
     *,
     pitch_mm: Annotated[float, Gt(0)],
-    camera_mm: Annotated[float, Gt(0)] | None = None,
+    camera_mm: Annotated[float, Ge(1 / FilmEvidence.prior("camera").high)] | None = None,
 ) -> LensFit:
     """Fit scale, tilt and radial distortion (L1 and L2 of `lens`) to the marks of a grid.
 

@@ -5,7 +5,7 @@ from functools import partial
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge
 
 from tactograph.rings.curved_film.nodes.read_rest import by_rays
 from tactograph.sdk import (
@@ -146,7 +146,7 @@ def find_rest(
     noise: Noise,
     stated: RestShape | None = None,
     *,
-    camera_mm: Annotated[float, Gt(0)] | None = None,
+    camera_mm: Annotated[float, Ge(1 / FilmEvidence.prior("camera").high)] | None = None,
     bounce: NodeCall = film_bounce,
 ) -> FoundRest:
     """Return the film's shape at rest as given, or else as found.
@@ -189,7 +189,8 @@ def find_rest(
         raise InputError(
             "finding the film's shape needs `flat`: the untouched film's light tells it"
         )
-    balls = find_balls(light, flat, radius, circles, names, pixel)
+    # Light of film that is no plane may look like a ball's.
+    balls = find_balls(light, flat, radius, circles, names, pixel, only_warn=True)
     shown = np.flatnonzero(balls.circle[:, 2])
     if shown.size < MIN_PRESSES:
         raise InputError(

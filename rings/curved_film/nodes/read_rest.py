@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import numpy as np
-from annotated_types import Gt, Len
+from annotated_types import Ge, Len
 from numpy.typing import NDArray
 
 from tactograph.rings.shapes.mesh_file import rasterised, read_mesh
 from tactograph.sdk import (
     F4,
     F8,
+    FilmEvidence,
     HeightFile,
     InputError,
     Lens,
@@ -61,7 +62,7 @@ def read_rest(
     radius_mm: float | None = None,
     cylinder_mm: Radius | None = None,
     at_mm: Pose | None = None,
-    camera_mm: Annotated[float, Gt(0)] | None = None,
+    camera_mm: Annotated[float, Ge(1 / FilmEvidence.prior("camera").high)] | None = None,
 ) -> Resting:
     """Return the film at rest, as its maker's drawing has it.
 

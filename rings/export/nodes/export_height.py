@@ -1,5 +1,6 @@
 """Write a height map for other people's tools."""
 
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 else:
     Format = Literal[(*OWN_FORMATS, *brought("formats"))]
 """The formats of a height map: those of the core, meshes, and those that rings bring."""
+
+FILE_ENDING = re.compile("[a-z]{3,4}")
+"""What ends a file's name, as .xyz or .step; a new folder is hardly called so."""
 
 
 @node
@@ -76,12 +80,19 @@ def export_height(
     Raises
     ------
     InputError
-        If the folder cannot be written, a format cannot hold the height, a library is not
-        installed, or the film rises to the camera; then no file of this touch is written.
+        If the folder cannot be written or is called like a file, a format cannot hold the height,
+        a library is not installed, or the film rises to the camera; then no file of this touch is
+        written.
     """
-    if (ending := folder.suffix[1:]) in (*OWN_FORMATS, *brought("formats")):
+    known = (*OWN_FORMATS, *brought("formats"))
+    if (ending := folder.suffix[1:]) in known:
         raise InputError(
             f"`folder`={folder}: is to be a folder; `formats`={ending} writes height.{ending} there"
+        )
+    if FILE_ENDING.fullmatch(ending) and not folder.exists():
+        raise InputError(
+            f"`folder`={folder}: no format is called {ending}; `formats` may be any of "
+            f"{', '.join(known)}. Make this folder first if its name is to end so"
         )
     view = view or View()
     if rest is not None and rest.shape != height.shape:

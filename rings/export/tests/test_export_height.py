@@ -123,7 +123,12 @@ def test_heights_that_a_png_cannot_hold_are_refused_and_nothing_is_written(tmp_p
 def test_a_folder_that_is_called_like_a_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"is to be a folder; `formats`=ply writes height\.ply"):
         export_height(slope(), PIXEL, folder=tmp_path / "cat.ply")
+    with pytest.raises(InputError, match=r"no format is called xyz; `formats` .* npy, .*Make"):
+        export_height(slope(), PIXEL, folder=tmp_path / "cat.xyz")
     assert not any(tmp_path.iterdir())
+    (tmp_path / "cat.xyz").mkdir()
+    for name in ("cat.xyz", "2026.11.30", "bench.v2", "a.Left"):
+        export_height(slope(), PIXEL, folder=tmp_path / name, formats=("npy",))
 
 
 def test_a_tmd_cannot_hold_unknown_film_and_says_which_format_can(tmp_path: Path) -> None:

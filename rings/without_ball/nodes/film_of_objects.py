@@ -12,7 +12,7 @@ from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
-from annotated_types import Gt
+from annotated_types import Ge
 from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 
@@ -114,7 +114,7 @@ def film_of_objects(
     flat: Light,
     pixel: PixelSize,
     *,
-    camera_mm: Annotated[float, Gt(0)] | None = None,
+    camera_mm: Annotated[float, Ge(1 / FilmEvidence.prior("camera").high)] | None = None,
     bounce: NodeCall = film_bounce,
 ) -> FilmOfObjects:
     """Return the LEDs and the film that make one surface of each press.
@@ -183,9 +183,9 @@ def _leds(scene: _Scene, unknowns: F8) -> F8:
 
 
 def _film(scene: _Scene, unknowns: F8) -> Film:
-    coat = unknowns[3 * len(scene.presses[0]) + 1 :].tolist()
-    lights = scene.matt.with_leds(_leds(scene, unknowns)).film.lights
-    film = Film.matt(lights.astype(np.float32))._replace(camera=scene.camera)
+    emission, *coat = unknowns[3 * len(scene.presses[0]) :].tolist()
+    lights = scene.matt.with_leds(_leds(scene, unknowns)).film.lights.astype(np.float32)
+    film = Film.matt(lights)._replace(camera=scene.camera, emission=emission)
     if coat:
         film = film._replace(base=coat[0], **dict(zip(COAT_LIMITS, coat, strict=True)))
     return film
@@ -216,14 +216,23 @@ def _solved(scene: _Scene, unknowns: F8, *, coated: bool) -> OptimizeResult:
     return solved
 
 
+def _beams(scene: _Scene, film: Film, z: F8) -> F8:
+    """The light of level film at heights over that under LEDs that emit alike everywhere."""
+    alike = Film.matt(film.lights)._replace(camera=scene.camera)
+    films = alike._replace(emission=film.emission, aim=film.aim), alike
+    level, apparent = np.zeros((2, *z.shape)), z / (1 - scene.camera * z)
+    emitting, plain = (film_light(level, apparent, each, scene.pixel) for each in films)
+    return np.asarray(emitting / plain, float)
+
+
 def _vectors(scene: _Scene, film: Film, z: F8) -> F8:
     """v of equation N1 where the camera's rays meet the film: K x 3 x h x w."""
     u, v = scene.places
     nearer, vectors = 1 - scene.camera * z, []
-    for lx, ly, lz in film.lights.astype(np.float64):
+    for (lx, ly, lz), beam in zip(film.lights.astype(float), _beams(scene, film, z), strict=True):
         away = np.stack([lx - u * nearer, ly - v * nearer, lz - z])
         ratio = ((lx - u) ** 2 + (ly - v) ** 2 + lz**2) / np.square(away).sum(axis=0)
-        vectors.append(away / lz * ratio * np.sqrt(ratio))
+        vectors.append(away / lz * ratio * np.sqrt(ratio) * beam)
     return np.stack(vectors)
 
 
@@ -283,8 +292,7 @@ def _residuals(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     shared = unknowns[3 * count :]
     about = [usual.start for usual in SHARED_PRIORS][: shared.size]
     usual = USUAL_NEARNESS / scene.width
-    emitting = film._replace(emission=float(shared[0]))
-    fit = scene.matt._replace(leds=_leds(scene, unknowns), film=emitting)
+    fit = scene.matt._replace(leds=_leds(scene, unknowns), film=film)
     at_rest = fit.rest_residual(scene.rest)
     parts = [
         (unknowns[2 : 3 * count : 3] - usual) / usual,
@@ -304,6 +312,14 @@ def _residuals(scene: _Scene, unknowns: F8, states: list[_State]) -> F8:
     return np.concatenate(parts)
 
 
+def doubts_of_emission(emission: float) -> list[str]:
+    """A doubt if the LEDs' emission is at a limit: no value was found, and the scale makes up."""
+    return [
+        f"the LEDs seem to emit as the cosine to the power of {emission:.2g}, which is the limit: "
+        "no film that is modelled here explains presses and flat frame; calibrate with a ball"
+    ] * any(math.isclose(emission, limit, abs_tol=DERIVATIVE_STEP) for limit in EMISSION_LIMITS)
+
+
 def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
     """The film, and how well it is known."""
     film, count = _film(scene, solved.x), len(scene.presses[0])
@@ -319,8 +335,8 @@ def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
     doubts = [
         f"presses and flat frame leave {scale:.0%} of the heights' scale open: press other "
         "objects, steep and at other places, or calibrate with a ball"
-    ] * (scale > DOUBTFUL_SCALE)
-    figures = {"scale_error_percent": 100 * scale, "led_emission": float(solved.x[3 * count])}
+    ] * (scale > DOUBTFUL_SCALE) + doubts_of_emission(film.emission)
+    figures = {"scale_error_percent": 100 * scale, "led_emission": film.emission}
     if film.refraction > 1:
         figures |= {"film_albedo": film.albedo, "coat_roughness": film.roughness}
         figures |= {"coat_index": film.refraction}

@@ -8,7 +8,18 @@ import pytest
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4
+from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
+from tactograph.nodes.optics.film import emitted
+from tactograph.nodes.simulate.render import render
+from tactograph.rings.without_ball.nodes.film_of_objects import (
+    _film,
+    _Scene,
+    _start,
+    _vectors,
+    doubts_of_emission,
+)
 from tests.fixtures import RIG_PIXEL_MM, Raytraced
+from tests.nodes.calibrate.lights.test_calibrate_lights import PIXEL, RING
 from tests.pipelines.conftest import run
 
 MAX_SCALE_ERROR = 0.03
@@ -48,6 +59,34 @@ def test_three_objects_tell_as_much_of_a_coated_film_as_a_ball(
     truth = np.load(scene / "sphere_film" / "truth_height_mm.npy")
     assert abs(scale_of(found["height"], truth) - 1) < MAX_SCALE_ERROR
     assert found["metrics"]["normal_error_deg"] < 1.3 * BALL_ERROR_DEG
+
+
+@pytest.mark.parametrize(("emission", "doubted"), [(-1 + 1e-12, 1), (-0.9, 0), (1.8, 0), (4.0, 1)])
+def test_an_emission_at_its_limit_is_doubted(emission: float, doubted: int) -> None:
+    """A glossy film's heights were 24 % too high, with 0.5 % stated and no doubt."""
+    assert len(doubts_of_emission(emission)) == doubted
+
+
+def test_the_beam_of_an_led_counts_where_the_film_is_raised() -> None:
+    """Heights and coat were fitted, and the film stored, as under LEDs that emit alike everywhere.
+
+    On a film in the plane of rest, emission changes nothing.
+    """
+    flat = render(np.zeros((60, 80), np.float32), PIXEL, RING).light
+    scene = _Scene([flat.astype(float)], FilmEvidence.of_flat(flat, PIXEL), PIXEL, 0.0, None)
+    start = _start(scene)
+    aimed = _film(scene, np.r_[start[:-1], 1.5])
+    assert aimed.emission == 1.5
+    alike, height = aimed._replace(emission=0.0), np.full((60, 80), 1.0)
+    ratio = _vectors(scene, aimed, height) / _vectors(scene, alike, height)
+    for led in range(len(flat)):
+        u, v = scene.places
+        share = emitted(aimed, led, (u, v, height))
+        np.testing.assert_allclose(ratio[led], np.broadcast_to(share, ratio[led].shape), rtol=1e-6)
+    assert np.abs(ratio - 1).max() > 1e-3
+    np.testing.assert_allclose(
+        _vectors(scene, aimed, 0 * height), _vectors(scene, alike, 0 * height)
+    )
 
 
 def test_objects_need_the_untouched_film(raytraced: Raytraced, tmp_path: Path) -> None:

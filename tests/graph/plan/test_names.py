@@ -1,5 +1,6 @@
 """Pass 1: every name in a graph means something, and there is no cycle."""
 
+import re
 from typing import Any
 
 import pytest
@@ -125,6 +126,21 @@ outputs: {c: c}
     walk = message.partition("cycle: ")[2].split(" -> ")
     assert walk[0] == walk[-1]
     assert sorted(walk[1:]) == ["a", "b", "c"]
+
+
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        ("{set: light, in: {image: slope}}", "patch[0].in.image"),
+        ("{set: raw, in: {slope: height}}", "patch[0].in.slope"),
+    ],
+)
+def test_a_cycle_that_a_patch_closes_is_reported_at_the_patch(
+    write: Write, change: str, where: str
+) -> None:
+    """It was reported at the file that is patched, where nothing is wrong."""
+    file = write(f"format: 1\nextends: paper\npatch:\n  - {change}\n")
+    assert re.match(rf"{re.escape(str(file))}:4:\d+: {re.escape(where)}: the graph", refusal(file))
 
 
 def test_a_node_that_no_output_needs_is_not_run(write: Write) -> None:

@@ -299,6 +299,19 @@ def test_true_slopes_and_shadows_are_read_and_cropped(tmp_path: Path) -> None:
     assert np.array_equal(capture.truth_shadow, IMAGES[0, 1:9, 2:10])
 
 
+@pytest.mark.parametrize("share", [0.3, 0.97])
+def test_a_tiff_that_ends_too_early_is_refused_in_one_line(
+    tmp_path: Path, recwarn: pytest.WarningsRecorder, share: float
+) -> None:
+    """Pillow's own warning, of corrupt EXIF data, was printed as well."""
+    file = write(tmp_path / "one", suffix=".tif") / "led2.tif"
+    whole = file.read_bytes()
+    file.write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(InputError, match=r"led2\.tif: .* damaged"):
+        read_one(tmp_path / "one")
+    assert not recwarn.list
+
+
 @pytest.mark.parametrize("shape", [(2, 12, 15), (3, 12, 16), (12, 16)])
 def test_true_slopes_of_another_size_are_refused(tmp_path: Path, shape: tuple[int, ...]) -> None:
     np.save(write(tmp_path) / "truth_slope.npy", np.zeros(shape, np.float32))

@@ -18,7 +18,7 @@ from tactograph.rings.live.nodes.camera.sensor_kind import preset_of
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream
 from tactograph.rings.live.nodes.touches.sensor import open_colour_sensor, open_rig
 from tactograph.rings.live.nodes.touches.touch_stream import Stream
-from tactograph.sdk import InputError, KeepIntegers, LiveState, node
+from tactograph.sdk import InputError, KeepIntegers, LiveState, SensorIdentity, node
 
 
 @node(endless=True)
@@ -79,7 +79,7 @@ def read_camera(
         If at the start the calibration, the camera or the controller cannot be opened, or the
         camera's image size or serial number differs from the calibration's; if `sensor` is of the
         other kind, counts its colours in another order, or the calibration is not of three
-        colours.
+        colours; at the end, if no frame could be used.
     """
     flat, dark, one_shot = calibrated_film(used.calibration)
     driver.check_calibration(used)
@@ -87,6 +87,7 @@ def read_camera(
         colours = _colour_stream(driver, used.calibration, make_film(flat, dark), lights, queue)
         with closing(colours.sensor):
             yield from colours.touches(driver.timeout_s / 2, seconds, items)
+        _check_any(colours, driver, used)
         return
     height, width = dark.shape
     rig = open_rig(
@@ -112,6 +113,17 @@ def read_camera(
             LiveState(settings=driver.stored | cycle),
         )
         yield from stream.touches(driver.timeout_s / 2, seconds, items)
+    _check_any(stream, driver, used)
+
+
+def _check_any(stream: Stream | ColourStream, driver: CameraParams, used: UsedCalibration) -> None:
+    """Refuse a stream that has ended with frames but no touch."""
+    if stream.state.frames and not stream.state.touches:
+        owner = SensorIdentity.in_words(used.calibration)
+        raise InputError(
+            f"`camera`={driver.camera}: none of {stream.state.frames} frames could be used, as the "
+            f"warnings tell, and {owner}: is it this sensor's?"
+        )
 
 
 def _colour_stream(

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -11,6 +12,7 @@ from rings.live.tests.faulty import Faults, faults_of, let_fail
 from rings.live.tests.oneshot import MOVING, calibrated
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
+from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.rings.frames.live_frames import ALL_LIT
 from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
@@ -151,3 +153,19 @@ def test_a_calibration_of_four_leds_is_refused_for_a_colour_sensor(
 ) -> None:
     with pytest.raises(InputError, match="is of 4 LEDs, but a colour picture holds 3 lights"):
         next(read_camera(camera=MOVING, calibration=Path(calibration("far28")), lights="bgr"))
+
+
+@pytest.mark.parametrize("seconds", [None, 0.2])
+def test_a_stream_without_a_usable_frame_names_the_calibration(
+    calibration: Calibration, tmp_path: Path, seconds: float | None
+) -> None:
+    """It ended in "its stream ended before the first item"."""
+    far28, file = Path(calibration("far28")), tmp_path / "dark.avi"
+    rows, columns = read_calibration(file=far28).flat.shape[1:]
+    writer = cv2.VideoWriter(str(file), cv2.VideoWriter.fourcc(*"FFV1"), 30, (columns, rows))
+    for _ in range(12):
+        writer.write(np.zeros((rows, columns, 3), np.uint8))
+    writer.release()
+    touches = read_camera(camera=str(file), port="none", calibration=far28, seconds=seconds)
+    with pytest.raises(InputError, match=r"none of \d+ frames .* calibration .*npz of .* sensor"):
+        next(touches)

@@ -66,7 +66,9 @@ def find_presses(
     radii = np.full(len(image), radius_mm, np.float32)
     if pitch_mm is not None:
         sheet = flat_presses(sheet_presses(image), flat)
-        found = find_balls(sheet, flat, radii, circles, names, pixel, pitch_mm=pitch_mm)
+        # A printed marker may look like a small ball.
+        stated = radii, circles, names, pixel
+        found = find_balls(sheet, flat, *stated, pitch_mm=pitch_mm, only_warn=True)
         lines = [
             f"{names[press]}, ball at {x:.0f},{y:.0f} px,"
             for press, (x, y, _) in zip(found.of, found.circle, strict=True)

@@ -26,7 +26,7 @@ def judged(
     ball = find_ball(light, pixel, radius_mm=BALL_MM)
     circle = np.array([[*(ball.center + off_px), ball.contact], [0, 0, 0]], np.float32)
     goodness, of = np.array([ball.goodness, 0], np.float32), np.zeros(2, np.int32)
-    return judge_oblong(light, flat, circle, goodness, of, pixel, radius_mm=BALL_MM)
+    return judge_oblong(light, flat, circle, goodness, of, pixel, np.full(2, BALL_MM, np.float32))
 
 
 @pytest.mark.one_case
@@ -47,5 +47,5 @@ def test_sides_that_differ_by_two_per_cent_give_a_doubt(raytraced: Raytraced, ri
 
 def test_without_a_ball_there_is_no_doubt() -> None:
     light, none = np.ones((4, 8, 8), np.float32), np.zeros((1, 3), np.float32)
-    evidence = none, np.zeros(1, np.float32), np.zeros(1, np.int32), 0.1
-    assert judge_oblong(light, light, *evidence, radius_mm=BALL_MM) == []
+    evidence = none, np.zeros(1, np.float32), np.zeros(1, np.int32), 0.1, none[:, 0]
+    assert judge_oblong(light, light, *evidence) == []

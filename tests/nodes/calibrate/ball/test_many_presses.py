@@ -110,6 +110,21 @@ def test_a_touched_flat_frame_is_named_as_the_reason_for_a_missing_ball() -> Non
         find_balls(np.ones_like(touched), touched, radius, known, [""], PIXEL)
 
 
+@pytest.mark.parametrize(
+    ("at_rest", "why"),
+    [(True, "capture shows untouched film.*exchange"), (False, "it shows a ball at 52,4[12] px")],
+)
+def test_a_flat_frame_with_a_ball_is_refused_before_a_film_is_fitted(at_rest, why) -> None:
+    """It took up to a minute, and LEDs at infinity, or another radius, were named."""
+    flat, film = pressed(*GOOD["a"]), render(FILM, PIXEL, RING).light
+    light = np.asarray((film if at_rest else pressed(*GOOD["d"])) / flat, np.float32)
+    given = np.full(1, 5.0, np.float32), np.float32([[108, 82, CONTACT]]), [""], PIXEL
+    with pytest.raises(InputError, match=why):
+        find_balls(light, flat, *given)
+    assert find_balls(light, flat, *given, only_warn=True).circle[0, 2] == CONTACT
+    find_balls(np.asarray(pressed(*GOOD["d"]) / film, np.float32), film, *given)
+
+
 def test_the_leds_are_placed_by_the_good_presses_alone(calibrated) -> None:
     _, out = calibrated
     assert off(read_calibration(file=out).film.lights, RING) < 0.005
