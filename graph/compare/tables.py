@@ -164,9 +164,9 @@ def print_table(
     echo(fitting_table(headings, table, labels, width))
     if any(cell.endswith(BEST_MARK) for cells in table for cell in cells):
         echo(f"{BEST_MARK} best of its capture: {_what_is_best(names)}")
-    for line in lines:
-        if line.error:
-            echo(f"failed: {line.label}: {line.error}")
+    failed = ((line.label, [line.error]) for line in lines if line.error)
+    for text in warning_lines(failed, None):
+        echo(text.replace("warning", "failed", 1))
     if warned := sum(bool(line.warnings) for line in lines):
         echo(f"{warned} of {len(lines)} with warnings")
     for text in warning_lines((line.label, line.warnings) for line in lines):

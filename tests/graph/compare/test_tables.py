@@ -187,3 +187,5 @@ def test_the_terminal_shows_failures_once() -> None:
     rows = [row("x", error=1.0), Row("y", "a", "numpy", "", error="no light", sweep={"n.p": 2})]
     assert shown_at(120, rows)[-1] == "failed: y on a n.p=2: no light"
     assert "\n".join(shown_at(120, rows)).count("failed") == 1
+    rows += [Row("y", capture, "numpy", "", error="no light") for capture in ("b", "c", "d")]
+    assert shown_at(120, rows)[-1] == "failed: y on a n.p=2 and 3 more: no light"
