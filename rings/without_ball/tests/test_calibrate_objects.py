@@ -94,3 +94,9 @@ def test_objects_need_the_untouched_film(raytraced: Raytraced, tmp_path: Path) -
     arguments = {"capture": rig / "cat_film", "flat": rig / "cat_film"}
     with pytest.raises(InputError, match="is the folder of the presses"):
         run("calibrate_objects", tmp_path / "cal.npz", **arguments, pixel_size_mm=0.07)
+
+
+def test_a_pupil_nearer_than_a_calibration_can_hold_is_refused_at_once(tmp_path: Path) -> None:
+    given = {"capture": tmp_path, "flat": tmp_path, "pixel_size_mm": 0.07, "camera_mm": 4.9}
+    with pytest.raises(InputError, match="camera_mm: input should be greater than or equal to 5"):
+        run("calibrate_objects", tmp_path / "cal.npz", **given)
