@@ -57,9 +57,14 @@ def calibrated(
     size_mm: float | tuple[float, float] = PIXEL_MM,
     out: str = "cal.npz",
     ranked: bool = True,
+    searched: bool = False,
 ) -> Any:
-    """The result of `calibrate` for these captures; touches are checked if it is `ranked`."""
-    graph = of_matt_film(read_graph("calibrate"))
+    """The result of `calibrate` for these captures.
+
+    Touches are checked if it is `ranked`; whether the film is more than matt if it is `searched`.
+    """
+    graph = read_graph("calibrate")
+    graph = graph if searched else of_matt_film(graph)
     images = {"capture": str(folder / "ball"), "flat": str(folder / "flat")}
     known = {"ball_radius_mm": BALL_MM, "pixel_size_mm": size_mm}
     params = {**images, **known, "out": str(folder / out), "accept_contradictions": True}

@@ -29,7 +29,7 @@ def view(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     folder, visible = tmp_path_factory.mktemp("view"), VIEWS[request.param]
     see(folder, lambda film: housed(film, visible))
     np.save(folder / "visible.npy", visible)
-    warnings = warnings_of(calibrated(folder))
+    warnings = warnings_of(calibrated(folder, searched=True))
     assert ["fills" in line for line in warnings] == ([] if visible.all() else [True])
     return folder
 
