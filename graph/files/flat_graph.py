@@ -342,6 +342,12 @@ class Graph:
     def with_entry(self, node_id: str, entry: Entry) -> Graph:
         return replace(self, nodes={**self.nodes, node_id: entry})
 
+    def with_changed(self, node_id: str, places: Mapping[str, Place], **values: Any) -> Graph:
+        """Return the graph with other values of an entry, which stand at these places."""
+        entry = self.nodes[node_id]
+        changed = replace(entry, places={**entry.places, **places}, **values)
+        return self.with_entry(node_id, changed)
+
     def without(self, node_ids: Iterable[str], place: Place) -> Graph:
         """Return the graph without the nodes that the change at `place` removes."""
         out = dict.fromkeys(node_ids, place)
