@@ -70,16 +70,10 @@ class Entry:
         return params_in(self.settings)
 
     def as_dict(self) -> dict[str, Any]:
-        plain: dict[str, Any] = {"op": self.op}
-        if self.inputs:
-            plain["in"] = dict(self.inputs)
-        if self.settings:
-            plain["with"] = dict(self.settings)
-        if self.backend:
-            plain["backend"] = self.backend
-        if self.neutral:
-            plain["neutral"] = True
-        return plain
+        """The keys of a file, those that say something."""
+        node = {"op": self.op, "in": dict(self.inputs), "with": dict(self.settings)}
+        keys = {**node, "backend": self.backend, "neutral": self.neutral}
+        return {key: value for key, value in keys.items() if value}
 
 
 @dataclass(frozen=True)
