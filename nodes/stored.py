@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tactograph.graph.declare.limits import members_of
+from tactograph.graph.declare.annotations import members_of
 from tactograph.graph.declare.ports import PortType, is_record, read_port
 
 

@@ -69,25 +69,20 @@ def complete_value(ctx: click.Context, param: click.Parameter, begun: str) -> li
         return []
     name, equals, text = begun.partition("=")
     if equals and name in read.params:
-        values = _words(read.params[name])
-        values = _files(text) if values is None else values
+        values = _files(text) if read.params[name].kind == "path" else _flags(read.params[name])
         return [CompletionItem(f"{name}={value}") for value in values if value.startswith(text)]
     before = next((word for word in reversed(words) if word != "="), "")
     if before in read.params:
-        return _values(read.params[before], begun)
+        if read.params[before].kind == "path":
+            return [CompletionItem(begun, type="file")]
+        values = _flags(read.params[before])
+        return [CompletionItem(value) for value in values if value.startswith(begun)]
     names = {word.partition("=")[0] for word in words}
     return [
         CompletionItem(f"{name}=", help=param.help)
         for name, param in read.params.items()
         if name.startswith(begun) and name not in names
     ]
-
-
-def _values(param: Param, begun: str) -> list[CompletionItem]:
-    values = _words(param)
-    if values is None:
-        return [CompletionItem(begun, type="file")]
-    return [CompletionItem(value) for value in values if value.startswith(begun)]
 
 
 def _read(graph: str | None, overlays: Sequence[str]) -> Graph | None:
@@ -99,10 +94,8 @@ def _read(graph: str | None, overlays: Sequence[str]) -> Graph | None:
         return None
 
 
-def _words(param: Param) -> list[str] | None:
-    """The values of a param, None for files."""
-    if param.kind == "path":
-        return None
+def _flags(param: Param) -> list[str]:
+    """The values of a flag, none of other params."""
     return ["true", "false"] if param.kind == "flag" else []
 
 

@@ -95,13 +95,8 @@ def has_parameter(graph: Graph, target: str) -> bool:
 
 def seed_like(graphs: Iterable[Graph]) -> list[str]:
     """The parameters called ``seed`` of all nodes."""
-    names = (
-        f"{node_id}.seed"
-        for graph in graphs
-        for node_id, entry in graph.nodes.items()
-        if has_parameter(graph, f"{node_id}.seed") and entry.op
-    )
-    return list(dict.fromkeys(names))
+    named = ((graph, f"{node_id}.seed") for graph in graphs for node_id in graph.nodes)
+    return list(dict.fromkeys(name for graph, name in named if has_parameter(graph, name)))
 
 
 def _list(text: str) -> tuple[Any, ...]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, create_model
 
-from tactograph.graph.declare.limits import parts_of
+from tactograph.graph.declare.annotations import parts_of
 from tactograph.graph.declare.node import Node
 from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.disk.text_names import at_home

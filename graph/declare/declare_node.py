@@ -77,88 +77,66 @@ def node(
 
 def _declare(function: Callable[..., Any], **about: Any) -> Node:
     hints = typing.get_type_hints(function, include_extras=True)
-    signature = _Signature(function.__name__)
-    for name, argument in _arguments(function, hints):
-        signature.add(argument, hints.get(name))
-    outputs, record, stream = _read_outputs(function.__name__, hints.get("return"))
-    declared = Node(
-        function=function,
-        outputs=outputs,
-        output_record=record,
-        stream=stream,
-        kernel_package=_kernel_package(function.__module__),
-        **vars(signature),
-        **about,
-    )
+    name, package = function.__name__, _kernel_package(function.__module__)
+    declared = Node(name, function, kernel_package=package, **about)
     declared.__doc__ = function.__doc__
+    for argument in _arguments(function, hints):
+        _add_argument(declared, argument, hints.get(argument.name))
+    returned = _read_outputs(name, hints.get("return"))
+    declared.outputs, declared.output_record, declared.stream = returned
     _check_neutral(declared)
     _check_derived(declared)
     return declared
 
 
-class _Signature:
-    """The arguments of a function, sorted by their meaning; its attributes are fields of `Node`."""
-
-    def __init__(self, function: str) -> None:
-        self.name = function
-        self.inputs: dict[str, PortType] = {}
-        self.input_records: dict[str, type] = {}
-        self.optional_inputs: frozenset[str] = frozenset()
-        self.repeated: PortType | None = None
-        self.named: NamedPorts | None = None
-        self.parameters: dict[str, Parameter] = {}
-        self.parameter_records: dict[str, type] = {}
-        self.calls: dict[str, Node] = {}
-
-    def add(self, argument: inspect.Parameter, annotation: Any) -> None:
-        """Sort in one argument.  Raises TypeError if it declares nothing."""
-        name = argument.name
-        if annotation is None:
-            raise TypeError(f"{self.name}: argument '{name}' has no type")
-        if name in ENGINE_INPUTS:
-            raise TypeError(f"{self.name}: every node has an input '{name}' already")
-        if argument.kind is argument.KEYWORD_ONLY:
-            self._add_keyword(argument, annotation)
-        elif argument.kind is argument.VAR_POSITIONAL:
-            self.repeated = read_port(name, annotation)
-        elif argument.kind is argument.VAR_KEYWORD:
-            self.named = _named_ports(self.name, name, annotation)
-        else:
-            ports, record = input_ports(name, annotation)
-            self.inputs |= ports
-            self.input_records |= {name: record} if record else {}
-            if argument.default is not argument.empty:
-                self.optional_inputs |= {name}
-
-    def _add_keyword(self, argument: inspect.Parameter, annotation: Any) -> None:
-        name = argument.name
-        if field := next((f for f, kind in _ENGINE_ARGUMENTS if annotation == kind), ""):
-            setattr(self, field, name)
-        elif annotation is NodeCall:
-            if not isinstance(argument.default, Node):
-                raise TypeError(f"{self.name}: the default of '{name}' has to be a node")
-            self.calls[name] = argument.default
-        else:
-            parameters = [Parameter(name, annotation, argument.default)]
-            if is_record(annotation):
-                self.parameter_records[name] = annotation
-                parameters = _fields_as_parameters(annotation)
-            for each in parameters:
-                if each.name in self.parameters:
-                    raise TypeError(f"{self.name}: two parameters are called '{each.name}'")
-                self.parameters[each.name] = each
+def _add_argument(declared: Node, argument: inspect.Parameter, annotation: Any) -> None:
+    """Sort in one argument by its meaning.  Raises TypeError if it declares nothing."""
+    name = argument.name
+    if annotation is None:
+        raise TypeError(f"{declared.name}: argument '{name}' has no type")
+    if name in ENGINE_INPUTS:
+        raise TypeError(f"{declared.name}: every node has an input '{name}' already")
+    if argument.kind is argument.KEYWORD_ONLY:
+        _add_keyword(declared, argument, annotation)
+    elif argument.kind is argument.VAR_POSITIONAL:
+        declared.repeated = read_port(name, annotation)
+    elif argument.kind is argument.VAR_KEYWORD:
+        declared.named = _named_ports(declared.name, name, annotation)
+    else:
+        ports, record = input_ports(name, annotation)
+        declared.inputs |= ports
+        declared.input_records |= {name: record} if record else {}
+        if argument.default is not argument.empty:
+            declared.optional_inputs |= {name}
 
 
-def _arguments(
-    function: Callable[..., Any], hints: dict[str, Any]
-) -> Iterator[tuple[str, inspect.Parameter]]:
+def _add_keyword(declared: Node, argument: inspect.Parameter, annotation: Any) -> None:
+    name = argument.name
+    if field := next((f for f, kind in _ENGINE_ARGUMENTS if annotation == kind), ""):
+        setattr(declared, field, name)
+    elif annotation is NodeCall:
+        if not isinstance(argument.default, Node):
+            raise TypeError(f"{declared.name}: the default of '{name}' has to be a node")
+        declared.calls[name] = argument.default
+    else:
+        parameters = [Parameter(name, annotation, argument.default)]
+        if is_record(annotation):
+            declared.parameter_records[name] = annotation
+            parameters = _fields_as_parameters(annotation)
+        for each in parameters:
+            if each.name in declared.parameters:
+                raise TypeError(f"{declared.name}: two parameters are called '{each.name}'")
+            declared.parameters[each.name] = each
+
+
+def _arguments(function: Callable[..., Any], hints: dict[str, Any]) -> Iterator[inspect.Parameter]:
     """A function's arguments; ``*values: Unpack[Record]`` is replaced by the record's fields.
 
     The types of these fields are added to `hints`.
     """
     for name, argument in inspect.signature(function).parameters.items():
         if typing.get_origin(hints.get(name)) is not typing.Unpack:
-            yield name, argument
+            yield argument
             continue
         (record,) = typing.get_args(hints[name])
         fields = record_fields(record)
@@ -166,7 +144,7 @@ def _arguments(
         for field in fields:
             default = record._field_defaults.get(field, inspect.Parameter.empty)
             kind = inspect.Parameter.POSITIONAL_ONLY
-            yield field, inspect.Parameter(field, kind, default=default)
+            yield inspect.Parameter(field, kind, default=default)
 
 
 def _named_ports(function: str, name: str, annotation: Any) -> NamedPorts:

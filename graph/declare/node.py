@@ -52,14 +52,14 @@ class Node:
 
     name: str
     function: Callable[..., Any]
-    inputs: dict[str, PortType]
-    input_records: dict[str, type]
-    repeated: PortType | None
-    parameters: dict[str, Parameter]
-    parameter_records: dict[str, type]
-    outputs: dict[str, PortType]
-    output_record: type | None
-    stream: bool
+    inputs: dict[str, PortType] = field(default_factory=dict)
+    input_records: dict[str, type] = field(default_factory=dict)
+    repeated: PortType | None = None
+    parameters: dict[str, Parameter] = field(default_factory=dict)
+    parameter_records: dict[str, type] = field(default_factory=dict)
+    outputs: dict[str, PortType] = field(default_factory=dict)
+    output_record: type | None = None
+    stream: bool = False
     named: NamedPorts | None = None
     neutral: float | str | None = None
     tolerance: Close = field(default_factory=Close)
@@ -70,7 +70,7 @@ class Node:
     session: str | None = None
     wanted: str | None = None
     integers: str | None = None
-    calls: Mapping[str, Node] = field(default_factory=dict)
+    calls: dict[str, Node] = field(default_factory=dict)
     endless: bool = False
     ahead: bool = False
     implementations: dict[str, Kernels] = field(default_factory=dict)

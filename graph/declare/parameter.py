@@ -1,10 +1,24 @@
 """A parameter of a node: its type, its limits and its default."""
 
 import inspect
+import typing
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, NamedTuple
 
-from tactograph.graph.declare.limits import Limits, bare_type, choices_of, limits_of
+import annotated_types
+
+from tactograph.graph.declare.annotations import bare_type, parts_of
+
+_LIMIT_TYPES = (annotated_types.Ge, annotated_types.Gt, annotated_types.Le, annotated_types.Lt)
+
+
+class Limits(NamedTuple):
+    """The limits of a number, None where there is none."""
+
+    at_least: float | None
+    above: float | None
+    at_most: float | None
+    below: float | None
 
 
 @dataclass(frozen=True)
@@ -27,12 +41,19 @@ class Parameter:
     @property
     def limits(self) -> Limits:
         """The limits that the annotation states."""
-        return limits_of(self.annotation)
+        stated: dict[type, float] = {}
+        for part in parts_of(self.annotation):
+            for mark in getattr(part, "__metadata__", ()):
+                for rule in mark if isinstance(mark, annotated_types.GroupedMetadata) else (mark,):
+                    if isinstance(rule, _LIMIT_TYPES):
+                        stated[type(rule)] = float(getattr(rule, type(rule).__name__.lower()))
+        return Limits(*map(stated.get, _LIMIT_TYPES))
 
     @property
     def choices(self) -> list[Any]:
         """The values that the annotation's `Literal` lists."""
-        return choices_of(self.annotation)
+        literals = [p for p in parts_of(self.annotation) if typing.get_origin(p) is Literal]
+        return [choice for literal in literals for choice in typing.get_args(literal)]
 
     @property
     def range(self) -> str:

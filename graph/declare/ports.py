@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from tactograph.graph.declare.limits import members_of
+from tactograph.graph.declare.annotations import members_of
 
 Dim = str | int
 IMAGE_SIZES = {"K": "lights", "H": "rows of pixels", "W": "columns of pixels"}

@@ -15,13 +15,11 @@ from tactograph.graph.files.patch_groups import (
 )
 from tactograph.graph.files.patch_verbs import VERB_FUNCTIONS, Change, Places
 
+_NODE_KEYS = {"op", "group", "inputs", "settings", "repeat", "carry", "while_"}
 KEYS_BY_VERB: dict[str, tuple[set[str], set[str]]] = {
     "set": (set(), {"inputs", "settings"}),
-    "replace": (set(), {"op", "group", "inputs", "settings", "repeat", "carry", "while_"}),
-    "insert": (
-        set(),
-        {"op", "group", "inputs", "settings", "repeat", "carry", "while_", "after"},
-    ),
+    "replace": (set(), _NODE_KEYS),
+    "insert": (set(), {*_NODE_KEYS, "after"}),
     "remove": (set(), set()),
     "backend": ({"to"}, set()),
     "neutral": (set(), set()),

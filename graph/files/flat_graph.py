@@ -70,16 +70,10 @@ class Entry:
         return params_in(self.settings)
 
     def as_dict(self) -> dict[str, Any]:
-        plain: dict[str, Any] = {"op": self.op}
-        if self.inputs:
-            plain["in"] = dict(self.inputs)
-        if self.settings:
-            plain["with"] = dict(self.settings)
-        if self.backend:
-            plain["backend"] = self.backend
-        if self.neutral:
-            plain["neutral"] = True
-        return plain
+        """The keys of a file, those that say something."""
+        node = {"op": self.op, "in": dict(self.inputs), "with": dict(self.settings)}
+        keys = {**node, "backend": self.backend, "neutral": self.neutral}
+        return {key: value for key, value in keys.items() if value}
 
 
 @dataclass(frozen=True)
@@ -341,6 +335,12 @@ class Graph:
 
     def with_entry(self, node_id: str, entry: Entry) -> Graph:
         return replace(self, nodes={**self.nodes, node_id: entry})
+
+    def with_changed(self, node_id: str, places: Mapping[str, Place], **values: Any) -> Graph:
+        """Return the graph with other values of an entry, which stand at these places."""
+        entry = self.nodes[node_id]
+        changed = replace(entry, places={**entry.places, **places}, **values)
+        return self.with_entry(node_id, changed)
 
     def without(self, node_ids: Iterable[str], place: Place) -> Graph:
         """Return the graph without the nodes that the change at `place` removes."""

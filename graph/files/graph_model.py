@@ -5,6 +5,7 @@ Long because it declares everything that a graph file may contain, with help for
 
 from __future__ import annotations
 
+from types import UnionType
 from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import (
@@ -30,22 +31,15 @@ GRAPH_FORMAT = 1
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 Reference = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_]\w*(\.\w+)*$")]
 Kind = Literal["path", "number", "integer", "text", "flag", "numbers"]
-WANTED_BY_KIND = {
-    "path": "a path",
-    "number": "a number",
-    "integer": "a whole number",
-    "text": "text",
-    "flag": "true or false",
-    "numbers": "a list of numbers",
+KIND_VALUES: dict[str, tuple[str, type[Any] | UnionType]] = {
+    "path": ("a path", str),
+    "number": ("a number", int | float),
+    "integer": ("a whole number", int),
+    "text": ("text", str),
+    "flag": ("true or false", bool),
+    "numbers": ("a list of numbers", list),
 }
-"""A value of each kind of param, in words."""
-_TYPES_BY_KIND: dict[str, tuple[type, ...]] = {
-    "path": (str,),
-    "number": (int, float),
-    "integer": (int,),
-    "text": (str,),
-    "flag": (bool,),
-}
+"""The values of each kind of param: in words, and their type."""
 _WANTED_BY_TYPE = {
     "model_type": "a mapping is needed",
     "dict_type": "a mapping is needed",
@@ -60,7 +54,7 @@ def is_of_kind(value: Any, kind: str) -> bool:
     """Return whether a param of `kind` accepts a value."""
     if kind == "numbers":
         return isinstance(value, list) and all(is_of_kind(part, "number") for part in value)
-    return isinstance(value, _TYPES_BY_KIND[kind]) and (kind == "flag") == isinstance(value, bool)
+    return isinstance(value, KIND_VALUES[kind][1]) and (kind == "flag") == isinstance(value, bool)
 
 
 def _whole(value: Any) -> Any:
@@ -114,18 +108,8 @@ class _Strict(BaseModel):
 def _of_its_kind(value: Any, info: ValidationInfo) -> Any:
     kind = info.data.get("kind")
     if value is not None and kind and not is_of_kind(value, kind):
-        raise PydanticCustomError("kind", WANTED_BY_KIND[kind] + " is needed")
+        raise PydanticCustomError("kind", KIND_VALUES[kind][0] + " is needed")
     return value
-
-
-class ParamModel(_Strict):
-    """A value that the user gives on the command line."""
-
-    kind: Kind = Field(description="What the value is.")
-    help: str = Field("", description="One line for people.")
-    default: Any = Field(None, description="Without it, the value must be given.")
-
-    _of_its_kind = field_validator("default")(_of_its_kind)
 
 
 class NodeModel(_Strict):
@@ -207,6 +191,13 @@ class GroupParamModel(_Strict):
     default: Any = Field(None, description="Without it, a use or the user gives the value.")
 
     _of_its_kind = field_validator("default")(_of_its_kind)
+
+
+class ParamModel(GroupParamModel):
+    """A value that the user gives on the command line."""
+
+    kind: Kind = Field(description="What the value is.")
+    default: Any = Field(None, description="Without it, the value must be given.")
 
 
 class GroupModel(_Strict):

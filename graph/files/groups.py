@@ -64,18 +64,22 @@ def flat_reference(
         use = graph.uses[scope]
         group = graph.definition(use)
         if name in group.inputs:
-            return _of_input(graph, use.inputs.get(name), rest, previous, where, whole=whole)
-        if name not in group.nodes:
+            if name not in use.inputs:
+                return None
+            name, already = split_previous(use.inputs[name])
+            if previous and already:
+                raise GraphError(f"{where}: only the item before is kept, not the one before that")
+            previous = previous or already
+        elif name in group.nodes:
+            name = f"{scope}.{name}"
+        else:
             hint = did_you_mean(name, [*group.nodes, *group.inputs])
             raise GraphError(
                 f"{where}: the group '{use.group}' has no node or input '{name}'{hint}"
             )
-        name = f"{scope}.{name}"
     else:
         name = graph.in_full(name)
-    flat = _joined(name, rest)
-    if name in graph.uses:
-        flat = _of_use(graph, name, rest, where, whole=whole)
+    flat = _port_of(graph, name, rest, where, whole=whole)
     return f"{PREVIOUS_ITEM}.{flat}" if previous else flat
 
 
@@ -105,7 +109,7 @@ def in_scope(
     return replace(
         entry,
         inputs={port: flat for port, flat in inputs.items() if flat is not None},
-        settings=_settings(graph, entry.settings, scope, entry),
+        settings=_settings(graph, entry, scope),
     )
 
 
@@ -229,15 +233,12 @@ def _bound(graph: Graph, use: Use, scope: str, name: str) -> Use:
     own = in_scope(graph, stated, scope, name, whole=True)
     inputs: dict[str, str] = {}
     for name, param in group.inputs.items():
-        if name in use.inputs:
-            flat = own.inputs.get(name)
-        else:
+        if name in own.inputs:
+            inputs[name] = own.inputs[name]
+        elif name not in use.inputs and param.default:
             where = f"{group.body.where(f'inputs.{name}')} (used by {own.where()})"
-            default = param.default
-            flat = default and flat_reference(graph, default, "", where, whole=True)
-        if flat is not None:
-            inputs[name] = flat
-    inputs |= {name: flat for name, flat in own.inputs.items() if name in ENGINE_INPUTS}
+            inputs[name] = str(flat_reference(graph, param.default, "", where, whole=True))
+    inputs |= own.inputs  # `when` and `else`
     params = group.body.params.items()
     settings = {name: f"${name}" if p.kind else p.default for name, p in params} | {**own.settings}
     return replace(use, inputs=inputs, settings=settings, places=own.places)
@@ -259,23 +260,10 @@ def _in_place(graph: Graph, reference: str, scope: str) -> str:
     return _joined(scope, reference) if scope else graph.in_full(reference)
 
 
-def _of_input(
-    graph: Graph, bound: str | None, rest: str, previous: bool, where: str, *, whole: bool
-) -> str | None:
-    """Reference that an input of a group, or a port of it, stands for."""
-    if bound is None:
-        return None
-    bare, already = split_previous(bound)
-    if previous and already:
-        raise GraphError(f"{where}: only the item before is kept, not the one before that")
-    flat = _joined(bare, rest)
-    if bare in graph.uses:
-        flat = _of_use(graph, bare, rest, where, whole=whole)
-    return f"{PREVIOUS_ITEM}.{flat}" if previous or already else flat
-
-
-def _of_use(graph: Graph, path: str, rest: str, where: str, *, whole: bool = False) -> str:
-    """An output of a use, or a node in it."""
+def _port_of(graph: Graph, path: str, rest: str, where: str, *, whole: bool = False) -> str:
+    """A port of a node; for a use, the port behind its output, or of a node in it."""
+    if path not in graph.uses:
+        return _joined(path, rest)
     use = graph.uses[path]
     name, nodes = use.group, graph.definition(use).nodes
     outputs = graph.definition(use).body.outputs
@@ -283,7 +271,7 @@ def _of_use(graph: Graph, path: str, rest: str, where: str, *, whole: bool = Fal
     if whole and not rest and len(outputs_of(graph, path)) != 1:
         return path
     if use.turns and first not in nodes:
-        return _of_use(graph, graph.last_turn(path), rest, where)
+        return _port_of(graph, graph.last_turn(path), rest, where)
     if not rest and len(outputs) == 1:
         (first,) = outputs
     if not first:
@@ -297,18 +285,13 @@ def _of_use(graph: Graph, path: str, rest: str, where: str, *, whole: bool = Fal
         hint = did_you_mean(first, [*outputs, *nodes])
         raise GraphError(f"{where}: the group '{name}' has no output or node '{first}'{hint}")
     head, _, port = inner.partition(".")
-    deeper = f"{path}.{head}"
-    return _of_use(graph, deeper, port, where) if deeper in graph.uses else _joined(deeper, port)
+    return _port_of(graph, f"{path}.{head}", port, where)
 
 
-def _settings(
-    graph: Graph, settings: Mapping[str, Any], scope: str, entry: Entry
-) -> dict[str, Any]:
-    if not scope:
-        return dict(settings)
-    use = graph.uses[scope]
-    resolved = dict(settings)
-    for key, param in params_in(settings).items():
+def _settings(graph: Graph, entry: Entry, scope: str) -> dict[str, Any]:
+    resolved = dict(entry.settings)
+    for key, param in entry.params.items() if scope else ():
+        use = graph.uses[scope]
         if param not in use.settings:
             where, hint = entry.where(f"with.{key}"), did_you_mean(param, use.settings)
             raise GraphError(f"{where}: the group '{use.group}' has no param '{param}'{hint}")

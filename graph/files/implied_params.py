@@ -10,8 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tactograph.graph.declare.annotations import parts_of
 from tactograph.graph.declare.find_node import find_node
-from tactograph.graph.declare.limits import parts_of
 from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.errors import GraphError, InputError
 from tactograph.graph.files.flat_graph import Entry, Graph, Param

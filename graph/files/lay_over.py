@@ -1,7 +1,7 @@
 """Lay a layer over a graph, or make a graph from a layer that extends none."""
 
 from collections.abc import Container, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -190,7 +190,9 @@ def _with_shared(groups: dict[str, Group], used: Iterable[str], folder: Path) ->
     A name without a file is refused where it is used.
     """
     for name in used:
-        file = None if name in groups else _group_file(f"{name}.group.yaml", folder)
+        file = None
+        with suppress(InputError):
+            file = None if name in groups else find_file(f"{name}.group.yaml", folder, "groups")
         if file is not None:
             groups = {**groups, name: group_in(name, Document.read(file))}
             groups = _with_shared(groups, _used_in(groups[name]), file.parent)
@@ -201,13 +203,6 @@ def _used_in(group: Group) -> Iterator[str]:
     """The groups that a group uses, repeated or not."""
     for use in group.body.uses.values():
         yield from (use.group, *_used_in(use.turns)) if use.turns else [use.group]
-
-
-def _group_file(name: str, folder: Path) -> Path | None:
-    try:
-        return find_file(name, folder, "groups")
-    except InputError:
-        return None
 
 
 def group_in(name: str, document: Document) -> Group:

@@ -30,8 +30,7 @@ def _set(graph: Graph, target: str, change: Change, places: Places) -> Graph:
         here["with"] = places.get("with", places[""])
     inputs = {p: r for p, r in {**entry.inputs, **reads}.items() if r is not None}
     settings = {**entry.settings, **values}
-    entry = replace(entry, inputs=inputs, settings=settings, places={**entry.places, **here})
-    return graph.with_entry(target, entry)
+    return graph.with_changed(target, here, inputs=inputs, settings=settings)
 
 
 def _replace(graph: Graph, target: str, change: Change, places: Places) -> Graph:
@@ -97,15 +96,11 @@ def _remove(graph: Graph, target: str, change: Change, places: Places) -> Graph:
 
 
 def _backend(graph: Graph, target: str, change: Change, places: Places) -> Graph:
-    entry = graph.nodes[target]
-    here = {**entry.places, "backend": places["to"]}
-    return graph.with_entry(target, replace(entry, backend=change["to"], places=here))
+    return graph.with_changed(target, {"backend": places["to"]}, backend=change["to"])
 
 
 def _neutral(graph: Graph, target: str, change: Change, places: Places) -> Graph:
-    entry = graph.nodes[target]
-    here = {**entry.places, "neutral": places["neutral"]}
-    return graph.with_entry(target, replace(entry, neutral=True, places=here))
+    return graph.with_changed(target, {"neutral": places["neutral"]}, neutral=True)
 
 
 VERB_FUNCTIONS: dict[str, Callable[[Graph, str, Change, Places], Graph]] = {

@@ -6,7 +6,7 @@ from typing import Any
 from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.disk.text_names import at_home
 from tactograph.graph.errors import InputError, a_few
-from tactograph.graph.files.graph_model import WANTED_BY_KIND, is_of_kind
+from tactograph.graph.files.graph_model import KIND_VALUES, is_of_kind
 from tactograph.graph.files.graph_places import shipped
 
 MAX_NAMED_SETTINGS = 3
@@ -51,7 +51,7 @@ def read_value(name: str, text: str, kind: str, *, required: bool) -> Any:
         return [_number(f"{name}={text}", part) for part in text.split(",")]
     value = _scalar(name, text)
     if not is_of_kind(value, kind):
-        raise InputError(f"{name}={text}: {WANTED_BY_KIND[kind]} is needed")
+        raise InputError(f"{name}={text}: {KIND_VALUES[kind][0]} is needed")
     return value
 
 
