@@ -99,7 +99,7 @@ def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
 def _run_pipeline(
     pipeline: Pipeline, wanted: _Wanted, line: ProgressLine, selection: Mapping[str, str]
 ) -> None:
-    report = _Report(line, pipeline, figures=wanted.figures, quiet=wanted.quiet)
+    report = _Report(line, pipeline, wanted)
     for fallback in pipeline.plan.fallbacks:
         line.say(f"fallback: {fallback}", err=True)
     line.stage_of = lambda: pipeline.stage
@@ -149,10 +149,8 @@ class _Report:
     without their figures, which differ from item to item.
     """
 
-    def __init__(
-        self, line: ProgressLine, pipeline: Pipeline, *, figures: bool, quiet: bool
-    ) -> None:
-        self._line, self._pipeline, self._figures, self._quiet = line, pipeline, figures, quiet
+    def __init__(self, line: ProgressLine, pipeline: Pipeline, wanted: _Wanted) -> None:
+        self._line, self._pipeline, self._wanted = line, pipeline, wanted
         self.last_due: dict[str, float] = {}
         self._last_kind = ""
 
@@ -173,8 +171,8 @@ class _Report:
             self.warnings(result.warnings[result.shared_warnings :], f"{name}: " if name else "")
         kind = warning_kind(" ".join(v for v in result.outputs.values() if isinstance(v, str)))
         news, self._last_kind = number == 1 or kind != self._last_kind, kind
-        if not self._quiet and (not endless or news):
-            self._line.say(_summary(number, result, figures=self._figures))
+        if not self._wanted.quiet and (not endless or news):
+            self._line.say(_summary(number, result, figures=self._wanted.figures))
         if endless:
             self._line.end()
 

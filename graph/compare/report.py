@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from importlib import resources
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jinja2 import Environment, StrictUndefined
@@ -195,49 +195,41 @@ def _pictures(runs: Mapping[str, Mapping[str, View]]) -> list[Picture]:
     for kind, name in product(("planes", "labels", "map"), kinds):
         view = kinds[name]
         if view.kind == kind and not view.is_truth:
-            pictures += _DRAW_BY_KIND[kind](view, _Shown(name, runs))
+            pictures += _DRAW_BY_KIND[kind](view, _shown(name, runs))
     return pictures
 
 
-class _Shown:
-    """A view of all runs, and its truth, which differs between runs of a swept scene.
+class _Shown(NamedTuple):
+    """A view of all runs, all its truths and these runs, and the runs' errors, by panel."""
 
-    Runs that are equal in both are one panel.
+    results: dict[str, NDArray[Any]]
+    panels: dict[str, NDArray[Any]]
+    errors: dict[str, NDArray[Any]]
+
+
+def _shown(name: str, runs: Mapping[str, Mapping[str, View]]) -> _Shown:
+    """A view of all runs; runs that are equal in it and in its truth are one panel.
+
+    The truth differs between runs of a swept scene.
     """
-
-    def __init__(self, name: str, runs: Mapping[str, Mapping[str, View]]) -> None:
-        by_label = {label: views[name] for label, views in runs.items() if name in views}
-        shape = next(iter(by_label.values())).array.shape
-        equal: dict[tuple[bytes, bytes], list[str]] = {}
-        truths: dict[str, NDArray[Any] | None] = {}
-        for label, view in by_label.items():
-            if view.array.shape == shape:
-                truth = find_truth(view, runs[label])
-                truths[label] = None if truth is None else truth.array
-                key = view.array.tobytes(), b"" if truth is None else truth.array.tobytes()
-                equal.setdefault(key, []).append(label)
-        panels = {_panel(labels): labels[0] for labels in equal.values()}
-        self.results = {panel: by_label[label].array for panel, label in panels.items()}
-        truth_of = {panel: truths[label] for panel, label in panels.items()}
-        self.truths = {panel: truth for panel, truth in truth_of.items() if truth is not None}
-
-    @property
-    def truth(self) -> NDArray[Any] | None:
-        """The truth, if it is known and the same for all runs."""
-        distinct = _distinct(self.truths)
-        return next(iter(distinct.values())) if len(distinct) == 1 else None
-
-    @property
-    def panels(self) -> dict[str, NDArray[Any]]:
-        """All truths and all runs."""
-        if self.truth is not None:
-            return {TRUTH_LABEL: self.truth, **self.results}
-        truths = {f"{TRUTH_LABEL}, {k}": v for k, v in _distinct(self.truths).items()}
-        return {**truths, **self.results}
-
-    @property
-    def errors(self) -> dict[str, NDArray[Any]]:
-        return {label: self.results[label] - truth for label, truth in self.truths.items()}
+    by_label = {label: views[name] for label, views in runs.items() if name in views}
+    shape = next(iter(by_label.values())).array.shape
+    equal: dict[tuple[bytes, bytes], list[str]] = {}
+    truths: dict[str, NDArray[Any]] = {}
+    for label, view in by_label.items():
+        if view.array.shape == shape:
+            if truth := find_truth(view, runs[label]):
+                truths[label] = truth.array
+            key = view.array.tobytes(), truth.array.tobytes() if truth else b""
+            equal.setdefault(key, []).append(label)
+    labels = {_panel(alike): alike[0] for alike in equal.values()}
+    results = {panel: by_label[label].array for panel, label in labels.items()}
+    due = {panel: truths[label] for panel, label in labels.items() if label in truths}
+    distinct = _distinct(due)
+    titles = [TRUTH_LABEL] if len(distinct) == 1 else [f"{TRUTH_LABEL}, {k}" for k in distinct]
+    drawn = dict(zip(titles, distinct.values(), strict=True))
+    errors = {panel: results[panel] - truth for panel, truth in due.items()}
+    return _Shown(results, {**drawn, **results}, errors)
 
 
 def _panel(labels: Sequence[str]) -> str:

@@ -2,6 +2,7 @@
 
 import types
 import typing
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 
@@ -25,3 +26,9 @@ def parts_of(annotation: Any) -> list[Any]:
     is_marked = typing.get_origin(annotation) is Annotated
     inner = [annotation.__origin__] if is_marked else members_of(annotation)
     return [annotation, *(p for each in inner if each != annotation for p in parts_of(each))]
+
+
+def members_of_tuples(parts: Iterable[Any]) -> set[Any]:
+    """All types in the tuples among the parts of an annotation."""
+    tuples = [part for part in parts if typing.get_origin(part) is tuple]
+    return {p for part in tuples for member in typing.get_args(part) for p in parts_of(member)}

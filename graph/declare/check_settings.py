@@ -7,7 +7,7 @@ from typing import Annotated, Any, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, create_model
 
-from tactograph.graph.declare.annotations import parts_of
+from tactograph.graph.declare.annotations import members_of_tuples, parts_of
 from tactograph.graph.declare.node import Node
 from tactograph.graph.disk.strict_yaml import Document
 from tactograph.graph.disk.text_names import at_home
@@ -118,12 +118,9 @@ def _validator_for(parts: list[Any]) -> Callable[[Any], Any] | None:
     """The check that runs before pydantic's own, if a type needs one."""
     tuples = [part for part in parts if get_origin(part) is tuple]
     if tuples:
-        members = {
-            each for part in tuples for member in get_args(part) for each in parts_of(member)
-        }
         fixed = {len(get_args(part)) for part in tuples if Ellipsis not in get_args(part)}
         named = [each for part in parts for each in get_args(part) if isinstance(each, str)]
-        are_numbers = bool({int, float} & members)
+        are_numbers = bool({int, float} & members_of_tuples(tuples))
         return partial(_split, are_numbers, fixed, "".join(named))
     if float in parts or (int in parts and bool not in parts):
         return _refuse_bool if {str, Path} & {*parts} else _only_number

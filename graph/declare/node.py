@@ -43,8 +43,6 @@ from tactograph.graph.declare.tolerance import Close
 if TYPE_CHECKING:
     from tactograph.graph.declare.description import Description
 
-_serials = itertools.count(1)
-
 
 @dataclass(eq=False)
 class Node:
@@ -80,6 +78,9 @@ class Node:
     is_idle: Callable[..., bool] | None = None
     kernel_package: str = "tactograph.kernels"
     optional_inputs: frozenset[str] = field(default_factory=frozenset)
+    serial: int = field(default_factory=itertools.count(1).__next__, init=False)
+    """A number that is unique to this declaration within the process."""
+    _sized: dict[tuple[str, ...], Node] = field(default_factory=dict, init=False)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         for name, record in self.parameter_records.items():
@@ -122,10 +123,6 @@ class Node:
         )
 
     @cached_property
-    def _sized(self) -> dict[tuple[str, ...], Node]:
-        return {}
-
-    @cached_property
     def about(self) -> Description:
         """The parsed docstring."""
         from tactograph.graph.declare.description import Description
@@ -134,11 +131,6 @@ class Node:
         names += [self.repeated.name] if self.repeated else []
         quantities = {name: port.meaning for name, port in self.inputs.items()}
         return Description.of(self.doc or "", names, quantities, self.parameter_records.values())
-
-    @cached_property
-    def serial(self) -> int:
-        """A number that is unique to this declaration within the process."""
-        return next(_serials)
 
     @property
     def input_names(self) -> list[str]:

@@ -19,31 +19,24 @@ _FILE_PATTERNS: dict[Shipped, str] = {
 
 
 def shipped(kind: Shipped) -> dict[str, Path]:
-    """The files of a kind that ship, by name without ``.yaml``."""
-    files = _shipped_files(_FILE_PATTERNS[kind])
-    if kind == "graphs":
-        graphs = (file for file in files if file.parent.name not in _CHANGE_FOLDERS)
-        files = [file for file in graphs if not file.stem.endswith(".group")]
-    return {file.stem: file for file in files}
+    """The files of a kind that ship, those of the core and of all rings, by name without ``.yaml``.
+
+    A file of the core or of a shipped ring has precedence.  If several other rings have a file of
+    one name, it has to be named ``ring/name``.
+    """
+    files: dict[str, list[tuple[Path, bool]]] = {}
+    for ring in rings():
+        for file in ring.files("pipelines", _FILE_PATTERNS[kind]):
+            is_other = file.parent.name in _CHANGE_FOLDERS or file.stem.endswith(".group")
+            if kind != "graphs" or not is_other:
+                files.setdefault(file.stem, []).append((file, ring.shipped))
+    firsts = {name: (*found[0], len(found)) for name, found in files.items()}
+    return {name: file for name, (file, ships, count) in firsts.items() if ships or count == 1}
 
 
 def variants_added_to(name: str) -> list[Path]:
     """The files with which rings add variants to a graph that ships."""
     return [file for ring in rings() for file in ring.files("pipelines", f"variants/{name}.yaml")]
-
-
-def _shipped_files(pattern: str) -> list[Path]:
-    """The graph files of the core and of all rings, by name.
-
-    A file of the core or of a shipped ring has precedence.  If several other rings have a file of
-    one name, it has to be named ``ring/name``.
-    """
-    files: dict[tuple[str, str], list[tuple[Path, bool]]] = {}
-    for ring in rings():
-        for file in ring.files("pipelines", pattern):
-            kind = file.parent.name if file.parent.name in _CHANGE_FOLDERS else ""
-            files.setdefault((kind, file.name), []).append((file, ring.shipped))
-    return [entry[0][0] for entry in files.values() if entry[0][1] or len(entry) == 1]
 
 
 def find_file(name: str, base_folder: Path | None, kind: Shipped) -> Path | None:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from tactograph.graph.declare.annotations import parts_of
+from tactograph.graph.declare.annotations import members_of_tuples, parts_of
 from tactograph.graph.declare.find_node import find_node
 from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.errors import GraphError, InputError
@@ -45,9 +45,7 @@ def _param_of(graph: Graph, entry: Entry, name: str) -> Param | None:
     except InputError:
         return None
     parameter = node.parameters.get(name)
-    if parameter is None:
-        return None
-    if not (kind := _kind_of(parameter)):
+    if parameter is None or not (kind := _kind_of(parameter)):
         return None
     default = None if parameter.required else _plain(parameter.default)
     return Param(kind, node.about.arguments[name].replace("``", ""), parameter.required, default)
@@ -56,14 +54,7 @@ def _param_of(graph: Graph, entry: Entry, name: str) -> Param | None:
 def _kind_of(parameter: Parameter) -> str:
     """The kind of param that covers all values of a parameter; "" if there is none."""
     parts = parts_of(parameter.annotation)
-    members = [
-        each
-        for part in parts
-        if typing.get_origin(part) is tuple
-        for member in typing.get_args(part)
-        for each in parts_of(member)
-    ]
-    if members:
+    if members := members_of_tuples(parts):
         return "numbers" if {int, float} & {*members} else "text"
     kinds = {Path: "path", bool: "flag", float: "number", int: "integer", str: "text"}
     matches = [kind for type_, kind in kinds.items() if type_ in parts]
