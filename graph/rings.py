@@ -137,22 +137,17 @@ def _readable(points: list[EntryPoint]) -> Iterator[Ring]:
     for point in points:
         folder = _folder(point.value)
         distribution = point.dist.name if point.dist else point.value.partition(".")[0]
+        wrong, needs = "", "" if distribution == CORE_PACKAGE else _other_version(point)
         if folder is None:
-            warnings.warn(
-                f"ring '{point.name}' of {distribution}: there is no package {point.value}; "
-                "install it again, or uninstall it",
-                stacklevel=2,
-            )
-        elif distribution != CORE_PACKAGE and (needs := _other_version(point)):
-            warnings.warn(
-                f"ring '{point.name}' of {distribution} takes {needs}, not the installed version; "
-                "install one of them",
-                stacklevel=2,
-            )
-        else:
-            inside = sorted(each for each in folder.iterdir() if each.is_dir())
-            places = tuple((each.name, f"{point.value}.{each.name}", each) for each in inside)
-            yield Ring(point.name, point.value, distribution, places)
+            wrong = f": there is no package {point.value}; install it again, or uninstall it"
+        elif needs:
+            wrong = f" takes {needs}, not the installed version; install one of them"
+        if folder is None or wrong:
+            warnings.warn(f"ring '{point.name}' of {distribution}{wrong}", stacklevel=2)
+            continue
+        inside = sorted(each for each in folder.iterdir() if each.is_dir())
+        places = tuple((each.name, f"{point.value}.{each.name}", each) for each in inside)
+        yield Ring(point.name, point.value, distribution, places)
 
 
 def _folder(package: str) -> Path | None:

@@ -61,7 +61,7 @@ class Cache:
         self._devices: dict[
             tuple[str | None, tuple[str, ...]], tuple[DeviceBackend | None, str]
         ] = {}
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
 
     def __len__(self) -> int:
         return len(self._values)
@@ -81,16 +81,17 @@ class Cache:
         if size > self.most:
             return
         with self._lock:
-            self._drop(key)
+            self.drop(key)
             self._values[key] = value, size
             self.bytes += size
             while self.bytes > self.most:
-                self._drop(next(iter(self._values)))
+                self.drop(next(iter(self._values)))
 
     def drop(self, key: CacheKey) -> None:
         """Forget a value, if it is there."""
         with self._lock:
-            self._drop(key)
+            _, size = self._values.pop(key, (None, 0))
+            self.bytes -= size
 
     def run(self, key: str) -> Run | None:
         """Shapes, time and warnings of a run, or None."""
@@ -114,11 +115,6 @@ class Cache:
         if key not in self._devices:
             self._devices[key] = open_device(backends, text)
         return self._devices[key]
-
-    def _drop(self, key: CacheKey) -> None:
-        dropped = self._values.pop(key, None)
-        if dropped is not None:
-            self.bytes -= dropped[1]
 
 
 def _bytes(value: Any) -> int:

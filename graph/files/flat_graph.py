@@ -104,11 +104,11 @@ class Graph:
     """A flat graph, which `tactograph resolve` prints and which has a hash."""
 
     name: str
-    title: str
-    params: Mapping[str, Param]
-    prefer: tuple[str, ...]
-    nodes: Mapping[str, Entry]
-    outputs: Mapping[str, str]
+    title: str = ""
+    params: Mapping[str, Param] = field(default_factory=dict)
+    prefer: tuple[str, ...] = ()
+    nodes: Mapping[str, Entry] = field(default_factory=dict)
+    outputs: Mapping[str, str] = field(default_factory=dict)
     places: Mapping[str, Place] = field(default_factory=dict, compare=False)
     groups: Mapping[str, Group] = field(default_factory=dict, compare=False, repr=False)
     uses: Mapping[str, Use] = field(default_factory=dict, compare=False, repr=False)

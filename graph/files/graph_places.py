@@ -1,5 +1,6 @@
 """Folders of graph files: those of the core, of rings, and the user's own."""
 
+import os
 from pathlib import Path
 from typing import Literal
 
@@ -59,7 +60,7 @@ def find_file(name: str, base_folder: Path | None, kind: Shipped) -> Path | None
     path = Path(name)
     if base_folder is not None and not path.is_absolute():
         path = base_folder / path
-    if _is_file(path):
+    if os.path.isfile(path):  # noqa: PTH113  (False for a name that no file can have)
         return path
     ships = shipped(kind) if path.name == name else {}
     if (bare := name.removesuffix(".yaml")) in ships:
@@ -70,10 +71,3 @@ def find_file(name: str, base_folder: Path | None, kind: Shipped) -> Path | None
 def is_path(name: str) -> bool:
     """True if the name is the path of a file."""
     return name.endswith((".yaml", ".yml")) or "/" in name
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except (OSError, ValueError):  # a name that no file can have
-        return False

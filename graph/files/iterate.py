@@ -47,7 +47,7 @@ def in_turns(
         places = {**use.places, **{key: use.place(at) for key, at in own.items()}}
         uses[str(index + 1)] = Use(use.group, {**shared, **carried}, settings, places)
     params = {each: Param("") for each in passed}
-    body = Graph(name, "", params, (), {}, {}, places=use.places, uses=uses)
+    body = Graph(name, params=params, places=use.places, uses=uses)
     return replace(
         use,
         group=name,

@@ -64,7 +64,7 @@ def alone(layer: Layer) -> Graph:
             raise GraphError(
                 f"{document.place(('nodes', node_id))}: '{outer}' is a node; none can be in it"
             )
-    return laid_over(Graph(layer.name, model.title, {}, tuple(PREFERRED_ORDER), {}, {}), layer)
+    return laid_over(Graph(layer.name, model.title, prefer=tuple(PREFERRED_ORDER)), layer)
 
 
 def laid_over(graph: Graph, layer: Layer) -> Graph:
@@ -169,7 +169,7 @@ def _groups(layer: Layer) -> dict[str, Group]:
         for index, change in enumerate(stated.patch):
             places = _places(layer.document, (*path, "patch", index))
             for each in _stated(change):
-                graph = Graph(name, "", {}, (), {}, {}, groups=groups)
+                graph = Graph(name, groups=groups)
                 named = {key: f"{name}.{each[key]}" for key in VERB_FUNCTIONS if key in each}
                 groups = {**apply_patch(graph, {**each, **named}, places).groups}
     return groups
@@ -213,10 +213,8 @@ def group_in(name: str, document: Document) -> Group:
 def _group(name: str, stated: GroupModel, document: Document, path: Path_) -> Group:
     entries = _entries(stated.nodes, document, (*path, "nodes"))
     body = Graph(
-        name=name,
-        title="",
+        name,
         params=_params(stated.params, document, (*path, "params")),
-        prefer=(),
         nodes={n: entry for n, entry in entries.items() if isinstance(entry, Entry)},
         outputs=stated.outputs,
         places=_places(document, path),

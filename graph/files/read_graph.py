@@ -61,9 +61,8 @@ def read_graph(source: Source) -> Graph:
         return source
     if isinstance(source, Mapping):
         document = as_document(source)
-        return _graph_of(
-            Layer(validate(document, GraphModel), document, "graph", Path("graph")), ()
-        )
+        layer = Layer(validate(document, GraphModel), document, "graph", Path("graph"))
+        return _graph_of(layer, ())
     if not isinstance(source, str | os.PathLike):
         raise InputError(f"{source!r}: a graph's name, its file, or plain data is needed")
     return _named(os.fspath(source), None, ())

@@ -51,13 +51,11 @@ class Task:
 
         It yields items, keeps a session, takes the run's provenance, or names a file.
         """
-        if self.filled:
-            return False
-        node, settings = self.node, self.settings.values()
+        node = self.node
         of_the_run = bool(node.session or node.provenance)
-        return (
-            node.source or self.stand_in or of_the_run or any(isinstance(v, Path) for v in settings)
-        )
+        names_a_file = any(isinstance(value, Path) for value in self.settings.values())
+        looks_outside = node.source or self.stand_in or of_the_run or names_a_file
+        return looks_outside and not self.filled
 
     @property
     def inherited(self) -> dict[Value, Value]:

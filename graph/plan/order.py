@@ -24,15 +24,11 @@ def order(steps: Mapping[str, Step], before: Before, draft: Draft) -> list[Step]
 
     def rank(name: str) -> tuple[bool, int, bool, int, int, bool, int, int, str]:
         step = steps[name]
-        task = draft.tasks.get(name)
-        group = 1
-        if task is not None and task.node.source:
-            group = 0
-        elif task is not None and task.node.sink:
-            group = 2
+        node = draft.tasks[name].node if name in draft.tasks else None
+        group = 1 if node is None else 0 if node.source else 2 if node.sink else 1
         downloads, of_host, many = ahead[name]
         place = file_order.get(name, len(file_order))
-        waits = not step.on_device or (task is not None and task.node.finds_sizes)
+        waits = not step.on_device or (node is not None and node.finds_sizes)
         last = waits and not downloads
         return step.stream, group, last, -downloads, -of_host, waits, -many, place, name
 

@@ -155,16 +155,11 @@ def open_pipeline(
         raise InputError(f"--backend {backend}: {reason}; 'tactograph devices' says more")
     if sinks:
         _check_out(graph, arguments)
-    plan = make_plan(
-        graph, arguments, device=opened, no_device=reason, sinks=sinks, stand_ins=stand_ins,
-        outputs=outputs, stays=stays,
-    )  # fmt: skip
+    asked = dict[str, Any](sinks=sinks, stand_ins=stand_ins, outputs=outputs, stays=stays)
+    plan = make_plan(graph, arguments, device=opened, no_device=reason, **asked)
     if strict and plan.fallbacks:
         raise InputError(f"--strict: {'; '.join(plan.fallbacks)}")
-    anew = partial(
-        open_pipeline, backend=backend, device=device, strict=strict, sinks=sinks,
-        stand_ins=stand_ins, outputs=outputs, stays=stays,
-    )  # fmt: skip
+    anew = partial(open_pipeline, backend=backend, device=device, strict=strict, **asked)
     return Pipeline(plan, opened, cache, anew)
 
 
