@@ -383,13 +383,13 @@ __kernel void err_rises(
     __global float *restrict rise, __global const float *restrict want_rise,
     __global const float *restrict z, __global const int *restrict tie_ends,
     __global const float *restrict diffuse, const int K, const int ties, const int to,
-    const float error, const float shared, const float sign_, const int first, const uint key)
+    const float error, const float sign_, const int first, const uint key)
 {
     GRID_1(t, ties)
     float residual = z[tie_ends[2 * t]] - z[tie_ends[2 * t + 1]] - want_rise[t];
     for (int k = 0; k < K; ++k)
         if (diffuse[k] > 0.0f) residual = 0.0f; // Their shadows end softly: the rises err.
-    rise[to * ties + t] = sign_ * residual + shared + error * drawn(first + t, key);
+    rise[to * ties + t] = sign_ * residual + error * drawn(first + t, key);
 }
 
 // The mean over errors of the squared changes.

@@ -34,7 +34,7 @@ from tactograph.nodes import (
 from tactograph.nodes.error._edge_errors import RESOLVED_BEND, edge_deviation_px, largest_bend
 from tactograph.nodes.error._random_errors import ERROR_COUNT, RISE_SIGNS, drawn, key_of, kinds
 from tactograph.nodes.error._slope_errors import Causes, Unperturbed, mixing, slope_errors
-from tactograph.nodes.height.height_equations import SHARED_RISE_PX, STATE_FREE, HeightSystem
+from tactograph.nodes.height.height_equations import STATE_FREE, HeightSystem
 from tactograph.nodes.height.height_levels import levels_of
 from tactograph.nodes.height.height_networks import HeightNetworks
 from tactograph.nodes.height.height_solver import HeightSolver
@@ -114,10 +114,10 @@ def height_error(
       fails across an edge; what folds hide under a coat (`folds`); and the effect of a blur, which
       is not corrected: to second order light changes by half the blur's variance times the
       Laplacian of the light of the slopes, and more under a coat (`mixing`);
-    - errors of the shadows' rises: an independent error, one that all share, and the departure of
-      the height from the rise.  At a rim that no pixel resolves, slopes pull the height down, with
-      everything that stands on the rim.  In a gel that diffuses light shadows end softly, and the
-      departure is an error of the rise;
+    - errors of the shadows' rises: an independent error, and the departure of the height from the
+      rise.  At a rim that no pixel resolves, slopes pull the height down, with everything that
+      stands on the rim.  In a gel that diffuses light shadows end softly, and the departure is an
+      error of the rise;
     - where the slope differs by more than a half from pixel to pixel: the edge may lie anywhere
       in the pixel, or as far away as the blur spreads it.
 
@@ -168,7 +168,6 @@ def height_error(
     inside = system.cut(height)
     *_, residual = system.residuals(inside)
     residual *= not film.diffuse.any()
-    shared_rise = np.float32(SHARED_RISE_PX * pixel)
     shared = STUDENT_FACTOR * np.float32(math.sqrt(correlation or 1.0))
     causes = Causes(film, misfit, shared, pixel, *mixing(film.refraction, blur))
     slopes = slope_errors(plain, causes, seed)
@@ -176,7 +175,7 @@ def height_error(
     def random_load(number: int) -> Wants:
         (p, q), half = slopes[number], pixel / 2
         rises = drawn(key_of(seed, number), residual.shape, first=slopes[0].size)
-        rise = rise_error * rises + RISE_SIGNS[number] * residual + shared_rise
+        rise = rise_error * rises + RISE_SIGNS[number] * residual
         return (p[:, 1:] + p[:, :-1]) * half, (q[1:] + q[:-1]) * half, rise
 
     springs = system.springs(inside, float(robust))
@@ -239,8 +238,7 @@ def _launch(run: Launch) -> None:
             run.kernel(
                 "err_rises", (ties,), wants.rise, networks.wants.rise, inside,
                 networks.finest_ends, inputs["film.diffuse"], run.sizes["K"], ties, to,
-                networks.rise_error, SHARED_RISE_PX * networks.pixel, float(RISE_SIGNS[number]),
-                2 * math.prod(shape), keys[number],
+                networks.rise_error, float(RISE_SIGNS[number]), 2 * math.prod(shape), keys[number],
             )  # fmt: skip
         if cells is not None:
             networks.wants_of_cells(wants, of_cells, number)
