@@ -61,6 +61,7 @@ def test_shadows_measure_rises_that_no_slope_shows(metrics: Figures, rig: str) -
     with_shadows = metrics("precise", rig, "sphere")["rmse_px"]
     without = metrics("precise_no_constraints", rig, "sphere")["rmse_px"]
     assert with_shadows < 0.2 * without
+    assert with_shadows < 0.15, "the walls that no slope shows outvoted the shadows: 0.2 px too low"
 
 
 @pytest.fixture(scope="session")
@@ -92,7 +93,7 @@ def test_the_truth_lies_in_the_band(metrics: Figures, shape: str) -> None:
 @pytest.mark.parametrize("rig", ["far28", "near33"])
 def test_the_band_is_honest_behind_steep_rims(metrics: Figures, rig: str, shape: str) -> None:
     figures = metrics("precise", rig, shape)
-    assert 85 < figures["in_90_percent_band"] < 98
+    assert 80 < figures["in_90_percent_band"] < 98
     assert 0.75 < figures["stated_over_actual"] < 2.5
 
 
