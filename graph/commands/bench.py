@@ -33,7 +33,7 @@ def command(
     that works.  An item is timed from its source to the last output; 'ready' is the time to the
     end of the first item, including reading, indexing and compiling.  Only --out is written.
     """
-    from tactograph.graph.disk.atomic_files import atomic_file
+    from tactograph.graph.disk.atomic_files import write_file
 
     read = options.read(graph)
     arguments = read.read_words(values)
@@ -57,8 +57,7 @@ def command(
         rows.append(_row(where, results, ready))
         _report(rows[-1])
     if out is not None:
-        with atomic_file(out) as target:
-            target.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        write_file(out, json.dumps(rows, indent=1) + "\n")
 
 
 def _places(options: RunOptions) -> list[RunOptions]:

@@ -15,7 +15,7 @@ from tactograph.graph.errors import InputError
 @RunOptions.add
 def command(graph: str, out: Path | None, every: bool, options: RunOptions) -> None:
     """Draw the plan of GRAPH, nodes coloured by back end; the use of a group is one box."""
-    from tactograph.graph.disk.atomic_files import atomic_file
+    from tactograph.graph.disk.atomic_files import write_file
     from tactograph.graph.plan.sketch import sketch_of
     from tactograph.graph.show.draw_svg import to_svg
     from tactograph.graph.show.sketch import fold
@@ -28,5 +28,4 @@ def command(graph: str, out: Path | None, every: bool, options: RunOptions) -> N
     if out is None:
         say(svg, nl=False)
         return
-    with atomic_file(out) as target:
-        target.write_text(svg, encoding="utf-8")
+    write_file(out, svg)

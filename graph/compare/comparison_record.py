@@ -9,7 +9,7 @@ from typing import Any
 
 from tactograph.graph.compare.compare import Row, Study
 from tactograph.graph.declare.provenance import versions
-from tactograph.graph.disk.atomic_files import atomic_file
+from tactograph.graph.disk.atomic_files import write_file
 from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.files.dump_graph import dump_graph
 
@@ -34,7 +34,5 @@ def make_record(study: Study, rows: Sequence[Row], argv: list[str]) -> dict[str,
 def write_record(record: Mapping[str, Any], study: Study, out: Path) -> None:
     """Write ``report.json``, and the resolved graphs beside it in ``graphs/``."""
     for graph in study.graphs:
-        with atomic_file(out / "graphs" / f"{graph.name}.yaml") as file:
-            file.write_text(dump_graph(graph))
-    with atomic_file(out / RECORD_FILE) as file:
-        file.write_text(json.dumps(record, indent=1) + "\n")
+        write_file(out / "graphs" / f"{graph.name}.yaml", dump_graph(graph))
+    write_file(out / RECORD_FILE, json.dumps(record, indent=1) + "\n")

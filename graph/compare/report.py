@@ -27,7 +27,7 @@ from tactograph.graph.compare.tables import (
     sweep_columns,
     what_is_better,
 )
-from tactograph.graph.disk.atomic_files import atomic_file
+from tactograph.graph.disk.atomic_files import write_file
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.show.figures import short, words
 from tactograph.graph.show.pictures import (
@@ -87,8 +87,7 @@ def write_report(study: Study, rows: Sequence[Row], record: Mapping[str, Any], o
         warnings=warning_lines(((line.label, line.warnings) for line in lines), None),
         repeats=study.repeats,
     )
-    with atomic_file(out / REPORT_FILE) as file:
-        file.write_text(page, encoding="utf-8")
+    write_file(out / REPORT_FILE, page)
     return out / REPORT_FILE
 
 

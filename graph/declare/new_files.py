@@ -9,7 +9,7 @@ import jinja2
 
 from tactograph import __version__
 from tactograph.graph.declare.find_node import node_names
-from tactograph.graph.disk.atomic_files import atomic_file
+from tactograph.graph.disk.atomic_files import write_file
 from tactograph.graph.errors import InputError
 from tactograph.graph.rings import rings
 
@@ -115,6 +115,5 @@ def _write(name: str, files: dict[Path, str], **about: str) -> list[Path]:
         autoescape=False,
     )
     for file, template in files.items():
-        with atomic_file(file) as target:
-            target.write_text(templates.get_template(template).render(name=name, **about))
+        write_file(file, templates.get_template(template).render(name=name, **about))
     return list(files)

@@ -106,15 +106,10 @@ def is_record(annotation: Any) -> bool:
     return isinstance(annotation, type) and hasattr(annotation, "_fields")
 
 
-def optional_record(annotation: Any) -> type | None:
-    """The record type of an annotation that is a record or an optional record, else None."""
-    members = members_of(annotation)
-    return members[0] if len(members) == 1 and is_record(members[0]) else None
-
-
 def input_ports(name: str, annotation: Any) -> tuple[dict[str, PortType], type | None]:
-    """Return an input's ports by name, and its record; None if it is one port."""
-    record = optional_record(annotation)
+    """Return an input's ports by name, and its record, which may be optional; None for one port."""
+    members = members_of(annotation)
+    record = members[0] if len(members) == 1 and is_record(members[0]) else None
     if record is None:
         return {name: read_port(name, annotation)}, None
     return {port.name: port for port in record_ports(record, f"{name}.").values()}, record

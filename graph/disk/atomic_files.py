@@ -26,6 +26,12 @@ def atomic_file(path: Path) -> Iterator[Path]:
         yield folder / path.name
 
 
+def write_file(path: Path, text: str) -> None:
+    """Write text as one atomic file.  Raises the errors of `atomic_file`."""
+    with atomic_file(path) as target:
+        target.write_text(text, encoding="utf-8")
+
+
 @contextmanager
 def atomic_files(
     folder: Path, *, last: str = "", instead_of: Collection[str] = (), target: Path | None = None

@@ -72,24 +72,30 @@ class Plan(Draft):
     device: str | None
     inspected: set[Value] = field(default_factory=set)
 
-    def wanted(self, node: str) -> Wanted:
-        """The outputs of a node that other nodes or the caller read, or that are inspected."""
-        inspected = {value.port for value in self.inspected if value.node == node}
-        return Wanted(frozenset(self._read.get(node, set()) | inspected))
+    def inspect(self, value: Value) -> None:
+        """From now on want a value from inside the graph, too."""
+        self.inspected.add(value)
+        names = self.wanted[value.node].names or ()
+        self.wanted[value.node] = Wanted(frozenset({*names, value.port}))
 
     @cached_property
-    def _read(self) -> dict[str, set[str]]:
-        """By node, the outputs that other nodes or the caller read."""
+    def recalled(self) -> frozenset[Value]:
+        """The values that one item keeps for the next."""
+        return frozenset(v for task in self.tasks.values() for v in task.recalls.values())
+
+    @cached_property
+    def wanted(self) -> dict[str, Wanted]:
+        """By node, the outputs that other nodes or the caller read, or that are inspected."""
         edges = [
             v for task in self.tasks.values() for v in (*task.edges.values(), *task.conditions)
         ]
-        read: dict[str, set[str]] = {}
+        read: dict[str, set[str]] = {name: set() for name in self.tasks}
         for value in (*edges, *self.outputs.values()):
             maker: str | None = value.node
             while maker is not None:
-                read.setdefault(maker, set()).add(value.port)
+                read[maker].add(value.port)
                 maker = self.tasks[maker].instead
-        return read
+        return {name: Wanted(frozenset(ports)) for name, ports in read.items()}
 
     def value(self, reference: str) -> Value:
         """The value of ``node.port``, or of ``node`` if that has one output.

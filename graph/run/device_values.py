@@ -16,7 +16,7 @@ from tactograph.graph.plan.sizes import Shapes
 from tactograph.graph.run.host_values import HostValues, constant
 from tactograph.graph.run.integer_images import integer_values
 from tactograph.graph.run.node_errors import Blaming
-from tactograph.graph.run.previous_values import recall, recalled_values
+from tactograph.graph.run.previous_values import recall
 
 if TYPE_CHECKING:
     from tactograph.graph.backends.prepared_node import Prepared
@@ -36,9 +36,7 @@ class DeviceValues:
         self._launches: dict[str, Prepared] = {}
         self._timers: dict[str, Timer] = {}
         self._idle: list[str] = []
-        self._recalled = recalled_values(plan)
         self._integer_values = integer_values(plan)
-        self._wanted = {name: plan.wanted(name) for name in plan.tasks}
         self._sent = {task.id: _sent(task) for task in plan.tasks.values()}
         self._asked = {task.id: _asked(task) for task in plan.tasks.values()}
         self._first = first_alike(plan)
@@ -142,7 +140,7 @@ class DeviceValues:
         differing = [value for _, value in first.reads.items() ^ task.reads.items()]
         if first.settings != task.settings or any(map(self._counts, differing)):
             return None
-        results, wanted = self._to_repeat.pop(first.id, {}), self._wanted[task.id]
+        results, wanted = self._to_repeat.pop(first.id, {}), self._plan.wanted[task.id]
         return results if all(n in results for n in task.node.outputs if n in wanted) else None
 
     def _counts(self, value: Value) -> bool:
@@ -194,7 +192,7 @@ class DeviceValues:
     def _wanted_here(self, node: str) -> Wanted:
         """The outputs of a node that are read, its own or those of a node that repeats it."""
         names = node, *(other for other, first in self._first.items() if first == node)
-        return Wanted(frozenset().union(*(self._wanted[name].names or () for name in names)))
+        return Wanted(frozenset().union(*(self._plan.wanted[name].names or () for name in names)))
 
     def finish(self) -> dict[str, float]:
         """Wait for the device; return milliseconds by step."""
@@ -212,13 +210,8 @@ class DeviceValues:
         """The steps that are timed."""
         return list(self._timers)
 
-    def want(self, node: str) -> None:
-        """Ask a node for the outputs that the plan reads now."""
-        self._wanted[node] = self._plan.wanted(node)
-        self.drop_launch(node)
-
     def drop_launch(self, node: str) -> None:
-        """Forget the prepared launch of a node whose settings changed."""
+        """Forget the prepared launch of a node whose settings or wanted outputs changed."""
         self._launches.pop(node, None)
 
     def lent(self, values: Collection[Value], *, cached: bool) -> dict[Value, Any]:
@@ -227,7 +220,7 @@ class DeviceValues:
         `cached` means that a cache holds all values.
         """
         free = set() if cached else {v for v in values if self._plan.tasks[v.node].stream}
-        free -= {*self._recalled}
+        free -= self._plan.recalled
         in_use = [*self.caller_arrays.values(), *self._before.values()]
         in_use += [array for value, array in self._values.items() if value not in free]
         numbers = {array.memory.number for array in in_use}
@@ -242,7 +235,7 @@ class DeviceValues:
 
     def remember(self) -> None:
         """Keep the values that the next item recalls; copy the caller's, which may be refilled."""
-        recalled = {v: self._values.pop(v, None) for v in self._recalled}
+        recalled = {v: self._values.pop(v, None) for v in self._plan.recalled}
         numbers = {array.memory.number for array in self.caller_arrays.values()}
         self._before = {
             v: self._device.copied(array) if array.memory.number in numbers else array

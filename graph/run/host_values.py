@@ -25,7 +25,7 @@ from tactograph.graph.run.integer_images import (
 )
 from tactograph.graph.run.node_errors import Blaming
 from tactograph.graph.run.ownership import lent, own
-from tactograph.graph.run.previous_values import recall, recalled_values
+from tactograph.graph.run.previous_values import recall
 
 
 class HostValues:
@@ -40,8 +40,6 @@ class HostValues:
         self._arriving: dict[Value, Any] = {}
         self._before: dict[Value, Any] = {}
         self._sessions: dict[str, Session] = {}
-        self._recalled = recalled_values(plan)
-        self._wanted = {name: plan.wanted(name) for name in plan.tasks}
         self._objects = {task.id: _containers(task) for task in plan.tasks.values()}
         givers = filter(may_give_integers, plan.tasks.values())
         self._only_on_device = {task.id: only_device_reads(plan, task) for task in givers}
@@ -58,10 +56,6 @@ class HostValues:
         if value is None or value in self._arriving:
             return None
         return self._values.get(value)
-
-    def want(self, node: str) -> None:
-        """Ask a node for the outputs that the plan reads now."""
-        self._wanted[node] = self._plan.wanted(node)
 
     def holds(self, condition: Value) -> bool:
         """Return whether a condition's value is present, and not zero everywhere."""
@@ -108,7 +102,7 @@ class HostValues:
         node = task.node
         keywords = {**task.settings, **self.session(task), **keywords}
         if node.wanted is not None:
-            keywords[node.wanted] = self._wanted[task.id]
+            keywords[node.wanted] = self._plan.wanted[task.id]
         recalled = {name: self.recall(task, name, sizes) for name in task.recalls}
         for value in step.reads if self._arriving else ():
             if value in self._arriving:
@@ -133,7 +127,7 @@ class HostValues:
             results = task.node.results(output)
         for value, result in zip(step.writes, results, strict=True):
             port = task.node.outputs[value.port]
-            unread = task.node.wanted is not None and port.name not in self._wanted[task.id]
+            unread = task.node.wanted is not None and port.name not in self._plan.wanted[task.id]
             if port.kind == "array" and not (result is None and (port.optional or unread)):
                 if not (task.id in self._only_on_device and holds_integers(result)):
                     result = _as_declared(task, port, result)
@@ -162,7 +156,7 @@ class HostValues:
     def remember(self) -> None:
         """Keep the values that the next item recalls."""
         values = self._values
-        self._before = {v: own(values[v]) for v in self._recalled if v in values}
+        self._before = {v: own(values[v]) for v in self._plan.recalled if v in values}
 
     def forget(self) -> None:
         """Treat the next item as the first."""

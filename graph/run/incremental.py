@@ -121,9 +121,9 @@ class OnlyChanged(Executor):
         """A value of the last item, computed again if it was dropped."""
         plan = self._plan
         if value not in plan.inspected:
-            plan.inspected.add(value)
-            for side in self._runner.sides:
-                side.want(value.node)
+            plan.inspect(value)
+            if self._runner.device is not None:
+                self._runner.device.drop_launch(value.node)
         on_host = Spot(value, "host")
         spot = on_host if on_host in self._maker else Spot(value, "device")
         with collect_warnings([]):
@@ -249,7 +249,7 @@ class OnlyChanged(Executor):
                 return
         asks = task is not None and task.node.wanted is not None
         for spot in written_by(step):
-            if asks and spot.value.port not in self._plan.wanted(step.name):
+            if asks and spot.value.port not in self._plan.wanted[step.name]:
                 continue
             cached = CacheKey(self._keys[spot.value.node], spot.value.port, spot.side)
             self._here[spot] = cached.run

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from tactograph.graph.plan.draft import Task, Value
 from tactograph.graph.plan.plan import Plan
-from tactograph.graph.run.previous_values import recalled_values
 
 
 def integer_values(plan: Plan) -> set[Value]:
@@ -17,7 +16,7 @@ def integer_values(plan: Plan) -> set[Value]:
     """
     tasks = [t for t in plan.tasks.values() if may_give_integers(t) or t.node.is_idle is not None]
     values = {Value(task.id, port) for task in tasks for port in task.node.outputs}
-    needed = {*plan.outputs.values(), *recalled_values(plan)}
+    needed = {*plan.outputs.values(), *plan.recalled}
     given = {value for value in values if may_give_integers(plan.tasks[value.node])}
     return {value for value in given | (values - needed) if _readers_take_integers(plan, value)}
 
@@ -31,7 +30,7 @@ def only_device_reads(plan: Plan, task: Task) -> bool:
     """Return whether only the device reads a source's images, so that they can stay integers."""
     value = Value(task.id, next(iter(task.node.outputs)))
     readers = [step for step in plan.steps if value in step.reads]
-    host = value in plan.outputs.values() or value in recalled_values(plan)
+    host = value in plan.outputs.values() or value in plan.recalled
     return not host and bool(readers) and all(step.on_device for step in readers)
 
 

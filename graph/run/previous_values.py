@@ -5,12 +5,6 @@ from typing import Any
 
 from tactograph.graph.errors import warn
 from tactograph.graph.plan.draft import Task, Value
-from tactograph.graph.plan.plan import Plan
-
-
-def recalled_values(plan: Plan) -> frozenset[Value]:
-    """The values that one item keeps for the next."""
-    return frozenset(v for task in plan.tasks.values() for v in task.recalls.values())
 
 
 def recall(task: Task, name: str, before: Mapping[Value, Any], sizes: Mapping[str, int]) -> Any:

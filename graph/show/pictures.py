@@ -2,7 +2,7 @@
 
 import base64
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -163,14 +163,11 @@ def _draw_curve(ax: Axes, curve: Curve, label: str, colour: str) -> None:
         ax.axhline(means[0], color=colour, linestyle="--", linewidth=1.2, label=label)
         ax.axhspan(estimates[0].low, estimates[0].high, color=colour, alpha=0.12, linewidth=0)
         return
-    x: list[Any] = list(values) if _are_numbers(values) else [str(value) for value in values]
+    are_numbers = all(type(value) in (int, float) for value in values)
+    x: list[Any] = list(values) if are_numbers else [str(value) for value in values]
     ax.plot(x, means, color=colour, marker="o", markersize=3.5, linewidth=1.3, label=label)
     lows, highs = [e.low for e in estimates], [e.high for e in estimates]
     ax.fill_between(x, lows, highs, color=colour, alpha=0.18, linewidth=0)
-
-
-def _are_numbers(values: Iterable[Any]) -> bool:
-    return all(isinstance(v, int | float) and not isinstance(v, bool) for v in values)
 
 
 def _maps(panels: Panels, unit: str, colours: str, norm: Normalize, extend: str) -> str:
