@@ -54,13 +54,12 @@ def skirt_height(
     weight = 2 / (variance[0] + variance[1])[held]
     away = away[held]
     bins = away.astype(np.intp)
-    sums = [np.bincount(bins, each) for each in (weight, falls * weight)]
-    information, total = np.asarray(sums, np.float64)
-    measured = information > 0
-    information, fall = information[measured], total[measured] / information[measured]
+    sums = [np.bincount(bins, each * weight) for each in (np.ones_like(away), away, falls)]
+    information, distance, fall = np.asarray(sums, np.float64)[:, sums[0] > 0]
     at = np.arange(bins.max() + 2, dtype=np.float64)
-    mm = at * float(pixel)
-    skirts = _skirt(mm[:-1][measured], fall, information, mm, float(misfit[4]))
+    px_mm = float(pixel)
+    measured = px_mm * distance / information, fall / information, information
+    skirts = _skirt(*measured, px_mm * at, float(misfit[4]))
     planes = [np.full(rest.shape, each[0], np.float32) for each in skirts]
     for plane, each in zip(planes, skirts, strict=True):
         plane[held] = np.interp(away, at, each)

@@ -32,17 +32,25 @@ def tail(height_mm: float, reach_mm: float) -> F4:
 
 
 @settings(max_examples=15)
-@given(st.floats(2.0, 5.0), st.floats(0.8, 1.8), st.sampled_from([1, -1]), st.integers(0, 99))
-def test_a_skirt_below_the_noise_of_a_pixel_is_measured(
+@given(st.floats(1.0, 5.0), st.floats(0.5, 1.8), st.sampled_from([1, -1]), st.integers(0, 99))
+def test_a_skirt_is_known_within_its_stated_error(
     height_um: float, reach_mm: float, sign: int, seed: int
 ) -> None:
-    """A slope of 0.001 in noise of 0.004 per pixel; gel that bulges lies lower than at rest."""
     film = tail(sign * height_um / 1e3, reach_mm)
     found, rest = skirt_of(film, seed)
-    inside = RADIUS < HELD_MM
-    assert found.height[inside] == pytest.approx(sign * height_um / 1e3, rel=0.35, abs=3e-4)
-    assert np.abs(found.height - film)[rest == 1].max() < 4e-4 + 0.3 * height_um / 1e3
-    assert (np.abs(found.height - film) < 2 * found.error + 2e-4).mean() > 0.9
+    assert (
+        np.abs(found.height - np.where(rest, film, film.max() or film.min()))
+        < 4 * found.error + 3e-4
+    ).all()
+
+
+@pytest.mark.parametrize("height_mm", [0.002, 0.004, -0.003], ids=["low", "high", "a bulge"])
+@pytest.mark.parametrize("reach_mm", [0.8, 1.5])
+def test_a_skirt_below_the_noise_of_a_pixel_is_measured(height_mm: float, reach_mm: float) -> None:
+    """Slopes of 0.001 to 0.004 in noise of 0.004 per pixel; gel that bulges lies below zero."""
+    film = tail(height_mm, reach_mm)
+    found = [skirt_of(film, seed)[0].height[90, 120] for seed in range(12)]
+    assert np.median(found) == pytest.approx(height_mm, rel=0.25)
 
 
 def test_film_at_rest_has_hardly_a_skirt() -> None:
