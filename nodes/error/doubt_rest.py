@@ -42,15 +42,14 @@ def doubt_rest(
 
     `free` is a height integrated from the slopes alone.  It shows a wide touch: a step, or a touch
     whose top reaches the border of the frame and looks calm there.  Where pieces of such film lie
-    farther `apart` than `free`, their distance counts, also for film that hangs between them.
-    The error of the `skirt` of a touch is added, on this film and on all that stands on it.  A
+    farther `apart` than `free`, their distance counts, also for film that hangs between them.  A
     narrow touch hides below the noise of a slope over one pixel, times the `level` up to which
     light counts as noise.  Any height up to that limit is equally likely, so its variance is a
     third of the square.
 
     The error of the calibration's scale, a share of the height, is added where film is not at rest,
-    and the error of the height's zero everywhere.  A tilt of the whole film is not included: it
-    looks like LEDs that have faded.
+    and the errors of the touch's skirt and of the height's zero everywhere.  A tilt of the whole
+    film is not included: it looks like LEDs that have faded.
 
     Parameters
     ----------

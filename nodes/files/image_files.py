@@ -2,7 +2,8 @@
 
 import re
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -65,8 +66,7 @@ class ImageFile:
         try:
             if file.stat().st_size == 0:
                 raise InputError(f"{file}: the file is empty")
-            quietly = warnings.catch_warnings(action="ignore")  # what is damaged is refused
-            with quietly, Image.open(file, formats=IMAGE_FORMATS) as image:
+            with _without_exif_warnings(), Image.open(file, formats=IMAGE_FORMATS) as image:
                 _check_plain(image, file)
                 plane = np.asarray(image)
                 plain = image.mode == "L"
@@ -100,6 +100,14 @@ class ImageFile:
         """
         # On a full disk `cv2.imwrite` returns False and gives no reason.
         self.file.write_bytes(cv2.imencode(self.file.suffix, image)[1].tobytes())
+
+
+@contextmanager
+def _without_exif_warnings() -> Iterator[None]:
+    """Drop Pillow's warnings of damaged metadata; an image without all its pixels is refused."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", category=UserWarning, module="PIL")
+        yield
 
 
 def _check_plain(image: Image.Image, file: Path) -> None:

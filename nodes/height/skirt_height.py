@@ -74,11 +74,8 @@ def _skirt(distance: F8, fall: F8, information: F8, at: F8, tilt: float) -> tupl
     """
     reach = np.geomspace(at[1], max(distance[-1], 2 * at[1]), TRIAL_REACHES)[:, None]
     shape = np.exp(-distance / reach)
-    steep, even = (
-        (shape * shape) @ information,
-        information.sum() + 1 / max(tilt * tilt, MIN_SQUARE),
-    )
-    both = shape @ information
+    steep, both = (shape * shape) @ information, shape @ information
+    even = information.sum() + 1 / max(tilt * tilt, MIN_SQUARE)
     of_shape, of_all = shape @ (information * fall), information @ fall
     determinant = steep * even - both * both
     begin = (even * of_shape - both * of_all) / determinant

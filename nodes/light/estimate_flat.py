@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from tactograph.graph import node
 from tactograph.nodes import Light, robust_deviation
+from tactograph.nodes.optics.smoothed_light import MAX_FIT_PIXELS
 
 FIT_ROUNDS = 8
-MAX_FIT_PIXELS = 20_000
 OUTLIER_SIGMAS = 2.5
 """Robust standard deviations of the residuals beyond which a pixel is not film at rest."""
 

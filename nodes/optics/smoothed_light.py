@@ -11,7 +11,7 @@ TREND_DEGREE = 4
 FILM_PERCENTILE, MAX_DARK_SHARE = 95, 0.1
 """Percentile of the light that is taken as the film's; share of it up to which a pixel is dark."""
 MAX_FIT_PIXELS = 20000
-"""Number of pixels to which the trend is fitted."""
+"""Number of pixels to which a trend is fitted; more add no information."""
 
 
 def smoothed_light(plane: F4, smooth_px: float) -> F4:

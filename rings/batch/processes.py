@@ -32,9 +32,14 @@ def set_up(job: Job) -> None:
     _worker = Worker(job)
 
 
-def ask_worker(method: str, *about: Any) -> Any:
-    """Call a method of the worker of this process."""
-    return getattr(_worker, method)(*about)
+def open_ahead() -> None:
+    """Open the pipeline of this process."""
+    _worker.open_ahead()
+
+
+def find_map_types(place: str) -> dict[str, MapType]:
+    """The types of the maps, from a capture."""
+    return _worker.map_types(place)
 
 
 def do_chunk(chunk: Chunk) -> Tally:
@@ -67,12 +72,11 @@ class Processes:
         """Start to open the graph in all processes.  One that dies of it is told at work."""
         with suppress(BrokenProcessPool):
             for _ in range(self._number):
-                hand_over(self._pool, ask_worker, "open_ahead")
+                hand_over(self._pool, open_ahead)
 
     def map_types(self, place: str) -> dict[str, MapType]:
         """The types of the maps, from a capture.  Raises TactographError if it cannot be done."""
-        types: dict[str, MapType] = self.ask(ask_worker, "map_types", place)
-        return types
+        return self.ask(find_map_types, place)
 
     def ask(self, question: Callable[..., Answer], *about: Any) -> Answer:
         """Ask one of the processes.  Raises InputError if it dies."""

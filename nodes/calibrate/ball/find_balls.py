@@ -139,7 +139,8 @@ def _refuse_pressed(flat: F4, light: F4, radius: F4, pixel: float) -> None:
         ball = find_ball(flat, pixel, radius_mm=float(radius.max()))
     except InputError:
         return
-    if ball.contact > CONTACT_SHARES[-1] * radius.max() / pixel:  # else dirt is as round
+    # Dirt may be as round, but is smaller than a contact.
+    if ball.contact > CONTACT_SHARES[-1] * radius.max() / pixel:
         x, y = ball.center
         raise InputError(f"{TOUCHED_FLAT} (it shows a ball at {x:.0f},{y:.0f} px)")
 

@@ -9,9 +9,12 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, U1, Light, Mask
+from tactograph.nodes.optics.smoothed_light import (
+    FILM_PERCENTILE,
+    MAX_DARK_SHARE,
+    MAX_FIT_PIXELS,
+)
 
-FILM_PERCENTILE = 95
-"""Percentile of the light that is taken as the film's."""
 RIM_LIGHT_SHARE = 0.5
 """Light relative to nearby film below which a pixel is the blurred rim of a dark part."""
 MIN_PART_SHARE, MIN_RIM_SHARE = 0.005, 0.05
@@ -20,8 +23,6 @@ MARGIN_PX = 5
 """Width of film beside a dark part that is excluded, since the flat frame is smoothed."""
 MAX_CONTINUED_RATIO = 1.5
 """Upper bound on continued light, as a multiple of the light on the film."""
-MAX_FIT_PIXELS = 20000
-"""Number of pixels to which the fall-off of the light is fitted."""
 
 
 class FilmArea(NamedTuple):
@@ -36,7 +37,7 @@ def find_film(
     flat: Light,
     visible: Annotated[U1, Port("R C", "flag", high=1)] | None = None,
     *,
-    dark: Annotated[float, Interval(ge=0, lt=1)] = 0.1,
+    dark: Annotated[float, Interval(ge=0, lt=1)] = MAX_DARK_SHARE,
     warning: bool = False,
 ) -> FilmArea:
     """Return where a frame shows film, and its light continued over the rest of the frame.

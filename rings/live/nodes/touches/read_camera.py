@@ -121,8 +121,8 @@ def _check_any(stream: Stream | ColourStream, driver: CameraParams, used: UsedCa
     if stream.state.frames and not stream.state.touches:
         owner = SensorIdentity.in_words(used.calibration)
         raise InputError(
-            f"`camera`={driver.camera}: none of {stream.state.frames} frames could be used, as the "
-            f"warnings tell, and {owner}: is it this sensor's?"
+            f"`camera`={driver.camera}: none of {stream.state.frames} frames could be used (see "
+            f"the warnings); check that this is the calibrated sensor: {owner}"
         )
 
 
