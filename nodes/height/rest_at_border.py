@@ -1,13 +1,13 @@
 """Set the height of the frame's border, which shows the film at rest, to zero."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import node
 from tactograph.graph.backends.launch import Launch
-from tactograph.nodes import F4, Height
+from tactograph.nodes import Height
 
 
 @node(neutral="height")
@@ -30,7 +30,7 @@ def rest_at_border(
     return height - np.partition(border, middle)[middle]
 
 
-def border_of(plane: F4, width_px: int) -> F4:
+def border_of(plane: Any, width_px: int) -> Any:
     """Return the outermost pixels of a plane; all of them if it is no wider than two borders."""
     if min(plane.shape) <= 2 * width_px:
         return plane.ravel()

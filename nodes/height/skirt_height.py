@@ -6,19 +6,7 @@ import cv2
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes import (
-    F4,
-    F8,
-    Height,
-    HeightError,
-    Mask,
-    Misfit,
-    PixelSize,
-    Slope,
-    SlopeVariance,
-)
-from tactograph.nodes.height.rest_at_border import border_of
-from tactograph.nodes.light.spare_skirt import SkirtSurface, skirt_on
+from tactograph.nodes import F8, Height, HeightError, Mask, Misfit, PixelSize, Slope, SlopeVariance
 
 TRIAL_REACHES, MIN_SQUARE = 40, 1e-30
 """Number of reaches that are tried, in equal ratios; lower bound on a square in a denominator."""
@@ -33,12 +21,7 @@ class Skirt(NamedTuple):
 
 @node
 def skirt_height(
-    slope: Slope,
-    variance: SlopeVariance,
-    rest: Mask,
-    misfit: Misfit,
-    pixel: PixelSize,
-    seen: SkirtSurface,
+    slope: Slope, variance: SlopeVariance, rest: Mask, misfit: Misfit, pixel: PixelSize
 ) -> Skirt:
     """Return how high the film is above zero where it was held at zero, and beside it.
 
@@ -51,24 +34,19 @@ def skirt_height(
     1 - variance / height^2 at d = 0, or by 0 (James and Stein 1961), since most of a skirt within
     its noise is noise (H4).  All film that moves stands on the skirt at d = 0.
 
-    A skirt as wide as the frame is `seen` in the light of all film.  Then film held at zero is not
-    at rest, and zero may be that of any place of the border, which is added to the error (H5).
-
     Parameters
     ----------
     slope, variance : 2 x H x W, relative to the film at rest, and their variances
     rest : H x W, 1 on the film that is held at zero
     misfit : errors of the film's model; its tilt is the standard deviation of the shared fall
     pixel : mm per px
-    seen : the surface that `spare_skirt` found, 0 if it found none
 
     Returns
     -------
-    H x W in mm each; the height is 0 if all film is at rest, or none.
+    H x W in mm each; 0 if all film is at rest, or none.
     """
-    wide = _wide(seen, rest.shape)
     if rest.all() or not rest.any():
-        return Skirt(np.zeros(rest.shape, np.float32), wide)
+        return Skirt(np.zeros(rest.shape, np.float32), np.zeros(rest.shape, np.float32))
     away = cv2.distanceTransform(rest, cv2.DIST_L2, cv2.DIST_MASK_5)
     held = rest != 0
     across, down = (cv2.Sobel(away, cv2.CV_32F, x, 1 - x, ksize=1, scale=0.5) for x in (1, 0))
@@ -85,16 +63,7 @@ def skirt_height(
     planes = [np.full(rest.shape, each[0], np.float32) for each in skirts]
     for plane, each in zip(planes, skirts, strict=True):
         plane[held] = np.interp(away, at, each)
-    return Skirt(planes[0], np.hypot(planes[1], wide))
-
-
-def _wide(seen: SkirtSurface, shape: tuple[int, ...]) -> F4:
-    """The root mean square height of a surface above the places of the frame's border, H x W."""
-    if not seen.any():
-        return np.zeros(shape, np.float32)
-    surface = skirt_on(shape, seen)
-    border = border_of(surface, 1)
-    return np.hypot(surface - border.mean(), border.std()).astype(np.float32)
+    return Skirt(*planes)
 
 
 def _skirt(distance: F8, fall: F8, information: F8, at: F8, tilt: float) -> tuple[F8, F8]:
