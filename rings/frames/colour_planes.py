@@ -1,4 +1,4 @@
-"""The lights of a one-shot sensor's colour frame."""
+"""The lights of a one-shot sensor's colour frame, and lights as bytes."""
 
 from typing import Any, Literal
 
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tactograph.sdk import F4, Light
 
 Order = Literal["bgr", "rgb"]
+MAX_BYTE = 255
 
 
 def planes_of(data: NDArray[Any], order: Order, top: float = 1.0) -> Light:
@@ -19,3 +20,8 @@ def planes_of(data: NDArray[Any], order: Order, top: float = 1.0) -> Light:
     for plane, into in zip(ordered, image, strict=True):
         np.multiply(plane, scale, out=into)
     return image
+
+
+def in_bytes(light: F4) -> NDArray[np.uint8]:
+    """Return light, 0 to 1, as the nearest of 256 levels."""
+    return np.clip(np.rint(light * np.float32(MAX_BYTE)), 0, MAX_BYTE).astype(np.uint8)

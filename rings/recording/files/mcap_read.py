@@ -114,10 +114,8 @@ class McapFile:
                     chunk = Chunk.read(data)
                     _check_size(chunk.compression, chunk.uncompressed_size, chunk.data)
                     records = breakup_chunk(chunk, validate_crc=True)
-                elif opcode == Opcode.SCHEMA:
-                    records = [Schema.read(data)]
-                elif opcode == Opcode.CHANNEL:
-                    records = [Channel.read(data)]
+                elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    records = [(Schema if opcode == Opcode.SCHEMA else Channel).read(data)]
                 elif opcode == Opcode.MESSAGE:
                     records = [Message.read(data, len(payload))]
                 elif opcode == Opcode.METADATA:

@@ -10,8 +10,8 @@ from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.rings.export.height_levels import level_height
+from tactograph.rings.frames.colour_planes import MAX_BYTE
 from tactograph.rings.recording.files.lerobot_rows import (
-    MAX_BYTE,
     NS_PER_S,
     height_column,
     open_lerobot,

@@ -20,7 +20,7 @@ from annotated_types import Ge
 from tactograph.rings.frames.assemble import Assembler, Refresh
 from tactograph.rings.frames.colour_planes import planes_of
 from tactograph.rings.frames.live_frames import ALL_LIT, LiveFrames, RawFrame
-from tactograph.rings.frames.rest_film import make_film, top_of
+from tactograph.rings.frames.rest_film import full_scale, make_film, top_of
 from tactograph.rings.recording.files.mcap_log import log_files
 from tactograph.rings.recording.files.mcap_read import McapFile, Read
 from tactograph.rings.recording.files.ros_messages import read_image
@@ -136,13 +136,8 @@ def _flashed(
 
 def _colours(frame: RawFrame, settings: dict[str, Any]) -> Light:
     """The lights of a one-shot sensor's frame, in the order used while recording."""
-    top = top_of(frame.data, _full_scale(settings))
+    top = top_of(frame.data, full_scale(settings.get("bits")))
     return planes_of(frame.data, "rgb" if settings.get("lights") == "rgb" else "bgr", top)
-
-
-def _full_scale(settings: dict[str, Any]) -> float:
-    """The camera's largest value; 0: that of the frame's type."""
-    return float(2 ** settings["bits"] - 1) if settings.get("bits") else 0.0
 
 
 class _Recording:
@@ -170,11 +165,11 @@ class _Recording:
             file = McapFile(path)
             count = 0
             for message in file.messages():
-                if IMAGE_TOPIC.fullmatch(message.topic):
+                if topic := IMAGE_TOPIC.fullmatch(message.topic):
                     if not count:
                         self._learn(file)
                     count += 1
-                    yield self._frame(path, message)
+                    yield self._frame(path, message, topic)
                 elif message.topic == "/touch":
                     self._take_state(message)
             if not count and file.topics:
@@ -199,9 +194,7 @@ class _Recording:
             self._check(sensor, file.path)
         self._sensor = sensor
 
-    def _frame(self, path: Path, message: Read) -> RawFrame:
-        topic = IMAGE_TOPIC.fullmatch(message.topic)
-        assert topic is not None
+    def _frame(self, path: Path, message: Read, topic: re.Match[str]) -> RawFrame:
         try:
             data = read_image(message.body)
         except InputError as error:
@@ -277,4 +270,5 @@ def _assembler(
     pairs = [(a, b) for a, b in pairwise(frames) if b.number > a.number]
     steps = [(b.time - a.time) / (b.number - a.number) for a, b in pairs]
     rate = 1 / max(median(steps or [0.1]), 1e-4)
-    return Assembler(film, dark, (*leds, *off), rate, refresh, _full_scale(source.state.settings))
+    full = full_scale(source.state.settings.get("bits"))
+    return Assembler(film, dark, (*leds, *off), rate, refresh, full)

@@ -14,11 +14,14 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Annotated, Self
+
+from annotated_types import Interval
+from pydantic import BaseModel, Field
 
 from tactograph.rings.live.firmware.protocol import VERSION
 from tactograph.rings.live.nodes.controller._led_clock import Clock, Course
-from tactograph.rings.live.nodes.controller._led_line import Event, whole_number
+from tactograph.rings.live.nodes.controller._led_line import MAX_NUMBER, Event, whole_number
 from tactograph.rings.live.nodes.controller._led_link import (
     ControllerLostError,
     ControllerRefusedError,
@@ -46,6 +49,7 @@ TRIGGER_US = 100
 """Length of the trigger output's pulse, long enough for an opto-coupled camera input."""
 MAX_CONTROLLER_LEDS = 255
 """Most LEDs that a controller may say it has."""
+Count = Annotated[int, Interval(ge=0, le=MAX_NUMBER)]
 
 
 @dataclass(frozen=True)
@@ -57,9 +61,8 @@ class Identity:
     uid: str
 
 
-@dataclass(frozen=True)
-class Status:
-    """State and counters of the controller.
+class Status(BaseModel, frozen=True):
+    """State and counters of the controller, under their names in its answer.
 
     Attributes
     ----------
@@ -73,12 +76,12 @@ class Status:
     """
 
     state: str
-    led: int
-    step: int
-    cycle: int
-    last_step_us: int
-    time_us: int
-    bad_lines: int
+    led: Annotated[int, Interval(ge=0, le=MAX_CONTROLLER_LEDS)]
+    step: Annotated[int, Interval(ge=-1, le=MAX_NUMBER)]
+    cycle: Annotated[int, Interval(ge=-1, le=MAX_NUMBER)]
+    last_step_us: Annotated[Count, Field(alias="last")]
+    time_us: Annotated[Count, Field(alias="t")]
+    bad_lines: Annotated[Count, Field(alias="bad")]
     round_trip_s: float
 
 
@@ -236,8 +239,9 @@ class LedController:
     def status(self) -> Status:
         """Request the controller's state and counters."""
         reply = self._ask("status")
+        about = {**reply.values, "round_trip_s": reply.received - reply.sent}
         with _intelligible():
-            status = _status(reply)
+            status = Status.model_validate(about)
         self._hear(1e-6 * status.time_us, reply.received, reply.sent)
         return status
 
@@ -464,17 +468,3 @@ def _no_answer(link: Link, port: str, timeout_s: float) -> str:
             "(rings/live/docs/hardware.md says how to put it on)"
         )
     return f"{port}: no answer within {timeout_s:g} s; is it an LED controller? unplug and replug"
-
-
-def _status(reply: Reply) -> Status:
-    value = reply.values
-    return Status(
-        state=value["state"],
-        led=whole_number(value["led"], 0, MAX_CONTROLLER_LEDS),
-        step=whole_number(value["step"], -1),
-        cycle=whole_number(value["cycle"], -1),
-        last_step_us=whole_number(value["last"]),
-        time_us=whole_number(value["t"]),
-        bad_lines=whole_number(value["bad"]),
-        round_trip_s=reply.received - reply.sent,
-    )

@@ -100,7 +100,7 @@ def guide_colour_presses(
             tell(f"The LEDs warm up for {warm_up_s:g} s.")
             time.sleep(warm_up_s)
         tell("Take everything off the film, and leave it alone.")
-        picture = colours_at_rest(source.camera, driver.bits, guide.patience_s)
+        picture = colours_at_rest(source.camera, driver.full_scale, guide.patience_s)
         _save(folder / "untouched" / "film.png", np.rint(picture * 65535).astype(np.uint16))
         flat = np.stack(
             [gaussian_filter(p, SMOOTHING_PX, mode="nearest") for p in planes_of(picture, lights)]

@@ -100,7 +100,7 @@ def guide_presses(
     rig = open_rig(driver, port, size, leds=leds)
     with closing(rig):
         tell("Take everything off the film, and leave it alone.")
-        image, black = film_at_rest(rig, driver.bits, guide.patience_s)
+        image, black = film_at_rest(rig, driver.full_scale, guide.patience_s)
         _save_film(folder, image, black)
         film = read_flat(image, black=black, folder=folder / "untouched")
         rig.lamps.resume()

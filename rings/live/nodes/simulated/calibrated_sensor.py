@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.frames.calibrated_film import calibrated_film
-from tactograph.rings.frames.colour_planes import Order
+from tactograph.rings.frames.colour_planes import Order, in_bytes
 from tactograph.rings.live.nodes.simulated.simulated_sensor import (
-    MAX_BYTE,
     RECENT_FRAMES,
     Scene,
     SimulatedSensor,
@@ -68,13 +67,13 @@ class CalibratedSensor(SimulatedSensor):
                 shares, self.strength, self._at(moment).image, strict=True
             )
         )
-        return _in_bytes(self._black + light)
+        return in_bytes(self._black + light)
 
     def picture(self, moment: float, number: int) -> NDArray[np.uint8]:
         """The colour camera's picture, H x W x 3."""
         # A picture that comes twice to the bit would be taken for one frame.
         self._coming.result()
-        image = _in_bytes(self._at(moment).image[:: self._to_driver])
+        image = in_bytes(self._at(moment).image[:: self._to_driver])
         return np.ascontiguousarray(np.moveaxis(image, 0, -1))
 
     def _at(self, moment: float) -> _Rendered:
@@ -110,7 +109,3 @@ def calibrated_sensor(
     for name in ("radius_mm", "depth_mm", "path_mm"):
         film[name] = scale * getattr(default, name)
     return CalibratedSensor(read_scene(camera, Scene, film), calibration, order)
-
-
-def _in_bytes(image: F4) -> NDArray[np.uint8]:
-    return np.clip(np.rint(image * MAX_BYTE), 0, MAX_BYTE).astype(np.uint8)
