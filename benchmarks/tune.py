@@ -92,7 +92,7 @@ def prepared(folder: Path) -> dict[str, str]:
 
 def _settle(tuning: Tuning) -> None:
     """Wait for the result of the latest request."""
-    while tuning.shown.asked is not tuning.asked:
+    while tuning.state.request is not tuning.request:
         time.sleep(0.01)
 
 
@@ -106,9 +106,9 @@ def follow(graph: str, given: dict[str, str], updates: int) -> None:
             walls, processor = [], time.process_time()
             sizes = []
             for number, value in enumerate(_values(middle, updates)):
-                before, start = tuning.shown.number, time.perf_counter()
+                before, start = tuning.state.number, time.perf_counter()
                 tuning.set(node, parameter, value)
-                while tuning.shown.number == before:
+                while tuning.state.number == before:
                     time.sleep(0.0005)
                 walls.append(time.perf_counter() - start)
                 if number in (updates // 10, updates - 1):
@@ -122,8 +122,8 @@ def follow(graph: str, given: dict[str, str], updates: int) -> None:
                 f"{each:.0f} ms of the processor each; "
                 f"{sizes[0]:.0f} MB after {updates // 10} updates, {sizes[-1]:.0f} after {updates}"
             )
-            if tuning.shown.error:
-                sys.exit(tuning.shown.error)
+            if tuning.state.error:
+                sys.exit(tuning.state.error)
     finally:
         tuning.close()
 

@@ -11,7 +11,7 @@ from tactograph.rings.tune.controls import control_of
 from tactograph.rings.tune.follow import Follow
 from tactograph.rings.tune.picture_view import ScaledPicture
 from tactograph.rings.tune.pictures import draw, planes_of
-from tactograph.rings.tune.tuning import Shown, Tuning
+from tactograph.rings.tune.tuning import State, Tuning
 from tactograph.sdk import Document, Graph, nodes
 
 SLIDER_INTERVAL_S = 0.02
@@ -41,10 +41,10 @@ class NodePanel:
         if shows is None or now[0] is not shows[0] or now != shows:
             self.build()
 
-    def draw(self, state: Shown) -> None:
+    def draw(self, state: State) -> None:
         """Draw the output of the node that is looked at."""
-        name = self._tuning.asked.node
-        if name is None or state.result is None or (state.asked and state.asked.node != name):
+        name = self._tuning.request.node
+        if name is None or state.result is None or (state.request and state.request.node != name):
             return
         if self._shows is None or self._shows[1] != name:
             return  # another browser has chosen it: the panel follows
@@ -53,7 +53,7 @@ class NodePanel:
 
     def build(self) -> None:
         """Rebuild the card."""
-        tuning, name = self._tuning, self._tuning.asked.node
+        tuning, name = self._tuning, self._tuning.request.node
         self._shows = self._chosen()
         self._card.clear()
         self._inside = None
@@ -185,7 +185,7 @@ class NodePanel:
 
     def _chosen(self) -> tuple[Graph, str | None, object]:
         """The state that the card is made of."""
-        node = self._tuning.asked.node
+        node = self._tuning.request.node
         return self._tuning.base, node, self._tuning.graph.nodes.get(node) if node else None
 
 
@@ -198,7 +198,7 @@ class _Inside:
         self._values: Mapping[str, Any] = {}
         self._ports = ui.toggle(ports, value=ports[0])
         self._ports.props("dense no-caps unelevated size=sm data-testid=ports")
-        self._ports.on_value_change(lambda: self.draw(tuning.shown))
+        self._ports.on_value_change(lambda: self.draw(tuning.state))
         inside = ui.element("div").classes("t-inside w-full")
         with inside, ui.row().classes("w-full gap-2 no-wrap items-stretch"):
             self._picture = ScaledPicture(follow, "inside")
@@ -207,7 +207,7 @@ class _Inside:
         self._text.props("data-testid=inside-text")
         ui.separator()
 
-    def draw(self, state: Shown) -> None:
+    def draw(self, state: State) -> None:
         """Draw the chosen port, unless it is drawn already."""
         port = str(self._ports.value)
         if state.result is None or self._name not in state.result.plan.tasks:

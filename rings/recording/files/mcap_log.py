@@ -111,7 +111,7 @@ class McapLog:
         self._folder, self._about, self._limits = folder, dict(about), limits
         self._queue: deque[tuple[Sequence[Message], int]] = deque()
         self._waiting = 0
-        self._taken = self._done = 0
+        self._accepted = self._done = 0
         self._closing = self._all_written = False
         # Handles of files that are complete but not yet synced.
         self._ended: list[int] = []
@@ -152,13 +152,13 @@ class McapLog:
                 self._drop()
                 self._say("the disk is too slow for the recording; some touches are left out")
             else:
-                keeps_up = self._done == self._taken
+                keeps_up = self._done == self._accepted
                 self._queue.append((messages, size))
                 self._waiting += size
-                self._taken += 1
+                self._accepted += 1
                 self._changed.notify_all()
                 if keeps_up:
-                    self._changed.wait_for(lambda: self._done == self._taken, PATIENCE_S)
+                    self._changed.wait_for(lambda: self._done == self._accepted, PATIENCE_S)
         self._tell()
 
     def _tell(self) -> None:

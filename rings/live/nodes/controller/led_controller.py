@@ -143,7 +143,7 @@ class LedController:
         self._watchdog = round(1000 * watchdog_s)
         self._clock = Clock()
         self._courses: deque[Course] = deque(maxlen=16)
-        self._wanted: tuple[str, tuple[int, ...], float] = "off", (0,), math.inf
+        self._target: tuple[str, tuple[int, ...], float] = "off", (0,), math.inf
         """The request of the lasting state, and its LEDs and their step, as for `Course`."""
         self._faults: Counter[str] = Counter()
         self._news: deque[str] = deque(maxlen=100)
@@ -233,7 +233,7 @@ class LedController:
         try:
             self._do(*cycle)
         except ControllerLostError:
-            self._wanted = cycle
+            self._target = cycle
             raise
 
     def status(self) -> Status:
@@ -317,7 +317,7 @@ class LedController:
         """Request a lasting state, and remember it for `_restore`."""
         with self._request_lock:
             reply = self._ask(command)
-            self._wanted = command, order, step
+            self._target = command, order, step
             with self._state_lock, _intelligible():
                 moment = 1e-6 * whole_number(reply.values["t"])
                 if not self._hear(moment, reply.received, reply.sent):
@@ -328,7 +328,7 @@ class LedController:
     def _restore(self) -> None:
         """Restore the controller's requested state."""
         self._ask(f"watchdog {self._watchdog}")
-        self._do(*self._wanted)
+        self._do(*self._target)
 
     # Answers and events
 
@@ -400,7 +400,7 @@ class LedController:
 
     def _does_what_it_should(self) -> bool:
         status = self.status()
-        command, (led, *_), _ = self._wanted
+        command, (led, *_), _ = self._target
         state = "off" if command == "set 0" else command.split()[0]
         if status.state == state and (state != "set" or status.led == led):
             return True

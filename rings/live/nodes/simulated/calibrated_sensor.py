@@ -51,13 +51,13 @@ class CalibratedSensor(SimulatedSensor):
         self._pipeline: Callable[..., Any] | None = None
         self._latest = self._worker.submit(self._see, self.start).result()
         self._coming: Future[_Rendered] = self._worker.submit(self._see, self.start)
-        self._shown: dict[float, _Rendered] = {}
+        self._by_moment: dict[float, _Rendered] = {}
         self.start = time.monotonic()
 
     def true_height(self, moment: float) -> F4:
         """The height that the frame nearest to a time shows, H x W in mm."""
-        nearest = min(self._shown, key=lambda each: abs(each - moment), default=None)
-        return self._latest.height if nearest is None else self._shown[nearest].height
+        nearest = min(self._by_moment, key=lambda each: abs(each - moment), default=None)
+        return self._latest.height if nearest is None else self._by_moment[nearest].height
 
     def image(self, shares: Any, moment: float, number: int) -> NDArray[np.uint8]:
         """The camera's image under flashing LEDs; see `SimulatedSensor.image`."""
@@ -81,7 +81,7 @@ class CalibratedSensor(SimulatedSensor):
         if self._coming.done():
             self._latest = self._coming.result()
             self._coming = self._worker.submit(self._see, moment)
-        self._shown = dict([*self._shown.items()][-RECENT_FRAMES:]) | {moment: self._latest}
+        self._by_moment = dict([*self._by_moment.items()][-RECENT_FRAMES:]) | {moment: self._latest}
         return self._latest
 
     def _see(self, moment: float) -> _Rendered:

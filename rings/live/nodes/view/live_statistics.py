@@ -57,7 +57,7 @@ class Statistics:
 
     def __init__(self, folder: Path | None = None, every_s: float = 1.0) -> None:
         self._folder, self._every = folder, every_s
-        self._begun = self._reported_s = time.monotonic()
+        self._start = self._reported_s = time.monotonic()
         self._heights = self._heights_reported = 0
         self._first = self._last = self._processor = 0.0
         self._latencies = np.zeros(round(MAX_LATENCY_S / BIN_S), np.int64)
@@ -81,7 +81,7 @@ class Statistics:
         """Count one height that has just been computed."""
         now = time.monotonic()
         self._state, self._provenance = state, provenance
-        if now - self._begun < WARM_UP_S:
+        if now - self._start < WARM_UP_S:
             return
         if not self._heights:
             self._first = self._reported_s = now
