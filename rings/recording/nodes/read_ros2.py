@@ -14,6 +14,7 @@ from tactograph.rings.frames.colour_planes import Order, planes_of
 from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import full_scale, top_of
 from tactograph.rings.recording.files.ros_messages import read_image
+from tactograph.rings.recording.files.stamps import day_offset_ns
 from tactograph.rings.recording.nodes._ros_node import RosNode
 from tactograph.sdk import InputError, Light, LiveState, node, warn
 
@@ -99,7 +100,7 @@ class RosTouches:
 
     def __init__(self, film: CalibratedFilm, lights: Order, bits: int | None) -> None:
         self._film, self._lights, self._full = film, lights, full_scale(bits)
-        self._offset = time.time_ns() - time.monotonic_ns()
+        self._offset = day_offset_ns()
         self._new: dict[int, NDArray[Any]] = {}
         self.state = LiveState()
 

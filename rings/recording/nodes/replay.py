@@ -22,8 +22,9 @@ from tactograph.rings.frames.colour_planes import planes_of
 from tactograph.rings.frames.live_frames import ALL_LIT, LiveFrames, RawFrame
 from tactograph.rings.frames.rest_film import full_scale, make_film, top_of
 from tactograph.rings.recording.files.mcap_log import log_files
-from tactograph.rings.recording.files.mcap_read import McapFile, Read
+from tactograph.rings.recording.files.mcap_read import McapMessage, McapReader
 from tactograph.rings.recording.files.ros_messages import read_image
+from tactograph.rings.recording.files.stamps import day_offset_ns
 from tactograph.rings.recording.nodes.record import RECORDING_FORMAT
 from tactograph.sdk import ImageFile, InputError, Light, LiveState, SensorIdentity, node, warn
 from tactograph.sdk.nodes import read_calibration, read_capture
@@ -154,15 +155,14 @@ class _Recording:
         self.path, self._check = path, check
         self._sensor = SensorIdentity()
         self._files = _files(path)
-        # From this computer's monotonic clock to the time of day.
-        self._offset = time.time_ns() - time.monotonic_ns()
+        self._offset = day_offset_ns()
         self.leds = 0
         self.state = LiveState()
 
     def frames(self) -> Iterator[RawFrame]:
         """Yield the frames in the order of the files; warn of lost data."""
         for path in self._files:
-            file = McapFile(path)
+            file = McapReader(path)
             count = 0
             for message in file.messages():
                 if topic := IMAGE_TOPIC.fullmatch(message.topic):
@@ -179,7 +179,7 @@ class _Recording:
                 why = "is damaged" if file.has_end else "ends early, as after a power cut"
                 warn(f"{path}: {why}: {file.lost} bytes cannot be read; {count} frames can")
 
-    def _learn(self, file: McapFile) -> None:
+    def _learn(self, file: McapReader) -> None:
         leds = file.about.get("leds", "")
         if leds not in map(str, range(1, 9)):
             raise InputError(f"{file.path}: was not written by tactograph's 'record'")
@@ -194,7 +194,7 @@ class _Recording:
             self._check(sensor, file.path)
         self._sensor = sensor
 
-    def _frame(self, path: Path, message: Read, topic: re.Match[str]) -> RawFrame:
+    def _frame(self, path: Path, message: McapMessage, topic: re.Match[str]) -> RawFrame:
         try:
             data = read_image(message.body)
         except InputError as error:
@@ -208,7 +208,7 @@ class _Recording:
             )
         return RawFrame(message.sequence, led, 1e-9 * (message.time - self._offset), data)
 
-    def _take_state(self, message: Read) -> None:
+    def _take_state(self, message: McapMessage) -> None:
         try:
             state = json.loads(message.body.data)["state"]
             settings = None if state is None else dict(state["settings"])

@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.rings.export.shown import Shown, section
+from tactograph.rings.export.summary import Summary, section
 from tactograph.sdk.nodes import read_capture
 
 MAX_LISTED = 20
 """Most captures of a stream that are listed."""
 
 
-def show_capture(folder: Path) -> Shown:
+def show_capture(folder: Path) -> Summary:
     """Return size and light of each image, and what is known besides.
 
     Raises
@@ -23,11 +23,11 @@ def show_capture(folder: Path) -> Shown:
     """
     first, *others = islice(read_capture(folder=folder), MAX_LISTED + 1)
     if not others:
-        return Shown([f"{folder}: capture", *_lines(first)])
+        return Summary([f"{folder}: capture", *_lines(first)])
     count = f"over {MAX_LISTED}" if len(others) == MAX_LISTED else f"{1 + len(others)}"
     names = [f"  {capture.name}" for capture in [first, *others][:MAX_LISTED]]
     head = f"{folder}: {count} captures; the first:"
-    return Shown([head, *_lines(first), *section("names", names)])
+    return Summary([head, *_lines(first), *section("names", names)])
 
 
 def _lines(capture: Any) -> list[str]:

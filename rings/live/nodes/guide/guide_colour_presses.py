@@ -12,7 +12,7 @@ import numpy as np
 from annotated_types import Ge, Gt
 from scipy.ndimage import gaussian_filter
 
-from tactograph.rings.frames.colour_planes import Order, planes_of
+from tactograph.rings.frames.colour_planes import Order, in_levels, planes_of
 from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
@@ -101,7 +101,7 @@ def guide_colour_presses(
             time.sleep(warm_up_s)
         tell("Take everything off the film, and leave it alone.")
         picture = colours_at_rest(source.camera, driver.full_scale, guide.patience_s)
-        _save(folder / "untouched" / "film.png", np.rint(picture * 65535).astype(np.uint16))
+        _save(folder / "untouched" / "film.png", in_levels(picture))
         flat = np.stack(
             [gaussian_filter(p, SMOOTHING_PX, mode="nearest") for p in planes_of(picture, lights)]
         )

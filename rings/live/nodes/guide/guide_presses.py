@@ -8,8 +8,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Interval
-from numpy.typing import NDArray
 
+from tactograph.rings.frames.colour_planes import in_levels
 from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import make_film, top_of
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
@@ -146,13 +146,9 @@ def _save_film(folder: Path, image: Light, dark: Dark) -> None:
     """Save means of many frames with 16 bits, because they are finer than the camera's steps."""
     with atomic_files(folder / "untouched") as target:
         for k, plane in enumerate(image, start=1):
-            ImageFile(target / f"led{k}.png").write(_levels(plane))
+            ImageFile(target / f"led{k}.png").write(in_levels(plane))
     with atomic_files(folder) as target:
-        ImageFile(target / "dark.png").write(_levels(dark))
-
-
-def _levels(plane: F4) -> NDArray[np.uint16]:
-    return np.rint(plane * 65535).astype(np.uint16)
+        ImageFile(target / "dark.png").write(in_levels(dark))
 
 
 def _save_press(folder: Path, frames: dict[int, Plane], about: CaptureFile) -> None:

@@ -86,21 +86,18 @@ class _Window:
 
     def show(self, picture: Picture) -> bool:
         """Draw a picture; return False once the user has closed the window."""
-        if self._began and cv2.getWindowProperty(self.title, cv2.WND_PROP_VISIBLE) < 1:
-            return self._window_closed()
         if not self._began:
             cv2.resizeWindow(self.title, picture.shape[1], picture.shape[0])
-            self._began = True
+        elif cv2.getWindowProperty(self.title, cv2.WND_PROP_VISIBLE) < 1:
+            return self._end()
+        self._began = True
         cv2.imshow(self.title, picture[..., ::-1])
-        if cv2.waitKey(1) & 0xFF in CLOSING_KEYS:
-            cv2.destroyWindow(self.title)
-            return self._window_closed()
-        return True
+        return self._end() if cv2.waitKey(1) & 0xFF in CLOSING_KEYS else True
 
     def close(self) -> None:
         cv2.destroyAllWindows()
 
-    def _window_closed(self) -> bool:
+    def _end(self) -> bool:
         warn("preview: the window was closed; the stream goes on without it")
         return False
 
