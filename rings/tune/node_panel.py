@@ -7,7 +7,7 @@ import numpy as np
 from nicegui import events, ui
 
 from tactograph.rings.tune.attempt import attempt
-from tactograph.rings.tune.controls import control_of
+from tactograph.rings.tune.controls import Control, control_of
 from tactograph.rings.tune.follow import Follow
 from tactograph.rings.tune.picture_view import ScaledPicture
 from tactograph.rings.tune.pictures import draw, planes_of
@@ -121,6 +121,7 @@ class NodePanel:
         ui.label(about).classes("t-help").style("margin-top: -6px")
 
     def _control(self, node: str, op: str, name: str, value: Any) -> None:
+        """A list, a switch, or a field, with a slider if the value has a range."""
         declared = getattr(nodes, op).parameters[name]
         control = control_of(declared.type, declared.limits, declared.default, value)
         # Set one by one: in a text of properties a value's quotes would end it.
@@ -132,11 +133,15 @@ class NodePanel:
                 on_change=lambda e: self._set(node, name, e.value),
             )
             choice.props("dense options-dense").props.update(mark)
-            return
-        if control.kind == "flag":
+        elif control.kind == "flag":
             flag = ui.switch(value=value, on_change=lambda e: self._set(node, name, e.value))
             flag.props.update(mark)
-            return
+        else:
+            self._field(node, name, value, control, mark)
+
+    def _field(
+        self, node: str, name: str, value: Any, control: Control, mark: dict[str, str]
+    ) -> None:
         if control.kind == "slider":
             slider = ui.element("input").classes("t-slider").props("type=range min=0 max=1000")
             slider.props.update(mark, value=str(round(control.place(value))))
