@@ -76,11 +76,11 @@ def kill_once(folder: Path, after: float, size: tuple[int, int]) -> Killed:
     assert child.pid is not None
     os.kill(child.pid, signal.SIGKILL)
     child.join()
-    said = first
+    output = first
     while part := os.read(reader, 4096):
-        said += part
+        output += part
     os.close(reader)
-    promised = said.count(b"\n")
+    promised = output.count(b"\n")
     found, wrong, torn = _read(folder, size)
     return Killed(after, promised, found, wrong, torn, len(log_files(folder)))
 
