@@ -69,7 +69,7 @@ def grow(name: str, pipeline: Pipeline) -> None:
     print(f"{name}: {ITEMS} items: {before} KiB peak after 100, {after} KiB at the end")
 
 
-def chain(**given: str) -> Pipeline:
+def chain(**params: str) -> Pipeline:
     """A pipeline of NODES divisions by one."""
     lines = [
         "format: 1",
@@ -87,7 +87,7 @@ def chain(**given: str) -> Pipeline:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "chain.yaml"
         file.write_text("\n".join(lines))
-        return load(str(file), **given)
+        return load(str(file), **params)
 
 
 def bare_calls() -> None:

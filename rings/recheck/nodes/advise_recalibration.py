@@ -70,7 +70,7 @@ def advise_recalibration(
     reasons = contradictions + _reasons(strength, slope)
     quality = (
         refitted
-        | {f"light_percent/led{k}": 100 * float(s) for k, s in enumerate(strength, start=1)}
+        | change.light_percent()
         | {"dent_um": 1e3 * height, "dent_slope": slope}
         | reference
         | {"full_calibration_due": float(bool(reasons))}

@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Ge, Gt
 
-from tactograph.rings.frames.colour_planes import Order
+from tactograph.rings.frames.colour_planes import Order, in_levels
 from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
@@ -98,9 +98,9 @@ def guide_colour_presses(
             tell(f"The LEDs warm up for {warm_up_s:g} s.")
             time.sleep(warm_up_s)
         tell("Take everything off the film, and leave it alone.")
-        picture = colours_at_rest(source.camera, driver.bits, guide.patience_s)
+        picture = colours_at_rest(source.camera, driver.full_scale, guide.patience_s)
         kept = folder / "untouched" / "film.png"
-        _save(kept, np.rint(picture * 65535).astype(np.uint16))
+        _save(kept, in_levels(picture))
         flat = read_film(kept, lights)
         film = make_film(flat)
         stream = ColourStream(source, film, lights, driver.full_scale)

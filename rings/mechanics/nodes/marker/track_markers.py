@@ -90,7 +90,7 @@ def _figures(shift: F8 | F4, matched: NDArray[np.generic], pixel: float) -> dict
     return {
         "markers": float(len(shift)),
         "visible_markers_percent": 100 * float(np.mean(np.asarray(matched) > 0)),
-        "marker_shift_mm": float(length.max()) if length.size else 0.0,
+        "marker_shift_mm": float(length.max(initial=0)),
         "marker_shift_mean_mm": float(length.mean()) if length.size else 0.0,
     }
 
