@@ -78,14 +78,9 @@ def write_ring(folder: Path, name: str) -> list[Path]:
     if not (package.isascii() and package.isidentifier()) or keyword.iskeyword(package):
         raise InputError(f"new-ring {folder}: '{distribution}' cannot be a package's name")
     ring = package.removeprefix("tactograph_")
-    if any(each.name == ring for each in rings()):
-        raise InputError(f"new-ring {folder}: a ring '{ring}' is installed; name another folder")
     installed = find_spec(package)
-    if installed is not None and installed.origin is not None:
-        raise InputError(
-            f"new-ring {folder}: it would hide the installed package '{package}'; name another "
-            "folder"
-        )
+    if any(each.name == ring for each in rings()) or (installed and installed.origin):
+        raise InputError(f"new-ring {folder}: '{ring}' is installed already; name another folder")
     major, minor = (int(part) for part in __version__.split(".")[:2])
     versions = f">={major}.{minor},<{major}.{minor + 1}"
     where = {"name": name, "room": "", "package": package, "ring": ring}

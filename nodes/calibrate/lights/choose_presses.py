@@ -19,7 +19,6 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     MAX_SAMPLES_EACH,
     Object,
     Rest,
-    is_uniform,
     presses_of,
     unreached,
 )
@@ -71,8 +70,8 @@ def choose_presses(
     lit: SheetLabels,
     pixel: PixelSize,
     names: list[str],
-    circle: BallCircles | None = None,
-    of: BallPress | None = None,
+    circle: BallCircles,
+    of: BallPress,
     shape: RestShape | None = None,
     bare: SheetMask | None = None,
     *,
@@ -97,8 +96,7 @@ def choose_presses(
         2 x S x W, S x W, S x W in mm, S x W: of the presses, as for `calibrate_lights`.
     pixel : mm per px
     names : the presses' names, for messages
-    circle, of
-        The balls, as for `rate_exposure`.  None: the order of the images is not checked.
+    circle, of : the balls, as for `rate_exposure`
     shape : the film at rest if it is no plane
     bare : S x W, 0 where a marker covers the film; None: nowhere
     only_warn : whether to use presses whose images are in another order, too
@@ -130,7 +128,7 @@ def choose_presses(
     }
     if len(presses) == 1 and why:
         raise InputError(why[0].replace("its contact", "the ball"))
-    if circle is not None and of is not None and not only_warn and not is_uniform(flat):
+    if not only_warn:
         other = {i: other_press(presses[i].light, flat, circle[of == i]) for i in pressed}
         if other and all(other.values()):
             raise InputError(other[pressed[0]] + ONLY_WARN_ADVICE)

@@ -28,11 +28,7 @@ def film_beside(press: F4, circles: F4) -> NDArray[np.bool_]:
 def other_press(press: F4, flat: F4, circles: F4) -> str:
     """Return what was done to the images of a press, in a sentence; "" if nothing explains it.
 
-    Parameters
-    ----------
-    press : K x H x W, relative to the film at rest
-    flat : K x H x W, the film at rest
-    circles : x, y and contact radius in px of its balls
+    Its light is relative to the film at rest, `flat`; `circles` are of its balls.
     """
     light, due = coarsen(press, factor=CELL_PX), coarsen(flat, factor=CELL_PX)
     far = coarsen(film_beside(press, circles)[None].astype(np.float32), factor=CELL_PX)[0] == 1

@@ -99,8 +99,8 @@ def test_outside_a_clone_a_new_node_needs_a_ring(
     [
         ("1felt", "cannot be a package"),
         ("für", "cannot be a package"),
-        ("numpy", "would hide the installed package 'numpy'"),
-        ("tactograph-core", "a ring 'core' is installed"),
+        ("numpy", "'numpy' is installed already"),
+        ("tactograph-core", "'core' is installed already"),
     ],
 )
 def test_an_invalid_name_of_a_ring_is_refused(
