@@ -34,6 +34,9 @@ def skirt_height(
     1 - variance / height^2 at d = 0, or by 0 (James and Stein 1961), since most of a skirt within
     its noise is noise (H4).  All film that moves stands on the skirt at d = 0.
 
+    A skirt that is wide against the film at rest looks like a fall that all film shares.  So the
+    difference to the skirt that is found without such a fall is a part of the error.
+
     Parameters
     ----------
     slope, variance : 2 x H x W, relative to the film at rest, and their variances
@@ -59,9 +62,10 @@ def skirt_height(
     at = np.arange(bins.max() + 2, dtype=np.float64)
     px_mm = float(pixel)
     measured = px_mm * distance / information, fall / information, information
-    skirts = _skirt(*measured, px_mm * at, float(misfit[4]))
-    planes = [np.full(rest.shape, each[0], np.float32) for each in skirts]
-    for plane, each in zip(planes, skirts, strict=True):
+    (found, error), (alone, _) = (_skirt(*measured, px_mm * at, t) for t in (float(misfit[4]), 0.0))
+    profiles = found, np.hypot(error, found - alone)
+    planes = [np.full(rest.shape, each[0], np.float32) for each in profiles]
+    for plane, each in zip(planes, profiles, strict=True):
         plane[held] = np.interp(away, at, each)
     return Skirt(*planes)
 

@@ -13,6 +13,7 @@ from typing import NamedTuple, Self, cast
 
 import numpy as np
 from scipy.linalg import block_diag
+from scipy.special import ndtr
 
 from tactograph.graph import InputError
 from tactograph.nodes import F4, F8, robust_deviation
@@ -101,7 +102,7 @@ class Fitting(NamedTuple):
         trial = trial._replace(problem=trial.problem._replace(scale=robust))
         first = self.unknowns.values(fitted).size
         covariance = trial.equations().covariance()[:first, :first]
-        return Certainty(covariance, fitted, self.unknowns, self.each * self.balls.u.size)
+        return Certainty(covariance, fitted, self.unknowns)
 
     def further_step(self, fitted: Fitted, light: F8, flat: F8) -> tuple[F8, F8]:
         """Return the best step of V unknowns that the film has not, and their covariance.
@@ -221,25 +222,27 @@ class _Trial(NamedTuple):
 class Certainty(NamedTuple):
     """How well a fit knows its U unknowns, with all others free, such as coat and albedo.
 
-    The covariance U x U, the fit and its unknowns, and how many independent values tell them.
+    The covariance U x U, the fit, and its unknowns.
     """
 
     covariance: F8
     fitted: Fitted
     unknowns: Unknowns
-    values: float
 
     def shows(self, name: str) -> bool:
-        """Return whether an unknown is likelier to be its (mean) value than 0 (`Odds`).
+        """Return whether an unknown that cannot be below 0 is likelier above 0 than 0.
 
-        All others stay as they were found with it, since nothing is fitted again.
+        All others stay as they were found with it, since nothing is fitted again.  The odds are the
+        density of its prior at 0 over that of its value as fitted (J. M. Dickey, "The weighted
+        likelihood ratio, linear hypotheses on normal location parameters", 1971).
         """
         own = self.unknowns.numbers(self.fitted).get(name)
         if own is None:
             return True
-        value = self.unknowns.values(self.fitted)[own].mean()
-        information = np.linalg.inv(self.covariance)[np.ix_(own, own)].sum()
-        return bool(value**2 * information > math.log(self.values))
+        away, usual = (each[own].item() for each in self.unknowns.priors(self.fitted))
+        sure = np.linalg.inv(self.covariance)[own, own].item() ** -0.5
+        z = away / sure
+        return math.log(2 * ndtr(z) * sure / usual) + z * z / 2 > 0
 
     def other_places(self) -> F4:
         """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm."""

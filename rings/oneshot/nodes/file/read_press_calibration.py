@@ -58,7 +58,7 @@ def read_press_calibration(
 
 
 def _fresh(flat: Path, lights: Lights, crop: Crop | None, film: Light) -> Light:
-    new_film = read_film(flat, lights, 2.0, crop)
+    new_film = read_film(flat, lights, crop)
     if new_film.shape != film.shape:
         columns, rows = new_film.shape[:0:-1]
         raise InputError(

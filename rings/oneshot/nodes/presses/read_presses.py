@@ -5,7 +5,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
-from scipy.ndimage import gaussian_filter
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import (
@@ -19,6 +18,7 @@ from tactograph.sdk import (
     StatedCircles,
     node,
 )
+from tactograph.sdk.nodes import read_flat
 
 
 class Presses(NamedTuple):
@@ -53,7 +53,7 @@ def read_presses(
         "bgr" or "rgb": the channels of a colour image are the lights.  "leds": one image per
         light.
     crop : x0, y0, x1, y1 in pixels; x1 and y1 are exclusive
-    smooth_px : standard deviation of the Gaussian that smooths the flat image
+    smooth_px : as for `read_flat`
 
     Returns
     -------
@@ -65,7 +65,7 @@ def read_presses(
     InputError
         As `read_capture`; if `flat` is `folder`; if a press differs in size from the flat image.
     """
-    film = read_film(flat, lights, smooth_px, crop)
+    film = read_film(flat, lights, crop, smooth_px)
     if folder is None:
         return Presses(film[None], film, [], np.full((1, 3), np.nan, np.float32))
     captures = Layout(lights, crop=crop).presses(folder, flat)
@@ -80,12 +80,7 @@ def read_presses(
     return Presses(images, film, names, np.asarray(circles, np.float32))
 
 
-def read_film(
-    place: Path,
-    lights: Lights,
-    smooth_px: float,
-    crop: Crop | None = None,
-) -> F4:
+def read_film(place: Path, lights: Lights, crop: Crop | None = None, smooth_px: float = 2.0) -> F4:
     """Read the untouched film from one colour image or from a capture folder: K x H x W."""
     stack = Layout(lights, crop=crop).images(place)
-    return np.stack([gaussian_filter(plane, smooth_px, mode="nearest") for plane in stack])
+    return read_flat(stack, folder=place, lights=lights, crop=crop, smooth_px=smooth_px).flat

@@ -12,6 +12,7 @@ from tactograph.graph.declare.check_settings import check_settings
 from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.ball.balls_on_film import Fitted
 from tactograph.nodes.calibrate.film import _film_search
+from tactograph.nodes.calibrate.film.film_fit import Certainty
 from tactograph.nodes.calibrate.film.film_unknowns import USUAL_ALBEDO, Unknowns
 from tactograph.nodes.calibrate.film.fit_film import FilmFit, fit_film
 from tactograph.nodes.calibrate.rating.verdict import Odds
@@ -147,6 +148,21 @@ def test_the_wrap_of_light_behind_the_terminator_is_found() -> None:
     assert fit.wrap == pytest.approx(0.2, abs=0.05)
     assert fitted(soft._replace(wrap=0.0), apart, contact=4.7).film.wrap == 0
     assert fitted(soft, FOUR[:2]).film.wrap == 0, "flat caps do not show the terminator"
+
+
+@pytest.mark.parametrize(
+    ("value", "deviation", "shown"),
+    [(0.17, 0.067, True), (0.0026, 0.001, False), (0.05, 0.1, False), (0.0, 0.2, False)],
+)
+def test_an_unknown_shows_where_it_is_likelier_than_its_absence(
+    value: float, deviation: float, shown: bool
+) -> None:
+    """What two or three deviations tell depends on what was known before."""
+    film, unknowns = MATT._replace(wrap=value), Unknowns(("wrap",), 20.0)
+    of_four = Fitted(np.zeros((4, 4)), film, np.zeros((1, 3)))
+    sure = Certainty(np.array([[deviation**2]]), of_four, unknowns)
+    assert sure.shows("wrap") == shown
+    assert sure.shows("emission"), "what is not fitted stays"
 
 
 def test_no_part_is_tried_where_the_misfit_is_noise_alone() -> None:
