@@ -8,7 +8,6 @@ metrological.  There is no untouched frame, so both graphs estimate it.
 
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -17,7 +16,12 @@ from one_run import run
 
 PIXEL_MM = 0.0274581
 MIDDLE = 308
-IMAGES: dict[str, Any] = {"frames.files": "image{:02}", "frames.leds": [2, 3, 5, 6]}
+LEDS = [2, 3, 5, 6]
+
+
+def images(node: str, crop: list[int]) -> dict[str, object]:
+    """Changes of the node that reads the images."""
+    return {f"{node}.files": "image{:02}", f"{node}.leds": LEDS, f"{node}.crop": crop}
 
 
 def main(data: Path, out: Path) -> None:
@@ -27,7 +31,7 @@ def main(data: Path, out: Path) -> None:
     calibration = out / "groove.npz"
     run(
         "calibrate_known_shape_no_flat",
-        {**IMAGES, "frames.crop": left, "shape.crop": left},
+        {**images("taken", left), "shape.crop": left},
         capture=str(data),
         height=str(data / "heightmap_mm.npy"),
         pixel_size_mm=PIXEL_MM,
@@ -35,7 +39,7 @@ def main(data: Path, out: Path) -> None:
     )
     found = run(
         "paper_no_flat",
-        {**IMAGES, "frames.crop": right},
+        images("frames", right),
         capture=str(data),
         calibration=str(calibration),
         out=str(out / "right"),

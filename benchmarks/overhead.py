@@ -29,8 +29,8 @@ from tactograph.graph.run.pipeline import Pipeline
 from tactograph.nodes.light.flat_field import flat_field
 
 NODES = 20
-STACK = np.full((3, 2, 2), 0.5, np.float32)
-DARK = np.zeros((2, 2), np.float32)
+STACK = np.full((3, 4, 4), 0.5, np.float32)
+DARK = np.zeros((4, 4), np.float32)
 ITEMS = 10_000
 
 

@@ -240,7 +240,7 @@ def _fit(
     held = weight.sum() / max(np.count_nonzero(weight), 1)
     ridge = np.full(used, SHAPE_REGULARISATION * held * weight.size, np.float32)
     ridge[0] = 0
-    gram = weighted @ basis[:used].T
+    gram = np.asarray(weighted @ basis[:used].T, np.float32)
     change = np.linalg.solve(gram + np.diag(ridge), product)
     explained = np.asarray((change * product).sum(axis=0), np.float32)
     share = np.float32(1) if lights is None else _drift_share(change[1:], gram, lights)

@@ -98,9 +98,9 @@ def guide_colour_presses(
             time.sleep(warm_up_s)
         tell("Take everything off the film, and leave it alone.")
         picture = colours_at_rest(source.camera, driver.full_scale, guide.patience_s)
-        kept = folder / "untouched" / "film.png"
-        _save(kept, in_levels(picture))
-        flat = read_flat(planes_of(picture, lights), folder=kept, lights=lights).flat
+        file = folder / "untouched" / "film.png"
+        _save(file, in_levels(picture))
+        flat = read_flat(planes_of(picture, lights), folder=file, lights=lights).flat
         film = make_film(flat)
         stream = ColourStream(source, film, lights, driver.full_scale)
         watch = Watch(film, stream, guide.still_s, guide.patience_s)
