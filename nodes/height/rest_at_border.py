@@ -30,13 +30,13 @@ def rest_at_border(
     return height - np.partition(border, middle)[middle]
 
 
-def border_of(plane: Any, width_px: int) -> Any:
-    """Return the outermost pixels of a plane; all of them if it is no wider than two borders."""
-    if min(plane.shape) <= 2 * width_px:
-        return plane.ravel()
-    rows = plane[width_px:-width_px]
-    ends = plane[:width_px], plane[-width_px:], rows[:, :width_px], rows[:, -width_px:]
-    return np.concatenate([part.ravel() for part in ends])
+def border_of(planes: Any, width_px: int) -> Any:
+    """Return the outermost pixels of planes; all of them if these are no wider than two borders."""
+    ends, rows = [planes], planes[..., width_px:-width_px, :]
+    if min(planes.shape[-2:]) > 2 * width_px:
+        ends = [planes[..., :width_px, :], planes[..., -width_px:, :]]
+        ends += [rows[..., :width_px], rows[..., -width_px:]]
+    return np.concatenate([part.reshape(*planes.shape[:-2], -1) for part in ends], axis=-1)
 
 
 @rest_at_border.opencl()

@@ -13,6 +13,7 @@ from annotated_types import Ge, Interval
 from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, Grain, Light, LightPositions
+from tactograph.nodes.height.rest_at_border import border_of
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.film import place_terms
 from tactograph.nodes.optics.near_light import image_places
@@ -219,12 +220,9 @@ def _beside_skirt(clear: F4, still: F4) -> F4:
 
 def border_level(light: F4) -> F4:
     """Return the lower median of each LED's light, K x H x W, along the border of the frame."""
-    cells, light = light, light.reshape(len(light), -1)
-    if min(cells.shape[1:]) > 2:
-        ring = (cells[:, 0], cells[:, -1], cells[:, 1:-1, 0], cells[:, 1:-1, -1])
-        light = np.concatenate(ring, axis=1)
-    middle = (light.shape[1] - 1) // 2
-    return np.asarray(np.partition(light, middle, axis=1)[:, middle])
+    ring = border_of(light, 1)
+    middle = (ring.shape[1] - 1) // 2
+    return np.asarray(np.partition(ring, middle, axis=1)[:, middle])
 
 
 def _fit(
