@@ -7,15 +7,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.graph import node, warn
-from tactograph.nodes import (
-    BAND_DEVIATIONS,
-    Height,
-    HeightError,
-    Mask,
-    PixelSize,
-    ZeroError,
-    robust_deviation,
-)
+from tactograph.nodes import Height, HeightError, Mask, PixelSize, ZeroError, robust_deviation
 from tactograph.nodes.height.rest_at_border import border_of
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
@@ -67,7 +59,7 @@ def zero_error(
     if not rest.any() and off > np.median(border_of(error, 1)):
         warn(
             "no film in the frame is at rest: heights are relative to the middle of its border, "
-            f"which may be off by {1e3 * BAND_DEVIATIONS * off:.2g} um (the stated error includes "
-            "that)"
+            f"whose height has a standard deviation of {1e3 * off:.2g} um (the stated error "
+            "includes that)"
         )
     return off

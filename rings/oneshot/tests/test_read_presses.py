@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from tactograph.rings.oneshot.nodes.presses.read_presses import read_film, read_presses
+from tactograph.rings.oneshot.nodes.presses.read_presses import read_presses
 from tests.nodes.capture.test_captures_as_people_have_them import COLOURS, write
 
 
@@ -40,5 +40,5 @@ def test_smoothing_the_film_at_rest_keeps_its_vignetting(tmp_path: Path) -> None
     y, x = np.mgrid[:60, :80] / 80
     plane = 0.8 - 0.5 * (x - 0.5) ** 2 - 0.4 * (y - 0.4) ** 2
     cv2.imwrite(str(tmp_path / "film.png"), np.rint(np.dstack([plane] * 3) * 65535).astype("u2"))
-    film = read_film(tmp_path / "film.png", "bgr")
+    film = read_presses(flat=tmp_path / "film.png").flat
     assert np.abs(film - plane).max() < 1e-5

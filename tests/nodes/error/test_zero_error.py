@@ -50,7 +50,7 @@ def test_zero_is_as_uncertain_as_film_at_the_border_is_uneven(lifted: float) -> 
         found = off(bulged(0.0, lifted))
     assert found == pytest.approx(0.9 * lifted, rel=0.15)
     (line,) = messages
-    assert f"off by {1645 * found:.2g} um" in line
+    assert f"deviation of {1e3 * found:.2g} um" in line
 
 
 def test_zero_is_the_better_known_the_more_film_is_held() -> None:

@@ -11,7 +11,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from annotated_types import Ge, Gt
 
-from tactograph.rings.frames.colour_planes import Order, in_levels
+from tactograph.rings.frames.colour_planes import Order, in_levels, planes_of
 from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
@@ -25,9 +25,8 @@ from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import degree_for
 from tactograph.rings.oneshot.nodes.presses.rate_presses import advise, presses_per_cell, rim_slope
-from tactograph.rings.oneshot.nodes.presses.read_presses import read_film
 from tactograph.sdk import F4, ImageFile, InputError, Light, PixelSize, atomic_files, node
-from tactograph.sdk.nodes import find_ball, level_presses
+from tactograph.sdk.nodes import find_ball, level_presses, read_flat
 
 REFIT_PRESSES = 10
 """The map is fitted again after at most this many further presses."""
@@ -101,7 +100,7 @@ def guide_colour_presses(
         picture = colours_at_rest(source.camera, driver.full_scale, guide.patience_s)
         file = folder / "untouched" / "film.png"
         _save(file, in_levels(picture))
-        flat = read_film(file, lights)
+        flat = read_flat(planes_of(picture, lights), folder=file, lights=lights).flat
         film = make_film(flat)
         stream = ColourStream(source, film, lights, driver.full_scale)
         watch = Watch(film, stream, guide.still_s, guide.patience_s)

@@ -8,10 +8,8 @@ from annotated_types import Interval
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import (
-    F4,
     CaptureFile,
     Crop,
-    InputError,
     Layout,
     Light,
     Lights,
@@ -48,7 +46,7 @@ def read_presses(
         (``0/gelsight.png``, ``1/gelsight.png``, ...), or one image per LED; or is such a
         folder itself.  None: there is no press; the film at rest takes its place, without a
         name.
-    flat : the untouched film: one colour image, or a folder like that of a press
+    flat : the untouched film: one colour image, or a folder like that of a press, or of several
     lights
         "bgr" or "rgb": the channels of a colour image are the lights.  "leds": one image per
         light.
@@ -63,24 +61,14 @@ def read_presses(
     Raises
     ------
     InputError
-        As `read_capture`; if `flat` is `folder`; if a press differs in size from the flat image.
+        As `read_capture` and `read_flat`; if `flat` is `folder`.
     """
-    film = read_film(flat, lights, crop, smooth_px)
+    layout = Layout(lights, crop=crop)
+    captures = [] if folder is None else layout.presses(folder, flat)
+    images = np.stack([each.image for each in captures] or [layout.images(flat)])
+    film = read_flat(images[0], folder=flat, smooth_px=smooth_px, lights=lights, crop=crop).flat
     if folder is None:
         return Presses(film[None], film, [], np.full((1, 3), np.nan, np.float32))
-    captures = Layout(lights, crop=crop).presses(folder, flat)
     names = [capture.name for capture in captures]
     circles = [CaptureFile.read(folder / name).circle() for name in names]
-    images = np.stack([capture.image for capture in captures])
-    if images.shape[1:] != film.shape:
-        raise InputError(
-            f"{folder / names[0]}: {images.shape[3]} x {images.shape[2]} pixels, but the untouched "
-            f"film {flat} has {film.shape[2]} x {film.shape[1]}"
-        )
     return Presses(images, film, names, np.asarray(circles, np.float32))
-
-
-def read_film(place: Path, lights: Lights, crop: Crop | None = None, smooth_px: float = 2.0) -> F4:
-    """Read the untouched film from one colour image or from a capture folder: K x H x W."""
-    stack = Layout(lights, crop=crop).images(place)
-    return read_flat(stack, folder=place, lights=lights, crop=crop, smooth_px=smooth_px).flat
