@@ -25,6 +25,7 @@ import argparse
 import csv
 import json
 import shutil
+import sys
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
@@ -35,10 +36,13 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from one_run import row, run
 from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import load
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.one_run import row, run
 
 ROOT = Path(__file__).resolve().parents[1]
 PIXEL_MM, RADIUS_MM, PITCH_MM = 0.003404, 0.2475, 1.0

@@ -28,8 +28,6 @@ import cv2
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from one_run import row, run
-from real_film import PIXEL_MM, RADIUS_MM, ROOT, measure
 
 from tactograph.graph import load
 from tactograph.graph.run.result import Result
@@ -46,8 +44,10 @@ from tactograph.rings.metrology.nodes.surface.filter_surface import form
 from tactograph.rings.metrology.nodes.surface.measure_step import measure_step, step_profiles
 from tactograph.rings.metrology.nodes.surface.plot_step import plot_step
 
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.one_run import row, run
+from benchmarks.real_film import PIXEL_MM, RADIUS_MM, ROOT, measure
 from rings.metrology.tests.scan.scans import groove_shape, lit, seen, write_scan
 
 DATA = ROOT.parent / "shared/data/real"
