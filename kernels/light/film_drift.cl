@@ -281,7 +281,8 @@ static void solve(const float *a, const float *b, float *x, const int n)
     }
 }
 
-// The change of the drift of LED k from the sums, and the sum of squares that it explains.
+// The change of the drift of LED k from the sums: its mean, then its shape; and the sum of squares
+// that it explains.
 static ONCE float solve_change(
     SHARED const float *sums, SHARED float *change, const int k, const int used, const float held)
 {
@@ -293,7 +294,7 @@ static ONCE float solve_change(
     for (int j = 0; j < used; ++j) b[j] = sums[MEASURED + DRIFT_TERMS * k + j];
     solve(a, b, x, used);
     for (int j = 0; j < used; ++j) {
-        change[DRIFT_TERMS * k + j] = x[j];
+        change[DRIFT_TERMS * k + j] = j > 0 ? x[j] : b[0] / a[0];
         explained += x[j] * b[j];
     }
     return explained;
@@ -311,32 +312,32 @@ static float squares_of(SHARED const float *sums, SHARED const float *shape, con
     return total - mean * mean / fmax(sums[0], MIN_WEIGHT);
 }
 
-// The change of shape along one of two orthonormal patterns over the LEDs, which a slope along x and
-// along y makes.
+// The change along one of two orthonormal patterns over the LEDs, which a slope along x and along y
+// makes.
 static void change_along(
     SHARED float *change, __global const float *lights, const int pattern, const int K,
     const int used)
 {
+    SHARED float *along = change + DRIFT_TERMS * (K + pattern);
     float xx = 0.0f, xy = 0.0f, norm = 0.0f;
     for (int k = 0; k < K; ++k) {
         const float x = lights[3 * k] / lights[3 * k + 2];
         xx += x * x;
         xy += x * lights[3 * k + 1] / lights[3 * k + 2];
     }
-    for (int j = 0; j < used; ++j) change[DRIFT_TERMS * (K + pattern) + j] = 0.0f;
+    for (int j = 0; j < used; ++j) along[j] = 0.0f;
     for (int k = 0; k < K; ++k) {
         const float x = lights[3 * k] / lights[3 * k + 2];
         const float across = lights[3 * k + 1] / lights[3 * k + 2] - xy / xx * x;
         const float part = pattern ? across : x;
         norm += part * part;
-        for (int j = 1; j < used; ++j)
-            change[DRIFT_TERMS * (K + pattern) + j] += part * change[DRIFT_TERMS * k + j];
+        for (int j = 0; j < used; ++j) along[j] += part * change[DRIFT_TERMS * k + j];
     }
-    for (int j = 1; j < used; ++j) change[DRIFT_TERMS * (K + pattern) + j] /= sqrt(norm);
+    for (int j = 0; j < used; ++j) along[j] /= sqrt(norm);
 }
 
-// The share of the LEDs' changes of shape that is drift and no slope, from their sums of squares, and
-// from those along the two patterns.
+// The share of the LEDs' changes that is drift and no slope, from their sums of squares, and from those
+// along the two patterns.
 static float drift_share(SHARED const float *squares, const int K)
 {
     const int others = K - SLOPE_COMPONENTS;
@@ -422,7 +423,8 @@ LANED __kernel ONE_GROUP void fit(
     const float alike)
 {
     SHARED float sums[FIT_SUMS], change[(MAX_LEDS + SLOPE_COMPONENTS) * DRIFT_TERMS];
-    SHARED float explained[MAX_LEDS], squares[MAX_LEDS + SLOPE_COMPONENTS];
+    SHARED float explained[MAX_LEDS];
+    SHARED float levels[MAX_LEDS + SLOPE_COMPONENTS], shapes[MAX_LEDS + SLOPE_COMPONENTS];
     const int me = PLACE_IN_GROUP, before = counts[TOO_FEW], furthest = counts[FURTHEST];
     const Film film = {light, sigma, K, H, W, share};
     tally(&film, weights, old, used, shares, sums);
@@ -436,16 +438,19 @@ LANED __kernel ONE_GROUP void fit(
     const int patterns = lights ? SLOPE_COMPONENTS : 0;
     for (int k = me; k < K + patterns; k += GROUP) {
         if (k >= K) change_along(change, lights, k - K, K, used);
-        squares[k] = squares_of(sums, change + DRIFT_TERMS * k, used);
+        levels[k] = change[DRIFT_TERMS * k] * change[DRIFT_TERMS * k];
+        shapes[k] = squares_of(sums, change + DRIFT_TERMS * k, used);
     }
     WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
-    const float drifted = patterns ? drift_share(squares, K) : 1.0f;
+    const float of_level = patterns ? drift_share(levels, K) : 1.0f;
+    const float of_shape = patterns ? drift_share(shapes, K) : 1.0f;
     for (int k = me; k < K; k += GROUP) {
-        const float noise = sums[CHANCE + k];
+        const float noise = sums[CHANCE + k], level = levels[k] * sums[0];
+        const float drifted = of_level * level + of_shape * (explained[k] - level);
         const float chance = on_skirts ? noise + alike * sums[0] : noise * averaged;
-        const float most = on_skirts && doubt > 0.0f ? drifted * explained[k] : explained[k];
+        const float most = on_skirts && doubt > 0.0f ? drifted : explained[k];
         const int significant = !too_few && most > doubt * chance;
-        settle(sums, change, old, next, k, used, rate * drifted, significant);
+        settle(sums, change, old, next, k, used, rate * of_shape, significant);
     }
     if (me == 0) counts[TOO_FEW] = too_few;
 }

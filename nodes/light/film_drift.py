@@ -86,8 +86,8 @@ def film_drift(
     its mean square in the other K - 2 patterns is of that in these two.  An LED keeps its previous
     drift if the change explains no more than noise would (`level` standard deviations of the
     touch and the flat frame together).  Cells that are calm alone may all lie on a skirt, where
-    they depart alike: there the share of the change that is drift must exceed what a single calm
-    cell may depart by.  All LEDs keep it if less than a twentieth of the frame is calm.
+    they depart alike: there what the same shares of its level and shape explain must exceed what a
+    single calm cell may depart by.  All LEDs keep it if less than a twentieth of the frame is calm.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def film_drift(
     chance = np.square(noise) @ weight / weight.sum()
     if weight is calm:
         chance = (chance + np.float32(roughness * roughness)) * calm.sum()
-        explained *= drifted
+        explained = drifted
     return np.where((explained > chance * (1 + flat_noise**2))[:, None], drift, before)
 
 
@@ -227,11 +227,11 @@ def border_level(light: F4) -> F4:
 
 def _fit(
     light: F4, weight: F4, basis: F4, before: F4, used: int, lights: F4 | None, rate: float
-) -> tuple[F4, F4, np.float32]:
+) -> tuple[F4, F4, F4]:
     """Fit by weighted least squares over the cells; regularise the shape towards `before`.
 
-    Returns the drift, for each LED the sum of squares that its change explains, and the share of
-    the change of shape that is drift.
+    Returns the drift, for each LED the sum of squares that its change explains, and how much of it
+    is drift.
     """
     weighted = basis[:used] * weight
     product = weighted @ (light - _gain(before, basis)).T
@@ -240,26 +240,28 @@ def _fit(
     ridge[0] = 0
     gram = np.asarray(weighted @ basis[:used].T, np.float32)
     change = np.linalg.solve(gram + np.diag(ridge), product)
-    explained = np.asarray((change * product).sum(axis=0), np.float32)
-    share = np.float32(1) if lights is None else _drift_share(change[1:], gram, lights)
-    change[1:] *= share * np.float32(rate)
-    change[0] = (product[0] - gram[0, 1:] @ change[1:]) / gram[0, 0]
+    explained = (change * product).sum(axis=0)
+    mean, centred = product[0] / gram[0, 0], np.outer(gram[0, 1:], gram[0, 1:]) / gram[0, 0]
+    level = mean * product[0]
+    of_level = _drift_share(mean[None], np.ones((1, 1), np.float32), lights)
+    of_shape = _drift_share(change[1:], gram[1:, 1:] - centred, lights)
+    change[1:] *= of_shape * np.float32(rate)
+    change[0] = mean - gram[0, 1:] @ change[1:] / gram[0, 0]
     drift = before.copy()
     drift[:, :used] += change.T
-    return drift, explained, share
+    return drift, explained, of_level * level + of_shape * (explained - level)
 
 
-def _drift_share(shape: F4, gram: F4, lights: F4) -> np.float32:
-    """The share of a change of shape, terms x K, that is drift of the LEDs and no slope.
+def _drift_share(change: F4, spread: F4, lights: F4 | None) -> np.float32:
+    """The share of a change, terms x K of products `spread`, that is drift and no slope.
 
     Both add to the mean square in the patterns of slopes, drift alone to that in the others.
     """
-    others = len(lights) - SLOPE_COMPONENTS
-    if others < 1 or not shape.size:
+    others = change.shape[1] - SLOPE_COMPONENTS
+    if lights is None or others < 1:
         return np.float32(1)
-    spread = gram[1:, 1:] - np.outer(gram[0, 1:], gram[0, 1:]) / gram[0, 0]
     patterns = np.linalg.qr(lights[:, :2] / lights[:, 2:])[0]
-    total, sloped = (float((c * (spread @ c)).sum()) for c in (shape, shape @ patterns))
+    total, sloped = (float((c * (spread @ c)).sum()) for c in (change, change @ patterns))
     drifted = SLOPE_COMPONENTS * max(total - sloped, 0) / others
     return np.float32(1 if drifted >= sloped else drifted / sloped)
 

@@ -125,23 +125,39 @@ def test_the_shape_of_one_leds_drift_is_drift(led: int) -> None:
     assert np.abs(shaped(fitted) - shaped(true)).max() < 3e-3
 
 
-def test_skirts_all_over_the_frame_are_no_drift() -> None:
-    """Film hangs between pins: cells that are calm alone depart alike, so no mean helps."""
+def hanging(*, tilt: float = 0.0) -> F4:
+    """Film that hangs between pins, and is tilted: a mean of cells departs like each of them."""
     y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(np.float32)
     p, q = (0.016 * np.sin(2 * np.pi * along / 16) for along in (x + 0.3 * y, y))
-    hanging = 1 + np.stack([a * (p + 0.004 * x / SIZE[1]) + b * q for a, b in TOWARDS])
-    noise = np.full((4, *SIZE), 0.02, np.float32)
-    kept = film_drift(hanging.astype(np.float32), noise, degree=2, grain=0.0)
+    p += tilt + 0.004 * x / SIZE[1]
+    return np.stack([1 + a * p + b * q for a, b in TOWARDS]).astype(np.float32)
+
+
+HANGING_NOISE = np.full((4, *SIZE), 0.02, np.float32)
+
+
+@pytest.mark.parametrize("lights", [None, AROUND], ids=["unknown", "known"])
+def test_skirts_all_over_the_frame_are_no_drift(lights: F4 | None) -> None:
+    options = {"lights": lights, "degree": 2, "grain": 0.0}
+    kept = film_drift(hanging(), HANGING_NOISE, **options)
     assert kept[:, 0].tolist() == [1, 1, 1, 1]
     assert not kept[:, 1:].any()
     # A change that no calm cell departs by is followed nevertheless.
     faded = FADED.copy()
     faded[1] = 0.9
-    found = film_drift(
-        (hanging * faded[:, None, None]).astype(np.float32), noise, degree=2, grain=0.0
-    )
+    found = film_drift(hanging() * faded[:, None, None], HANGING_NOISE, **options)
     assert found[:2, 0] == pytest.approx(faded[:2], abs=0.005)
     assert found[2:, 0].tolist() == [1, 1]
+
+
+def test_between_skirts_all_leds_may_brighten_but_a_tilt_is_no_drift() -> None:
+    brighter = np.array([1.05, 1.065, 1.06, 1.055], np.float32)
+    found, tilted = (
+        film_drift(light, HANGING_NOISE, lights=AROUND, degree=2, grain=0.0)
+        for light in (hanging() * brighter[:, None, None], hanging(tilt=0.04))
+    )
+    assert found[:, 0] == pytest.approx(brighter, abs=0.005)
+    assert tilted[:, 0].tolist() == [1, 1, 1, 1]
 
 
 def test_the_flat_frames_noise_makes_a_drift_doubtful_too() -> None:
