@@ -23,7 +23,7 @@ FIGURES = {
     "rmse_px": "RMSE / px",
     "normal_error_deg": "mean normal error / deg",
 }
-SHOWN = (30.0, 52.5)
+SLANTS_DEG = (30.0, 52.5)
 """Slants whose maps are drawn: a moderate and a flat light."""
 COLOURS = {"with": "#1f5fa8", "without": "#d1495b"}
 
@@ -98,8 +98,8 @@ def draw_maps(reports: Path, slant: float, file: Path) -> None:
         dark = np.bitwise_count(found["with"]["truth_shadow"].array)
         line[1].imshow(dark, cmap="magma_r", vmin=0, vmax=4)
         for ax, error in zip(line[2:], errors, strict=True):
-            drawn = ax.imshow(error, cmap="RdBu_r", vmin=-end, vmax=end)
-        figure.colorbar(drawn, ax=line[3], label="mm", extend="both")
+            picture = ax.imshow(error, cmap="RdBu_r", vmin=-end, vmax=end)
+        figure.colorbar(picture, ax=line[3], label="mm", extend="both")
         for ax, title in zip(line, titles, strict=True):
             ax.set_axis_off()
             if shape == SHAPES[0]:
@@ -112,7 +112,7 @@ def main() -> None:
     pictures.mkdir(parents=True, exist_ok=True)
     print_tables(reports)
     draw_curves(reports, pictures / "ablation_slants.png")
-    for slant in SHOWN:
+    for slant in SLANTS_DEG:
         draw_maps(reports, slant, pictures / f"ablation_{slant:g}.png")
 
 

@@ -12,12 +12,11 @@ import sys
 import tempfile
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
+from one_run import row, run
 
-from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes import Labels
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
 from tactograph.nodes.evaluate.evaluate_shadow import evaluate_shadow
@@ -72,21 +71,20 @@ def rigs_in(data: Path) -> list[str]:
 
 def calibrate(rig: Path, file: Path) -> Path:
     """Calibrate a rig with its ball press and flat frame."""
-    given = {
-        "capture": rig / "calibration",
-        "flat": rig / "flat",
-        "ball_radius_mm": 7.0,
-        "pixel_size_mm": PIXEL_MM[rig.name],
-        "out": file,
-    }
-    list(open_pipeline("calibrate", given).items())
+    run(
+        "calibrate",
+        capture=rig / "calibration",
+        flat=rig / "flat",
+        ball_radius_mm=7.0,
+        pixel_size_mm=PIXEL_MM[rig.name],
+        out=file,
+    )
     return file
 
 
 def measure(graph: str, capture: Path, calibration: Path) -> dict[str, float]:
     """Run a graph on a capture; its metrics."""
-    given: dict[str, Any] = {"capture": capture, "calibration": calibration}
-    (result,) = open_pipeline(graph, given, sinks=False).items()
+    result = run(graph, capture=capture, calibration=calibration)
     labels = evaluate_shadow(result["shadow"], true_shadows(capture))
     each = [value for name, value in labels.items() if name.startswith("shadow_iou/")]
     return dict(result["metrics"]) | labels | ({"worst_iou": min(each)} if each else {})
@@ -153,10 +151,6 @@ def limits(data: Path, calibrations: dict[str, Path]) -> None:
 
 def number(value: float | None) -> str:
     return "" if value is None else f"{value:.3g}"
-
-
-def row(*cells: str) -> None:
-    print("|", " | ".join(cells), "|", flush=True)
 
 
 if __name__ == "__main__":

@@ -148,8 +148,8 @@ def main(
 def places(devices: str | None) -> list[str]:
     """The host's back ends, and the names of the devices that work."""
     every = ["numpy", *(d.name for d in find_devices() if d.works and not d.simulator)]
-    wanted = devices.split(",") if devices else [""]
-    return [name for name in every if any(part in name for part in wanted)]
+    parts = devices.split(",") if devices else [""]
+    return [name for name in every if any(part in name for part in parts)]
 
 
 def former(file: Path) -> dict[tuple[str, str, int, str, str], dict[str, Any]]:
@@ -170,7 +170,7 @@ def simulated(
     film: str,
     size: str,
     seed: int,
-    given: Mapping[str, float] | None = None,
+    params: Mapping[str, float] | None = None,
     changes: Mapping[str, Any] = {},
 ) -> Path:
     """A capture of WIDTH_MM, rendered once; of the film at rest if nothing is `given`."""
@@ -178,9 +178,9 @@ def simulated(
         return folder
     width, height = map(int, size.split("x"))
     side = {"width_px": width, "height_px": height, "pixel_size_mm": WIDTH_MM / width}
-    base = FILMS[film].graph if given else FILMS[film].graph.removesuffix("_press") + "_flat"
+    base = FILMS[film].graph if params else FILMS[film].graph.removesuffix("_press") + "_flat"
     graph = with_changes(read_graph(base), {**FILMS[film].changes, **changes})
-    words = {"out": folder, "seed": seed, **side, **(given or {})}
+    words = {"out": folder, "seed": seed, **side, **(params or {})}
     for _ in open_pipeline(graph, words).items():
         pass
     return folder
@@ -204,25 +204,25 @@ def capture(out: Path, film: str, size: str) -> str:
 
 def calibration(out: Path, film: str, size: str, entries: int) -> str:
     """The calibration of 640 x 480 with another table, its flat image brought to `size`."""
-    first, made = out / f"cal_{film}.npz", FILMS[film]
+    first, kind = out / f"cal_{film}.npz", FILMS[film]
     if film == NEAR:
         return str(calibrated(HARD, out))
     if not first.is_file():
         presses = out / f"{film}_presses"
-        for number, place in enumerate(made.places, start=1):
-            changes = {"shape.offset_mm": list(place), **made.pressed}
-            simulated(presses / str(number), film, "640x480", 10 * number, made.press, changes)
-        given: dict[str, Any] = {
+        for number, place in enumerate(kind.places, start=1):
+            changes = {"shape.offset_mm": list(place), **kind.pressed}
+            simulated(presses / str(number), film, "640x480", 10 * number, kind.press, changes)
+        params: dict[str, Any] = {
             "capture": presses,
-            "ball_radius_mm": made.press["radius_mm"],
+            "ball_radius_mm": kind.press["radius_mm"],
             "pixel_size_mm": WIDTH_MM / 640,
             "out": first,
-            **made.sensor,
+            **kind.sensor,
         }
-        if made.has_flat:
-            given["flat"] = str(simulated(out / f"{film}_flat", film, "640x480", 2))
+        if kind.has_flat:
+            params["flat"] = str(simulated(out / f"{film}_flat", film, "640x480", 2))
         start = time.process_time()
-        for _ in open_pipeline("calibrate", given).items():
+        for _ in open_pipeline("calibrate", params).items():
             pass
         spent = time.process_time() - start
         print(f"{film:>8} calibrate: {spent:.1f} s of the processor", flush=True)
@@ -267,13 +267,13 @@ def measure(graph: str, device: str, stack: str, file: str, rounds: int) -> dict
     forwards = graph == "see_touch"
     outputs = more.split("+") if more else ["image" if forwards else "height"]
     pipeline = load(graph, calibration=file, outputs=outputs, **where)
-    given = {"frames": images}
+    arguments = {"frames": images}
     if forwards:
-        given = {"height": np.load(Path(stack).with_suffix("") / "truth_height_mm.npy")}
-    result = pipeline(**given)
+        arguments = {"height": np.load(Path(stack).with_suffix("") / "truth_height_mm.npy")}
+    result = pipeline(**arguments)
     first = 1e3 * (time.perf_counter() - start)
     allocated = pipeline.buffers
-    pipeline(**given)
+    pipeline(**arguments)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     literal = None
     if images[0].size <= VGA and not forwards:
@@ -284,11 +284,11 @@ def measure(graph: str, device: str, stack: str, file: str, rounds: int) -> dict
     for _ in range(max(1, min(rounds, rounds * VGA // images[0].size))):
         if literal is not None:
             theirs.append(timed(literal))
-            settle(lambda: pipeline(**given))
+            settle(lambda: pipeline(**arguments))
         for _ in range(5 if literal or forwards else 1):
-            ours.append(timed(lambda: nodes.append(pipeline(**given).times)))
+            ours.append(timed(lambda: nodes.append(pipeline(**arguments).times)))
     many = 2 + int(1e3 / median(wall for wall, _ in ours))
-    stream, _ = timed(lambda: list(pipeline.stream(given for _ in range(many))))
+    stream, _ = timed(lambda: list(pipeline.stream(arguments for _ in range(many))))
     row: dict[str, Any] = {
         "per_second": 1e3 * many / stream,
         "first_ms": first,

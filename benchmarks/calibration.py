@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from accuracy import DATA, PIXEL_MM, measure, number, row
+from accuracy import DATA, PIXEL_MM, measure, number
+from one_run import row, run
 
 from tactograph.graph import load
-from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.capture.read_capture import Layout
 
 RIGS = ("far28", "near33")
@@ -40,11 +40,6 @@ def main() -> None:
         fades(data, calibrations)
 
 
-def run(graph: str, **given: Any) -> Any:
-    (result,) = open_pipeline(graph, given).items()
-    return result
-
-
 def presses(data: Path, folder: Path) -> dict[str, Path]:
     """The RMSE of soft presses and a cat, by the presses that the LEDs were placed with."""
     row("rig", "presses", "held out / deg", "held out / um", *(f"{s} / px" for s in SHAPES))
@@ -60,9 +55,9 @@ def presses(data: Path, folder: Path) -> dict[str, Path]:
         for name, (capture, radii) in (tried | {"both": (both, (5.0, 7.0))}).items():
             file = folder / f"{rig}_{name.replace(' ', '_')}.npz"
             first.setdefault(rig, file)
-            given = {"ball_radius_mm": radii, "pixel_size_mm": PIXEL_MM[rig]}
-            made = run("calibrate", capture=capture, flat=data / rig / "flat", out=file, **given)
-            held = [made["quality"].get(f"heldout_{f}") for f in ("normal_deg", "height_um")]
+            params = {"ball_radius_mm": radii, "pixel_size_mm": PIXEL_MM[rig]}
+            result = run("calibrate", capture=capture, flat=data / rig / "flat", out=file, **params)
+            held = [result["quality"].get(f"heldout_{f}") for f in ("normal_deg", "height_um")]
             errors = [measure("precise", data / rig / s, file)["rmse_px"] for s in SHAPES]
             row(rig, name, *map(number, held), *map(number, errors))
     return first
@@ -79,8 +74,8 @@ def flats(folder: Path) -> None:
         run("simulate_flat", out=folder / "flats" / str(seed), seed=100 + seed, **NEAR)
     for name, flat in (("1", folder / "flats" / "0"), (str(FLATS), folder / "flats")):
         file = folder / f"flat{name}.npz"
-        given = {"ball_radius_mm": 7.0, "pixel_size_mm": 0.07142857, "out": file}
-        run("calibrate", capture=folder / "ball", flat=flat, **given)
+        params = {"ball_radius_mm": 7.0, "pixel_size_mm": 0.07142857, "out": file}
+        run("calibrate", capture=folder / "ball", flat=flat, **params)
         touch = {"capture": folder / "touch", "calibration": file}
         found = [run(g, out=folder / g, **touch)["metrics"] for g in ("reconstruct", "precise")]
         row(name, *(number(metrics["rmse_px"]) for metrics in found))

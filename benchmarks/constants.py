@@ -61,9 +61,9 @@ def constants(file: Path) -> Iterator[Constant]:
         held = [each for each in values(statement.value) if is_number(each)]
         if not held or not all(name.isupper() for name in named):
             continue
-        said = docstring(body[place + 1]) if place + 1 < len(body) else ""
+        text = docstring(body[place + 1]) if place + 1 < len(body) else ""
         value = " ".join(ast.unparse(statement.value).split())
-        yield Constant(", ".join(named), value, len(held), " ".join(said.split()))
+        yield Constant(", ".join(named), value, len(held), " ".join(text.split()))
 
 
 def values(node: ast.AST) -> Iterator[ast.AST]:
@@ -87,16 +87,16 @@ def docstring(statement: ast.stmt) -> str:
 
 def page() -> str:
     """The whole page."""
-    parts, seen = [HEAD], set[Path]()
+    parts, listed = [HEAD], set[Path]()
     for title, patterns in ROOMS.items():
-        files = sorted({file for each in patterns for file in ROOT.glob(each)} - seen)
-        seen |= {*files}
+        files = sorted({file for each in patterns for file in ROOT.glob(each)} - listed)
+        listed |= {*files}
         rows = [(file, each) for file in files for each in constants(file)]
         count = sum(each.numbers for _, each in rows)
         parts.append(f"\n## {title}: {count}\n\n{COLUMNS}")
         for file, (names, value, _, reason) in rows:
-            shown = value if len(value) < 60 else f"{value[:57]}..."
-            cells = (f"`{names}` in `{file.relative_to(ROOT)}`", f"`{shown}`", reason)
+            text = value if len(value) < 60 else f"{value[:57]}..."
+            cells = (f"`{names}` in `{file.relative_to(ROOT)}`", f"`{text}`", reason)
             parts.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |\n")
     return "".join(parts)
 

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from one_run import row
 from silent.calibrations import Recipe, bytes_of, calibrated, pipeline
 from silent.rigs import MIDDLE, RINGS, SHARED, Rig, Ring, Touch, images, simulated
 
@@ -53,8 +54,7 @@ def main() -> None:
 
 
 def print_row(family: str, name: str, counts: Any) -> None:
-    row = (family, name, f"{counts[0]} of {counts[1]}", f"{counts[2]} of {counts[3]}")
-    print("|", " | ".join(row), "|", flush=True)
+    row(family, name, f"{counts[0]} of {counts[1]}", f"{counts[2]} of {counts[3]}")
 
 
 def rigs(family: str, options: argparse.Namespace) -> Iterator[Rig]:

@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 import accuracy
 import numpy as np
 import real_film
+from one_run import run
 
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.files.apply_patch import apply_patch
@@ -90,16 +91,16 @@ def main() -> None:
     instead.add_argument("--new", type=int, default=0, help="so many rigs that chance makes")
     parser.add_argument("--seed", type=int, default=1, help="of the first of those")
     parser.add_argument("--touches", type=int, default=1, help="so many times as many of each kind")
-    given = parser.parse_args()
-    if given.new:
-        new_rigs(range(given.seed, given.seed + given.new), given.touches)
+    options = parser.parse_args()
+    if options.new:
+        new_rigs(range(options.seed, options.seed + options.new), options.touches)
         return
-    if given.raytraced:
+    if options.raytraced:
         with tempfile.TemporaryDirectory() as folder:
-            raytraced(given.blur, Path(folder))
+            raytraced(options.blur, Path(folder))
         return
     print("| rig | shape | RMSE / px | in the 90 % band |\n| --- | --- | --- | --- |")
-    for name in given.rigs:
+    for name in options.rigs:
         with tempfile.TemporaryDirectory() as folder:
             report(name, RIGS[name], Path(folder))
 
@@ -237,10 +238,10 @@ def touches_by_kind(
             rig = rig._replace(exposure=min(1.0, BRIGHTEST / float(press[0].max())))
         simulate(rig, press, presses / str(number), seed())
     simulate(rig, rendered(rig, "flat", {}, {}), flat, seed())
-    given: dict[str, Any] = {"capture": presses, "flat": flat, "out": calibration}
+    params: dict[str, Any] = {"capture": presses, "flat": flat, "out": calibration}
     if camera := (rig.flaws or {}).get("camera_mm"):
-        given["camera_mm"] = camera
-    run("calibrate", **given, ball_radius_mm=NEW_BALL_MM, pixel_size_mm=rig.pixel_mm)
+        params["camera_mm"] = camera
+    run("calibrate", **params, ball_radius_mm=NEW_BALL_MM, pixel_size_mm=rig.pixel_mm)
     by_kind: dict[str, list[Touch]] = {}
     for _ in range(times):
         for kind, touches in drawn_touches(rng).items():
@@ -259,8 +260,8 @@ def report(name: str, rig: Rig, folder: Path) -> None:
     ball, flat, calibration = (folder / part for part in ("ball", "flat", "cal.npz"))
     simulate(rig, rendered(rig, "ball", BALL, None), ball, seed=1)
     simulate(rig, rendered(rig, "flat", {}, None), flat, seed=2)
-    given = {"capture": ball, "flat": flat, "out": calibration}
-    run("calibrate", **given, ball_radius_mm=7.0, pixel_size_mm=rig.pixel_mm)
+    params = {"capture": ball, "flat": flat, "out": calibration}
+    run("calibrate", **params, ball_radius_mm=7.0, pixel_size_mm=rig.pixel_mm)
     for seed, (title, shape) in enumerate(SHAPES.items(), start=3):
         capture = folder / title
         simulate(rig, rendered(rig, *shape), capture, seed)
@@ -269,14 +270,9 @@ def report(name: str, rig: Rig, folder: Path) -> None:
         print(f"| {name} | {title} | {row} |", flush=True)
 
 
-def run(graph: str, **given: Any) -> Any:
-    (result,) = open_pipeline(graph, given, sinks="out" in given).items()
-    return result
-
-
-def simulate(rig: Rig, drawn: tuple[Any, Any], out: Path, seed: int) -> None:
+def simulate(rig: Rig, scene_light: tuple[Any, Any], out: Path, seed: int) -> None:
     """Expose and write what `rendered` returned."""
-    mean, scene = drawn
+    mean, scene = scene_light
     image = expose(mean * np.float32(rig.exposure), bits=rig.bits, seed=seed).image
     middle = np.s_[FINE // 2 :: FINE, FINE // 2 :: FINE]
     z, labels = (np.ascontiguousarray(scene[part][middle]) for part in ("height", "labels"))
@@ -306,7 +302,7 @@ def rendered(
     if hand:
         parts |= {"light": "lens", "labels": "view.labels", "height": "view.height"}
     width, rows = rig.size
-    given = {
+    params = {
         "out": None,
         "slant_deg": rig.slant_deg,
         "distance_mm": rig.distance_mm,
@@ -315,10 +311,10 @@ def rendered(
         "pixel_size_mm": rig.pixel_mm / FINE,
     }
     if rig.flaws is not None:
-        given |= {**rig.flaws, "blur_px": rig.flaws["blur_px"] * FINE, "lens_at_corner": 0.0}
+        params |= {**rig.flaws, "blur_px": rig.flaws["blur_px"] * FINE, "lens_at_corner": 0.0}
         if albedo := rig.flaws["bounce_albedo"]:
-            given["albedo"] = albedo
-    (scene,) = open_pipeline(replace(graph, outputs=parts), given, sinks=False).items()
+            params["albedo"] = albedo
+    (scene,) = open_pipeline(replace(graph, outputs=parts), params, sinks=False).items()
     mean = scene["light"].reshape(-1, rows, FINE, width, FINE).mean(axis=(2, 4))
     return mean.astype(np.float32), scene
 

@@ -104,10 +104,10 @@ class Fuzz:
         self.ends[f"{kind}: exit {outcome.code}"] += 1
         if not outcome.fault:
             return
-        kept = self.keep / f"{kind}_{len(self.faults):03}"
-        shutil.copytree(self.work, kept, dirs_exist_ok=True)
+        copy = self.keep / f"{kind}_{len(self.faults):03}"
+        shutil.copytree(self.work, copy, dirs_exist_ok=True)
         last = outcome.said.strip().splitlines()[-1:] or [""]
-        line = f"{kind}: {outcome.fault}: {' '.join(words)!r}: {last[0][:300]!r} (kept: {kept})"
+        line = f"{kind}: {outcome.fault}: {' '.join(words)!r}: {last[0][:300]!r} (kept: {copy})"
         self.faults.append(line)
         print(line, flush=True)
 
@@ -264,12 +264,12 @@ def parameters(fuzz: Fuzz) -> Callable[[], None]:
 
     @given(st.dictionaries(st.sampled_from(names), NUMBERS, max_size=2),
            st.dictionaries(st.sampled_from(targets), NUMBERS, max_size=2))  # fmt: skip
-    def test(given_: dict[str, str], set_: dict[str, str]) -> None:
+    def test(params: dict[str, str], set_: dict[str, str]) -> None:
         work = fuzz.fresh()
         if set_:
             options = [word for k, v in set_.items() for word in ("--set", f"{k}={v}")]
             fuzz.run("parameter", [*fuzz_run("reconstruct", fuzz), *options])
-        values = {**SIZE, **given_}
+        values = {**SIZE, **params}
         words = [f"{name}={value}" for name, value in values.items()]
         fuzz.run("parameter", ["run", "simulate", f"out={work}/new", *words, "--backend", "numpy"])
 
@@ -307,13 +307,13 @@ def spoilt(content: bytes, edits: list[tuple[str, float, bytes]]) -> bytes:
 def make_inputs(folder: Path) -> None:
     """A capture, a calibration and a recording, as small as they work."""
     folder.mkdir()
-    for name, given_ in (
+    for name, params in (
         ("simulate", {"out": folder / "ball", "radius_mm": 7.0, **SIZE}),
         ("simulate_flat", {"out": folder / "flat", **SIZE}),
         ("calibrate", {"capture": folder / "ball", "flat": folder / "flat", "ball_radius_mm": 7.0,
                        "pixel_size_mm": SIZE["pixel_size_mm"], "out": folder / "cal.npz"}),
     ):  # fmt: skip
-        with open_pipeline(name, given_, backend="numpy") as pipeline:
+        with open_pipeline(name, params, backend="numpy") as pipeline:
             list(pipeline.items())
     images = [np.full((SIZE["height_px"], SIZE["width_px"]), 100, np.uint8) for _ in range(4)]
     session = Session()
@@ -337,10 +337,10 @@ def make_inputs(folder: Path) -> None:
 def in_a_process(words: list[str]) -> Outcome:
     """Run a command in a child that may take no more than its time and memory."""
     start = time.monotonic()
-    with tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryFile() as stream:
         child = os.fork()
         if not child:
-            _child(words, said.fileno())
+            _child(words, stream.fileno())
         while True:
             done, status, usage = os.wait4(child, os.WNOHANG)
             if done:
@@ -348,19 +348,19 @@ def in_a_process(words: list[str]) -> Outcome:
             if time.monotonic() - start > LONGEST_S:
                 os.kill(child, signal.SIGKILL)
             time.sleep(0.005)
-        said.seek(0)
-        text = said.read().decode("utf-8", "replace")
+        stream.seek(0)
+        text = stream.read().decode("utf-8", "replace")
     code = os.waitstatus_to_exitcode(status)
     return Outcome(code, text, time.monotonic() - start, 1024 * usage.ru_maxrss)
 
 
-def _child(words: list[str], said: int) -> None:
+def _child(words: list[str], descriptor: int) -> None:
     code = 99
     try:
         most = 4 * MOST_BYTES
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
-        os.dup2(said, 1)
-        os.dup2(said, 2)
+        os.dup2(descriptor, 1)
+        os.dup2(descriptor, 2)
         sys.stdout = io.TextIOWrapper(os.fdopen(1, "wb", 0, closefd=False), write_through=True)
         sys.stderr = io.TextIOWrapper(os.fdopen(2, "wb", 0, closefd=False), write_through=True)
         sys.argv = ["tactograph", *words]

@@ -12,21 +12,16 @@ from pathlib import Path
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-
-from tactograph.graph.files.changes import with_changes
-from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.run.open_pipeline import open_pipeline
+from one_run import run
 
 PIXEL_MM = 0.0274581
 MIDDLE = 308
 LEDS = [2, 3, 5, 6]
 
 
-def run(graph: str, crop: list[int], changes: dict[str, object], **given: object) -> dict:
-    images = {"frames.files": "image{:02}", "frames.leds": LEDS, "frames.crop": crop}
-    changed = with_changes(read_graph(graph), {**images, **changes})
-    (result,) = open_pipeline(changed, given).items()
-    return result.outputs
+def images(node: str, crop: list[int]) -> dict[str, object]:
+    """Changes of the node that reads the images."""
+    return {f"{node}.files": "image{:02}", f"{node}.leds": LEDS, f"{node}.crop": crop}
 
 
 def main(data: Path, out: Path) -> None:
@@ -36,8 +31,7 @@ def main(data: Path, out: Path) -> None:
     calibration = out / "groove.npz"
     run(
         "calibrate_known_shape_no_flat",
-        left,
-        {"shape.crop": left},
+        {**images("taken", left), "shape.crop": left},
         capture=str(data),
         height=str(data / "heightmap_mm.npy"),
         pixel_size_mm=PIXEL_MM,
@@ -45,8 +39,7 @@ def main(data: Path, out: Path) -> None:
     )
     found = run(
         "paper_no_flat",
-        right,
-        {},
+        images("frames", right),
         capture=str(data),
         calibration=str(calibration),
         out=str(out / "right"),
@@ -76,13 +69,13 @@ def draw(found: np.ndarray, truth: np.ndarray, file: Path) -> None:
     figure = Figure(figsize=(10, 4), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(1, 3)
-    shown = {"found": found - np.median(found), "reference": truth - np.median(truth)}
-    for axis, (title, z) in zip(axes, shown.items(), strict=False):
+    profiles = {"found": found - np.median(found), "reference": truth - np.median(truth)}
+    for axis, (title, z) in zip(axes, profiles.items(), strict=False):
         picture = axis.imshow(1e3 * z, vmin=-100, vmax=100, cmap="viridis")
         axis.set(title=f"{title} / um")
     figure.colorbar(picture, ax=axes[:2])
     row = truth.shape[0] // 2
-    for title, z in shown.items():
+    for title, z in profiles.items():
         axes[2].plot(np.arange(z.shape[1]) * PIXEL_MM, 1e3 * z[row], label=title, linewidth=1)
     axes[2].set(xlabel="x / mm", ylabel="height / um", title="section through the middle row")
     axes[2].legend()

@@ -26,7 +26,7 @@ from tactograph.graph.backends.kernel import Kernel
 from tactograph.graph.files.read_graph import read_graph
 
 Launches = list[tuple[str, cl.Event]]
-SHOWN = 25
+MOST_ROWS = 25
 
 
 class Spent(NamedTuple):
@@ -49,8 +49,8 @@ def main(graph: str, values: tuple[str, ...], outputs: str, rounds: int) -> None
     with watched(launches):
         try:
             read = read_graph(graph)
-            given = read.read_words(values)
-            pipeline = load(read, backend="opencl", outputs=outputs.split(","), **given)
+            params = read.read_words(values)
+            pipeline = load(read, backend="opencl", outputs=outputs.split(","), **params)
             found = [measure(pipeline, launches) for _ in range(rounds + 3)][3:]
         except TactographError as error:
             raise click.ClickException(str(error)) from None
@@ -84,10 +84,10 @@ def measure(pipeline: Any, launches: Launches) -> Spent:
     spans = [(name, 1e-6 * done.profile.start, 1e-6 * done.profile.end) for name, done in launches]
     kernels: defaultdict[str, float] = defaultdict(float)
     gaps: defaultdict[str, float] = defaultdict(float)
-    for name, begun, ended in spans:
-        kernels[name] += ended - begun
-    for (before, _, ended), (after, begun, _) in pairwise(spans):
-        gaps[f"{before} to {after}"] += max(begun - ended, 0)
+    for name, start, end in spans:
+        kernels[name] += end - start
+    for (before, _, end), (after, start, _) in pairwise(spans):
+        gaps[f"{before} to {after}"] += max(start - end, 0)
     return Spent(wall, dict(kernels), dict(gaps), Counter(name for name, _ in launches))
 
 
@@ -112,7 +112,7 @@ def longest(found: list[dict[str, float]]) -> list[tuple[str, float]]:
     """What takes longest, by the median of all items."""
     names = {name for each in found for name in each}
     spent = {name: median(each.get(name, 0.0) for each in found) for name in names}
-    return sorted(spent.items(), key=lambda pair: -pair[1])[:SHOWN]
+    return sorted(spent.items(), key=lambda pair: -pair[1])[:MOST_ROWS]
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Provenance, Session
 from tactograph.rings.frames.live_frames import RawFrame
 from tactograph.rings.recording.files.mcap_log import log_files, need_mcap
-from tactograph.rings.recording.files.mcap_read import McapFile
+from tactograph.rings.recording.files.mcap_read import McapReader
 from tactograph.rings.recording.files.ros_messages import read_image
 from tactograph.rings.recording.nodes.record import record
 
@@ -76,11 +76,11 @@ def kill_once(folder: Path, after: float, size: tuple[int, int]) -> Killed:
     assert child.pid is not None
     os.kill(child.pid, signal.SIGKILL)
     child.join()
-    said = first
+    output = first
     while part := os.read(reader, 4096):
-        said += part
+        output += part
     os.close(reader)
-    promised = said.count(b"\n")
+    promised = output.count(b"\n")
     found, wrong, torn = _read(folder, size)
     return Killed(after, promised, found, wrong, torn, len(log_files(folder)))
 
@@ -120,7 +120,7 @@ def _pixels(number: int, size: tuple[int, int]) -> NDArray[np.uint8]:
 
 def _read(folder: Path, size: tuple[int, int]) -> tuple[int, int, int]:
     """Whole touches, touches with a wrong pixel, and bytes of an unfinished end."""
-    files = [McapFile(path) for path in log_files(folder)]
+    files = [McapReader(path) for path in log_files(folder)]
     found = wrong = 0
     for frames in _touches(files):
         right = len(frames) == LEDS and all(
@@ -131,7 +131,7 @@ def _read(folder: Path, size: tuple[int, int]) -> tuple[int, int, int]:
     return found, wrong, sum(file.lost for file in files)
 
 
-def _touches(files: list[McapFile]) -> Iterator[dict[int, NDArray[np.uint8]]]:
+def _touches(files: list[McapReader]) -> Iterator[dict[int, NDArray[np.uint8]]]:
     """The frames of every touch whose name, which comes last, is there."""
     frames: dict[int, NDArray[np.uint8]] = {}
     for file in files:

@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from accuracy import DATA, SHAPES, calibrate, rigs_in, row, true_shadows
-from error_band import BALL, RIGS, SHAPES as SIMULATED, rendered, run, simulate
+from accuracy import DATA, SHAPES, calibrate, rigs_in, true_shadows
+from error_band import BALL, RIGS, SHAPES as SIMULATED, rendered, simulate
 from numpy.typing import NDArray
+from one_run import row, run
 from scipy.optimize import minimize
 
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.shadow.cast_shadows import cast_shadows
 from tactograph.nodes.shadow.shadow_confidence import shadow_confidence
 
@@ -51,8 +51,7 @@ def table(data: Path, folder: Path) -> None:
         calibration = calibrate(data / rig, folder / f"{rig}.npz")
         for shape in SHAPES:
             capture = data / rig / shape
-            given = {"capture": capture, "calibration": calibration}
-            (found,) = open_pipeline("precise", given, sinks=False).items()
+            found = run("precise", capture=capture, calibration=calibration)
             stated.append(found["confidence"].ravel())
             right.append((found["shadow"] == true_shadows(capture)).ravel())
     reliability(np.concatenate(stated), np.concatenate(right))
@@ -78,13 +77,12 @@ def fit(folder: Path) -> None:
         ball, flat, calibration = (folder / name / part for part in ("press", "flat", "cal.npz"))
         simulate(rig, rendered(rig, "ball", BALL, None), ball, seed=1)
         simulate(rig, rendered(rig, "flat", {}, None), flat, seed=2)
-        given = {"capture": ball, "flat": flat, "out": calibration}
-        run("calibrate", **given, ball_radius_mm=7.0, pixel_size_mm=rig.pixel_mm)
+        params = {"capture": ball, "flat": flat, "out": calibration}
+        run("calibrate", **params, ball_radius_mm=7.0, pixel_size_mm=rig.pixel_mm)
         for seed, title in enumerate(SHADOWED, start=3):
             capture = folder / name / "captures" / title
             simulate(rig, rendered(rig, *SIMULATED[title]), capture, seed)
-            here = {"capture": capture, "calibration": calibration}
-            (found,) = open_pipeline(graph, here, sinks=False).items()
+            found = run(graph, capture=capture, calibration=calibration)
             leds = json.loads((capture / "scene.json").read_text())["lights_mm"]
             height = np.load(capture / "truth_height_mm.npy").astype(np.float32)
             truth = cast_shadows(height, np.array(leds, np.float32), rig.pixel_mm, attached=True)
@@ -92,10 +90,10 @@ def fit(folder: Path) -> None:
             right.append(found["shadow"] == truth)
 
     def loss(values: NDArray[Any]) -> float:
-        given = dict(zip(COEFFICIENTS, map(float, values), strict=True))
+        fitted = dict(zip(COEFFICIENTS, map(float, values), strict=True))
         total = 0.0
         for captured, truth in zip(known, right, strict=True):
-            chance = shadow_confidence(**captured, **given).astype(np.float64)
+            chance = shadow_confidence(**captured, **fitted).astype(np.float64)
             total -= np.log(np.clip(np.where(truth, chance, 1 - chance), 1e-12, 1)).sum()
         return total
 

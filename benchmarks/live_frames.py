@@ -16,7 +16,7 @@ from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.simulated.simulated_sensor import Scene, SimulatedSensor
 from tactograph.rings.live.nodes.touches._match_frames import Matcher
 
-Made = TypeVar("Made")
+Value = TypeVar("Value")
 RATE, FRAMES = 60.0, 480
 SCENE = Scene(
     pixel_size_mm=1 / 28, slant_deg=33, distance_mm=60, radius_mm=4, depth_mm=1, path_mm=3
@@ -40,11 +40,11 @@ def main() -> None:
     print(f"simulated in {median(simulated):.2f} ms, matched in {median(matched):.2f} ms a frame")
 
 
-def timed(do: Callable[[], Made]) -> tuple[Made, float]:
+def timed(do: Callable[[], Value]) -> tuple[Value, float]:
     """What a function returns, and the milliseconds that it took."""
     start = time.perf_counter()
-    made = do()
-    return made, 1e3 * (time.perf_counter() - start)
+    value = do()
+    return value, 1e3 * (time.perf_counter() - start)
 
 
 if __name__ == "__main__":

@@ -63,7 +63,7 @@ outputs: {pixel: cal.pixel_size, image: frames.image, time: frames.time}
 """
 
 
-class Shown(NamedTuple):
+class Moment(NamedTuple):
     """One height of the stream, and the true one at its newest exposure."""
 
     seconds: float
@@ -133,11 +133,11 @@ def middle(end: float) -> float:
     return end - SCENE.exposure_s / 2
 
 
-def replay_press(sensor: SimulatedSensor, work: Path, calibration: Path) -> dict[int, Shown]:
+def replay_press(sensor: SimulatedSensor, work: Path, calibration: Path) -> dict[int, Moment]:
     """The heights of the recording by the number of their newest frame."""
     variant = work / "pictures.yaml"
     variant.write_text(GRAPH)
-    given = {
+    params = {
         "recording": work / "recording",
         "calibration": calibration,
         "speed": 0.0,
@@ -145,10 +145,10 @@ def replay_press(sensor: SimulatedSensor, work: Path, calibration: Path) -> dict
     }
     stream = {}
     first = len(sensor.lights) - 1
-    with open_pipeline(str(variant), given) as pipeline:
+    with open_pipeline(str(variant), params) as pipeline:
         for number, result in enumerate(pipeline.items(), start=first):
             end = number / RATE
-            stream[number] = Shown(
+            stream[number] = Moment(
                 end,
                 result["height"],
                 sensor.true_height(middle(end)),
@@ -159,26 +159,26 @@ def replay_press(sensor: SimulatedSensor, work: Path, calibration: Path) -> dict
     return stream
 
 
-def draw_preview(shown: Shown, file: Path) -> None:
-    top = round_up(float(shown.height.max()))
-    footer = f"{shown.seconds:.2f} s after the film was touched"
-    touch = Touch(shown.height, shown.image, shown.pixel, layers={"shadow": shown.shadow})
+def draw_preview(moment: Moment, file: Path) -> None:
+    top = round_up(float(moment.height.max()))
+    footer = f"{moment.seconds:.2f} s after the film was touched"
+    touch = Touch(moment.height, moment.image, moment.pixel, layers={"shadow": moment.shadow})
     picture = draw_touch(touch, top, footer)
     Image.fromarray(picture).save(file, optimize=True)
 
 
-def draw_strip(stream: list[Shown], file: Path) -> None:
+def draw_strip(stream: list[Moment], file: Path) -> None:
     """Heights above, their errors below, time to the right."""
     figure = Figure(figsize=(13, 2.75), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.subplots(2, len(stream))
     heights = Normalize(0, max(float(s.height.max()) for s in stream))
     errors = Normalize(-50, 50)
-    for upper, lower, shown in zip(*axes, stream, strict=True):
-        upper.imshow(shown.height, cmap="viridis", norm=heights)
-        upper.set_title(f"{shown.seconds:.1f} s", fontsize=9)
-        lower.imshow(1e3 * (shown.height - shown.truth), cmap="RdBu_r", norm=errors)
-        rmse = 1e3 * float(np.sqrt(np.mean((shown.height - shown.truth) ** 2)))
+    for upper, lower, moment in zip(*axes, stream, strict=True):
+        upper.imshow(moment.height, cmap="viridis", norm=heights)
+        upper.set_title(f"{moment.seconds:.1f} s", fontsize=9)
+        lower.imshow(1e3 * (moment.height - moment.truth), cmap="RdBu_r", norm=errors)
+        rmse = 1e3 * float(np.sqrt(np.mean((moment.height - moment.truth) ** 2)))
         lower.set_title(f"RMSE {rmse:.1f} µm", fontsize=8)
         for ax in (upper, lower):
             ax.set_axis_off()

@@ -160,8 +160,8 @@ def times() -> Iterator[Row]:
         took = milliseconds(track_pose, *second, PIXEL, stated, *key)
         yield f"track_pose, {touched}", took
     height, contact = second
-    begun = follow_contacts(first[1], PIXEL)
-    yield f"follow_contacts, {touched}", milliseconds(follow_contacts, contact, PIXEL, *begun[:2])
+    state = follow_contacts(first[1], PIXEL)
+    yield f"follow_contacts, {touched}", milliseconds(follow_contacts, contact, PIXEL, *state[:2])
     rows = np.mgrid[12:240:24, 16:320:24].reshape(2, -1)[::-1].T
     markers = np.column_stack([rows, np.full(len(rows), 2)]).astype(np.float32)
     shift = rng.normal(2, 0.5, rows.shape).astype(np.float32)
@@ -180,13 +180,13 @@ def times() -> Iterator[Row]:
 class Rig:
     """A simulated sensor, calibrated into `folder`."""
 
-    given: ClassVar = {"slant_deg": 33.0, "distance_mm": 60.0}
+    leds: ClassVar = {"slant_deg": 33.0, "distance_mm": 60.0}
 
     def __init__(self, folder: str) -> None:
         moved_objects.SHAPE, moved_objects.PIXEL = SIZE, PIXEL
         size = {"width_px": SIZE[1], "height_px": SIZE[0], "pixel_size_mm": PIXEL}
-        made = simulated_sensor(Path(folder), radius_mm=3.0, **size, **self.given)
-        self.calibration, self.lights = str(made / "cal.npz"), light_ring(**self.given)
+        files = simulated_sensor(Path(folder), radius_mm=3.0, **size, **self.leds)
+        self.calibration, self.lights = str(files / "cal.npz"), light_ring(**self.leds)
 
     def frame(self, motion: np.ndarray, seed: int) -> np.ndarray:
         """What the camera sees of the dome."""
@@ -251,8 +251,8 @@ def bands() -> Iterator[Row]:
     shares = " ".join(f"{100 * share:.0f}" for share in np.mean(inside, axis=0))
     yield f"{len(off)} jumps: truths in the 90 % band, x, y, z, turns", f"{shares} %"
     wrong = np.hypot(*np.array(off)[:, :2].T) > WRONG_MM
-    told = f"{wrong.sum()}, {(wrong & (np.array(sure) > 0)).sum()} of them said to be sure"
-    yield f"{len(off)} jumps: wrong by more than {1e3 * WRONG_MM:.0f} um", told
+    counts = f"{wrong.sum()}, {(wrong & (np.array(sure) > 0)).sum()} of them said to be sure"
+    yield f"{len(off)} jumps: wrong by more than {1e3 * WRONG_MM:.0f} um", counts
     yield f"{len(off)} jumps: largest error", largest(off)
 
 
@@ -328,8 +328,8 @@ class PressedBall(NamedTuple):
         """By how much the force is off, and its deviation, as shares of it."""
         maps = (self.found[name] for name in ("height", "contact"))
         gel = {"thickness_mm": self.gel[0], "poisson": self.gel[1]}
-        given = {"modulus_kpa": gel_presses.MODULUS, "error": self.found["error"], **gel}
-        figures = press_to_pressure(*maps, PIXEL, **given).figures
+        params = {"modulus_kpa": gel_presses.MODULUS, "error": self.found["error"], **gel}
+        figures = press_to_pressure(*maps, PIXEL, **params).figures
         force, deviation = (figures[f"contact_force_{each}/c1"] for each in ("n", "sd_n"))
         return force / self.newtons - 1, deviation / self.newtons
 
@@ -439,13 +439,13 @@ def largest(off: list[np.ndarray]) -> str:
     )
 
 
-def milliseconds(call: Callable[..., object], *given: object) -> str:
+def milliseconds(call: Callable[..., object], *arguments: object) -> str:
     """Median of the processor's time."""
-    call(*given)
+    call(*arguments)
     took = []
     for _ in range(FRAMES):
         start = time.process_time()
-        call(*given)
+        call(*arguments)
         took.append(time.process_time() - start)
     return f"{1e3 * np.median(took):.1f} ms"
 

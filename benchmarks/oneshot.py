@@ -37,7 +37,7 @@ from tactograph.rings.oneshot.nodes.presses.read_presses import read_presses
 
 RADIUS_MM, PIXEL_MM, FOLD_COUNT = 6.31 / 2, 0.0634, 5
 UNKNOWN = Provenance({}, None, [], {}, {}, [], [])
-DRAWN = ("25", "13", "2")
+DRAWN_PRESSES = ("25", "13", "2")
 HEAD = (
     "| circles of the held-out presses | normal error, mean / median / worst (degrees) "
     "| height RMSE, mean / median / worst (um) | per cent of the cap, mean / median |"
@@ -53,8 +53,8 @@ def chosen(presses: Path, names: list[str], into: Path) -> Path:
 
 
 def measure(captures: Path, calibration: Path, out: Path) -> list[tuple[np.ndarray, np.ndarray]]:
-    given = {"capture": captures, "calibration": calibration, "out": out}
-    results = open_pipeline("gelsight_mini", given).items()
+    params = {"capture": captures, "calibration": calibration, "out": out}
+    results = open_pipeline("gelsight_mini", params).items()
     return [(result.outputs["slope"], result.outputs["height"]) for result in results]
 
 
@@ -65,9 +65,9 @@ def main(data: Path, out: Path) -> None:
     ball = find_presses(image, flat, names, PIXEL_MM, radius_mm=RADIUS_MM).circle
     bench = make_bench(image, flat, RADIUS_MM, PIXEL_MM, degree=4)
     rows: dict[str, list[tuple[float, float, float]]] = {"refined": [], "as found": []}
-    shown: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    measured: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     at_rest: list[tuple[float, float]] = []
-    seen: list[float] = []
+    departures: list[float] = []
     for fold in range(FOLD_COUNT):
         training = ball.copy()
         training[fold::FOLD_COUNT, 2] = 0
@@ -85,24 +85,28 @@ def main(data: Path, out: Path) -> None:
             found = ball[i].astype(np.float64)
             circle = refine_center(bench, reflectance, found, i, fit.rim, steps=6)
             at_rest.append(resting(height, circle))
-            seen.append(rendered(image[i], flat, circle, bench.radius, fit))
+            departures.append(rendered(image[i], flat, circle, bench.radius, fit))
             for row, truth in (("refined", circle), ("as found", found)):
                 rows[row].append(PressedBall(truth, bench.radius, PIXEL_MM).errors(slope, height))
-            shown[names[i]] = height, circle
+            measured[names[i]] = height, circle
         print(f"fold {fold + 1} of {FOLD_COUNT} done, {time.process_time():.0f} s", file=sys.stderr)
     report(rows)
     spread, tilt = 1e3 * np.mean(at_rest, axis=0)
     print(f"\nfilm at rest: {spread:.1f} um from its mean, tilted by {tilt:.1f} um over the frame")
-    middle, most, share = np.median(seen), np.percentile(seen, 90), np.mean(np.array(seen) <= 1.5)
-    whole = np.sqrt(np.mean(np.square(seen)))
+    middle, most, share = (
+        np.median(departures),
+        np.percentile(departures, 90),
+        np.mean(np.array(departures) <= 1.5),
+    )
+    whole = np.sqrt(np.mean(np.square(departures)))
     print(
         f"rendered from the ball's shape: off by {middle:.2f} of the film's noise and texture at "
         f"rest (median), nine presses of ten below {most:.2f}; {100 * share:.0f} % at most 1.5; "
         f"of all together {whole:.2f}"
     )
-    for name, figures in zip(shown, rows["refined"], strict=True):
+    for name, figures in zip(measured, rows["refined"], strict=True):
         print(f"press {name}: {figures[0]:.2f} degrees, {figures[1]:.1f} um", file=sys.stderr)
-    draw({name: shown[name] for name in DRAWN}, bench, out / "oneshot.png")
+    draw({name: measured[name] for name in DRAWN_PRESSES}, bench, out / "oneshot.png")
 
 
 def resting(height: np.ndarray, circle: np.ndarray) -> tuple[float, float]:
@@ -140,12 +144,12 @@ def report(rows: dict[str, list[tuple[float, float, float]]]) -> None:
         )
 
 
-def draw(shown: dict[str, tuple[np.ndarray, np.ndarray]], bench: Bench, file: Path) -> None:
+def draw(measured: dict[str, tuple[np.ndarray, np.ndarray]], bench: Bench, file: Path) -> None:
     """The held-out heights, and their sections through the ball beside the ball's own."""
-    figure = Figure(figsize=(4 * len(shown), 5), layout="constrained")
+    figure = Figure(figsize=(4 * len(measured), 5), layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.subplots(2, len(shown), squeeze=False)
-    for (name, (height, circle)), (above, below) in zip(shown.items(), axes.T, strict=True):
+    axes = figure.subplots(2, len(measured), squeeze=False)
+    for (name, (height, circle)), (above, below) in zip(measured.items(), axes.T, strict=True):
         picture = above.imshow(1e3 * height, cmap="viridis", vmin=-100, vmax=900)
         above.set(title=f"press {name}, held out / um", xlabel="x / px", ylabel="y / px")
         x = np.arange(height.shape[1])

@@ -29,8 +29,8 @@ from tactograph.graph.run.pipeline import Pipeline
 from tactograph.nodes.light.flat_field import flat_field
 
 NODES = 20
-STACK = np.full((3, 2, 2), 0.5, np.float32)
-DARK = np.zeros((2, 2), np.float32)
+STACK = np.full((3, 4, 4), 0.5, np.float32)
+DARK = np.zeros((4, 4), np.float32)
 ITEMS = 10_000
 
 
@@ -69,7 +69,7 @@ def grow(name: str, pipeline: Pipeline) -> None:
     print(f"{name}: {ITEMS} items: {before} KiB peak after 100, {after} KiB at the end")
 
 
-def chain(**given: str) -> Pipeline:
+def chain(**params: str) -> Pipeline:
     """A pipeline of NODES divisions by one."""
     lines = [
         "format: 1",
@@ -87,7 +87,7 @@ def chain(**given: str) -> Pipeline:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "chain.yaml"
         file.write_text("\n".join(lines))
-        return load(str(file), **given)
+        return load(str(file), **params)
 
 
 def bare_calls() -> None:

@@ -17,12 +17,11 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from one_run import run
 
 from tactograph.graph.disk.strict_yaml import Place
 from tactograph.graph.files.apply_patch import apply_patch
-from tactograph.graph.files.flat_graph import Graph
 from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.graph.run.result import Result
 from tactograph.graph.show.colours import BIT_COLOURS
 
@@ -50,22 +49,17 @@ def main() -> None:
     draw_band(found, truth, out / "error_band.png")
 
 
-def run(graph: Graph, **given: Any) -> Result:
-    (result,) = open_pipeline(graph, given).items()
-    return result
-
-
 def measure_cat(folder: Path) -> Result:
     """Simulate, calibrate and measure; the rises of the last pass are kept too."""
     ball, flat, cat = (str(folder / name) for name in ("ball", "flat", "cat"))
-    run(read_graph("simulate"), out=ball, radius_mm=7.0, seed=1, **NEAR)
-    run(read_graph("simulate_flat"), out=flat, seed=2, **NEAR)
+    run("simulate", out=ball, radius_mm=7.0, seed=1, **NEAR)
+    run("simulate_flat", out=flat, seed=2, **NEAR)
     change = {"replace": "shape", "op": "shape_cat", "settings": CAT}
     shape = apply_patch(read_graph("simulate"), change, {"": Place("pictures", 0, 0, "shape")})
     run(shape, out=cat, seed=3, **NEAR)
     file = str(folder / "cal.npz")
     run(
-        read_graph("calibrate"),
+        "calibrate",
         capture=ball,
         flat=flat,
         ball_radius_mm=7.0,

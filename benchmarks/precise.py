@@ -32,7 +32,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT / "tests" / "data"
 EASY, HARD = "far28/sphere_film", "near33/cat"
-SHOWN = 12
+MOST_ROWS = 12
 
 
 class Spent(NamedTuple):
@@ -115,7 +115,7 @@ def report(name: str, folder: Path, more: list[str], rounds: int, before: str | 
             f"the wall, 1/{then[1] / processor:.1f} by processor"
         )
     nodes = {n: median(s.nodes[n] for s in spent) for n in spent[0].nodes}
-    longest = sorted(nodes.items(), key=lambda pair: -pair[1])[:SHOWN]
+    longest = sorted(nodes.items(), key=lambda pair: -pair[1])[:MOST_ROWS]
     print("  " + ", ".join(f"{node} {ms:.1f}" for node, ms in longest), flush=True)
 
 
@@ -130,8 +130,8 @@ def prepare(name: str, folder: Path) -> None:
 def calibrated(name: str, folder: Path) -> Path:
     """Calibrate a capture's rig by this version's own command, for images of twice the size."""
     rig, first, file = DATA / name.partition("/")[0], folder / "small.npz", folder / "cal.npz"
-    given = {"capture": rig / "calibration", "flat": rig / "flat", "out": first}
-    words = [f"{key}={value}" for key, value in given.items()]
+    params = {"capture": rig / "calibration", "flat": rig / "flat", "out": first}
+    words = [f"{key}={value}" for key, value in params.items()]
     words += ["ball_radius_mm=7", f"pixel_size_mm={1 / 14}", "--quiet"]
     command = [sys.executable, "-m", "tactograph.graph.command", "run", "calibrate", *words]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL, cwd=folder)
@@ -187,8 +187,7 @@ def answer(
     from tactograph.graph import load
 
     with tempfile.TemporaryDirectory() as folder:
-        given = Path(name).is_file()
-        calibration = Path(name) if given else calibrated(name, Path(folder))
+        calibration = Path(name) if Path(name).is_file() else calibrated(name, Path(folder))
         pipeline = load(graph, calibration=str(calibration), outputs=outputs, backend=backend)
         frames = np.load(file)
         with np.load(calibration, allow_pickle=False) as known:

@@ -17,10 +17,10 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from one_run import run
 from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import load
-from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.simulate.expose import expose
 from tactograph.nodes.simulate.press import press
 from tactograph.nodes.simulate.shape_ball import shape_ball
@@ -89,8 +89,8 @@ def press_all(coat: dict[str, float], ball: tuple[float, ...], folder: Path) -> 
 
 
 def calibrate(folder: Path, ball_mm: float, more: dict[str, Any]) -> None:
-    given = {"captures": folder / "balls", "flat": folder / "flat", "ball_radius_mm": ball_mm}
-    run("calibrate_presses", **given, **more, pixel_size_mm=PIXEL_MM, out=folder / "cal.npz")
+    params = {"captures": folder / "balls", "flat": folder / "flat", "ball_radius_mm": ball_mm}
+    run("calibrate_presses", **params, **more, pixel_size_mm=PIXEL_MM, out=folder / "cal.npz")
 
 
 def row(title: str, coat: dict[str, float], shape: str, folder: Path) -> None:
@@ -147,8 +147,8 @@ def see(film: Map, coat: dict[str, float], folder: Path, seed: int) -> Path:
         nodes["all"] = {"op": "interreflect", "in": lit | {"rest": "rest_lit.light"}, "with": coat}
         light = "all"
     with load({"format": 1, "nodes": nodes, "outputs": {"light": light}}) as pipeline:
-        (seen,) = pipeline.items()
-    planes = seen.outputs["light"]
+        (result,) = pipeline.items()
+    planes = result.outputs["light"]
     if coat:
         planes = gaussian_filter(planes, (0, BLUR_PX, BLUR_PX))
     image = np.rint(255 * expose(planes, seed=seed).image).astype(np.uint8)
@@ -156,11 +156,6 @@ def see(film: Map, coat: dict[str, float], folder: Path, seed: int) -> Path:
         (folder / f"{name}.npy").unlink()
     cv2.imwrite(str(folder / "colours.png"), image.transpose(1, 2, 0))
     return folder
-
-
-def run(graph: str, **given: Any) -> Any:
-    (result,) = open_pipeline(graph, given, sinks=graph == "calibrate_presses").items()
-    return result
 
 
 if __name__ == "__main__":

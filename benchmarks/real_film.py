@@ -25,6 +25,7 @@ import argparse
 import csv
 import json
 import shutil
+import sys
 import tempfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping
@@ -38,9 +39,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from tactograph.graph import load
-from tactograph.graph.files.changes import with_changes
-from tactograph.graph.files.read_graph import read_graph
-from tactograph.graph.run.open_pipeline import open_pipeline
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.one_run import row, run
 
 ROOT = Path(__file__).resolve().parents[1]
 PIXEL_MM, RADIUS_MM, PITCH_MM = 0.003404, 0.2475, 1.0
@@ -60,7 +62,7 @@ ASTRAY_BALL = 4.0
 """Median departures from the plane of all beyond which a ball is not seen alike by both scans."""
 WITHIN_90 = 1.6449
 """Standard deviations of a normal distribution on either side that hold 90 %."""
-SHOWN, TEXTURE_PX = 0.8, 8.0
+INNER_SHARE, TEXTURE_PX = 0.8, 8.0
 """Share of the radius on which rendered images count; width of what counts as smooth film."""
 BESIDE_REACH = 1.5
 """Film counts as such from so many radii from any ball."""
@@ -123,31 +125,26 @@ def main() -> None:
     parser.add_argument("--ablations", action="store_true", help="without each part of the film")
     parser.add_argument("--exchanged", action="store_true", help="the other scan calibrates")
     parser.add_argument("--rendered", action="store_true", help="real scans against see_touch")
-    given = parser.parse_args()
-    graphs = given.graphs or (ABLATIONS if given.ablations else GRAPHS)
+    options = parser.parse_args()
+    graphs = options.graphs or (ABLATIONS if options.ablations else GRAPHS)
     with tempfile.TemporaryDirectory() as folder:
-        if given.only != "rigs":
-            data = given.data / "real/gelsight_six_led"
-            rest = data, given.leds, graphs, Path(folder), given.scale
-            if given.rendered:
+        if options.only != "rigs":
+            data = options.data / "real/gelsight_six_led"
+            rest = data, options.leds, graphs, Path(folder), options.scale
+            if options.rendered:
                 rendered_rows(*rest)
             else:
-                real(*rest, *(SCANS[::-1] if given.exchanged else SCANS))
-        if given.only != "real":
-            seen = given.data / "raytraced"
-            if given.mosaic:
-                seen = seen_by(through_a_mosaic, seen, given.rigs, Path(folder) / "mosaic")
-            if given.blur:
-                blur = partial(blurred, width_px=given.blur)
-                seen = seen_by(blur, seen, given.rigs, Path(folder) / "blurred")
-            rigs(seen, given.rigs, given.shapes, graphs, Path(folder))
-
-
-def run(graph: str, changes: dict[str, Any] | None = None, **values: Any) -> Any:
-    """Run a shipped graph on one capture."""
-    changed = with_changes(read_graph(graph), changes or {})
-    (result,) = open_pipeline(changed, values, sinks="out" in values).items()
-    return result
+                real(*rest, *(SCANS[::-1] if options.exchanged else SCANS))
+        if options.only != "real":
+            rig_folder = options.data / "raytraced"
+            if options.mosaic:
+                rig_folder = seen_by(
+                    through_a_mosaic, rig_folder, options.rigs, Path(folder) / "mosaic"
+                )
+            if options.blur:
+                blur = partial(blurred, width_px=options.blur)
+                rig_folder = seen_by(blur, rig_folder, options.rigs, Path(folder) / "blurred")
+            rigs(rig_folder, options.rigs, options.shapes, graphs, Path(folder))
 
 
 def real(
@@ -222,8 +219,8 @@ def rendered_rows(
         leds, file = LEDS[count], folder / f"rendered{count}.npz"
         _calibrated(captures, leds, scale, file, ball_pitch_mm=PITCH_MM)
         for graph in graphs:
-            given = {"capture": captures["balls_2"], "calibration": file}
-            height = run(graph, {"frames.leds": leds}, **given)["height"]
+            params = {"capture": captures["balls_2"], "calibration": file}
+            height = run(graph, {"frames.leds": leds}, **params)["height"]
             found = rendered(height, captures, leds, file, data / "balls_2.csv", scale)
             figures = [np.median(found), np.percentile(found, 90), 100 * np.mean(found <= 1.5)]
             whole = (_marked(data / "balls_2.csv", scale)[0] != SCRATCHED).any(axis=1)
@@ -246,7 +243,7 @@ def _calibrated(
     **how: Any,
 ) -> dict[str, Any]:
     """The quality of a calibration with a scan."""
-    made = run(
+    result = run(
         "calibrate",
         {"taken.leds": leds, "rest_taken.leds": leds},
         capture=captures[scan],
@@ -256,7 +253,7 @@ def _calibrated(
         out=file,
         **how,
     )
-    quality: dict[str, Any] = made["quality"]
+    quality: dict[str, Any] = result["quality"]
     return quality
 
 
@@ -489,20 +486,20 @@ def rendered(
         inside, top = ball.away < INNER, RADIUS_MM * ball.shape[2]
         film[window][inside] = (top + (height[window] - top)[inside].mean())[inside]
     see = load("see_touch", calibration=file, seed=None, bits=16, outputs=["image"])
-    shown = see(height=film)["image"]
-    flat, taken = (
+    simulated = see(height=film)["image"]
+    flat, captured = (
         np.stack([_fractions(captures[name] / f"led{k}.png") for k in leds])
         for name in ("flat", "balls_2")
     )
     between = _between(film.shape, numbers, centres, RADIUS_MM / (PIXEL_MM * scale))
-    gain = np.median((taken / shown)[:, between], axis=1)[:, None, None]
+    gain = np.median((captured / simulated)[:, between], axis=1)[:, None, None]
     smooth = gaussian_filter(flat, (0, TEXTURE_PX, TEXTURE_PX))
     texture = (flat / smooth - 1).std(axis=(1, 2))[:, None]
     ratios = []
     for window, ball in balls:
-        inside = ball.away < SHOWN
-        off = (taken / gain - shown)[(slice(None), *window)][:, inside]
-        at_rest = texture * taken[(slice(None), *window)][:, inside]
+        inside = ball.away < INNER_SHARE
+        off = (captured / gain - simulated)[(slice(None), *window)][:, inside]
+        at_rest = texture * captured[(slice(None), *window)][:, inside]
         ratios.append(np.sqrt(np.mean(off**2) / np.mean(at_rest**2)))
     return np.array(ratios)
 
@@ -557,9 +554,9 @@ def seen_by(camera: Callable[[Image], Image], data: Path, names: list[str], fold
 def through_a_mosaic(image: Image) -> Image:
     """What a camera that interpolates colours makes of an image: neighbours share noise."""
     taps = np.array([0.5, 1, 0.5], np.float32)
-    seen = np.zeros_like(image)
-    seen[::2, ::2] = image[::2, ::2]
-    return cv2.sepFilter2D(seen, -1, taps, taps, borderType=cv2.BORDER_REFLECT_101)
+    mosaic = np.zeros_like(image)
+    mosaic[::2, ::2] = image[::2, ::2]
+    return cv2.sepFilter2D(mosaic, -1, taps, taps, borderType=cv2.BORDER_REFLECT_101)
 
 
 def blurred(image: Image, width_px: float) -> Image:
@@ -599,10 +596,6 @@ def _error(metrics: dict[str, float]) -> str:
     if band is None:
         return microns
     return f"{microns}, {band:.0f} %, {metrics['stated_over_actual']:.1f}"
-
-
-def row(*cells: str) -> None:
-    print("| " + " | ".join(cells) + " |", flush=True)
 
 
 if __name__ == "__main__":

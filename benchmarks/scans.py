@@ -1,8 +1,8 @@
 """Print, as Markdown, how true heights of scans are by the light models that come with them.
 
-    python -m benchmarks.scans
-    python -m benchmarks.scans --only coin --pictures docs/pictures
-    python -m benchmarks.scans --only speed     # on a machine that does nothing else
+    python benchmarks/scans.py
+    python benchmarks/scans.py --only coin --pictures docs/pictures
+    python benchmarks/scans.py --only speed     # on a machine that does nothing else
 
 Balls: two grids on GelSight's OEM sensor, by the vendor's file alone and by a calibration that
 starts from it and is fitted to the other grid.  Coin: on a handheld sensor; its field is what lies
@@ -17,6 +17,7 @@ import argparse
 import os
 import re
 import shutil
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -28,8 +29,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchmarks.real_film import PIXEL_MM, RADIUS_MM, ROOT, measure, row, run
-from rings.metrology.tests.scan.scans import groove_shape, lit, seen, write_scan
 from tactograph.graph import load
 from tactograph.graph.run.result import Result
 from tactograph.nodes import BAND_DEVIATIONS, Light, Metrics
@@ -44,6 +43,12 @@ from tactograph.rings.metrology.nodes.scan.read_light_model import ScanLight, re
 from tactograph.rings.metrology.nodes.surface.filter_surface import form
 from tactograph.rings.metrology.nodes.surface.measure_step import measure_step, step_profiles
 from tactograph.rings.metrology.nodes.surface.plot_step import plot_step
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.one_run import row, run
+from benchmarks.real_film import PIXEL_MM, RADIUS_MM, ROOT, measure
+from rings.metrology.tests.scan.scans import groove_shape, lit, seen, write_scan
 
 DATA = ROOT.parent / "shared/data/real"
 GRIDS, SCANS = DATA / "gelsight_six_led", DATA / "gelsight_scans"
@@ -67,11 +72,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--only", choices=list(PARTS), action="append", help="a part of it")
     parser.add_argument("--pictures", type=Path, help="draw coin and groove into this folder")
-    given = parser.parse_args()
+    options = parser.parse_args()
     if not GRIDS.is_dir() or not SCANS.is_dir():
         raise SystemExit(f"there are no captures in {DATA}")
-    for part in given.only or PARTS:
-        PARTS[part](given.pictures)
+    for part in options.only or PARTS:
+        PARTS[part](options.pictures)
         print()
 
 
@@ -223,13 +228,13 @@ def show_models(_: Path | None) -> None:
     models = {file.stem: read_light_model(file=file, cell=CELL_PX) for file in alike}
     oem = read_light_model(file=MODEL, cell=CELL_PX).model
     lit = {f"dome, {name}": seen(dome(of), of.model, of.pixel_size) for name, of in models.items()}
-    (taken,) = read_capture(folder=COIN)
-    lit["coin, model-test1"] = coarsen(taken.image, factor=CELL_PX)
+    (capture,) = read_capture(folder=COIN)
+    lit["coin, model-test1"] = coarsen(capture.image, factor=CELL_PX)
     head("light of", "by", "left", "brightness")
     for light, (name, of) in product(lit, models.items()):
         judged(light, name, lit[light], of.model)
-    (taken,) = read_capture(folder=GRIDS / "balls_1")
-    lights = coarsen(taken.image, factor=CELL_PX)
+    (capture,) = read_capture(folder=GRIDS / "balls_1")
+    lights = coarsen(capture.image, factor=CELL_PX)
     dimmed = np.where(np.arange(6) == 2, 0.7, 1).astype(np.float32)[:, None, None]
     for how, light in {
         "balls_1": lights,
@@ -245,8 +250,8 @@ def show_models(_: Path | None) -> None:
 def judged(how: str, by: str, light: Light, model: LightModel) -> None:
     found = light_model_slope(np.ascontiguousarray(light, np.float32), model)
     figures = judge_light_model(found, only_warn=True)
-    left, brightness = figures["model_residual"], figures["model_brightness"]
-    row(how, by, f"{left:.1%}", f"{brightness:.2f}")
+    residual, brightness = figures["model_residual"], figures["model_brightness"]
+    row(how, by, f"{residual:.1%}", f"{brightness:.2f}")
 
 
 def dome(sensor: ScanLight) -> NDArray[np.float32]:
@@ -259,14 +264,14 @@ def dome(sensor: ScanLight) -> NDArray[np.float32]:
 def show_speed(_: Path | None) -> None:
     """Seconds of one scan, by the clock and of the processor: medians."""
     images = np.stack([ImageFile(GRIDS / f"balls_1/led{k}.png").read() for k in range(1, 7)])
-    given = {"model": MODEL, "pixel_size_mm": PIXEL_MM}
-    warm = load("reconstruct_scan", **given)
+    params = {"model": MODEL, "pixel_size_mm": PIXEL_MM}
+    warm = load("reconstruct_scan", **params)
     head("six images of 5 megapixels", "clock / s", "processor / s")
     timed("in memory, to height and error", lambda: warm(frames=images))
     with tempfile.TemporaryDirectory() as folder:
         for number in range(WARM_ROUNDS + ROUNDS):
             (Path(folder) / f"scan{number:02}").symlink_to(GRIDS / f"balls_{1 + number % 2}")
-        scans = load("reconstruct_scan", capture=folder, **given).items()
+        scans = load("reconstruct_scan", capture=folder, **params).items()
         timed("a stream of folders, to height and error", lambda: next(scans))
     print(f"\nload of the machine: {os.getloadavg()[0]:.1f}")
 
@@ -328,8 +333,8 @@ def settled(device: str, wall: float, seed: int, folder: Path) -> tuple[Metrics,
     text = (SCANS / "devices" / f"{device}.yaml").read_text()
     sizes = {"width": 1 / SMALLER, "height": 1 / SMALLER, "mmperpixel": SMALLER}
     for key, factor in sizes.items():
-        (said,) = re.findall(rf"^{key}: *(.*)$", text, re.MULTILINE)
-        text = text.replace(f"{key}: {said}", f"{key}: {float(said) * factor:g}", 1)
+        (value,) = re.findall(rf"^{key}: *(.*)$", text, re.MULTILINE)
+        text = text.replace(f"{key}: {value}", f"{key}: {float(value) * factor:g}", 1)
     model = folder / f"{device}.yaml"
     model.write_text(text)
     shutil.copy(SCANS / "devices" / f"{device}.png", folder)
@@ -346,11 +351,11 @@ def settled(device: str, wall: float, seed: int, folder: Path) -> tuple[Metrics,
         light *= 1.045 - 0.052 * z / depth * 1e3
         light *= 1 + 0.01 * rng.normal(size=light.shape)
         write_scan(folder / name, np.clip(light, 0, 1).astype(np.float32), pixel=pixel)
-    given = {"capture": folder / "part", "model": model, "cell_px": 8, "out": folder / "result"}
+    params = {"capture": folder / "part", "model": model, "cell_px": 8, "out": folder / "result"}
     known = {"step": folder / "known", "certified_um": (KNOWN_UM, 0.2)}
     figures = []
     for more in ({}, known):
-        run("reconstruct_scan", **given, **more)
+        run("reconstruct_scan", **params, **more)
         figures.append(run("measure_step", height=folder / "result" / "height.npy")["step"])
     return figures[0], figures[1]
 

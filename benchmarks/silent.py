@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from one_run import row as print_row
 from silent.calibrations import F4, bytes_of, calibrated, pipeline
 from silent.rigs import Rig, Touch, makers
 from silent.wrong import KINDS, Kind, Scene
@@ -60,13 +61,13 @@ def main() -> None:
         options.rig, options.kind = options.rig or ["near"], options.kind or SMALL
         options.valid, options.touches = 10, 1
     warnings.simplefilter("ignore")  # A machine without an OpenCL device says so at every load.
-    print_row([*COLUMNS, "figures"])
-    print_row(["---"] * (len(COLUMNS) + 1))
+    print_row(*COLUMNS, "figures")
+    print_row(*["---"] * (len(COLUMNS) + 1))
     rows: list[Row] = []
     for trial in trials(options):
         for row in trial.rows():
             rows.append(row)
-            print_row([*(cell(row[name]) for name in COLUMNS), figures(row["figures"])])
+            print_row(*(cell(row[name]) for name in COLUMNS), figures(row["figures"]))
         if options.csv is not None:
             write_csv(options.csv, rows)
     print_summary(rows)
@@ -74,15 +75,15 @@ def main() -> None:
 
 def trials(options: argparse.Namespace) -> Iterator[Trial]:
     """Each sensor with each graph."""
-    made = makers(options.valid)
+    sensors = makers(options.valid)
     rigs: dict[str, Rig | None] = {}
 
     def named(name: str) -> Rig | None:
         if name not in rigs:
-            rigs[name] = made[name](options.cache)
+            rigs[name] = sensors[name](options.cache)
         return rigs[name]
 
-    for name in options.rig or made:
+    for name in options.rig or sensors:
         rig = named(name)
         if rig is None:
             print(f"{name} is left out: its captures are not here", file=sys.stderr)
@@ -125,18 +126,18 @@ class Trial:
                 return refused(error)
             said = [f"refused: {error}"]
         height, error = result["height"], result.outputs.get("error")
-        kept = {n: float(v) for n, v in result["metrics"].items() if n.startswith(FIGURES)}
+        figures = {n: float(v) for n, v in result["metrics"].items() if n.startswith(FIGURES)}
         return {
             "height": np.array(height),
             "rmse_um": np.nan if truth is None else micrometres(height - truth),
             "stated_um": np.nan if error is None else micrometres(error),
             "said": said + [s for s in result.warnings if not s.startswith(NOT_OF_LIGHT)],
-            "figures": kept,
+            "figures": figures,
         }
 
     def rows(self) -> Iterator[Row]:
-        wanted = self.options.kind
-        if wanted is None or "valid" in wanted:
+        kinds = self.options.kind
+        if kinds is None or "valid" in kinds:
             for touch in (*self.rig.touches, *self.rig.valid):
                 images = self.rig.photograph(touch.light, touch)
                 found = self.measure(self.file, images, touch.height)
@@ -146,7 +147,7 @@ class Trial:
             yield self.row("valid calibration", "", "", "", found, np.nan)
         for name, kind in KINDS.items():
             fits = kind.sensors in ("all", "colour" if self.rig.colour else "leds")
-            if fits and (wanted is None or name in wanted):
+            if fits and (kinds is None or name in kinds):
                 levels = list(enumerate(kind.strengths))
                 once = kind.spoils == "recipe" and self.rig.slow
                 for level, value in levels[-1:] if once else levels:
@@ -217,7 +218,7 @@ class Trial:
     def row(self, kind: str, touch: str, level: str, value: Any, found: Row, right: float) -> Row:
         off, stated, said = found["rmse_um"], found["stated_um"], found["said"]
         floors = [f for f in (right, stated) if not np.isnan(f)] or [0.0]
-        made = found.get("calibration", {"warnings": [], "figures": {}})
+        calibration = found.get("calibration", {"warnings": [], "figures": {}})
         return {
             "rig": self.rig.name,
             "graph": self.graph,
@@ -231,11 +232,11 @@ class Trial:
             "harm": "height" not in found or bool(off > max(HARM_UM, TIMES * min(floors))),
             "reported": bool(said),
             "check": "; ".join(" ".join(s.split()[:5]) for s in said),
-            "reported_at_calibration": not self.usual >= forms(made["warnings"]),
+            "reported_at_calibration": not self.usual >= forms(calibration["warnings"]),
             "warnings": " / ".join(said),
-            "calibration_warnings": " / ".join(made["warnings"]),
+            "calibration_warnings": " / ".join(calibration["warnings"]),
             "figures": found["figures"]
-            | {f"calibration/{name}": figure for name, figure in made["figures"].items()},
+            | {f"calibration/{name}": figure for name, figure in calibration["figures"].items()},
         }
 
 
@@ -299,12 +300,8 @@ def cell(value: Any) -> str:
 
 
 def figures(found: dict[str, float]) -> str:
-    shown = (f"{n} {v:.3g}" for n, v in found.items() if not n.startswith("calibration/"))
-    return ", ".join(shown)
-
-
-def print_row(cells: Any) -> None:
-    print("|", " | ".join(cells), "|", flush=True)
+    lines = (f"{n} {v:.3g}" for n, v in found.items() if not n.startswith("calibration/"))
+    return ", ".join(lines)
 
 
 if __name__ == "__main__":

@@ -33,7 +33,7 @@ patch:
     with: {{level: 1.0, cosine_leds: {disks}}}
   - set: rest
     with: {{level: 1.0, cosine_leds: {disks}}}
-outputs: {{light: lens, height: seen.height, labels: seen.labels}}
+outputs: {{light: lens, height: view.height, labels: view.labels}}
 """
 F4 = NDArray[np.float32]
 
@@ -66,16 +66,16 @@ def row(data: Path, rig: str) -> str:
 
 def differences(data: Path, rig: str, scene: str, facts: dict[str, Any], gain: float) -> F4:
     """On touched film, away from the edges of shadows and from walls."""
-    made = rendered(data / "hand_ideal" / scene / "truth_height_mm.npy", facts)
-    seen, labels, height = images(data / rig / scene), made["labels"], made["height"]
+    result = rendered(data / "hand_ideal" / scene / "truth_height_mm.npy", facts)
+    image, labels, height = images(data / rig / scene), result["labels"], result["height"]
     steep = np.hypot(*np.gradient(height, facts["pixel_size_mm"])) > 3
     window = np.ones((5, 5), np.uint8)
     calm = (cv2.dilate(steep.astype(np.uint8), window) == 0) & (height > 0.02)
     edges = np.stack(
         [cv2.morphologyEx(labels >> k & 1, cv2.MORPH_GRADIENT, window) for k in range(4)]
     )
-    counts = calm & (edges == 0) & (seen < 254)
-    return (gain * made["light"] - seen)[counts]
+    counts = calm & (edges == 0) & (image < 254)
+    return (gain * result["light"] - image)[counts]
 
 
 def images(folder: Path) -> F4:
@@ -94,8 +94,6 @@ def rendered(height: Path, facts: dict[str, Any]) -> dict[str, Any]:
         pipeline = load(
             str(graph),
             out=Path(folder) / "out",
-            radius_mm=None,
-            rise_mm=None,
             led_size_mm=2 * disc,
             albedo=facts["albedo"],
             bounce_albedo=bounce,

@@ -60,17 +60,17 @@ def main() -> None:
     arguments = parser.parse_args()
     print(f"{_machine()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
     with tempfile.TemporaryDirectory() as folder:
-        given = prepared(Path(folder))
+        params = prepared(Path(folder))
         if arguments.browser:
-            in_browser(arguments.graph, given, Path(folder), arguments.browser)
+            in_browser(arguments.graph, params, Path(folder), arguments.browser)
         else:
-            follow(arguments.graph, given, arguments.updates)
+            follow(arguments.graph, params, arguments.updates)
 
 
 def prepared(folder: Path) -> dict[str, str]:
     """A capture and a calibration of a simulated sensor."""
     touch, ball, flat, file = (folder / name for name in ("touch", "ball", "flat", "cal.npz"))
-    for graph, given in (
+    for graph, params in (
         ("simulate", {**SIZE, "out": touch, "radius_mm": 5.0, "seed": 3}),
         ("simulate", {**SIZE, "out": ball, "radius_mm": 7.0, "seed": 1}),
         ("simulate_flat", {**SIZE, "out": flat, "seed": 2}),
@@ -85,20 +85,20 @@ def prepared(folder: Path) -> dict[str, str]:
             },
         ),
     ):
-        for _ in open_pipeline(graph, given).items():
+        for _ in open_pipeline(graph, params).items():
             pass
     return {"capture": str(touch), "calibration": str(file)}
 
 
 def _settle(tuning: Tuning) -> None:
     """Wait for the result of the latest request."""
-    while tuning.shown.asked is not tuning.asked:
+    while tuning.state.request is not tuning.request:
         time.sleep(0.01)
 
 
-def follow(graph: str, given: dict[str, str], updates: int) -> None:
+def follow(graph: str, params: dict[str, str], updates: int) -> None:
     """Print how long the height takes to follow each parameter, and the memory meanwhile."""
-    tuning = Tuning(graph, given)
+    tuning = Tuning(graph, params)
     try:
         _settle(tuning)
         tuning.output = "height"
@@ -106,9 +106,9 @@ def follow(graph: str, given: dict[str, str], updates: int) -> None:
             walls, processor = [], time.process_time()
             sizes = []
             for number, value in enumerate(_values(middle, updates)):
-                before, start = tuning.shown.number, time.perf_counter()
+                before, start = tuning.state.number, time.perf_counter()
                 tuning.set(node, parameter, value)
-                while tuning.shown.number == before:
+                while tuning.state.number == before:
                     time.sleep(0.0005)
                 walls.append(time.perf_counter() - start)
                 if number in (updates // 10, updates - 1):
@@ -122,18 +122,18 @@ def follow(graph: str, given: dict[str, str], updates: int) -> None:
                 f"{each:.0f} ms of the processor each; "
                 f"{sizes[0]:.0f} MB after {updates // 10} updates, {sizes[-1]:.0f} after {updates}"
             )
-            if tuning.shown.error:
-                sys.exit(tuning.shown.error)
+            if tuning.state.error:
+                sys.exit(tuning.state.error)
     finally:
         tuning.close()
 
 
-def in_browser(graph: str, given: dict[str, str], folder: Path, seconds: float) -> None:
+def in_browser(graph: str, params: dict[str, str], folder: Path, seconds: float) -> None:
     """Print how many pictures a second chromium shows while it drags a slider."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
     from rings.tune.tests.browser import Browser
 
-    words = [f"{name}={value}" for name, value in given.items()]
+    words = [f"{name}={value}" for name, value in params.items()]
     server = subprocess.Popen(
         [sys.executable, "-m", "tactograph.graph.command", "tune", graph, *words, "--no-browser"],
         stdout=subprocess.PIPE,

@@ -42,16 +42,16 @@ def calibrated(recipe: Recipe, colour: bool, kept_in: Path) -> tuple[Path, dict[
     """
     name = "calibrate_presses" if colour else "calibrate"
     graph = read_graph(name)
-    kept = {name: entry for name, entry in graph.nodes.items() if not entry.op.startswith("plot_")}
-    graph = replace(graph, nodes=kept)
+    nodes = {name: entry for name, entry in graph.nodes.items() if not entry.op.startswith("plot_")}
+    graph = replace(graph, nodes=nodes)
     folder = kept_in / "calibrations" / key_of(name, recipe.balls, recipe.flat, recipe[2:5])
-    file, said = folder / "cal.npz", folder / "said.json"
-    if not said.exists():
+    file, report = folder / "cal.npz", folder / "report.json"
+    if not report.exists():
         write(folder / "flat", recipe.flat, colour)
         for i, ball in enumerate(recipe.balls):
             write(folder / "balls" / f"{i:02}", ball, colour)
-        said.write_text(json.dumps(calibrate(graph, recipe, folder, file)))
-    found = json.loads(said.read_text())
+        report.write_text(json.dumps(calibrate(graph, recipe, folder, file)))
+    found = json.loads(report.read_text())
     if found.get("refused"):
         raise InputError(found["refused"])
     return file, found
@@ -61,7 +61,7 @@ def calibrate(graph: Graph, recipe: Recipe, folder: Path, file: Path) -> dict[st
     """Write a calibration; its warnings and figures, or why it was refused."""
     balls = folder / "balls"
     one = balls / "00" if len(recipe.balls) == 1 else balls
-    given = {
+    params = {
         "captures" if "captures" in graph.params else "capture": str(one),
         "flat": str(folder / "flat"),
         "ball_radius_mm": recipe.radius_mm,
@@ -70,7 +70,7 @@ def calibrate(graph: Graph, recipe: Recipe, folder: Path, file: Path) -> dict[st
         **recipe.more,
     }
     try:
-        (result,) = open_pipeline(graph, given).items()
+        (result,) = open_pipeline(graph, params).items()
     except InputError as error:
         return {"refused": str(error)}
     figures = {k: v for k, v in result["quality"].items() if isinstance(v, int | float)}

@@ -133,14 +133,14 @@ class Simulator:
 
     @cached_property
     def pipeline(self) -> Any:
-        seen = {"light": "lens", "height": "view.height"}
-        outputs = seen if self.hand else {"light": "scene.light", "height": "film"}
+        captured = {"light": "lens", "height": "view.height"}
+        outputs = captured if self.hand else {"light": "scene.light", "height": "film"}
         shape = {"file": "none.npy", "pixel_size_mm": "$pixel_size_mm"}
         patch = [{"replace": "shape", "op": "shape_image", "with": shape}]
         graph = {"format": 1, "extends": self.ring.graph, "patch": patch, "outputs": outputs}
         view = {"lens_at_corner": 0.0, **self.canvas} if self.hand else {}
-        given = {"out": self.folder / "unused", "pixel_size_mm": self.ring.pixel_mm}
-        return load(graph, given | view)
+        params = {"out": self.folder / "unused", "pixel_size_mm": self.ring.pixel_mm}
+        return load(graph, params | view)
 
     @cached_property
     def film(self) -> F4:
@@ -157,14 +157,14 @@ class Simulator:
         key = key_of(self.ring.graph, (self.ring, rigid, places), object)
         file = self.folder / f"{key}.npz"
         if not file.exists():
-            with tempfile.NamedTemporaryFile(suffix=".npy") as given:
-                np.save(given.name, object)
-                self.pipeline.set("shape", file=given.name)
+            with tempfile.NamedTemporaryFile(suffix=".npy") as stored:
+                np.save(stored.name, object)
+                self.pipeline.set("shape", file=stored.name)
                 self.pipeline.set("film", reach_mm=0.5 * (not rigid), skin_mm=0.1 * (not rigid))
                 self.pipeline.set("lights", positions_mm=places)
-                made = self.pipeline()
+                result = self.pipeline()
             part = file.with_suffix(".part.npz")
-            np.savez_compressed(part, light=made["light"], height=made["height"])
+            np.savez_compressed(part, light=result["light"], height=result["height"])
             part.rename(file)
         with np.load(file) as found:
             return found["light"] * self.film, found["height"]
@@ -286,12 +286,12 @@ def mini(_: Path) -> Rig | None:
     if not folder.is_dir():
         return None
 
-    def seen(file: Path) -> F4:
+    def image_of(file: Path) -> F4:
         return cv2.imread(str(file)).astype(np.float32).transpose(2, 0, 1) / np.float32(255)
 
-    presses = [seen(folder / f"6.310mm/{n}/gelsight.png") for n in range(44)]
+    presses = [image_of(folder / f"6.310mm/{n}/gelsight.png") for n in range(44)]
     flat, balls = (
-        seen(folder / "background.png"),
+        image_of(folder / "background.png"),
         np.stack([p for n, p in enumerate(presses) if n % 3]),
     )
     others = [Touch(f"press {n}", p, None) for n, p in enumerate(presses) if n % 3 == 0]

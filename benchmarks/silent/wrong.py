@@ -183,12 +183,12 @@ def not_square(recipe: Recipe, s: float, c: Scene) -> Recipe:
 
 
 def another_object(_: Recipe, s: str, c: Scene) -> Recipe | None:
-    made = {
+    shapes = {
         "cone": lambda: shape_cone(radius_mm=4.0, rise_mm=1.5, **c.rig.canvas),
         "pyramid": lambda: shape_pyramid(inradius_mm=3.5, rise_mm=1.5, **c.rig.canvas),
         "disc": lambda: shape_cone(radius_mm=4.0, rise_mm=1.5, top_radius_mm=3.4, **c.rig.canvas),
     }
-    return c.rig.recipe_of([made[s]().height for _ in c.rig.balls()])
+    return c.rig.recipe_of([shapes[s]().height for _ in c.rig.balls()])
 
 
 def gamma_recipe(recipe: Recipe, s: float, c: Scene) -> Recipe:

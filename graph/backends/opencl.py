@@ -67,7 +67,7 @@ class OpenCL(Queue):
         self.compile(nodes)
         count = 0
         for source, options in {*self._programs(nodes).values()}:
-            with suppress(cl.RuntimeError), _unheard():
+            with suppress(cl.RuntimeError), _silent_stderr():
                 build(self.context, source, options)
                 count += 1
         return count
@@ -102,13 +102,13 @@ class OpenCL(Queue):
 
 
 @contextmanager
-def _unheard() -> Iterator[None]:
+def _silent_stderr() -> Iterator[None]:
     """Keep a compiler from printing to the terminal, which bypasses Python's streams."""
-    heard, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    stderr_copy, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     os.close(nowhere)
     try:
         yield
     finally:
-        os.dup2(heard, 2)
-        os.close(heard)
+        os.dup2(stderr_copy, 2)
+        os.close(stderr_copy)

@@ -59,9 +59,9 @@ def _check(read: Graph, own_params: Container[str]) -> None:
     for group in read.groups:
         if not read.uses_of(group):
             say(f"not used by any node: the group {group}")
-    taken = {param for entry in read.nodes.values() for param in entry.params.values()}
+    used_params = {param for entry in read.nodes.values() for param in entry.params.values()}
     # An inherited param is not the graph's fault.
-    if unread := [n for n in read.params if n in own_params and n not in taken]:
+    if unread := [n for n in read.params if n in own_params and n not in used_params]:
         say(f"params that no node reads: {', '.join(unread)}")
     width = max((len(name) for name in read.params), default=0)
     for name, param in read.params.items():

@@ -32,18 +32,18 @@ class _Bash(BashComplete):
 add_completion_class(_Bash)
 
 
-def complete_graph(begun: str, *, studies: bool = False) -> list[CompletionItem]:
+def complete_graph(prefix: str, *, studies: bool = False) -> list[CompletionItem]:
     """The shipped graphs (and `studies`) that begin with this text; else files."""
     from tactograph.graph.files.graph_places import shipped
     from tactograph.graph.files.read_graph import shipped_names
 
     names = [*shipped_names(), *(shipped("studies") if studies else ())]
-    items = [CompletionItem(name) for name in names if name.startswith(begun)]
-    return items or [CompletionItem(begun, type="file")]
+    items = [CompletionItem(name) for name in names if name.startswith(prefix)]
+    return items or [CompletionItem(prefix, type="file")]
 
 
 def complete_overlay(
-    ctx: click.Context, param: click.Parameter, begun: str
+    ctx: click.Context, param: click.Parameter, prefix: str
 ) -> list[CompletionItem]:
     """The variants of a graph, and the overlays that fit it; else files."""
     from tactograph.graph.files.graph_places import shipped
@@ -52,13 +52,13 @@ def complete_overlay(
     graph = next((word for word in ctx.meta.get(WORDS_KEY, ()) if not word.startswith("-")), None)
     read = _read(graph, ())
     names = {*shipped("overlays"), *(read.variants if read is not None else ())}
-    begins = [name for name in sorted(names) if name.startswith(begun)]
+    begins = [name for name in sorted(names) if name.startswith(prefix)]
     fits = [name for name in begins if read is None or _read(graph, (name,)) is not None]
     items = [CompletionItem(name) for name in fits]
-    return items or [CompletionItem(begun, type="file")]
+    return items or [CompletionItem(prefix, type="file")]
 
 
-def complete_value(ctx: click.Context, param: click.Parameter, begun: str) -> list[CompletionItem]:
+def complete_value(ctx: click.Context, param: click.Parameter, prefix: str) -> list[CompletionItem]:
     """Completions after the words behind a graph: ``name=``, or a value.
 
     zsh and fish give ``name=begun`` as one word, bash as three.
@@ -67,21 +67,21 @@ def complete_value(ctx: click.Context, param: click.Parameter, begun: str) -> li
     read = _read(ctx.params.get("graph"), ctx.params.get("overlays") or ())
     if read is None:
         return []
-    name, equals, text = begun.partition("=")
+    name, equals, text = prefix.partition("=")
     if equals and name in read.params:
         values = _files(text) if read.params[name].kind == "path" else _flags(read.params[name])
         return [CompletionItem(f"{name}={value}") for value in values if value.startswith(text)]
     before = next((word for word in reversed(words) if word != "="), "")
     if before in read.params:
         if read.params[before].kind == "path":
-            return [CompletionItem(begun, type="file")]
+            return [CompletionItem(prefix, type="file")]
         values = _flags(read.params[before])
-        return [CompletionItem(value) for value in values if value.startswith(begun)]
+        return [CompletionItem(value) for value in values if value.startswith(prefix)]
     names = {word.partition("=")[0] for word in words}
     return [
         CompletionItem(f"{name}=", help=param.help)
         for name, param in read.params.items()
-        if name.startswith(begun) and name not in names
+        if name.startswith(prefix) and name not in names
     ]
 
 
@@ -99,8 +99,8 @@ def _flags(param: Param) -> list[str]:
     return ["true", "false"] if param.kind == "flag" else []
 
 
-def _files(begun: str) -> list[str]:
-    folder, slash, name = begun.rpartition("/")
+def _files(prefix: str) -> list[str]:
+    folder, slash, name = prefix.rpartition("/")
     try:
         files = [f for f in Path(folder + slash).iterdir() if f.name.startswith(name)]
     except OSError:

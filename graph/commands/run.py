@@ -55,17 +55,17 @@ def command(**words: Any) -> None:
     """
     from tactograph.graph.commands.progress_line import ProgressLine
 
-    wanted = _Wanted(**words)
+    arguments = _Arguments(**words)
     with ExitStack() as closing:
-        line = closing.enter_context(ProgressLine(wanted=not wanted.quiet))
-        if wanted.quiet:  # without the output of nodes, such as live figures
+        line = closing.enter_context(ProgressLine(wanted=not arguments.quiet))
+        if arguments.quiet:  # without the output of nodes, such as live figures
             nowhere = closing.enter_context(Path(os.devnull).open("w"))
             closing.enter_context(redirect_stdout(nowhere))
-        _run_all(wanted, line)
+        _run_all(arguments, line)
 
 
 @dataclass(frozen=True)
-class _Wanted:
+class _Arguments:
     """The arguments and options of the command."""
 
     graph: str
@@ -76,30 +76,30 @@ class _Wanted:
     quiet: bool
 
 
-def _run_all(wanted: _Wanted, line: ProgressLine) -> None:
+def _run_all(arguments: _Arguments, line: ProgressLine) -> None:
     from tactograph.graph.commands import first_start
     from tactograph.graph.run.keep_values import read_selection
 
-    options, read = wanted.options, wanted.options.read(wanted.graph)
-    arguments = read.read_words(wanted.values)
-    selection = read_selection(wanted.keep, read) if wanted.keep is not None else {}
-    open_it = partial(options.open, read, arguments, outputs={**read.outputs, **selection})
+    options, read = arguments.options, arguments.options.read(arguments.graph)
+    params = read.read_words(arguments.values)
+    selection = read_selection(arguments.keep, read) if arguments.keep is not None else {}
+    open_it = partial(options.open, read, params, outputs={**read.outputs, **selection})
     pipeline, leaves_kernels = first_start.open_soonest(open_it, options, read)
     if not leaves_kernels:
-        _run_pipeline(pipeline, wanted, line, selection)
+        _run_pipeline(pipeline, arguments, line, selection)
         return
-    with first_start.KernelBuilder(wanted.graph, wanted.values, options) as builder:
+    with first_start.KernelBuilder(arguments.graph, arguments.values, options) as builder:
         first_start.import_pictures(pipeline.plan)
-        _run_pipeline(pipeline, wanted, line, selection)
-        tell = (lambda _: None) if wanted.quiet else say
+        _run_pipeline(pipeline, arguments, line, selection)
+        tell = (lambda _: None) if arguments.quiet else say
         tell(f"{read.name}: kernels are being built for later runs; Ctrl-C is safe")
         tell(builder.last_line())
 
 
 def _run_pipeline(
-    pipeline: Pipeline, wanted: _Wanted, line: ProgressLine, selection: Mapping[str, str]
+    pipeline: Pipeline, arguments: _Arguments, line: ProgressLine, selection: Mapping[str, str]
 ) -> None:
-    report = _Report(line, pipeline, wanted)
+    report = _Report(line, pipeline, arguments)
     for fallback in pipeline.plan.fallbacks:
         line.say(f"fallback: {fallback}", err=True)
     line.stage_of = lambda: pipeline.stage
@@ -109,7 +109,7 @@ def _run_pipeline(
         report.warnings(pipeline.closing_warnings)
     line.end()
     ending = _ending(pipeline, report.last_due)
-    if ending and not wanted.quiet:
+    if ending and not arguments.quiet:
         say(ending)
 
 
@@ -149,8 +149,8 @@ class _Report:
     without their figures, which differ from item to item.
     """
 
-    def __init__(self, line: ProgressLine, pipeline: Pipeline, wanted: _Wanted) -> None:
-        self._line, self._pipeline, self._wanted = line, pipeline, wanted
+    def __init__(self, line: ProgressLine, pipeline: Pipeline, arguments: _Arguments) -> None:
+        self._line, self._pipeline, self._arguments = line, pipeline, arguments
         self.last_due: dict[str, float] = {}
         self._last_kind = ""
 
@@ -171,8 +171,8 @@ class _Report:
             self.warnings(result.warnings[result.shared_warnings :], f"{name}: " if name else "")
         kind = warning_kind(" ".join(v for v in result.outputs.values() if isinstance(v, str)))
         news, self._last_kind = number == 1 or kind != self._last_kind, kind
-        if not self._wanted.quiet and (not endless or news):
-            self._line.say(_summary(number, result, figures=self._wanted.figures))
+        if not self._arguments.quiet and (not endless or news):
+            self._line.say(_summary(number, result, figures=self._arguments.figures))
         if endless:
             self._line.end()
 

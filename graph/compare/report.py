@@ -194,11 +194,11 @@ def _pictures(runs: Mapping[str, Mapping[str, View]]) -> list[Picture]:
     for kind, name in product(("planes", "labels", "map"), kinds):
         view = kinds[name]
         if view.kind == kind and not view.is_truth:
-            pictures += _DRAW_BY_KIND[kind](view, _shown(name, runs))
+            pictures += _DRAW_BY_KIND[kind](view, _panels(name, runs))
     return pictures
 
 
-class _Shown(NamedTuple):
+class _Panels(NamedTuple):
     """A view of all runs, all its truths and these runs, and the runs' errors, by panel."""
 
     results: dict[str, NDArray[Any]]
@@ -206,7 +206,7 @@ class _Shown(NamedTuple):
     errors: dict[str, NDArray[Any]]
 
 
-def _shown(name: str, runs: Mapping[str, Mapping[str, View]]) -> _Shown:
+def _panels(name: str, runs: Mapping[str, Mapping[str, View]]) -> _Panels:
     """A view of all runs; runs that are equal in it and in its truth are one panel.
 
     The truth differs between runs of a swept scene.
@@ -228,7 +228,7 @@ def _shown(name: str, runs: Mapping[str, Mapping[str, View]]) -> _Shown:
     titles = [TRUTH_LABEL] if len(distinct) == 1 else [f"{TRUTH_LABEL}, {k}" for k in distinct]
     drawn = dict(zip(titles, distinct.values(), strict=True))
     errors = {panel: results[panel] - truth for panel, truth in due.items()}
-    return _Shown(results, {**drawn, **results}, errors)
+    return _Panels(results, {**drawn, **results}, errors)
 
 
 def _panel(labels: Sequence[str]) -> str:
@@ -244,29 +244,29 @@ def _distinct(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     return dict(distinct.values())
 
 
-def _draw_planes(view: View, shown: _Shown) -> list[Picture]:
-    name, distinct = words(view.name).capitalize(), _distinct(shown.results)
+def _draw_planes(view: View, about: _Panels) -> list[Picture]:
+    name, distinct = words(view.name).capitalize(), _distinct(about.results)
     source = "given to every run" if len(distinct) == 1 else f"of {next(iter(distinct))}"
     return [Picture(draw_planes(view), f"{name}, {source}.")]
 
 
-def _draw_labels(view: View, shown: _Shown) -> list[Picture]:
-    if not any(panel.any() for panel in shown.panels.values()):
+def _draw_labels(view: View, about: _Panels) -> list[Picture]:
+    if not any(panel.any() for panel in about.panels.values()):
         return []
     name = words(view.name).capitalize()
     caption = f"{name}: a colour for each of the {view.unit}, dark where several are set."
-    return [Picture(draw_labels(shown.panels, view.unit), caption)]
+    return [Picture(draw_labels(about.panels, view.unit), caption)]
 
 
-def _draw_map(view: View, shown: _Shown) -> list[Picture]:
-    name, panels = words(view.name), shown.panels
+def _draw_map(view: View, about: _Panels) -> list[Picture]:
+    name, panels = words(view.name), about.panels
     finite = [panel for panel in panels.values() if np.isfinite(panel).any()]
     if not finite:
         return []
     axis = f"{name} / {view.unit}"
     pictures = [Picture(draw_maps(panels, axis), f"{name.capitalize()}, one scale for all.")]
-    if shown.errors:
-        uri, end = draw_errors(shown.errors, f"error / {view.unit}")
+    if about.errors:
+        uri, end = draw_errors(about.errors, f"error / {view.unit}")
         caption = (
             f"Error of the {name}, one scale for all; it ends at ±{end:.3g} {view.unit}, which "
             f"{ERROR_PERCENTILE:g} % of the pixels do not reach. Red is too high, blue too low."

@@ -3,6 +3,7 @@
 import keyword
 import re
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 
 import jinja2
@@ -74,11 +75,12 @@ def write_ring(folder: Path, name: str) -> list[Path]:
     """
     distribution = folder.resolve().name
     package = distribution.replace("-", "_")
-    if not package.isidentifier() or keyword.iskeyword(package):
+    if not (package.isascii() and package.isidentifier()) or keyword.iskeyword(package):
         raise InputError(f"new-ring {folder}: '{distribution}' cannot be a package's name")
     ring = package.removeprefix("tactograph_")
-    if any(each.name == ring for each in rings()):
-        raise InputError(f"new-ring {folder}: a ring '{ring}' is installed; name another folder")
+    installed = find_spec(package)
+    if any(each.name == ring for each in rings()) or (installed and installed.origin):
+        raise InputError(f"new-ring {folder}: '{ring}' is installed already; name another folder")
     major, minor = (int(part) for part in __version__.split(".")[:2])
     versions = f">={major}.{minor},<{major}.{minor + 1}"
     where = {"name": name, "room": "", "package": package, "ring": ring}

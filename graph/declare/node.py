@@ -84,8 +84,8 @@ class Node:
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         for name, record in self.parameter_records.items():
-            fields = [field for field in record._fields if field in kwargs]  # type: ignore[attr-defined]
-            kwargs[name] = record(**{field: kwargs.pop(field) for field in fields})
+            fields = {field: kwargs.pop(field) for field in record._fields if field in kwargs}  # type: ignore[attr-defined]
+            kwargs[name] = kwargs[name]._replace(**fields) if name in kwargs else record(**fields)
         return self.function(*args, **kwargs)
 
     def with_inputs(self, names: Iterable[str]) -> Node:

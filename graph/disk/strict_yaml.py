@@ -97,7 +97,7 @@ class Document:
         With `keep` the result is kept on disk, from which the next process reads it ten times as
         fast.
         """
-        parsed = (_kept if keep else _parsed)(text, name)
+        parsed = (_parsed_once if keep else _parsed)(text, name)
         return cls(deepcopy(parsed.data), dict(parsed.places))
 
     @staticmethod
@@ -157,18 +157,18 @@ def _rules() -> tuple[object, ...]:
 
 
 @lru_cache(MAX_DOCUMENTS)
-def _kept(text: str, name: str) -> Document:
+def _parsed_once(text: str, name: str) -> Document:
     """The result of `_parsed`, from disk if the same text was parsed by the same rules."""
     file = cached_file("graphs", text, *_rules())
     if file is None:
         return _parsed(text, name)
-    if (kept := read_cached(file)) is None:
+    if (cached := read_cached(file)) is None:
         document = _parsed(text, name)
         marks = [(path, place.line, place.column) for path, place in document.places.items()]
         with suppress(ValueError):  # a number with more digits than Python writes
             write_cached(file, json.dumps((document.data, marks)).encode(), MAX_KEPT_BYTES)
         return document
-    data, marks = json.loads(kept)
+    data, marks = json.loads(cached)
     places = ((tuple(path), line, column) for path, line, column in marks)
     return Document(
         data, {path: Place(name, line, column, dotted(path)) for path, line, column in places}

@@ -12,17 +12,17 @@ from tactograph.graph.files.apply_patch import apply_patch
 from tactograph.graph.files.flat_graph import Graph
 
 
-def with_changes(graph: Graph, changes: Mapping[str, Any], asked: str = "--set") -> Graph:
+def with_changes(graph: Graph, changes: Mapping[str, Any], origin: str = "--set") -> Graph:
     """Apply ``node.param=value`` changes, like `set` of a patch.
 
-    `asked` names the origin of the changes in messages.  Raises GraphError if a change names no
+    `origin` names where the changes come from in messages.  Raises GraphError if a change names no
     node of the graph.
     """
     for target, value in changes.items():
         node_id, dot, setting = target.rpartition(".")
         if not dot or not node_id or not setting:
-            raise InputError(f"{asked} {target}: write it as node.param=value")
-        places = {"": Place(asked, 0, 0, target)}
+            raise InputError(f"{origin} {target}: write it as node.param=value")
+        places = {"": Place(origin, 0, 0, target)}
         change = {"set": node_id, "settings": {setting: plain(value)}}
         graph = apply_patch(graph, change, places)
     return graph

@@ -117,7 +117,7 @@ class Graph:
     """Variants in its file and in the files that it extends."""
     own: Mapping[str, Node] = field(default_factory=dict, compare=False, repr=False)
     """Nodes that a program hands over, by name; see `load`."""
-    gone: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)
+    removed: Mapping[str, Place] = field(default_factory=dict, compare=False, repr=False)
     """Nodes that a change removed, with the place of the change."""
     inherited: frozenset[str] = field(default=frozenset(), compare=False, repr=False)
     """Params of the graph below the last change."""
@@ -242,10 +242,10 @@ class Graph:
         """
         if node_id in self.nodes:
             return
-        if node_id in self.gone:
+        if node_id in self.removed:
             raise GraphError(
-                f"{self.gone[node_id]}: takes out '{node_id}', but {where} reads it; change that "
-                "too, or keep the node"
+                f"{self.removed[node_id]}: takes out '{node_id}', but {where} reads it; "
+                "change that too, or keep the node"
             )
         raise GraphError(f"{where}: there is no node '{node_id}'{self.hint(node_id, self.nodes)}")
 
@@ -306,7 +306,7 @@ class Graph:
 
     def _called(self, name: str) -> list[str]:
         """The nodes and uses of that name that lie in the fewest uses."""
-        removed = self.gone.keys() - self.nodes.keys() - self.uses.keys()
+        removed = self.removed.keys() - self.nodes.keys() - self.uses.keys()
         paths = [path for path in self._inside.get(name, ()) if path not in removed]
         least = min((path.count(".") for path in paths), default=0)
         return [path for path in paths if path.count(".") == least]
@@ -346,7 +346,7 @@ class Graph:
         """Return the graph without the nodes that the change at `place` removes."""
         out = dict.fromkeys(node_ids, place)
         nodes = {n: entry for n, entry in self.nodes.items() if n not in out}
-        return replace(self, nodes=nodes, gone={**self.gone, **out})
+        return replace(self, nodes=nodes, removed={**self.removed, **out})
 
 
 @dataclass(frozen=True)

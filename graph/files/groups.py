@@ -39,7 +39,7 @@ def with_nodes(graph: Graph, nodes: Mapping[str, Entry | Use]) -> Graph:
     stated = {name: entry for name, entry in nodes.items() if isinstance(entry, Entry)}
     wider = replace(
         graph,
-        params=_with_taken_over(graph, uses.values()),
+        params=_with_group_params(graph, uses.values()),
         nodes={**graph.nodes, **stated},
         uses={**graph.uses, **uses},
     )
@@ -195,33 +195,33 @@ def _uses(
     return uses
 
 
-def _with_taken_over(graph: Graph, uses: Iterable[Use]) -> dict[str, Param]:
+def _with_group_params(graph: Graph, uses: Iterable[Use]) -> dict[str, Param]:
     """The params of groups that state a kind, then those of the graph."""
-    taken: dict[str, Param] = {}
+    inherited: dict[str, Param] = {}
     for use in uses:
         body = graph.definition(use).body
         for name, param in body.params.items():
             if not param.kind or name in use.settings:
                 continue
-            first = graph.params.get(name) or taken.setdefault(name, param)
+            first = graph.params.get(name) or inherited.setdefault(name, param)
             if first.kind != param.kind:
                 raise GraphError(
                     f"{body.where(f'params.{name}.kind')}: the graph has a param '{name}' of kind "
                     f"'{first.kind}'; give another name, or a value where '{use.group}' is used"
                 )
-    return {**taken, **graph.params}
+    return {**inherited, **graph.params}
 
 
 def _check_stated(
-    use: Use, key: str, word: str, stated: Mapping[str, Any], taken: Mapping[str, Param]
+    use: Use, key: str, word: str, stated: Mapping[str, Any], declared: Mapping[str, Param]
 ) -> None:
     for name in stated:
-        if name not in taken and not (key == "in" and name in ENGINE_INPUTS):
-            has = did_you_mean(name, taken) or f" (it takes: {', '.join(taken) or 'none'})"
+        if name not in declared and not (key == "in" and name in ENGINE_INPUTS):
+            has = did_you_mean(name, declared) or f" (it takes: {', '.join(declared) or 'none'})"
             raise GraphError(
                 f"{use.where(f'{key}.{name}')}: the group '{use.group}' has no {word} '{name}'{has}"
             )
-    for name, param in taken.items():
+    for name, param in declared.items():
         if param.required and not param.kind and name not in stated:
             raise GraphError(f"{use.where(key)}: the group '{use.group}' needs the {word} '{name}'")
 

@@ -77,7 +77,7 @@ def laid_over(graph: Graph, layer: Layer) -> Graph:
     names = {name: use.group for name, use in graph.uses.items()} | {
         name: node.group if isinstance(node, UseModel) else "" for name, node in nodes.items()
     }
-    _refuse_taken(model.groups, dict.fromkeys(graph.nodes, "") | names, graph.groups, document)
+    _refuse_used_names(model.groups, dict.fromkeys(graph.nodes, "") | names, graph.groups, document)
     changed = replace(
         graph,
         params={**graph.params, **_params(model.params, document, ("params",))},
@@ -225,16 +225,16 @@ def _group(name: str, stated: GroupModel, document: Document, path: Path_) -> Gr
     return group
 
 
-def _refuse_taken(
+def _refuse_used_names(
     groups: Iterable[str], nodes: Mapping[str, str], earlier: Container[str], document: Document
 ) -> None:
     """Refuse a group with the name of another group, or of a node that is no use of it."""
-    taken = {node.partition(".")[0]: group for node, group in nodes.items()}
+    group_by_node = {node.partition(".")[0]: group for node, group in nodes.items()}
     for name in groups:
         place = document.place(("groups", name))
         if name in earlier:
             raise GraphError(f"{place}: there is a group '{name}' already; 'patch' changes it")
-        if taken.get(name, name) != name:
+        if group_by_node.get(name, name) != name:
             raise GraphError(f"{place}: a node is called '{name}' too; give another name")
 
 

@@ -48,8 +48,8 @@ def flat_change(graph: Graph, change: Change, places: Places, scope: str, node: 
     reads_set = {port: reference for port, reference in reads.items() if reference is not None}
     stated = Entry("", reads_set, change.get("settings", {}), places=places)
     stated = in_scope(graph, stated, scope, node)
-    gone = dict.fromkeys(reads.keys() - reads_set.keys())
-    translated = {"inputs": {**stated.inputs, **gone}, "settings": stated.settings}
+    unset = dict.fromkeys(reads.keys() - reads_set.keys())
+    translated = {"inputs": {**stated.inputs, **unset}, "settings": stated.settings}
     flat = {**change, **{key: translated[key] for key in translated.keys() & change.keys()}}
     if change.get("after") is not None:
         flat["after"] = flat_reference(graph, change["after"], scope, stated.where("after"))
@@ -172,17 +172,17 @@ def _set_use(graph: Graph, path: str, values: Mapping[str, Any], places: Places)
             "any more, since an earlier change gave its reader a value"
         )
 
-    def taken(entry: Entry | Use) -> dict[str, Any]:
+    def changed(entry: Entry | Use) -> dict[str, Any]:
         params = params_in(entry.settings).items()
         return {key: values[param] for key, param in params if param in values}
 
     for name, entry in body.nodes.items():
         node = f"{path}.{name}"
-        if taken(entry) and node in graph.nodes and graph.nodes[node].op == entry.op:
-            graph = VERB_FUNCTIONS["set"](graph, node, {"settings": taken(entry)}, places)
+        if changed(entry) and node in graph.nodes and graph.nodes[node].op == entry.op:
+            graph = VERB_FUNCTIONS["set"](graph, node, {"settings": changed(entry)}, places)
     for name, inside in body.uses.items():
-        if taken(inside):
-            graph = _set_use(graph, f"{path}.{name}", taken(inside), places)
+        if changed(inside):
+            graph = _set_use(graph, f"{path}.{name}", changed(inside), places)
     return graph
 
 
@@ -190,8 +190,8 @@ def put_use(graph: Graph, target: str, change: Change, places: Places) -> Graph:
     """Use a group, as a new node or in place of one."""
     inputs: Mapping[str, str] = {}
     if target in graph.uses:
-        taken = graph.groups[change["group"]].inputs if change["group"] in graph.groups else {}
-        inputs = {n: reads for n, reads in graph.uses[target].inputs.items() if n in taken}
+        ports = graph.groups[change["group"]].inputs if change["group"] in graph.groups else {}
+        inputs = {n: reads for n, reads in graph.uses[target].inputs.items() if n in ports}
         graph = _without_use(graph, target, places[""], keep_readers=True)
     elif target in graph.nodes:
         inputs = graph.nodes[target].inputs
@@ -216,9 +216,9 @@ def _without_use(graph: Graph, path: str, place: Place, *, keep_readers: bool) -
     swapped = {
         flat_reference(graph, f"{path}.{name}", "", path): f"{path}.{name}" for name in outputs
     }
-    gone = f"{path}."
+    prefix = f"{path}."
     graph = replace(
-        graph.without([name for name in graph.nodes if name.startswith(gone)], place),
-        uses={n: u for n, u in graph.uses.items() if n != path and not n.startswith(gone)},
+        graph.without([name for name in graph.nodes if name.startswith(prefix)], place),
+        uses={n: u for n, u in graph.uses.items() if n != path and not n.startswith(prefix)},
     )
     return with_references(graph, lambda reference: swapped.get(reference, reference))

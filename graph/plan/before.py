@@ -21,24 +21,24 @@ def in_order(before: Before, rank: Callable[[str], Any] = str) -> list[str]:
     No two names may have the same rank.
     """
     ranks = {name: rank(name) for name in sorted({*before}.union(*before.values()))}
-    return list(_kept("in_order", _listed(before), ranks))
+    return list(_answer("in_order", _listed(before), ranks))
 
 
 def with_all_before(before: Before, names: Iterable[str]) -> set[str]:
     """Return the names with all that come before them, directly or indirectly."""
-    return {*_kept("with_all_before", _listed(before), sorted(names))}
+    return {*_answer("with_all_before", _listed(before), sorted(names))}
 
 
 def find_cycle(before: Before) -> list[str]:
     """Return a cycle, from a name back to itself; [] if there is none."""
-    return list(_kept("find_cycle", _listed(before)))
+    return list(_answer("find_cycle", _listed(before)))
 
 
 def classes_of(names: Sequence[Name], alike: Iterable[tuple[Name, Name]]) -> dict[Name, Name]:
     """Return one name for each class of names that pairs join, directly or indirectly."""
     number = {name: index for index, name in enumerate(names)}
     pairs = [(number[one], number[other]) for one, other in alike]
-    firsts = _kept("classes_of", len(names), pairs)
+    firsts = _answer("classes_of", len(names), pairs)
     return {name: names[first] for name, first in zip(names, firsts, strict=True)}
 
 
@@ -46,11 +46,11 @@ def _listed(before: Before) -> dict[str, list[str]]:
     return {name: sorted(firsts) for name, firsts in before.items()}
 
 
-def _kept(question: str, *of: Any) -> Any:
+def _answer(question: str, *of: Any) -> Any:
     """The answer of a function of `_walks`, from disk if another process has asked."""
     file = cached_file("plans", question, of)
-    if file is not None and (kept := read_cached(file)) is not None:
-        return json.loads(kept)
+    if file is not None and (cached := read_cached(file)) is not None:
+        return json.loads(cached)
     from tactograph.graph.plan import _walks
 
     answer = getattr(_walks, question)(*of)

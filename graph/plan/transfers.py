@@ -13,20 +13,7 @@ def insert(
     draft: Draft, placements: Mapping[str, Placement]
 ) -> tuple[dict[str, Step], dict[str, set[str]]]:
     """Return the steps (tasks and the transfers between them), and what comes before each."""
-    steps = {
-        task.id: Step(
-            kind="fill" if task.filled else "run",
-            name=task.id,
-            backend=placements[task.id].backend,
-            # A constant depends on its inputs' sizes, not on the inputs.
-            reads=() if task.filled else _reads(task),
-            writes=tuple(Value(task.id, port) for port in task.node.outputs),
-            stream=task.stream,
-            why=placements[task.id].why,
-            conditions=task.conditions,
-        )
-        for task in draft.tasks.values()
-    }
+    steps = {name: _step(task, placements[name]) for name, task in draft.tasks.items()}
     before: dict[str, set[str]] = {name: set() for name in steps}
 
     def bring(value: Value, on_device: bool | None, conditions: tuple[Value, ...] = ()) -> str:
@@ -84,6 +71,16 @@ def insert(
     return steps, before
 
 
-def _reads(task: Task) -> tuple[Value, ...]:
+def _step(task: Task, placement: Placement) -> Step:
+    """The step that runs a task; a constant depends on its inputs' sizes, not on the inputs."""
     values = (*task.reads.values(), *task.conditions, *task.inherited.values())
-    return tuple(dict.fromkeys(values))
+    return Step(
+        kind="fill" if task.filled else "run",
+        name=task.id,
+        backend=placement.backend,
+        reads=() if task.filled else tuple(dict.fromkeys(values)),
+        writes=tuple(Value(task.id, port) for port in task.node.outputs),
+        stream=task.stream,
+        why=placement.why,
+        conditions=task.conditions,
+    )

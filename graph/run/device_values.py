@@ -38,7 +38,7 @@ class DeviceValues:
         self._idle: list[str] = []
         self._integer_values = integer_values(plan)
         self._sent = {task.id: _sent(task) for task in plan.tasks.values()}
-        self._asked = {task.id: _asked(task) for task in plan.tasks.values()}
+        self._idle_inputs = {task.id: _idle_inputs(task) for task in plan.tasks.values()}
         self._first = first_alike(plan)
         self._to_repeat: dict[str, dict[str, DeviceArray]] = {}
         runs = [step.name for step in plan.steps if step.kind == "run" and step.on_device]
@@ -149,10 +149,10 @@ class DeviceValues:
 
     def _is_idle(self, task: Task) -> bool:
         """Return whether a node is idle; False if finding out would mean waiting for a transfer."""
-        is_idle, (asked, absent) = task.node.is_idle, self._asked[task.id]
+        is_idle, (needed, absent) = task.node.is_idle, self._idle_inputs[task.id]
         if is_idle is None or any(value in self._values for value in absent):
             return False
-        values = {name: self._host.ready(value) for name, value in asked.items()}
+        values = {name: self._host.ready(value) for name, value in needed.items()}
         return all(value is not None for value in values.values()) and is_idle(**values)
 
     def launch(self, task: Task, step: Step, sizes: Mapping[str, int]) -> Shapes:
@@ -206,7 +206,7 @@ class DeviceValues:
         return [name for name, timer in self._timers.items() if self._device.has_failed(timer)]
 
     @property
-    def begun(self) -> list[str]:
+    def timed_steps(self) -> list[str]:
         """The steps that are timed."""
         return list(self._timers)
 
@@ -248,7 +248,7 @@ class DeviceValues:
         self._before = {}
 
 
-def _asked(task: Task) -> tuple[dict[str, Value | None], list[Value]]:
+def _idle_inputs(task: Task) -> tuple[dict[str, Value | None], list[Value]]:
     """What decides whether a node is idle: the predicate's inputs, and values that must be absent.
 
     An input that is not of this item is None.

@@ -17,8 +17,8 @@ def integer_values(plan: Plan) -> set[Value]:
     tasks = [t for t in plan.tasks.values() if may_give_integers(t) or t.node.is_idle is not None]
     values = {Value(task.id, port) for task in tasks for port in task.node.outputs}
     needed = {*plan.outputs.values(), *plan.recalled}
-    given = {value for value in values if may_give_integers(plan.tasks[value.node])}
-    return {value for value in given | (values - needed) if _readers_take_integers(plan, value)}
+    sources = {value for value in values if may_give_integers(plan.tasks[value.node])}
+    return {value for value in sources | (values - needed) if _readers_take_integers(plan, value)}
 
 
 def may_give_integers(task: Task) -> bool:

@@ -155,11 +155,11 @@ def open_pipeline(
         raise InputError(f"--backend {backend}: {reason}; 'tactograph devices' says more")
     if sinks:
         _check_out(graph, arguments)
-    asked = dict[str, Any](sinks=sinks, stand_ins=stand_ins, outputs=outputs, stays=stays)
-    plan = make_plan(graph, arguments, device=opened, no_device=reason, **asked)
+    plan_options = dict[str, Any](sinks=sinks, stand_ins=stand_ins, outputs=outputs, stays=stays)
+    plan = make_plan(graph, arguments, device=opened, no_device=reason, **plan_options)
     if strict and plan.fallbacks:
         raise InputError(f"--strict: {'; '.join(plan.fallbacks)}")
-    anew = partial(open_pipeline, backend=backend, device=device, strict=strict, **asked)
+    anew = partial(open_pipeline, backend=backend, device=device, strict=strict, **plan_options)
     return Pipeline(plan, opened, cache, anew)
 
 

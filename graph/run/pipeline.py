@@ -220,12 +220,12 @@ class Pipeline:
                 self._end()
 
     def _all_items(
-        self, source: Task, repeats: int, mine: object, begun: SourceStream | None
+        self, source: Task, repeats: int, mine: object, ready: SourceStream | None
     ) -> Iterator[Result]:
         self._rehearse(source)
         self._items.ended = False
         with collect_warnings(self._runner.notes):
-            stream = begun or self._begun(source, source.settings, ahead=repeats == 1)
+            stream = ready or self._open(source, source.settings, ahead=repeats == 1)
         self._stream = stream
         while not self._items.ended and self._running is mine:
             with self._turn:
@@ -266,9 +266,9 @@ class Pipeline:
         if source is None or source.node.session is not None:
             return None
         arguments = {**self.plan.arguments, **values}
-        return self._begun(source, self.settings(self.plan.graph, source.id, arguments))
+        return self._open(source, self.settings(self.plan.graph, source.id, arguments))
 
-    def _begun(self, source: Task, settings: dict[str, Any], *, ahead: bool = True) -> SourceStream:
+    def _open(self, source: Task, settings: dict[str, Any], *, ahead: bool = True) -> SourceStream:
         keywords = {**settings, **self._runner.host.source_keywords(source)}
         return SourceStream(self.plan, source, keywords, ahead=ahead)
 

@@ -173,8 +173,8 @@ class StepRunner:
         failed = self.device.failed() if self.device is not None else []
         if isinstance(error, DeviceError) and not failed:
             return error
-        begun = self.device.begun if self.device is not None else []
-        tasks, steps = self.plan.tasks, failed or ([doing] if doing else begun)
+        timed = self.device.timed_steps if self.device is not None else []
+        tasks, steps = self.plan.tasks, failed or ([doing] if doing else timed)
         ops = {name: f" ({tasks[name].node.name})" for name in steps if name in tasks}
         named = ", ".join(f"'{name}'{ops.get(name, '')}" for name in steps)
         return DeviceError(f"{self.plan.device} failed at {named}: {error}")

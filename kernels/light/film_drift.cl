@@ -20,6 +20,7 @@
 #define WINDOW_CELLS 5
 #define TOUCH_DEPARTURE 0.003f
 #define SKIRT_CELLS 5
+#define SLOPE_COMPONENTS 2
 #define NOT_CALM -1.0f
 #define MIN_WEIGHT 1e-6f
 // The contents of `counts`: whether too few cells were calm in a round, how many are clear, and the
@@ -280,30 +281,85 @@ static void solve(const float *a, const float *b, float *x, const int n)
     }
 }
 
-// The drift of LED k from the sums: its shape follows by `rate`, its level at once.  It stays the old
-// one where too few cells count, or the change explains no more than `chance`.
-static ONCE void settle(
-    SHARED const float *sums, __global const float *old, __global float *next, const int k,
-    const int used, const int too_few, const float held, const float rate, const float chance)
+// The change of the drift of LED k from the sums, and the sum of squares that it explains.
+static ONCE float solve_change(
+    SHARED const float *sums, SHARED float *change, const int k, const int used, const float held)
 {
-    float a[TERM_PAIRS], b[DRIFT_TERMS], change[DRIFT_TERMS], explained = 0.0f;
+    float a[TERM_PAIRS], b[DRIFT_TERMS], x[DRIFT_TERMS], explained = 0.0f;
     for (int j = 0; j < used * (used + 1) / 2; ++j) a[j] = sums[j];
     // Without calm film the sums are empty, and the result is not used.
     a[0] = fmax(a[0], MIN_WEIGHT);
     for (int j = 1; j < used; ++j) a[j * (j + 3) / 2] += held;
     for (int j = 0; j < used; ++j) b[j] = sums[MEASURED + DRIFT_TERMS * k + j];
-    solve(a, b, change, used);
-    float level = b[0];
+    solve(a, b, x, used);
     for (int j = 0; j < used; ++j) {
-        explained += change[j] * b[j];
-        if (j > 0) change[j] *= rate;
-        if (j > 0) level -= change[j] * a[j * (j + 1) / 2];
+        change[DRIFT_TERMS * k + j] = x[j];
+        explained += x[j] * b[j];
     }
-    change[0] = level / a[0];
-    const int significant = !too_few && explained > chance;
-    for (int j = 0; j < DRIFT_TERMS; ++j)
-        next[DRIFT_TERMS * k + j] =
-            old[DRIFT_TERMS * k + j] + (significant && j < used ? change[j] : 0.0f);
+    return explained;
+}
+
+// The sum of squares, about its mean, of a shape on the cells that count.
+static float squares_of(SHARED const float *sums, SHARED const float *shape, const int used)
+{
+    float total = 0.0f, mean = 0.0f;
+    for (int a = 1; a < used; ++a) {
+        mean += shape[a] * sums[a * (a + 1) / 2];
+        for (int b = 1; b < used; ++b)
+            total += shape[a] * shape[b] * sums[max(a, b) * (max(a, b) + 1) / 2 + min(a, b)];
+    }
+    return total - mean * mean / fmax(sums[0], MIN_WEIGHT);
+}
+
+// The change of shape along one of two orthonormal patterns over the LEDs, which a slope along x and
+// along y makes.
+static void change_along(
+    SHARED float *change, __global const float *lights, const int pattern, const int K,
+    const int used)
+{
+    float xx = 0.0f, xy = 0.0f, norm = 0.0f;
+    for (int k = 0; k < K; ++k) {
+        const float x = lights[3 * k] / lights[3 * k + 2];
+        xx += x * x;
+        xy += x * lights[3 * k + 1] / lights[3 * k + 2];
+    }
+    for (int j = 0; j < used; ++j) change[DRIFT_TERMS * (K + pattern) + j] = 0.0f;
+    for (int k = 0; k < K; ++k) {
+        const float x = lights[3 * k] / lights[3 * k + 2];
+        const float across = lights[3 * k + 1] / lights[3 * k + 2] - xy / xx * x;
+        const float part = pattern ? across : x;
+        norm += part * part;
+        for (int j = 1; j < used; ++j)
+            change[DRIFT_TERMS * (K + pattern) + j] += part * change[DRIFT_TERMS * k + j];
+    }
+    for (int j = 1; j < used; ++j) change[DRIFT_TERMS * (K + pattern) + j] /= sqrt(norm);
+}
+
+// The share of the LEDs' changes of shape that is drift and no slope, from their sums of squares, and
+// from those along the two patterns.
+static float drift_share(SHARED const float *squares, const int K)
+{
+    const int others = K - SLOPE_COMPONENTS;
+    float rest = 0.0f;
+    for (int k = 0; k < K; ++k) rest += squares[k];
+    const float sloped = squares[K] + squares[K + 1];
+    const float drifted = SLOPE_COMPONENTS * fmax(rest - sloped, 0.0f) / (float)max(others, 1);
+    return others < 1 || drifted >= sloped ? 1.0f : drifted / sloped;
+}
+
+// The next drift of LED k: the old one, and a change of its shape by `rate` and of its level at once.
+static ONCE void settle(
+    SHARED const float *sums, SHARED const float *change, __global const float *old,
+    __global float *next, const int k, const int used, const float rate, const int significant)
+{
+    float level = sums[MEASURED + DRIFT_TERMS * k];
+    for (int j = 0; j < DRIFT_TERMS; ++j) {
+        const int at = DRIFT_TERMS * k + j;
+        const float more = significant && 0 < j && j < used ? rate * change[at] : 0.0f;
+        next[at] = old[at] + more;
+        if (j > 0) level -= more * sums[j * (j + 1) / 2];
+    }
+    if (significant) next[DRIFT_TERMS * k] += level / fmax(sums[0], MIN_WEIGHT);
 }
 
 // The old drift, and the start: that drift, or scaled to the border if this makes more film calm.
@@ -354,6 +410,7 @@ LANED __kernel ONE_GROUP void fit(
     __global const float *restrict sigma,
     __global const float *restrict weights,
     __global const float *restrict old,
+    __global const float *restrict lights,
     __global float *restrict next,
     __global float *restrict shares,
     __global int *restrict counts,
@@ -364,7 +421,8 @@ LANED __kernel ONE_GROUP void fit(
     const float doubt,
     const float alike)
 {
-    SHARED float sums[FIT_SUMS];
+    SHARED float sums[FIT_SUMS], change[(MAX_LEDS + SLOPE_COMPONENTS) * DRIFT_TERMS];
+    SHARED float explained[MAX_LEDS], squares[MAX_LEDS + SLOPE_COMPONENTS];
     const int me = PLACE_IN_GROUP, before = counts[TOO_FEW], furthest = counts[FURTHEST];
     const Film film = {light, sigma, K, H, W, share};
     tally(&film, weights, old, used, shares, sums);
@@ -373,10 +431,21 @@ LANED __kernel ONE_GROUP void fit(
     const float held = SHAPE_REGULARISATION * size * sums[0] / fmax(counted, 1.0f);
     const int on_skirts = (float)counts[CLEAR] < MIN_CALM_SHARE * size;
     const float averaged = (float)(furthest * furthest) / fmax(sums[0], MIN_WEIGHT);
+    for (int k = me; k < K; k += GROUP) explained[k] = solve_change(sums, change, k, used, held);
+    WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
+    const int patterns = lights ? SLOPE_COMPONENTS : 0;
+    for (int k = me; k < K + patterns; k += GROUP) {
+        if (k >= K) change_along(change, lights, k - K, K, used);
+        squares[k] = squares_of(sums, change + DRIFT_TERMS * k, used);
+    }
+    WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
+    const float drifted = patterns ? drift_share(squares, K) : 1.0f;
     for (int k = me; k < K; k += GROUP) {
         const float noise = sums[CHANCE + k];
         const float chance = on_skirts ? noise + alike * sums[0] : noise * averaged;
-        settle(sums, old, next, k, used, too_few, held, rate, doubt * chance);
+        const float most = on_skirts && doubt > 0.0f ? drifted * explained[k] : explained[k];
+        const int significant = !too_few && most > doubt * chance;
+        settle(sums, change, old, next, k, used, rate * drifted, significant);
     }
     if (me == 0) counts[TOO_FEW] = too_few;
 }

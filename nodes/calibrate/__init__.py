@@ -34,8 +34,6 @@ MIN_PIXELS = 100
 """Smallest number of pixels to which tables, a reflectance or LEDs are fitted."""
 FOLD_COUNT = 4
 """Number of folds that are held out in turn: every fourth ball, or quarters of a single ball."""
-DRIFT_DEGREE = 2
-"""Degree of the polynomial drift of the film at rest."""
 MIN_BOUNCE_ERROR = 0.015
 """Smallest relative error of the light from film to film, however well presses agree.  On
 ray-traced film an albedo came out 0.01 too low, with wrong LEDs; noise explains only 0.002."""

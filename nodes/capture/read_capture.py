@@ -255,7 +255,7 @@ def read_capture(
         Holds ``led1.png`` to ``ledK.png`` (8 or 16 bit; PNG, TIFF, PGM or BMP, or JPEG with a
         warning), or images of another name with numbers, or one colour image; or holds such
         folders, which are then read in order of name, or several colour images whose channels are
-        the lights.  Hidden folders and files are ignored.
+        the lights; or is such an image.  Hidden folders and files are ignored.
     single : refuse a folder of captures
     calibration, another_sensor
         A capture whose ``capture.yaml``, or that of its parent folder, names another `sensor` or
@@ -276,13 +276,8 @@ def read_capture(
         to measure, of a different size or depth than its neighbours, or not grey; for an image
         whose pixels are not plain, see `ImageFile.read`; for a capture of another sensor.
     """
-    _check_folder(folder)
-    frames = colour_frames(folder) if _lights(folder, layout) != "leds" else []
-    is_capture = not frames and _is_capture(folder, layout)
-    folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not is_hidden(d))
-    captures = [folder] if is_capture else frames or [d for d in folders if _is_capture(d, layout)]
-    if not captures:
-        raise InputError(f"{folder}: {_what_is_missing(folder, layout)}")
+    captures = _captures_at(folder, layout)
+    is_capture = captures == [folder]
     if single and not is_capture:
         raise InputError(
             f"{folder}: holds {len(captures)} captures, but one is needed; "
@@ -297,6 +292,21 @@ def read_capture(
 
 read_capture.handed_in(check_handed_in)
 read_capture.reads_ahead()
+
+
+def _captures_at(folder: Path, layout: Layout) -> list[Path]:
+    """The folder, if it is a capture; or those in it."""
+    if folder.is_file() and _lights(folder, layout) != "leds":
+        return [folder]
+    _check_folder(folder)
+    frames = colour_frames(folder) if _lights(folder, layout) != "leds" else []
+    if not frames and _is_capture(folder, layout):
+        return [folder]
+    folders = (d for d in sorted(folder.iterdir()) if d.is_dir() and not is_hidden(d))
+    captures = frames or [d for d in folders if _is_capture(d, layout)]
+    if not captures:
+        raise InputError(f"{folder}: {_what_is_missing(folder, layout)}")
+    return captures
 
 
 def _check_folder(folder: Path) -> None:

@@ -40,7 +40,8 @@ def read_flat(
     estimate : K x H x W, used if there is no folder, from `estimate_flat`
     black : H x W, used if `dark` is not given; None: black
     folder
-        Capture of the untouched film, or a folder of several, whose mean is less noisy.
+        Capture of the untouched film (or its one image, whose channels are the lights), or a
+        folder of several, whose mean is less noisy.
         None: the estimate; without one, uniform light is assumed, with a warning.
     dark
         One image taken with all LEDs off; a ``capture.yaml`` beside it may give its ``bits``, else

@@ -101,8 +101,8 @@ class FileKind(NamedTuple):
             "units": {name: value.port.meaning for name, value in self.values.items()},
             **{n: v.as_dict() if isinstance(v, Provenance) else v for n, v in about.items()},
         }
-        given = {n: values[n] for n in self.values if values.get(n) is not None}
-        filled = with_plain(self.record, given)
+        stated = {n: values[n] for n in self.values if values.get(n) is not None}
+        filled = with_plain(self.record, stated)
         with np.errstate(over="ignore"):  # too large for float32: infinite, and refused
             typed: dict[str, Any] = {
                 n: np.asarray(filled[n], value.dtype) for n, value in self.values.items()

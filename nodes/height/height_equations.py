@@ -79,9 +79,14 @@ class HeightSystem(NamedTuple):
 
     def residuals(self, height: F4) -> tuple[F4, F4, F4]:
         """The residuals of the equations, in mm: steps to the right, steps down, rises."""
-        (right, down), flat = self.steps, height.ravel()
+        right, down = self.steps
         across, along = height[:, 1:] - height[:, :-1], height[1:] - height[:-1]
-        return across - right, along - down, flat[self.top] - flat[self.foot] - self.rise
+        return across - right, along - down, self.rise_residuals(height)
+
+    def rise_residuals(self, height: F4) -> F4:
+        """The residuals of the T rises, in mm."""
+        flat = height.ravel()
+        return flat[self.top] - flat[self.foot] - self.rise
 
     def cost(self, height: F4, scale: float) -> float:
         """The cost for c = `scale`: the sum of log(1 + r^2 / (scale^2 variance))."""
@@ -108,8 +113,8 @@ class HeightSystem(NamedTuple):
 
         right, down, rise = self.residuals(height)
         top, foot = self.top.astype(np.int64), self.foot.astype(np.int64)
-        kept = np.count_nonzero(rise * rise / square <= rise_variance(self.scales))
-        rise *= 2 * kept >= rise.size
+        within = np.count_nonzero(rise * rise / square <= rise_variance(self.scales))
+        rise *= 2 * within >= rise.size
         return Springs(
             stiffness(right, self.right_variance[:, :-1]),
             stiffness(down, self.down_variance[:-1]),
@@ -125,7 +130,7 @@ class HeightSystem(NamedTuple):
         if not self.rise.size:
             return np.float32(0)
         middle = (self.rise.size - 1) // 2
-        median = np.partition(self.residuals(height)[2], middle)[middle]
+        median = np.partition(self.rise_residuals(height), middle)[middle]
         shared = np.float32(SHARED_RISE_PX * self.scales[3])
         off = median - shared * shared / median if abs(median) > shared else np.float32(0)
         square = np.float32(scale * scale) * rise_variance(self.scales)

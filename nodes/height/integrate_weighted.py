@@ -4,7 +4,6 @@ from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Ge, Interval
-from numpy.typing import NDArray
 
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
@@ -13,6 +12,7 @@ from tactograph.nodes.height.height_equations import STATE_AWAY, HeightSystem
 from tactograph.nodes.height.height_networks import HeightNetworks
 from tactograph.nodes.height.height_solver import HeightSolver
 from tactograph.nodes.height.height_system import example_system
+from tactograph.nodes.height.rest_at_border import border_of
 from tactograph.nodes.height.springs import conjugate_gradients, hierarchy
 
 MIN_ENERGY_SHARE = 4e-9
@@ -102,10 +102,10 @@ def _border_median(height: F4, state: U1, rows: slice, columns: slice) -> np.flo
 
     If no film is at rest, all pixels that count lie inside the window.
     """
-    border: NDArray[np.bool_] = np.ones(height.shape, bool)
-    border[1:-1, 1:-1] = False
-    border_heights = height[rows, columns][border[rows, columns] & (state != STATE_AWAY)]
-    return np.float32(np.median(border_heights) if border_heights.size else 0)
+    counts = np.zeros(height.shape, bool)
+    counts[rows, columns] = state != STATE_AWAY
+    border = border_of(height, 1)[border_of(counts, 1)]
+    return np.float32(np.median(border) if border.size else 0)
 
 
 @integrate_weighted.opencl()

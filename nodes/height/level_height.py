@@ -27,6 +27,8 @@ ENOUGH_CELLS = 8192
 """Enough cells for ten coefficients; of more cells, every n-th row and column is used."""
 TERMS_OF = (1, 3, 6, 10)
 """Number of terms of a polynomial in x and y, by its degree."""
+TERM_POWERS = [(degree - j, j) for degree in range(len(TERMS_OF)) for j in range(degree + 1)]
+"""The exponents of u and v, x and y from the middle over half the width, by degree."""
 
 
 @node(
@@ -71,26 +73,16 @@ def level_height(
     )
     sampled = height[rows[:, None], columns]
     coefficients = _surface(sampled, light, grain, degree)
-    u, v = _axes(height.shape)
-    for c, (i, j) in zip(coefficients, _powers(), strict=True):
+    u, v = image_places(height.shape, 2 / height.shape[1])
+    for c, (i, j) in zip(coefficients, TERM_POWERS, strict=True):
         if c:
             height = height - np.float32(c) * u**i * v**j
     return height
 
 
-def _powers() -> list[tuple[int, int]]:
-    """The exponents of u and v, in the order of the degree."""
-    return [(d - j, j) for d in range(4) for j in range(d + 1)]
-
-
-def _axes(shape: tuple[int, ...]) -> tuple[F4, F4]:
-    """x and y from the middle, divided by half the width: 1 x W and H x 1."""
-    return image_places(shape, 2 / shape[1])
-
-
 def _surface(sampled: F4, light: F4, grain: float, degree: int) -> F4:
     """The ten coefficients of the surface through the film at rest, from one height per cell."""
-    none = np.zeros(len(_powers()), np.float32)
+    none = np.zeros(len(TERM_POWERS), np.float32)
     if not grain > 0:
         return none
     window = (WINDOW_CELLS, WINDOW_CELLS)
@@ -130,9 +122,9 @@ def _robust(basis: F8, z: F8, weight: F8) -> tuple[F8, float]:
 @lru_cache(maxsize=8)
 def _terms(shape: tuple[int, int], apart: int) -> NDArray[np.float64]:
     """The terms of the surface at every n-th row and column of cells, in order: 10 x N."""
-    u, v = _axes(shape)
+    u, v = image_places(shape, 2 / shape[1])
     u, v = u[:, ::apart], v[::apart]
-    terms = [(u**i * v**j + 0 * (u + v)).ravel() for i, j in _powers()]
+    terms = [(u**i * v**j + 0 * (u + v)).ravel() for i, j in TERM_POWERS]
     return np.array(terms, np.float64)
 
 
@@ -143,7 +135,7 @@ def _launch(run: Launch) -> None:
     rows, columns = run.sizes["H"], run.sizes["W"]
     cell = cell_side(rows, columns, run.settings["cell"])
     cells = run.sizes["h"], run.sizes["w"]
-    coefficients = np.zeros(len(_powers()), np.float32)
+    coefficients = np.zeros(len(TERM_POWERS), np.float32)
     grain = float(run.inputs["grain"])
     if grain > 0:
         sampled = run.scratch(cells)
@@ -158,8 +150,8 @@ def _launch(run: Launch) -> None:
 @level_height.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, h: int, w: int) -> dict[str, Any]:
     """A film at rest that lies on a smooth surface, touched at one side."""
-    u, v = _axes((H, W))
-    height = sum(rng.uniform(-0.05, 0.05) * u**i * v**j for i, j in _powers())
+    u, v = image_places((H, W), 2 / W)
+    height = sum(rng.uniform(-0.05, 0.05) * u**i * v**j for i, j in TERM_POWERS)
     touched = np.broadcast_to(u > 0.5, (H, W))
     light = np.ones((K, h, w))
     light[:, :, 3 * w // 4 :] = 1.3

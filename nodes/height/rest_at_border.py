@@ -1,6 +1,6 @@
 """Set the height of the frame's border, which shows the film at rest, to zero."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Interval
@@ -25,12 +25,18 @@ def rest_at_border(
     height : H x W in mm
     width_px : width of the border in px
     """
-    rows = height[width_px:-width_px]
-    ends = (height[:width_px], height[-width_px:], rows[:, :width_px], rows[:, -width_px:])
-    thin = min(height.shape) <= 2 * width_px
-    border = height.ravel() if thin else np.concatenate([part.ravel() for part in ends])
+    border = border_of(height, width_px)
     middle = (border.size - 1) // 2
     return height - np.partition(border, middle)[middle]
+
+
+def border_of(planes: Any, width_px: int) -> Any:
+    """Return the outermost pixels of planes; all of them if these are no wider than two borders."""
+    ends, rows = [planes], planes[..., width_px:-width_px, :]
+    if min(planes.shape[-2:]) > 2 * width_px:
+        ends = [planes[..., :width_px, :], planes[..., -width_px:, :]]
+        ends += [rows[..., :width_px], rows[..., -width_px:]]
+    return np.concatenate([part.reshape(*planes.shape[:-2], -1) for part in ends], axis=-1)
 
 
 @rest_at_border.opencl()

@@ -34,6 +34,10 @@ def skirt_height(
     1 - variance / height^2 at d = 0, or by 0 (James and Stein 1961), since most of a skirt within
     its noise is noise (H4).  All film that moves stands on the skirt at d = 0.
 
+    A skirt that is wide against the film at rest looks like a fall that all film shares.  So the
+    difference to the skirt that is found without such a fall is a part of the error, as far as it
+    exceeds the deviations of both.
+
     Parameters
     ----------
     slope, variance : 2 x H x W, relative to the film at rest, and their variances
@@ -59,15 +63,18 @@ def skirt_height(
     at = np.arange(bins.max() + 2, dtype=np.float64)
     px_mm = float(pixel)
     measured = px_mm * distance / information, fall / information, information
-    skirts = _skirt(*measured, px_mm * at, float(misfit[4]))
-    planes = [np.full(rest.shape, each[0], np.float32) for each in skirts]
-    for plane, each in zip(planes, skirts, strict=True):
+    tilts = float(misfit[4]), 0.0
+    (found, own, share), (alone, other, _) = (_skirt(*measured, px_mm * at, t) for t in tilts)
+    beyond = np.maximum(np.square(found - alone) - own - other, 0)
+    profiles = found, np.sqrt(share * own + beyond)
+    planes = [np.full(rest.shape, each[0], np.float32) for each in profiles]
+    for plane, each in zip(planes, profiles, strict=True):
         plane[held] = np.interp(away, at, each)
     return Skirt(*planes)
 
 
-def _skirt(distance: F8, fall: F8, information: F8, at: F8, tilt: float) -> tuple[F8, F8]:
-    """The height and its standard deviation at some distances, from the mean fall by distance.
+def _skirt(distance: F8, fall: F8, information: F8, at: F8, tilt: float) -> tuple[F8, F8, float]:
+    """The height at some distances, its variance before it is shrunk, and to which share it is.
 
     Distances in mm; `information` is one over the variance of each fall, `tilt` the standard
     deviation of the fall that all film has.
@@ -89,4 +96,4 @@ def _skirt(distance: F8, fall: F8, information: F8, at: F8, tilt: float) -> tupl
     square = (likelihood * (begin * begin + excess * even / determinant)) @ (unit * unit)
     variance = np.maximum(square - height * height, 0)
     share = max(0.0, 1 - variance[0] / max(height[0] ** 2, MIN_SQUARE))
-    return share * height, np.sqrt(share * variance)
+    return share * height, variance, share

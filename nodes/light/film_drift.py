@@ -12,7 +12,8 @@ from annotated_types import Ge, Interval
 
 from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
-from tactograph.nodes import F4, Grain, Light
+from tactograph.nodes import F4, Grain, Light, LightPositions
+from tactograph.nodes.height.rest_at_border import border_of
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.film import place_terms
 from tactograph.nodes.optics.near_light import image_places
@@ -36,6 +37,8 @@ TOUCH_DEPARTURE = 0.003
 """Departure of a window's mean, beyond noise, that shows a touch."""
 SKIRT_CELLS = 5
 """Distance from a touch, in cells, within which cells count less, by its square."""
+SLOPE_COMPONENTS = 2
+"""Number of patterns, of K over the LEDs, in which a slope changes the light: one each by x, y."""
 SHAPE_REGULARISATION = 0.003
 """Regularisation of the drift's shape, as a share of all cells; it matters if few are calm."""
 
@@ -56,6 +59,7 @@ def film_drift(
     bounced: Light | None = None,
     thrown: Light | None = None,
     share: Light | None = None,
+    lights: LightPositions | None = None,
     *,
     degree: Annotated[int, Interval(ge=0, le=2)] = 0,
     rate: Annotated[float, Interval(ge=0, le=1)] = 1.0,
@@ -76,11 +80,14 @@ def film_drift(
     less than a twentieth of the frame remains, cells that are calm alone count.
 
     The level (the term 1) follows at once, because LEDs flicker.  The shape (all other terms)
-    follows by `rate`, and is regularised where a touch hides it.  An LED keeps its previous
+    follows by `rate`, and is regularised where a touch hides it.  A slope of the film, as on the
+    wide skirt of a touch, changes the light of K LEDs in two patterns only, while LEDs drift
+    independently.  So if the LEDs' places are known, the shape counts as drift by the share that
+    its mean square in the other K - 2 patterns is of that in these two.  An LED keeps its previous
     drift if the change explains no more than noise would (`level` standard deviations of the
     touch and the flat frame together).  Cells that are calm alone may all lie on a skirt, where
-    they depart alike: there the change must exceed what a single calm cell may depart by.  All LEDs
-    keep it if less than a twentieth of the frame is calm.
+    they depart alike: there the share of the change that is drift must exceed what a single calm
+    cell may depart by.  All LEDs keep it if less than a twentieth of the frame is calm.
 
     Parameters
     ----------
@@ -97,6 +104,8 @@ def film_drift(
     thrown, share
         K x H x W, the light from film to film of the film at rest, and r, from `untouched_film`;
         needed if the film at rest is not a plane, since `bounced` is relative to a plane.
+    lights
+        K x 3, the LEDs in mm.  None: all of the shape counts as drift.
     degree : 0: a factor for each LED; 1 or 2: a polynomial in x and y
     rate : share of a change of shape that is applied at once
     level : standard deviations that still count as noise
@@ -143,12 +152,12 @@ def film_drift(
             still = _calm(around, less, basis, drift, np.float32(roughness + TOUCH_DEPARTURE))
             if clear.mean() >= MIN_CALM_SHARE:
                 weight = _beside_skirt(clear, still.reshape(rows, columns))
-        drift, explained = _fit(cells, weight, basis, before, used)
-    drift[:, 1:used] = before[:, 1:used] + np.float32(rate) * (drift - before)[:, 1:used]
-    drift[:, 0] += (cells - _gain(drift, basis)) @ weight / weight.sum()
+        follow = rate if beyond == CALM_DEPARTURES[-1] else 1.0
+        drift, explained, drifted = _fit(cells, weight, basis, before, used, lights, follow)
     chance = np.square(noise) @ weight / weight.sum()
     if weight is calm:
         chance = (chance + np.float32(roughness * roughness)) * calm.sum()
+        explained *= drifted
     return np.where((explained > chance * (1 + flat_noise**2))[:, None], drift, before)
 
 
@@ -211,28 +220,48 @@ def _beside_skirt(clear: F4, still: F4) -> F4:
 
 def border_level(light: F4) -> F4:
     """Return the lower median of each LED's light, K x H x W, along the border of the frame."""
-    cells, light = light, light.reshape(len(light), -1)
-    if min(cells.shape[1:]) > 2:
-        ring = (cells[:, 0], cells[:, -1], cells[:, 1:-1, 0], cells[:, 1:-1, -1])
-        light = np.concatenate(ring, axis=1)
-    middle = (light.shape[1] - 1) // 2
-    return np.asarray(np.partition(light, middle, axis=1)[:, middle])
+    ring = border_of(light, 1)
+    middle = (ring.shape[1] - 1) // 2
+    return np.asarray(np.partition(ring, middle, axis=1)[:, middle])
 
 
-def _fit(light: F4, weight: F4, basis: F4, before: F4, used: int) -> tuple[F4, F4]:
+def _fit(
+    light: F4, weight: F4, basis: F4, before: F4, used: int, lights: F4 | None, rate: float
+) -> tuple[F4, F4, np.float32]:
     """Fit by weighted least squares over the cells; regularise the shape towards `before`.
 
-    Returns the drift, and for each LED the sum of squares that its change explains.
+    Returns the drift, for each LED the sum of squares that its change explains, and the share of
+    the change of shape that is drift.
     """
     weighted = basis[:used] * weight
     product = weighted @ (light - _gain(before, basis)).T
-    share = weight.sum() / max(np.count_nonzero(weight), 1)
-    ridge = np.full(used, SHAPE_REGULARISATION * share * weight.size, np.float32)
+    held = weight.sum() / max(np.count_nonzero(weight), 1)
+    ridge = np.full(used, SHAPE_REGULARISATION * held * weight.size, np.float32)
     ridge[0] = 0
-    change = np.linalg.solve(weighted @ basis[:used].T + np.diag(ridge), product)
+    gram = np.asarray(weighted @ basis[:used].T, np.float32)
+    change = np.linalg.solve(gram + np.diag(ridge), product)
+    explained = np.asarray((change * product).sum(axis=0), np.float32)
+    share = np.float32(1) if lights is None else _drift_share(change[1:], gram, lights)
+    change[1:] *= share * np.float32(rate)
+    change[0] = (product[0] - gram[0, 1:] @ change[1:]) / gram[0, 0]
     drift = before.copy()
     drift[:, :used] += change.T
-    return drift, np.asarray((change * product).sum(axis=0), np.float32)
+    return drift, explained, share
+
+
+def _drift_share(shape: F4, gram: F4, lights: F4) -> np.float32:
+    """The share of a change of shape, terms x K, that is drift of the LEDs and no slope.
+
+    Both add to the mean square in the patterns of slopes, drift alone to that in the others.
+    """
+    others = len(lights) - SLOPE_COMPONENTS
+    if others < 1 or not shape.size:
+        return np.float32(1)
+    spread = gram[1:, 1:] - np.outer(gram[0, 1:], gram[0, 1:]) / gram[0, 0]
+    patterns = np.linalg.qr(lights[:, :2] / lights[:, 2:])[0]
+    total, sloped = (float((c * (spread @ c)).sum()) for c in (shape, shape @ patterns))
+    drifted = SLOPE_COMPONENTS * max(total - sloped, 0) / others
+    return np.float32(1 if drifted >= sloped else drifted / sloped)
 
 
 @film_drift.opencl()
@@ -263,7 +292,7 @@ def _launch(run: Launch) -> None:
     cells, rows = run.in_lanes(height, width), run.in_row_lanes(height, width)
 
     def fit(drift: DeviceArray, *follow: float) -> None:
-        planes = light, noisy, weights, old, drift, shares, counts
+        planes = light, noisy, weights, old, run.inputs.get("lights"), drift, shares, counts
         run.kernel("fit", group, *planes, *sizes, used, share, *follow, local=group)
 
     run.kernel("look_around", run.in_row_lanes(*sizes), light, around, *sizes)
@@ -305,5 +334,6 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
         sigma *= 10
         light += np.float32(0.015) * np.sin(np.arange(W) / 3)
     share = rng.uniform(0.8, 1.3, light.shape)
-    inputs = {"light": light, "sigma": sigma, "before": before, "share": share}
+    lights = np.stack([*rng.uniform(-30, 30, (2, K)), rng.uniform(20, 40, K)], axis=1)
+    inputs = {"light": light, "sigma": sigma, "before": before, "share": share, "lights": lights}
     return {**inputs, "bounced": bounced, "thrown": 0.3 * bounced}

@@ -47,10 +47,10 @@ def view_slope(
         return slope / np.maximum(1 + by * (height - p * u - q * v), MIN_VIEW_SHARE)
     z = height / (1 + by * height)
     nearer = 1 - by * z
-    seen = slope / np.maximum(1 - by * (z - (p * u + q * v) * nearer), MIN_VIEW_SHARE)
-    square = seen[0] * seen[0] + seen[1] * seen[1]
+    viewed = slope / np.maximum(1 - by * (z - (p * u + q * v) * nearer), MIN_VIEW_SHARE)
+    square = viewed[0] * viewed[0] + viewed[1] * viewed[1]
     steeper = square > MAX_SQUARE
-    return np.where(steeper, seen * np.sqrt(MAX_SQUARE / np.where(steeper, square, 1)), seen)
+    return np.where(steeper, viewed * np.sqrt(MAX_SQUARE / np.where(steeper, square, 1)), viewed)
 
 
 view_slope.opencl(grid="H W", lanes="grid")

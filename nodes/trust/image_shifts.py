@@ -65,9 +65,9 @@ def image_shifts(
     where = places(columns, np.float32(pixel))[x], places(rows, np.float32(pixel))[y], height[y, x]
     v = vectors_at(lights, *where).transpose(2, 0, 1)
     square = v.transpose(0, 2, 1) @ v
-    left = np.eye(count, dtype=np.float32) - v @ np.linalg.inv(square) @ v.transpose(0, 2, 1)
-    residual = np.einsum("njk,kn->jn", left, light[:, y, x])
-    causes = np.einsum("njk,akn->kajn", left, by_shift[:, :, y, x])
+    project = np.eye(count, dtype=np.float32) - v @ np.linalg.inv(square) @ v.transpose(0, 2, 1)
+    residual = np.einsum("njk,kn->jn", project, light[:, y, x])
+    causes = np.einsum("njk,akn->kajn", project, by_shift[:, :, y, x])
     shifts = explained(residual, causes.reshape(2 * count, count, -1)).reshape(count, 2)
     if shifts.any():
         order = np.arange(count) - (count - 1) / 2

@@ -40,7 +40,7 @@ class LightDeparture(NamedTuple):
     brighter: Brighter
 
     @classmethod
-    def of(cls, departure: F4, light: F4, shown: F4, lit: F4 | float = 1.0) -> Self:
+    def of(cls, departure: F4, light: F4, model: F4, lit: F4 | float = 1.0) -> Self:
         """Return a departure with the excess of the film's brightness (T4).
 
         Parameters
@@ -49,7 +49,7 @@ class LightDeparture(NamedTuple):
         light, shown : K x H x W, the light, and the prediction of the slopes
         lit : K x H x W, 1 where an LED was used
         """
-        measured, due = (light * shown * lit).sum(axis=0), (shown * shown * lit).sum(axis=0)
+        measured, due = (light * model * lit).sum(axis=0), (model * model * lit).sum(axis=0)
         excess = measured / np.maximum(due, MIN_LIGHT) - 1
         return cls(np.asarray(departure, np.float32), np.asarray(excess, np.float32))
 

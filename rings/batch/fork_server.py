@@ -128,14 +128,14 @@ def ctrl_c_later() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    heard: list[tuple[int, FrameType | None]] = []
-    before = signal.signal(signal.SIGINT, lambda *about: heard.append(about))
+    signals: list[tuple[int, FrameType | None]] = []
+    before = signal.signal(signal.SIGINT, lambda *about: signals.append(about))
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-    if heard and callable(before):
-        before(*heard[0])
+    if signals and callable(before):
+        before(*signals[0])
 
 
 def stop_processes() -> None:

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -29,12 +28,6 @@ class MapType:
     unit: str
     dims: tuple[str, ...]
     pixel: float | None = None
-
-    @classmethod
-    def read(cls, about: Mapping[str, Any]) -> "MapType":
-        """The type that a store describes."""
-        shape, dims = tuple(map(int, about["shape"])), tuple(map(str, about["dims"]))
-        return cls(shape, str(about["dtype"]), str(about["unit"]), dims, about["pixel"])
 
     @property
     def nbytes(self) -> int:

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 import zarr
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 from zarr.codecs import BloscCodec
 from zarr.storage import LocalStore
 
@@ -71,7 +72,7 @@ class Store:
             self.identity, self.below = dict(about["identity"]), str(about["below"])
             self.arguments = dict(self.identity["arguments"])
             self.inputs = dict(self.identity["inputs"])
-            self.types = {name: MapType.read(kind) for name, kind in about["types"].items()}
+            self.types = TypeAdapter(dict[str, MapType]).validate_python(about["types"])
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise InputError(f"{place}: no store of a batch ({error})") from None
         self._check_arrays()

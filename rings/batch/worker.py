@@ -78,19 +78,19 @@ class Worker:
 
     def _maps(self) -> list[str]:
         """The outputs to keep."""
-        plan, wanted = self._pipeline.plan, self._job.maps
+        plan, map_names = self._pipeline.plan, self._job.maps
         arrays = [
             name
             for name, value in plan.outputs.items()
             if plan.port(name).kind == "array" and not plan.tasks[value.node].conditions
         ]
-        for name in wanted or ():
+        for name in map_names or ():
             if name not in arrays:
                 message = f"--maps: {plan.graph.name} puts out no array '{name}' of every capture"
                 raise InputError.unknown(message, name, arrays)
-        if wanted is None:
+        if map_names is None:
             return [name for name in arrays if len(plan.port(name).dims) == 2]
-        return list(dict.fromkeys(wanted))
+        return list(dict.fromkeys(map_names))
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[Tally]:
         """Do the captures of chunks and write them into the store; yield each chunk's tally.

@@ -17,7 +17,7 @@ from tactograph.sdk import Graph
 PAUSE_S = 0.3
 """Time without a key before a text is checked."""
 server = LanguageServer("tactograph", version("tactograph"))
-Asked = types.CompletionParams | types.HoverParams | types.DefinitionParams
+AtPosition = types.CompletionParams | types.HoverParams | types.DefinitionParams
 _graphs: dict[str, Graph] = {}
 """The graph of each open file as it was last right."""
 
@@ -36,9 +36,9 @@ async def check_soon(params: types.DidOpenTextDocumentParams) -> None:
     if result.graph is not None:
         _graphs[uri] = result.graph
     if document.version == before:
-        shown = [_diagnostic(each) for each in result.mistakes]
+        diagnostics = [_diagnostic(each) for each in result.mistakes]
         server.text_document_publish_diagnostics(
-            types.PublishDiagnosticsParams(uri, shown, document.version)
+            types.PublishDiagnosticsParams(uri, diagnostics, document.version)
         )
 
 
@@ -98,7 +98,7 @@ def _file(uri: str) -> Path:
     return Path(to_fs_path(uri) or "unnamed.yaml")
 
 
-def _cursor(params: Asked) -> Cursor | None:
+def _cursor(params: AtPosition) -> Cursor | None:
     document = server.workspace.get_text_document(params.text_document.uri)
     try:
         text = document.source

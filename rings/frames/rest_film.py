@@ -64,6 +64,11 @@ def top_of(frame: Plane, full: float) -> float:
     return full or float(np.iinfo(frame.dtype).max)
 
 
+def full_scale(bits: int | None) -> float:
+    """Return the largest value of a camera of so many bits; 0: that of the frame's type."""
+    return float(2**bits - 1) if bits else 0.0
+
+
 def cells(plane: NDArray[np.generic]) -> F4:
     """Return means over square cells, in about `CELL_ROWS` rows, to reduce noise."""
     factor = max(1, round(plane.shape[0] / CELL_ROWS))

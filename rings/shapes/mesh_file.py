@@ -55,8 +55,8 @@ def rasterised(corners: F8, rows: int, columns: int) -> F8:
     ends = np.cumsum(pairs)
     first = 0
     while first < len(corners):
-        begun = ends[first] - pairs[first]
-        last = max(int(np.searchsorted(ends, begun + PAIRS_AT_ONCE, side="right")), first + 1)
+        before = ends[first] - pairs[first]
+        last = max(int(np.searchsorted(ends, before + PAIRS_AT_ONCE, side="right")), first + 1)
         part = slice(first, last)
         _raise_to(height, corners[part], low[part], box[part, 0], pairs[part], columns)
         first = last

@@ -54,14 +54,14 @@ class GraphView:
 
     def draw(self) -> None:
         """Draw the plan with the times of the last result, and mark the chosen node."""
-        state = self._tuning.shown
+        state = self._tuning.state
         if state.result is None:
             return
         plan = state.result.plan
         self.drawn = state.number
         if not self._finder.options:
             self._finder.set_options(sorted(plan.tasks))
-        chosen = self._tuning.asked.node or ""
+        chosen = self._tuning.request.node or ""
         self._opened |= {use for use in plan.graph.uses if chosen.startswith(f"{use}.")}
         svg = state.result.svg(self._opened)
         mark = f'<style>[data-node="{chosen}"] rect{{stroke:#d1495b;stroke-width:3}}</style>'

@@ -7,11 +7,11 @@ import numpy as np
 from nicegui import events, ui
 
 from tactograph.rings.tune.attempt import attempt
-from tactograph.rings.tune.controls import control_of
+from tactograph.rings.tune.controls import Control, control_of
 from tactograph.rings.tune.follow import Follow
 from tactograph.rings.tune.picture_view import ScaledPicture
 from tactograph.rings.tune.pictures import draw, planes_of
-from tactograph.rings.tune.tuning import Shown, Tuning
+from tactograph.rings.tune.tuning import State, Tuning
 from tactograph.sdk import Document, Graph, nodes
 
 SLIDER_INTERVAL_S = 0.02
@@ -41,10 +41,10 @@ class NodePanel:
         if shows is None or now[0] is not shows[0] or now != shows:
             self.build()
 
-    def draw(self, state: Shown) -> None:
+    def draw(self, state: State) -> None:
         """Draw the output of the node that is looked at."""
-        name = self._tuning.asked.node
-        if name is None or state.result is None or (state.asked and state.asked.node != name):
+        name = self._tuning.request.node
+        if name is None or state.result is None or (state.request and state.request.node != name):
             return
         if self._shows is None or self._shows[1] != name:
             return  # another browser has chosen it: the panel follows
@@ -53,7 +53,7 @@ class NodePanel:
 
     def build(self) -> None:
         """Rebuild the card."""
-        tuning, name = self._tuning, self._tuning.asked.node
+        tuning, name = self._tuning, self._tuning.request.node
         self._shows = self._chosen()
         self._card.clear()
         self._inside = None
@@ -121,6 +121,7 @@ class NodePanel:
         ui.label(about).classes("t-help").style("margin-top: -6px")
 
     def _control(self, node: str, op: str, name: str, value: Any) -> None:
+        """A list, a switch, or a field, with a slider if the value has a range."""
         declared = getattr(nodes, op).parameters[name]
         control = control_of(declared.type, declared.limits, declared.default, value)
         # Set one by one: in a text of properties a value's quotes would end it.
@@ -132,11 +133,15 @@ class NodePanel:
                 on_change=lambda e: self._set(node, name, e.value),
             )
             choice.props("dense options-dense").props.update(mark)
-            return
-        if control.kind == "flag":
+        elif control.kind == "flag":
             flag = ui.switch(value=value, on_change=lambda e: self._set(node, name, e.value))
             flag.props.update(mark)
-            return
+        else:
+            self._field(node, name, value, control, mark)
+
+    def _field(
+        self, node: str, name: str, value: Any, control: Control, mark: dict[str, str]
+    ) -> None:
         if control.kind == "slider":
             slider = ui.element("input").classes("t-slider").props("type=range min=0 max=1000")
             slider.props.update(mark, value=str(round(control.place(value))))
@@ -185,7 +190,7 @@ class NodePanel:
 
     def _chosen(self) -> tuple[Graph, str | None, object]:
         """The state that the card is made of."""
-        node = self._tuning.asked.node
+        node = self._tuning.request.node
         return self._tuning.base, node, self._tuning.graph.nodes.get(node) if node else None
 
 
@@ -198,7 +203,7 @@ class _Inside:
         self._values: Mapping[str, Any] = {}
         self._ports = ui.toggle(ports, value=ports[0])
         self._ports.props("dense no-caps unelevated size=sm data-testid=ports")
-        self._ports.on_value_change(lambda: self.draw(tuning.shown))
+        self._ports.on_value_change(lambda: self.draw(tuning.state))
         inside = ui.element("div").classes("t-inside w-full")
         with inside, ui.row().classes("w-full gap-2 no-wrap items-stretch"):
             self._picture = ScaledPicture(follow, "inside")
@@ -207,7 +212,7 @@ class _Inside:
         self._text.props("data-testid=inside-text")
         ui.separator()
 
-    def draw(self, state: Shown) -> None:
+    def draw(self, state: State) -> None:
         """Draw the chosen port, unless it is drawn already."""
         port = str(self._ports.value)
         if state.result is None or self._name not in state.result.plan.tasks:

@@ -11,7 +11,7 @@ from tactograph.rings.tune.guard import Guard
 from tactograph.rings.tune.node_panel import NodePanel
 from tactograph.rings.tune.result_view import ResultView
 from tactograph.rings.tune.save_dialog import ask_where_to_save
-from tactograph.rings.tune.tuning import Shown, Tuning
+from tactograph.rings.tune.tuning import State, Tuning
 from tactograph.sdk import Result
 
 POLL_INTERVAL_S = 0.025
@@ -67,7 +67,7 @@ class Page:
             self._panel.build()
             self._graph.draw()
 
-    def take_up(self, state: Shown) -> None:
+    def take_up(self, state: State) -> None:
         """Show a result, or an error."""
         self._shown_number = state.number
         self._error.set_text(state.error)
@@ -84,8 +84,8 @@ class Page:
         """Take up slow changes: the file and, where the hand rests, the drawing's times."""
         self.tuning.reload()
         self._follow_others()
-        state = self.tuning.shown
-        if state.asked is not None and self._graph.drawn != state.number:
+        state = self.tuning.state
+        if state.request is not None and self._graph.drawn != state.number:
             self._graph.draw()
 
     def _head(self) -> None:
@@ -116,8 +116,8 @@ class Page:
 
     async def _look(self) -> None:
         """Take up a new result; without one, a call costs nothing."""
-        if self.tuning.shown.number != self._shown_number:
-            self.take_up(self.tuning.shown)
+        if self.tuning.state.number != self._shown_number:
+            self.take_up(self.tuning.state)
         await self._follow.send()
 
     def _tell(self, result: Result) -> None:
@@ -126,7 +126,7 @@ class Page:
         changed = f"{changes} change{'s' if changes != 1 else ''}" if changes else "as in the file"
         self._follow.html(self._about, f"{tuning.graph.hash} · {changed}")
         place = tuning.capture
-        where = escape(place.name) if place else f"item {tuning.asked.item + 1}"
+        where = escape(place.name) if place else f"item {tuning.request.item + 1}"
         self._follow.html(self._where, where)
         figures = [
             (name.replace("_", " "), f"{figure:.3g}")

@@ -1,7 +1,7 @@
 export default {
   template: `
     <div>
-      <img ref="picture" draggable="false" @mousemove="told" @mousedown="told" @mouseleave="leave" />
+      <img ref="picture" draggable="false" @mousemove="point" @mousedown="point" @mouseleave="leave" />
       <svg :viewBox="'0 0 ' + width + ' ' + height" preserveAspectRatio="none">
         <g ref="lines"></g>
         <g v-if="over" class="t-cross">
@@ -25,7 +25,7 @@ export default {
       picture.src = uri;
       return done;
     },
-    told(event) {
+    point(event) {
       const picture = this.$refs.picture;
       this.x = (event.offsetX * this.width) / picture.clientWidth;
       this.y = (event.offsetY * this.height) / picture.clientHeight;

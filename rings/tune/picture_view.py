@@ -5,7 +5,7 @@ from collections.abc import Callable
 from html import escape
 from typing import NamedTuple
 
-from nicegui import events, ui
+from nicegui import ui
 
 from tactograph.rings.tune.follow import Follow
 from tactograph.rings.tune.pictures import Picture, gradient
@@ -24,11 +24,7 @@ class PictureView(ui.element, component="picture_view.js"):
 
     def __init__(self, over: Callable[[Pointed], None]) -> None:
         super().__init__()
-
-        def on_mouse(event: events.GenericEventArguments) -> None:
-            over(Pointed(event.args["x"], event.args["y"], event.args["pressed"]))
-
-        self.on("mouse", on_mouse, ["x", "y", "pressed"])
+        self.on("mouse", lambda event: over(Pointed(**event.args)), [*Pointed._fields])
         self.classes("t-picture")
 
 

@@ -35,7 +35,7 @@ class ResultView:
 
     def draw(self) -> None:
         """Draw the chosen output."""
-        state = self._tuning.shown
+        state = self._tuning.state
         if state.result is None:
             return
         self._offer_outputs(state.result)

@@ -31,7 +31,7 @@ REST_S = 0.12
 
 
 @dataclass(frozen=True)
-class Asked:
+class Request:
     """A request of the page."""
 
     graph: Graph
@@ -42,11 +42,11 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Shown:
+class State:
     """The last result with its request, and the error of a later request."""
 
     number: int = 0
-    asked: Asked | None = None
+    request: Request | None = None
     result: Result | None = None
     inspected: Mapping[str, Any] = field(default_factory=dict)
     error: str = ""
@@ -70,8 +70,8 @@ class Tuning:
         self.source, self.params = source, dict(params)
         self.base = read_graph(source)
         self.captures = captures_of(self.base, params)
-        self.asked = Asked(self.base, 0, 0, None)
-        self.shown = Shown()
+        self.request = Request(self.base, 0, 0, None)
+        self.state = State()
         self.rates: deque[float] = deque()
         self.playing = False
         self.output: str | None = None
@@ -83,7 +83,7 @@ class Tuning:
         self._unreadable = ""
         self._changed = threading.Condition()
         self._ended = False
-        self._last: Asked | None = None
+        self._last: Request | None = None
         Pipeline.verify(self.base)
         for name in self.base.nodes:  # all that it needs is given
             self.settings(name)
@@ -92,11 +92,11 @@ class Tuning:
 
     @property
     def graph(self) -> Graph:
-        return self.asked.graph
+        return self.request.graph
 
     @property
     def capture(self) -> Path | None:
-        return self.captures[self.asked.capture] if self.captures else None
+        return self.captures[self.request.capture] if self.captures else None
 
     def settings(self, node: str) -> dict[str, Any]:
         """A node's parameters as they are now, defaults included."""
@@ -144,9 +144,9 @@ class Tuning:
         """Go to the next capture or item, or, among captures, to one before."""
         with self._changed:  # a stream that plays goes on meanwhile
             if self.captures:
-                self._ask(capture=(self.asked.capture + steps) % len(self.captures))
+                self._ask(capture=(self.request.capture + steps) % len(self.captures))
             elif steps > 0:
-                self._ask(item=self.asked.item + 1)
+                self._ask(item=self.request.item + 1)
 
     def play(self, on: bool) -> None:
         """Run a stream, or pause it."""
@@ -192,15 +192,15 @@ class Tuning:
             Pipeline.verify(base)
         except TactographError as error:
             self._unreadable = " ".join(str(error).split())
-            self._publish(self.shown)
+            self._publish(self.state)
             return True
         self._unreadable = ""
         with self._changed:
             self.base = base
             self._files = files_of(base)
             self._stamp = stamp(self._files)
-            node = self.asked.node if self.asked.node in base.nodes else None
-            self._ask(graph=base, node=node, revision=self.asked.revision + 1)
+            node = self.request.node if self.request.node in base.nodes else None
+            self._ask(graph=base, node=node, revision=self.request.revision + 1)
         return True
 
     def close(self) -> None:
@@ -231,61 +231,61 @@ class Tuning:
     def _ask(self, **changed: Any) -> None:
         """Request something else, which the thread then makes."""
         with self._changed:
-            self.asked = replace(self.asked, **changed)
+            self.request = replace(self.request, **changed)
             self._changed.notify()
 
     def _work(self) -> None:
-        last: Asked | None = None
+        last: Request | None = None
         while True:
             with self._changed:
-                while not (self._ended or self.playing or self.asked is not last):
+                while not (self._ended or self.playing or self.request is not last):
                     self._changed.wait()
                 if self._ended:
                     break
-                if self.playing and self.asked is last:
-                    self.asked = replace(self.asked, item=self.asked.item + 1)
-                last = self.asked
+                if self.playing and self.request is last:
+                    self.request = replace(self.request, item=self.request.item + 1)
+                last = self.request
             self._run(last)
         self._runner.close()
 
-    def _run(self, asked: Asked) -> None:
-        capture = self.captures[asked.capture] if self.captures else None
+    def _run(self, request: Request) -> None:
+        capture = self.captures[request.capture] if self.captures else None
         try:
-            is_quick = self._show_first(asked, capture)
-            if is_quick and not self._rests(asked):
+            is_quick = self._show_first(request, capture)
+            if is_quick and not self._rests(request):
                 return
-            result = self._runner.run(asked.graph, capture, asked.item)
-            inspected = self._inspect(asked.node)
+            result = self._runner.run(request.graph, capture, request.item)
+            inspected = self._inspect(request.node)
         except Exception as error:  # a bad edit must not take the page down
             self.playing = False
             kind = "" if isinstance(error, TactographError) else f"{type(error).__name__}: "
             message = kind + " ".join(str(error).split())
-            self._publish(replace(self.shown, asked=asked, error=message))
+            self._publish(replace(self.state, request=request, error=message))
             return
         if not is_quick:
             self._count()
-        self._publish(Shown(0, asked, result, inspected))
+        self._publish(State(0, request, result, inspected))
 
-    def _show_first(self, asked: Asked, capture: Path | None) -> bool:
+    def _show_first(self, request: Request, capture: Path | None) -> bool:
         """Make and show the output that is looked at, if only settings changed."""
-        last, before = self.shown.asked or self._last, self.shown.result
+        last, before = self.state.request or self._last, self.state.result
         if self.output is None or last is None or before is None:
             return False
-        place = (asked.capture, asked.item)
+        place = (request.capture, request.item)
         if place != (last.capture, last.item) or self.output not in before:
             return False
-        first = self._runner.run(asked.graph, capture, asked.item, [self.output])
+        first = self._runner.run(request.graph, capture, request.item, [self.output])
         self._last = last
         merged = replace(first, outputs={**before.outputs, **first.outputs})
         self._count()
-        self._publish(replace(self.shown, asked=None, result=merged, error=""))
+        self._publish(replace(self.state, request=None, result=merged, error=""))
         return True
 
-    def _rests(self, asked: Asked) -> bool:
+    def _rests(self, request: Request) -> bool:
         """Return whether no newer request arrives within a moment."""
         with self._changed:
             newer = self._changed.wait_for(
-                lambda: self._ended or self.asked is not asked, timeout=REST_S
+                lambda: self._ended or self.request is not request, timeout=REST_S
             )
         return not newer
 
@@ -303,7 +303,7 @@ class Tuning:
         ports = pipeline.plan.tasks[node].node.outputs
         return {port: pipeline.inspect(f"{node}.{port}") for port in ports}
 
-    def _publish(self, state: Shown) -> None:
+    def _publish(self, state: State) -> None:
         """Publish a result; the error of an unreadable file stays until it can be read."""
         error = self._unreadable or state.error
-        self.shown = replace(state, number=self.shown.number + 1, error=error)
+        self.state = replace(state, number=self.state.number + 1, error=error)

@@ -30,11 +30,7 @@ def changes_between(
             changes.append({**whole, "with": dict(entry.settings)} if entry.settings else whole)
             old = replace(entry, backend=None, neutral=False)
         before = {**defaults.get(name, {}), **old.settings}
-        changed = {
-            setting: value
-            for setting, value in entry.settings.items()
-            if setting not in before or before[setting] != value
-        }
+        changed = {n: v for n, v in entry.settings.items() if (n, v) not in before.items()}
         if changed:
             changes.append({"set": name, "with": changed})
         if entry.backend is not None and entry.backend != old.backend:

@@ -4,7 +4,6 @@ import numpy as np
 
 from tactograph.graph import node
 from tactograph.nodes import CoarseLight, Light, Noise
-from tactograph.nodes.calibrate import DRIFT_DEGREE
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.film_drift import Drift, film_drift
 from tactograph.nodes.light.level_light import level_light
@@ -14,11 +13,11 @@ from tactograph.nodes.optics.sheet import SheetLight, cut
 
 @node(neutral="light")
 def level_touches(light: SheetLight, flat: Light, noise: Noise) -> SheetLight:
-    """Divide each press by its drift, so that untouched film has the flat frame's light.
+    """Divide each press by the factor of each LED since the flat frame.
 
-    Pressed film brightens the untouched film around it by some per cent, differently for each
-    LED.  The presses that a film model is fitted to must be levelled like the touches that it
-    is used for.
+    LEDs flicker, and pressed film brightens the untouched film around it, differently for each
+    LED.  A factor that varied over the film would also take the slopes of film that a thick gel
+    lifts all around the ball for drift; the heights of such gels then were 1 to 4 % too large.
 
     Parameters
     ----------
@@ -31,11 +30,11 @@ def level_touches(light: SheetLight, flat: Light, noise: Noise) -> SheetLight:
 
 
 def press_drift(press: Light, sigma: CoarseLight, bounced: CoarseLight | None = None) -> Drift:
-    """Return the drift of a press, K x H x W, from its cells.
+    """Return the drift of a press, K x H x W, from its cells: a factor for each LED.
 
     Parameters
     ----------
     press : relative to the film at rest
     sigma, bounced : on cells, the noise of a pixel, and known light from film to film
     """
-    return film_drift(coarsen(press), sigma, bounced=bounced, degree=DRIFT_DEGREE)
+    return film_drift(coarsen(press), sigma, bounced=bounced)

@@ -1,4 +1,7 @@
-"""Leave out the presses that are inconsistent with the others, and say why."""
+"""Leave out the presses that are inconsistent with the others, and say why.
+
+Long because each reason has its own test and sentence.
+"""
 
 from collections.abc import Iterator
 from typing import Annotated, NamedTuple
@@ -8,6 +11,8 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Port, node, warn
 from tactograph.nodes import F4, F8, U1, Light, PixelSize
+from tactograph.nodes.calibrate import BallCircles, BallPress
+from tactograph.nodes.calibrate.film.judge_radius import ONLY_WARN_ADVICE
 from tactograph.nodes.calibrate.lights.light_fit import LedFit, residual_of, shift_of
 from tactograph.nodes.calibrate.lights.light_samples import (
     DIM_LIGHT,
@@ -17,6 +22,7 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     presses_of,
     unreached,
 )
+from tactograph.nodes.calibrate.lights.other_press import other_press
 from tactograph.nodes.light.light_noise import SATURATED_LIGHT
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import (
@@ -64,14 +70,19 @@ def choose_presses(
     lit: SheetLabels,
     pixel: PixelSize,
     names: list[str],
+    circle: BallCircles,
+    of: BallPress,
     shape: RestShape | None = None,
     bare: SheetMask | None = None,
+    *,
+    only_warn: bool = False,
 ) -> ChosenPresses:
     """Leave out the pixels of presses that are inconsistent with the others.
 
     Saturated pixels, as of highlights, are left out where they are more than 2 % of a contact.
-    A press is left out, with a warning that gives the reason, if half of it is saturated, if an
-    LED does not reach it, or if its light contradicts the LED positions found from the others.
+    A press is left out, with a warning that gives the reason, if half of it is saturated, if its
+    images are in another order than the flat frame's, if an LED does not reach it, or if its light
+    contradicts the LED positions found from the others.
     Consensus (Fischler and Bolles, 1981) finds these: LEDs are placed by the flat frame and
     one press at a time, and the placement with the smallest median residual is taken.  A press
     is an outlier if its residual exceeds three times the median press's and 2 % of the light.
@@ -85,8 +96,10 @@ def choose_presses(
         2 x S x W, S x W, S x W in mm, S x W: of the presses, as for `calibrate_lights`.
     pixel : mm per px
     names : the presses' names, for messages
+    circle, of : the balls, as for `rate_exposure`
     shape : the film at rest if it is no plane
     bare : S x W, 0 where a marker covers the film; None: nowhere
+    only_warn : whether to use presses whose images are in another order, too
 
     Returns
     -------
@@ -97,7 +110,7 @@ def choose_presses(
     Raises
     ------
     InputError
-        If no press can be used.
+        If no press can be used, or the images of all are in another order.
     """
     rows = flat.shape[1]
     pressed = [i for i, bared in enumerate(cut(mask, rows)) if bared.any()]
@@ -115,6 +128,11 @@ def choose_presses(
     }
     if len(presses) == 1 and why:
         raise InputError(why[0].replace("its contact", "the ball"))
+    if not only_warn:
+        other = {i: other_press(presses[i].light, flat, circle[of == i]) for i in pressed}
+        if other and all(other.values()):
+            raise InputError(other[pressed[0]] + ONLY_WARN_ADVICE)
+        why = {i: reason for i, reason in other.items() if reason} | why
     if len(presses) > 1:
         judged = [i for i in pressed if i not in why]
         objects = {i: presses[i].samples(pixel, MAX_SAMPLES_EACH, shape) for i in judged}

@@ -135,8 +135,8 @@ def rate_calibration(
     if is_poor:
         doubts.append(
             f"LED {poorest + 1}'s light departs by {mismatch[poorest]:.1%} from that of a point "
-            "above a matt film: check the order of the images, the ball's radius, its contact and "
-            "the pixel size"
+            "above a matt film: check the order of the images, the ball's radius and contact (or "
+            "the object's height) and the pixel size"
             + (", or give `flat`=DIR" if flat is None or is_uniform(flat) else "")
             + "; a film that is glossy departs, too"
         )

@@ -9,6 +9,7 @@ from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Light
 from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
+from tactograph.nodes.calibrate.lights.other_press import CELL_PX, film_beside, other_press
 from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.sheet import SheetLight, cut
@@ -16,16 +17,11 @@ from tactograph.nodes.trust.banded_rows import BANDS_WARNING, is_banded
 from tactograph.nodes.trust.explained import added_share
 from tactograph.nodes.trust.fall_off import fall_off
 from tactograph.nodes.trust.film_motion import film_motion, motion_in_words, motion_size
-from tactograph.nodes.trust.other_frame import other_frame
 
-SKIRT_RADII = 1.5
-"""Radius of the skirt in contact radii; film within it is lifted, and darkened by its slope."""
-MIN_FREE_SHARE = 0.05
-"""Share of the frame that has to lie outside the skirts; otherwise the whole frame counts."""
 MAX_DEPARTURE = 0.08
 """Departure of an LED's light up to which pressed film and flickering LEDs explain it."""
-MAX_ADDED, CELL_PX = 0.03, 4
-"""Largest added light (T3) relative to the film at rest, and the side of its cells in px."""
+MAX_ADDED = 0.03
+"""Largest added light (T3) relative to the film at rest."""
 MAX_MOTION = 0.02
 """Largest motion of the film between flat frame and press, over the image's width (T7)."""
 NO_FILM_LIGHT = 0.1
@@ -101,14 +97,11 @@ def rate_exposure(
         if not moved and is_banded(cells[0]):
             doubts.append(where + BANDS_WARNING)
             continue
-        free = _free(press, circle[of == number])
-        far = coarsen(free[None].astype(np.float32), factor=CELL_PX)[0] == 1
-        if other := other_frame(cells[0] * cells[1], cells[1], far):
-            doubts.append(
-                f"{where}beside the ball the images show the film of the flat frame {other}: take "
-                "press and flat frame in the same way"
-            )
+        if other := other_press(press, flat, circle[of == number]):
+            doubts.append(where + other)
             continue
+        free = film_beside(press, circle[of == number])
+        far = coarsen(free[None].astype(np.float32), factor=CELL_PX)[0] == 1
         which, level = _departure(press, free, where)
         worst = max(worst, level, key=abs)
         if abs(level) > MAX_DEPARTURE:
@@ -142,16 +135,6 @@ def _of_motion_or_light(moved: str, added: float, compared: str) -> str:
     if moved and added < 0:  # other light brightens, unless only the flat frame had it
         return f"{lies}, or {is_lit}"
     return f"{is_lit}; or is it another zoom or crop?"
-
-
-def _free(press: F4, circles: F4) -> NDArray[np.bool_]:
-    """The pixels that are film at rest; all pixels if the balls leave too few."""
-    rows, columns = press.shape[1:]
-    y, x = np.mgrid[:rows, :columns]
-    free = np.ones((rows, columns), bool)
-    for at_x, at_y, radius in circles:
-        free &= (x - at_x) ** 2 + (y - at_y) ** 2 > (SKIRT_RADII * radius) ** 2
-    return free if free.mean() >= MIN_FREE_SHARE else np.ones_like(free)
 
 
 def _departure(press: F4, free: NDArray[np.bool_], where: str) -> tuple[str, float]:

@@ -4,11 +4,11 @@ from collections import Counter
 from pathlib import Path
 
 from tactograph.rings.batch.entry import DONE, PENDING
-from tactograph.rings.export.shown import Shown, first, input_files, param_line, section
+from tactograph.rings.export.summary import Summary, first, input_files, param_line, section
 from tactograph.sdk import InputError, need
 
 
-def show(file: Path) -> Shown:
+def show(file: Path) -> Summary:
     """Return how many captures are done, failed or pending, the maps, reasons and warnings.
 
     Raises
@@ -38,4 +38,4 @@ def show(file: Path) -> Shown:
         *section("failed", first(reasons)),
         *section("warnings", first([f"  {n} x {text}" for text, n in warned.most_common()])),
     ]
-    return Shown(lines)
+    return Summary(lines)

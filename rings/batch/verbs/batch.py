@@ -53,8 +53,8 @@ def command(
     read = options.read(graph)
     from tactograph.rings.batch.job import make_job
 
-    arguments, wanted = read.read_words(values), maps.split(",") if maps else None
-    job = make_job(read, arguments, options, out=out, maps=wanted, below=captures.below)
+    arguments, map_names = read.read_words(values), maps.split(",") if maps else None
+    job = make_job(read, arguments, options, out=out, maps=map_names, below=captures.below)
     from tactograph.rings.batch.run_batch import run_batch
 
     if run_batch(job, captures, workers, retry_failed=retry_failed):

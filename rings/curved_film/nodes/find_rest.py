@@ -110,12 +110,12 @@ class Bending(NamedTuple):
         self, unknowns: F8, parts: tuple[str, ...] = (), before: ShapeFit | None = None
     ) -> ShapeFit:
         """Find the balls on a film of some bend, and fit the film's model to them."""
-        given, shape = self.evidence, self.shape(unknowns)
-        names = [str(1 + press) for press in range(len(given.radius))]
+        data, shape = self.evidence, self.shape(unknowns)
+        names = [str(1 + press) for press in range(len(data.radius))]
         circle, _, radius, of, _ = find_balls(
-            given.light, given.flat, given.radius, self.circles, names, given.pixel, shape=shape
+            data.light, data.flat, data.radius, self.circles, names, data.pixel, shape=shape
         )
-        laid = given._replace(circle=circle, radius=radius, of=of, shape=shape)
+        laid = data._replace(circle=circle, radius=radius, of=of, shape=shape)
         return ShapeFit.of(laid, parts, before, bounce=self.bounce)
 
     def found(self, parts: tuple[str, ...] = (), near: Bend | None = None) -> Bend:
@@ -191,21 +191,21 @@ def find_rest(
         )
     # Light of film that is no plane may look like a ball's.
     balls = find_balls(light, flat, radius, circles, names, pixel, only_warn=True)
-    shown = np.flatnonzero(balls.circle[:, 2])
-    if shown.size < MIN_PRESSES:
+    found = np.flatnonzero(balls.circle[:, 2])
+    if found.size < MIN_PRESSES:
         raise InputError(
             f"finding the film's shape needs presses at {MIN_PRESSES} places or more: one in the "
             "middle, others near the border"
         )
-    light = np.concatenate([np.split(light, len(radius), axis=1)[press] for press in shown], axis=1)
-    circle, radius, every = balls.circle[shown], radius[shown], np.ones(shown.size, np.uint8)
-    of = np.arange(shown.size, dtype=np.int32)
+    light = np.concatenate([np.split(light, len(radius), axis=1)[press] for press in found], axis=1)
+    circle, radius, every = balls.circle[found], radius[found], np.ones(found.size, np.uint8)
+    of = np.arange(found.size, dtype=np.int32)
     contacts = press_slopes(light, flat, circle, radius, of, pixel)
     leds = calibrate_lights(light, flat, *contacts, label_lit(light), pixel)
     placed = leds.film.lights, leds.strength
     evidence = FilmEvidence(light, flat, circle, radius, of, every, *placed, noise, pixel)
     camera = 0.0 if camera_mm is None else 1 / camera_mm
-    bending = Bending(evidence, circles[shown], camera, bounce=bounce)
+    bending = Bending(evidence, circles[found], camera, bounce=bounce)
     bend = bending.found()
     coat = ShapeFit.of(bend.fit.evidence, COAT_PARTS, bend.fit)
     if coat.odds(bend.fit).are_sure:

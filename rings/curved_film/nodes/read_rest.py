@@ -87,8 +87,8 @@ def read_rest(
     Raises
     ------
     InputError
-        If none or more than one is given, the file cannot be read or is of another size, or the
-        film does not fill half of the frame.
+        If none or more than one is given, the file cannot be read or is of another size, the film
+        does not fill half of the frame, or it is steeper than 45 degrees all over it.
     """
     params = {"`file`": file, "`radius_mm`": radius_mm, "`cylinder_mm`": cylinder_mm}
     names = [name for name, value in params.items() if value is not None]
@@ -124,6 +124,12 @@ def read_rest(
         raise InputError(
             f"{file or names[0]}: the film rises to the pupil at {camera_mm:g} mm; "
             "check `camera_mm`"
+        )
+    rise, frame = float(np.ptp(height)), pixel * float(np.hypot(*size))
+    if rise > frame:
+        raise InputError(
+            f"{file or names[0]}: the film at rest rises by {rise:.4g} mm within a frame of "
+            f"{frame:.3g} mm, too steep to be seen: is it in mm?"
         )
     shape = RestShape.of(np.asarray(height, np.float32), pixel, camera)
     visible = None if is_known.all() else is_known.astype(np.uint8)

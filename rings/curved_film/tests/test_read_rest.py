@@ -107,6 +107,14 @@ def test_a_height_map_of_another_size_is_refused(tmp_path: Path) -> None:
         read(file=tmp_path / "gel.npy")
 
 
+def test_a_height_map_in_micrometres_is_refused(tmp_path: Path) -> None:
+    """It gave NumPy's warnings, and no film had the light of the balls."""
+    x, y = places()
+    np.save(tmp_path / "gel.npy", 1e3 * 0.02 * (x * x + y * y))
+    with pytest.raises(InputError, match=r"gel\.npy: the film at rest rises by .* is it in mm"):
+        read(file=tmp_path / "gel.npy")
+
+
 def test_cells_of_a_shape_have_its_means() -> None:
     shape = RestShape.of(read(radius_mm=12.0).shape.height, PIXEL_MM)
     cells = shape.binned(4)

@@ -6,7 +6,9 @@ from tactograph.sdk import HeightFile, InputError, PixelSize, StoredResult, node
 
 
 @node
-def read_pixel_size(*, height: Path, mm: PixelSize | None = None) -> PixelSize:
+def read_pixel_size(
+    captured: PixelSize | None = None, *, height: Path, mm: PixelSize | None = None
+) -> PixelSize:
     """Return the pixel size of a height map in mm.
 
     ``.sur``, ``.tmd``, and the ``.tiff`` and ``.png`` that Tactograph writes state it
@@ -15,6 +17,7 @@ def read_pixel_size(*, height: Path, mm: PixelSize | None = None) -> PixelSize:
 
     Parameters
     ----------
+    captured : mm per px that the height's images state, used if `mm` is not given
     height
         The height map: .npy, .tiff, .png (16 bit, with its scale), .tmd, .sur, .sdf, .x3p or .gwy.
     mm
@@ -25,6 +28,7 @@ def read_pixel_size(*, height: Path, mm: PixelSize | None = None) -> PixelSize:
     InputError
         If neither says it, a result's pixels are not square, or the file is missing or damaged.
     """
+    mm = captured if mm is None else mm
     stated, where = HeightFile.read(height).pixel, height
     if stated is None:
         where, _ = result = StoredResult.beside(height)

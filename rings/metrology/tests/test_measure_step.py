@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings, strategies as st
 
-from benchmarks.real_film import run
+from benchmarks.one_run import run
 from rings.metrology.tests.scan.scans import groove_shape
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings

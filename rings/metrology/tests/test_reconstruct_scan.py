@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.real_film import run
+from benchmarks.one_run import run
 from benchmarks.scans import DEVICES, UNKNOWN_UM, groove, settled
 from rings.metrology.tests.scan.scans import PIXEL, cap, groove_shape, seen, write_model, write_scan
 from tactograph.graph import InputError

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.real_film import run
+from benchmarks.one_run import run
 from rings.metrology.tests.scan.scans import groove_shape
 from tactograph.graph import InputError
 from tactograph.nodes import F8

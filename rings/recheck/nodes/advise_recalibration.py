@@ -15,6 +15,10 @@ DUE_ERROR_DEG = 0.5
 """... if it also exceeds this many degrees."""
 WRONG_ERROR_DEG = 3.0
 """Degrees above which the check press itself is doubted, if `DUE_ERROR_RATIO` holds, too."""
+MAX_GAIN_CHANGE = 0.3
+"""Change of the light's dependence on slope above which no gel explains it: three of the deviations
+that `refit_reflectance_map` allows for a gel."""
+RADIUS_ADVICE = "or ball_radius_mm is wrong: is it the radius, not its diameter?"
 MAX_THICKER_MM = 1.0
 """Change of the gel's thickness in mm above which LED light takes another path to the film."""
 MAX_LED_DIFFERENCE = 0.2
@@ -27,10 +31,11 @@ MIN_DENT_SLOPE = 0.02
 
 
 class RecalibrationAdvice(NamedTuple):
-    """What has changed, in figures, and what to do, in one sentence."""
+    """What has changed, in figures, what to do, in one sentence, and doubts of the new file."""
 
     quality: dict[str, float]
     advice: str
+    doubts: list[str]
 
 
 @node
@@ -39,6 +44,7 @@ def advise_recalibration(
     pixel: PixelSize,
     refitted: dict[str, float],
     before: dict[str, float],
+    doubts: list[str] | None = None,
 ) -> RecalibrationAdvice:
     """Report what has changed in figures, and what to do in one sentence.
 
@@ -47,27 +53,31 @@ def advise_recalibration(
     change : as `film_change` returns it, relative to the old film
     pixel : mm per px
     refitted : figures of the fit to the check press; empty if there was none
-    before : the figures of the old calibration
+    before, doubts : the figures of the old calibration, and what speaks against it
 
     Returns
     -------
     All figures of `refitted`; ``light_percent/...`` of each LED; ``dent_um`` and ``dent_slope``,
     the largest height and slope of a dent, 0 if there is none; ``full_calibration_due``, 0 or 1.  A
-    warning says if the check press cannot be right.
+    warning says if the check press cannot be right.  What makes heights wrong, if the new film is
+    not as the check press says, is a doubt of the new calibration, too.
     """
     strength = change.strength
     height, slope = _dent(change.dent, pixel)
     reference = {name: before[name] for name in REFERENCE_FIGURES if name in before}
     full = next(iter(reference.values()), None)
-    reasons = _reasons(strength, slope, refitted, full)
+    contradictions = _contradictions(refitted, full)
+    reasons = contradictions + _reasons(strength, slope)
     quality = (
         refitted
-        | {f"light_percent/led{k}": 100 * float(s) for k, s in enumerate(strength, start=1)}
+        | change.light_percent()
         | {"dent_um": 1e3 * height, "dent_slope": slope}
         | reference
         | {"full_calibration_due": float(bool(reasons))}
     )
-    return RecalibrationAdvice(quality, _sentence(reasons, refitted, full))
+    return RecalibrationAdvice(
+        quality, _sentence(reasons, refitted, full), [*(doubts or []), *contradictions]
+    )
 
 
 def _dent(dent: F4, pixel: float) -> tuple[float, float]:
@@ -79,9 +89,8 @@ def _dent(dent: F4, pixel: float) -> tuple[float, float]:
     return float(dent.flat[np.abs(dent).argmax()]), float(slope.max())
 
 
-def _reasons(
-    strength: F4, slope: float, refitted: dict[str, float], full: float | None
-) -> list[str]:
+def _contradictions(refitted: dict[str, float], full: float | None) -> list[str]:
+    """Return what the check press says of the new film that a mistake may say instead."""
     reasons = []
     error = refitted.get("check_deg/held_out")
     most = DUE_ERROR_DEG if full is None else max(DUE_ERROR_RATIO * full, DUE_ERROR_DEG)
@@ -94,7 +103,19 @@ def _reasons(
                 "the ball's radius, and that film and ball are clean, and recalibrate"
             )
     if abs(refitted.get("thicker_mm", 0.0)) > MAX_THICKER_MM:
-        reasons.append(f"the gel is {refitted['thicker_mm']:+.2f} mm thicker")
+        thicker = refitted["thicker_mm"]
+        reasons.append(f"the new gel is {thicker:+.2f} mm thicker, {RADIUS_ADVICE}")
+    gains = [gain / 100 for name, gain in refitted.items() if name.startswith("gain_percent/")]
+    if gains and abs(np.median(gains) - 1) > MAX_GAIN_CHANGE:
+        reasons.append(
+            f"on the new gel light depends {np.median(gains):.2g} times as much on slope as on the "
+            f"old, {RADIUS_ADVICE}"
+        )
+    return reasons
+
+
+def _reasons(strength: F4, slope: float) -> list[str]:
+    reasons = []
     uneven = strength / np.median(strength)
     if np.abs(uneven - 1).max() > MAX_LED_DIFFERENCE:
         k = int(np.abs(uneven - 1).argmax())

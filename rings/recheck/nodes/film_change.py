@@ -62,6 +62,10 @@ class FilmChange(NamedTuple):
     dent: Height
     """The film's height now, minus its height then."""
 
+    def light_percent(self) -> dict[str, float]:
+        """Figures ``light_percent/ledN``."""
+        return {f"light_percent/led{k}": 100 * float(s) for k, s in enumerate(self.strength, 1)}
+
 
 @node(sizes={"K": SizeLimit(3, 8, "two LEDs leave the film's tilt open")})
 def film_change(

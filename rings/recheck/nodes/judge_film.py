@@ -77,7 +77,7 @@ def judge_film(change: FilmChange, pixel: PixelSize) -> Verdicts:
     if is_dark or abs(deepest) > pixel * dent.shape[1] / 2:
         wrong = dict.fromkeys(wrong, ANOTHER_SENSOR)
     wrong = {cause: sentence for cause, sentence in wrong.items() if sentence}
-    figures = {f"light_percent/led{k}": 100 * float(s) for k, s in enumerate(strength, start=1)}
+    figures = change.light_percent()
     right = Verdicts(
         f"right: {min(figures.values()):.1f} to {max(figures.values()):.1f} % of their light",
         "right: no dents, no scratches",

@@ -38,8 +38,8 @@ def plot_recalibration(
     draw_light(lower, change.strength, words)
     figure.suptitle(advice, x=0.02, ha="left", fontsize=11)
     # Those of single LEDs are drawn.
-    shown = {name: quality[name] for name in quality if not name.startswith("light_percent")}
-    picture.write(figure, shown, top=0.92)
+    figures = {name: quality[name] for name in quality if not name.startswith("light_percent")}
+    picture.write(figure, figures, top=0.92)
 
 
 def _draw_press(axes: Axes, press: F4, circles: F4) -> None:

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.export.height_levels import OFFSET_MM, STEP_MM, UNKNOWN_LEVEL, height_levels
+from tactograph.rings.frames.colour_planes import in_bytes
 from tactograph.rings.recording.files.level_pictures import levels_picture
 from tactograph.sdk import F4, InputError, Light, Touch, need
 
-MAX_BYTE = 255
 NS_PER_S = 10**9
 PICTURE_CHANNELS = 3
 INFO_FILE = Path("meta", "info.json")
@@ -102,8 +102,7 @@ def touch_columns(
 def lights_picture(lights: Light) -> NDArray[np.uint8]:
     """Return up to three lights, 0 to 1, as the channels of a picture H x W x 3 of 8 bits."""
     picture = np.zeros((*lights.shape[1:], PICTURE_CHANNELS), np.uint8)
-    for channel, plane in enumerate(lights):
-        picture[..., channel] = np.clip(np.rint(plane * np.float32(MAX_BYTE)), 0, MAX_BYTE)
+    picture[..., : len(lights)] = np.moveaxis(in_bytes(lights), 0, -1)
     return picture
 
 

@@ -39,10 +39,6 @@ class McapFile:
             path.unlink(missing_ok=True)
             raise
 
-    @property
-    def is_empty(self) -> bool:
-        return self.messages == 0
-
     def write(self, messages: Sequence[Message]) -> None:
         for message in messages:
             if message.type not in self._schemas:

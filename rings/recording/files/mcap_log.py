@@ -70,7 +70,7 @@ class Limits(NamedTuple):
     def ends(self, file: McapFile) -> bool:
         """Return whether the next message belongs into another file."""
         full = min(1e6 * self.file_mb, self.total_bytes / MIN_FILES)
-        return not file.is_empty and file.size >= full
+        return file.messages > 0 and file.size >= full
 
 
 def need_mcap() -> None:
@@ -111,7 +111,7 @@ class McapLog:
         self._folder, self._about, self._limits = folder, dict(about), limits
         self._queue: deque[tuple[Sequence[Message], int]] = deque()
         self._waiting = 0
-        self._taken = self._done = 0
+        self._accepted = self._done = 0
         self._closing = self._all_written = False
         # Handles of files that are complete but not yet synced.
         self._ended: list[int] = []
@@ -137,33 +137,29 @@ class McapLog:
         for thread in self._threads:
             thread.start()
 
-    def put(self, messages: Sequence[Message]) -> bool:
-        """Hand over messages that belong together; return whether they were accepted.
+    def put(self, messages: Sequence[Message]) -> None:
+        """Hand over messages that belong together.
 
         Returns once the system has them in the file, and warns of what has happened since the last
         call.  If the disk takes longer than `PATIENCE_S`, they and later ones wait in the queue.
         If the queue is full and the limits do not say `wait`, they are dropped.
         """
-        accepted = self._accept(messages, sum(message.size for message in messages))
-        self._tell()
-        return accepted
-
-    def _accept(self, messages: Sequence[Message], size: int) -> bool:
+        size = sum(message.size for message in messages)
         with self._changed:
             if self._limits.wait:
                 self._changed.wait_for(lambda: not self._queue)
             if self._waiting + size > MAX_WAITING_BYTES and self._queue:
                 self._drop()
                 self._say("the disk is too slow for the recording; some touches are left out")
-                return False
-            keeps_up = self._done == self._taken
-            self._queue.append((messages, size))
-            self._waiting += size
-            self._taken += 1
-            self._changed.notify_all()
-            if keeps_up:
-                self._changed.wait_for(lambda: self._done == self._taken, PATIENCE_S)
-        return True
+            else:
+                keeps_up = self._done == self._accepted
+                self._queue.append((messages, size))
+                self._waiting += size
+                self._accepted += 1
+                self._changed.notify_all()
+                if keeps_up:
+                    self._changed.wait_for(lambda: self._done == self._accepted, PATIENCE_S)
+        self._tell()
 
     def _tell(self) -> None:
         while self._lines:
@@ -291,7 +287,7 @@ class McapLog:
         if file is not None:
             file.cut()
             self._put_away(file)
-            if file.is_empty:
+            if not file.messages:
                 self._delete(file.path)
         if self._limits.when_full == "oldest" and len(self._old) > 1:
             self._delete(next(iter(self._old)))

@@ -25,7 +25,7 @@ _OPCODE_AND_LENGTH = struct.Struct("<BQ")
 
 
 @dataclass(frozen=True)
-class Read:
+class McapMessage:
     """One message of a file, decoded from ROS 2's serialisation."""
 
     topic: str
@@ -35,7 +35,7 @@ class Read:
 
 
 @dataclass
-class McapFile:
+class McapReader:
     """One file; iterate over `messages`, then check `lost` and `has_end`.
 
     Attributes
@@ -52,7 +52,7 @@ class McapFile:
     has_end: bool = False
     topics: set[str] = field(default_factory=set)
 
-    def messages(self) -> Iterator[Read]:
+    def messages(self) -> Iterator[McapMessage]:
         """Yield the messages in the file's order, skipping chunks whose checksum is wrong.
 
         Raises
@@ -70,7 +70,7 @@ class McapFile:
         except OSError as error:
             raise InputError(f"{self.path}: {error.strerror or error}") from None
 
-    def _decoded(self, stream: IO[bytes]) -> Iterator[Read]:
+    def _decoded(self, stream: IO[bytes]) -> Iterator[McapMessage]:
         from mcap.records import Channel, Schema
 
         schemas: dict[int, Schema] = {}
@@ -96,7 +96,7 @@ class McapFile:
                     self.lost += len(record.data)
                     continue
                 if body is not None:
-                    yield Read(channel.topic, record.log_time, record.sequence, body)
+                    yield McapMessage(channel.topic, record.log_time, record.sequence, body)
 
     def _records(self, stream: IO[bytes]) -> Iterator[Schema | Channel | Message]:
         from mcap.data_stream import ReadDataStream
@@ -114,10 +114,8 @@ class McapFile:
                     chunk = Chunk.read(data)
                     _check_size(chunk.compression, chunk.uncompressed_size, chunk.data)
                     records = breakup_chunk(chunk, validate_crc=True)
-                elif opcode == Opcode.SCHEMA:
-                    records = [Schema.read(data)]
-                elif opcode == Opcode.CHANNEL:
-                    records = [Channel.read(data)]
+                elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                    records = [(Schema if opcode == Opcode.SCHEMA else Channel).read(data)]
                 elif opcode == Opcode.MESSAGE:
                     records = [Message.read(data, len(payload))]
                 elif opcode == Opcode.METADATA:

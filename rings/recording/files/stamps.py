@@ -15,15 +15,16 @@ class TouchStamps:
 
     def __init__(self, *, follow: bool = False) -> None:
         self._follow = follow
-        self._offset = _day_offset()
+        self._offset = day_offset_ns()
 
     def of(self, time: float | None) -> int:
         """The stamp of an exposure; the present time if the exposure's is unknown."""
         if self._follow:
-            self._offset = _day_offset()
+            self._offset = day_offset_ns()
         exposed = clock.monotonic_ns() if time is None else round(1e9 * time)
         return exposed + self._offset
 
 
-def _day_offset() -> int:
+def day_offset_ns() -> int:
+    """What ``time.monotonic_ns()`` lacks to the nanoseconds since 1970."""
     return clock.time_ns() - clock.monotonic_ns()

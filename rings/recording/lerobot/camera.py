@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from tactograph.rings.export.height_levels import height_levels
 from tactograph.rings.frames.calibrated_film import calibrated_film
-from tactograph.rings.recording.files.lerobot_rows import MAX_BYTE, PICTURE_CHANNELS, lights_picture
+from tactograph.rings.frames.colour_planes import MAX_BYTE
+from tactograph.rings.recording.files.lerobot_rows import PICTURE_CHANNELS, lights_picture
 from tactograph.rings.recording.files.level_pictures import levels_picture
 from tactograph.sdk import load
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import milli
 
+from tactograph.rings.frames.colour_planes import in_bytes
 from tactograph.rings.recording.files.ros_messages import (
     FILM_FRAME,
     Message,
@@ -23,8 +24,6 @@ from tactograph.rings.recording.files.ros_messages import (
 )
 from tactograph.sdk import Axes, Provenance, Touch
 
-MAX_BYTE = 255
-
 
 def touch_messages(
     stamp: int, touch: Touch, points_step: int, provenance: Provenance
@@ -32,10 +31,9 @@ def touch_messages(
     """Return all messages of a touch, with the same stamp; its name comes last."""
     figures = {f"{step['node']} / ms": step["ms"] for step in provenance.nodes}
     figures |= touch.metrics or {}
-    bytes_ = np.clip(np.rint(touch.image * np.float32(MAX_BYTE)), 0, MAX_BYTE).astype(np.uint8)
     leds = (
         image_message(f"/led{k}/image", stamp, plane, f"led{k}")
-        for k, plane in enumerate(bytes_, start=1)
+        for k, plane in enumerate(in_bytes(touch.image), start=1)
     )
     height = touch.height * np.float32(milli)
     return [

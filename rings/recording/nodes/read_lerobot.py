@@ -1,6 +1,5 @@
 """Read touches from a LeRobot dataset."""
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
@@ -10,14 +9,15 @@ from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tactograph.rings.export.height_levels import level_height
+from tactograph.rings.frames.colour_planes import MAX_BYTE
 from tactograph.rings.recording.files.lerobot_rows import (
-    MAX_BYTE,
     NS_PER_S,
     height_column,
     open_lerobot,
     time_column,
 )
 from tactograph.rings.recording.files.level_pictures import picture_levels
+from tactograph.rings.recording.files.stamps import day_offset_ns
 from tactograph.sdk import Height, InputError, Labels, Light, Port, SensorIdentity, Slope, node
 from tactograph.sdk.nodes import read_capture
 
@@ -70,14 +70,13 @@ def read_lerobot(
     SensorIdentity.stated_in(about).check(dataset, calibration, another_sensor)
     if episode is not None and episode >= rows.num_episodes:
         raise InputError(f"{dataset}: has {rows.num_episodes} episodes; they count from 0")
-    offset = time.time_ns() - time.monotonic_ns()
+    offset = day_offset_ns()
     step, zero, unknown = (float(about[name]) for name in ("step", "offset", "unknown_level"))
     begin = f"observation.images.{sensor}_lights"
-    lights_by_name = {
-        n: f["info"]["lights"] for n, f in rows.features.items() if n.startswith(begin)
-    }
-    # The lights in each picture, by column, in order.
-    lights = dict(sorted(lights_by_name.items(), key=lambda column: column[1]))
+    # The numbers of the lights in each picture, and its column.
+    pictures = sorted(
+        (f["info"]["lights"], name) for name, f in rows.features.items() if name.startswith(begin)
+    )
     for number in range(len(rows)):
         row = rows[number]
         of, at = int(row["episode_index"]), int(row["frame_index"])
@@ -86,9 +85,9 @@ def read_lerobot(
         levels = picture_levels(_bytes(row[height_column(sensor)]))
         recorded = level_height(levels, step, zero)
         recorded[levels == unknown] = np.nan
-        planes = [_bytes(row[name])[..., : len(numbers)] for name, numbers in lights.items()]
-        whole = np.concatenate(planes, axis=-1).transpose(2, 0, 1)
-        image = whole.astype(np.float32) / np.float32(MAX_BYTE)
+        planes = [_bytes(row[name])[..., : len(numbers)] for numbers, name in pictures]
+        lights = np.concatenate(planes, axis=-1).transpose(2, 0, 1)
+        image = lights.astype(np.float32) / np.float32(MAX_BYTE)
         seconds, parts = (int(number) for number in row[time_column(sensor)])
         moment = 1e-9 * (seconds * NS_PER_S + parts - offset)
         yield DatasetTouch(image, f"{of:04}_{at:06}", moment, recorded)

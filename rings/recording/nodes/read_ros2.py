@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from tactograph.rings.frames.calibrated_film import CalibratedFilm, calibrated_film
 from tactograph.rings.frames.colour_planes import Order, planes_of
 from tactograph.rings.frames.live_frames import LiveFrames
+from tactograph.rings.frames.rest_film import full_scale, top_of
 from tactograph.rings.recording.files.ros_messages import read_image
+from tactograph.rings.recording.files.stamps import day_offset_ns
 from tactograph.rings.recording.nodes._ros_node import RosNode
 from tactograph.sdk import InputError, Light, LiveState, node, warn
 
@@ -97,8 +99,8 @@ class RosTouches:
     """
 
     def __init__(self, film: CalibratedFilm, lights: Order, bits: int | None) -> None:
-        self._film, self._lights, self._bits = film, lights, bits
-        self._offset = time.time_ns() - time.monotonic_ns()
+        self._film, self._lights, self._full = film, lights, full_scale(bits)
+        self._offset = day_offset_ns()
         self._new: dict[int, NDArray[Any]] = {}
         self.state = LiveState()
 
@@ -127,7 +129,7 @@ class RosTouches:
             )
         if data.dtype.kind != "u":
             raise InputError(f"it is {image.encoding}, but a camera's are of 8 or 16 bits")
-        full = float(2**self._bits - 1) if self._bits else float(np.iinfo(data.dtype).max)
+        full = top_of(data, self._full)
         if self._film.one_shot:
             if data.ndim < 3:
                 raise InputError(f"it is {image.encoding}, but a one-shot sensor's is in colour")

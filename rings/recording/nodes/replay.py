@@ -20,10 +20,11 @@ from annotated_types import Ge
 from tactograph.rings.frames.assemble import Assembler, Refresh
 from tactograph.rings.frames.colour_planes import planes_of
 from tactograph.rings.frames.live_frames import ALL_LIT, LiveFrames, RawFrame
-from tactograph.rings.frames.rest_film import make_film, top_of
+from tactograph.rings.frames.rest_film import full_scale, make_film, top_of
 from tactograph.rings.recording.files.mcap_log import log_files
-from tactograph.rings.recording.files.mcap_read import McapFile, Read
+from tactograph.rings.recording.files.mcap_read import McapMessage, McapReader
 from tactograph.rings.recording.files.ros_messages import read_image
+from tactograph.rings.recording.files.stamps import day_offset_ns
 from tactograph.rings.recording.nodes.record import RECORDING_FORMAT
 from tactograph.sdk import ImageFile, InputError, Light, LiveState, SensorIdentity, node, warn
 from tactograph.sdk.nodes import read_calibration, read_capture
@@ -136,13 +137,8 @@ def _flashed(
 
 def _colours(frame: RawFrame, settings: dict[str, Any]) -> Light:
     """The lights of a one-shot sensor's frame, in the order used while recording."""
-    top = top_of(frame.data, _full_scale(settings))
+    top = top_of(frame.data, full_scale(settings.get("bits")))
     return planes_of(frame.data, "rgb" if settings.get("lights") == "rgb" else "bgr", top)
-
-
-def _full_scale(settings: dict[str, Any]) -> float:
-    """The camera's largest value; 0: that of the frame's type."""
-    return float(2 ** settings["bits"] - 1) if settings.get("bits") else 0.0
 
 
 class _Recording:
@@ -159,22 +155,21 @@ class _Recording:
         self.path, self._check = path, check
         self._sensor = SensorIdentity()
         self._files = _files(path)
-        # From this computer's monotonic clock to the time of day.
-        self._offset = time.time_ns() - time.monotonic_ns()
+        self._offset = day_offset_ns()
         self.leds = 0
         self.state = LiveState()
 
     def frames(self) -> Iterator[RawFrame]:
         """Yield the frames in the order of the files; warn of lost data."""
         for path in self._files:
-            file = McapFile(path)
+            file = McapReader(path)
             count = 0
             for message in file.messages():
-                if IMAGE_TOPIC.fullmatch(message.topic):
+                if topic := IMAGE_TOPIC.fullmatch(message.topic):
                     if not count:
                         self._learn(file)
                     count += 1
-                    yield self._frame(path, message)
+                    yield self._frame(path, message, topic)
                 elif message.topic == "/touch":
                     self._take_state(message)
             if not count and file.topics:
@@ -184,7 +179,7 @@ class _Recording:
                 why = "is damaged" if file.has_end else "ends early, as after a power cut"
                 warn(f"{path}: {why}: {file.lost} bytes cannot be read; {count} frames can")
 
-    def _learn(self, file: McapFile) -> None:
+    def _learn(self, file: McapReader) -> None:
         leds = file.about.get("leds", "")
         if leds not in map(str, range(1, 9)):
             raise InputError(f"{file.path}: was not written by tactograph's 'record'")
@@ -199,9 +194,7 @@ class _Recording:
             self._check(sensor, file.path)
         self._sensor = sensor
 
-    def _frame(self, path: Path, message: Read) -> RawFrame:
-        topic = IMAGE_TOPIC.fullmatch(message.topic)
-        assert topic is not None
+    def _frame(self, path: Path, message: McapMessage, topic: re.Match[str]) -> RawFrame:
         try:
             data = read_image(message.body)
         except InputError as error:
@@ -215,7 +208,7 @@ class _Recording:
             )
         return RawFrame(message.sequence, led, 1e-9 * (message.time - self._offset), data)
 
-    def _take_state(self, message: Read) -> None:
+    def _take_state(self, message: McapMessage) -> None:
         try:
             state = json.loads(message.body.data)["state"]
             settings = None if state is None else dict(state["settings"])
@@ -277,4 +270,5 @@ def _assembler(
     pairs = [(a, b) for a, b in pairwise(frames) if b.number > a.number]
     steps = [(b.time - a.time) / (b.number - a.number) for a, b in pairs]
     rate = 1 / max(median(steps or [0.1]), 1e-4)
-    return Assembler(film, dark, (*leds, *off), rate, refresh, _full_scale(source.state.settings))
+    full = full_scale(source.state.settings.get("bits"))
+    return Assembler(film, dark, (*leds, *off), rate, refresh, full)

@@ -3,11 +3,11 @@
 from collections import Counter
 from pathlib import Path
 
-from tactograph.rings.export.shown import Shown
-from tactograph.rings.recording.files.mcap_read import McapFile
+from tactograph.rings.export.summary import Summary
+from tactograph.rings.recording.files.mcap_read import McapReader
 
 
-def show(file: Path) -> Shown:
+def show(file: Path) -> Summary:
     """Return duration, topics with their numbers of messages, and damage.
 
     Raises
@@ -15,7 +15,7 @@ def show(file: Path) -> Shown:
     InputError
         If the file cannot be read at all, or is no recording.
     """
-    source, count = McapFile(file), Counter[str]()
+    source, count = McapReader(file), Counter[str]()
     times = []
     for message in source.messages():
         count[message.topic] += 1
@@ -29,4 +29,4 @@ def show(file: Path) -> Shown:
     ]
     if source.lost:
         lines.append(f"damaged: {source.lost} bytes cannot be read")
-    return Shown(lines)
+    return Summary(lines)

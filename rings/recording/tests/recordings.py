@@ -11,7 +11,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.stream.touch import LiveState
 from tactograph.rings.frames.live_frames import RawFrame
 from tactograph.rings.recording.files.mcap_log import log_files
-from tactograph.rings.recording.files.mcap_read import McapFile
+from tactograph.rings.recording.files.mcap_read import McapReader
 from tactograph.rings.recording.nodes.record import record
 
 SIZE = (24, 32)
@@ -72,6 +72,6 @@ def read_numbers(folder: Path) -> list[int]:
     return [
         message.sequence
         for path in log_files(folder)
-        for message in McapFile(path).messages()
+        for message in McapReader(path).messages()
         if message.topic.endswith("image_raw")
     ]

@@ -28,7 +28,7 @@ from tactograph.graph import InputError, Session
 from tactograph.graph.errors import collect_warnings
 from tactograph.rings.recording.files import mcap_log
 from tactograph.rings.recording.files.mcap_log import log_files
-from tactograph.rings.recording.files.mcap_read import McapFile
+from tactograph.rings.recording.files.mcap_read import McapReader
 from tests.fixtures import ROOT, python
 
 
@@ -54,7 +54,7 @@ def test_a_recording_is_read_by_the_libraries_of_ros_as_standard_images(tmp_path
 
 def test_leds_and_settings_are_stored_with_the_frames(tmp_path: Path) -> None:
     make_recording(tmp_path, 2)
-    file = McapFile(log_files(tmp_path)[0])
+    file = McapReader(log_files(tmp_path)[0])
     touches = [json.loads(m.body.data) for m in file.messages() if m.topic == "/touch"]
     assert file.about["leds"] == str(LEDS)
     assert json.loads(file.about["graph"])["name"] == "toy"
@@ -67,7 +67,7 @@ def test_leds_and_settings_are_stored_with_the_frames(tmp_path: Path) -> None:
 def test_sixteen_bits_stay_sixteen_bits(tmp_path: Path) -> None:
     frames = make_cycle(0, dtype=np.uint16)
     record_cycles(tmp_path, frames)
-    images = [m.body for m in McapFile(log_files(tmp_path)[0]).messages() if m.topic != "/touch"]
+    images = [m.body for m in McapReader(log_files(tmp_path)[0]).messages() if m.topic != "/touch"]
     assert {image.encoding for image in images} == {"mono16"}
     assert [image.data for image in images] == [frame.data.tobytes() for frame in frames]
 
@@ -90,7 +90,7 @@ def test_a_file_cut_anywhere_gives_every_frame_before_the_cut(tmp_path: Path) ->
     lengths = {*range(0, len(whole), 61), *range(ends[-3], ends[-1] + 12), len(whole)}
     for length in sorted(lengths, reverse=True):
         os.truncate(path, length)
-        found = sum(1 for _ in McapFile(path).messages())
+        found = sum(1 for _ in McapReader(path).messages())
         assert found == sum(end <= length for end in ends), length
 
 
@@ -110,7 +110,7 @@ def test_zeros_where_a_power_cut_left_no_data_are_taken_for_the_end(tmp_path: Pa
     (path,) = log_files(tmp_path)
     whole = path.read_bytes()
     path.write_bytes(whole[:-4000] + bytes(4000))
-    file = McapFile(path)
+    file = McapReader(path)
     numbers = [m.sequence for m in file.messages() if m.topic != "/touch"]
     assert numbers == list(range(len(numbers)))
     assert 0 < len(numbers) < 2 * LEDS
@@ -126,7 +126,7 @@ def test_a_damaged_frame_is_left_out_and_the_next_one_read(tmp_path: Path) -> No
     assert at > 0
     whole[at] ^= 0xFF
     path.write_bytes(bytes(whole))
-    file = McapFile(path)
+    file = McapReader(path)
     numbers = [m.sequence for m in file.messages() if m.topic != "/touch"]
     assert numbers == [0, 1, 2, 3, 4, 6, 7]
     assert file.lost > 0

@@ -17,7 +17,7 @@ from rings.recording.tests.recordings import (
 from tactograph.graph import InputError, Session
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.rings.recording.files.mcap_log import log_files
-from tactograph.rings.recording.files.mcap_read import McapFile
+from tactograph.rings.recording.files.mcap_read import McapReader
 from tests.graph.conftest import Command, one_line, tactograph
 
 __all__ = ["tactograph"]
@@ -60,7 +60,7 @@ def test_a_replayed_stream_runs_through_a_graph_and_is_recorded(
     assert read_numbers(tmp_path / "again") == [frame.number for frame in frames]
     (path,) = log_files(tmp_path / "again")
     assert path.read_bytes().endswith(b"\x89MCAP0\r\n")
-    file = McapFile(path)
+    file = McapReader(path)
     assert next(file.messages())
     assert "Replay, record again" in file.about["graph"]
 

@@ -23,7 +23,7 @@ from tactograph.graph.errors import collect_warnings
 from tactograph.rings.frames.live_frames import RawFrame
 from tactograph.rings.recording.files import mcap_read
 from tactograph.rings.recording.files.mcap_log import Limits, McapLog, log_files
-from tactograph.rings.recording.files.mcap_read import McapFile
+from tactograph.rings.recording.files.mcap_read import McapReader
 from tactograph.rings.recording.files.ros_messages import image_message, text_message
 from tactograph.rings.recording.nodes.replay import replay
 
@@ -214,7 +214,7 @@ def test_a_chunk_that_would_fill_the_memory_is_lost_not_unpacked(
         channel = writer.register_channel("/led1/image_raw", "cdr", 0)
         writer.add_message(channel, 0, bytes(1_000_000), 0)
         writer.finish()
-    found = McapFile(file)
+    found = McapReader(file)
     assert list(found.messages()) == []
     assert found.lost > 0
 

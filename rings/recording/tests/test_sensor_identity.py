@@ -12,7 +12,7 @@ from tactograph.graph.disk.file_identity import file_identity
 from tactograph.graph.errors import collect_warnings
 from tactograph.nodes.stream.touch import LiveState
 from tactograph.rings.recording.files.mcap_log import log_files
-from tactograph.rings.recording.files.mcap_read import McapFile
+from tactograph.rings.recording.files.mcap_read import McapReader
 from tactograph.rings.recording.nodes.record import record
 from tactograph.rings.recording.nodes.replay import replay
 from tests.nodes.files.test_sensor_identity import Calibrated, calibrated
@@ -68,7 +68,7 @@ def test_a_file_that_does_not_know_its_sensor_fits_any(
 def test_a_recording_holds_the_calibration_in_use(tmp_path: Path, calibrated: Calibrated) -> None:
     left = calibrated("left")
     (file,) = log_files(recorded(tmp_path / "touch", left))
-    read = McapFile(file)
+    read = McapReader(file)
     list(read.messages())
     known = json.loads(read.about["inputs"])["calibration"]
     assert read.about["sensor"] == known["sensor"] == "left"

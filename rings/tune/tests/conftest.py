@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from tactograph.rings.tune.tuning import Shown, Tuning
+from tactograph.rings.tune.tuning import State, Tuning
 from tests.graph.conftest import Write, tactograph, toys, write
 
 __all__ = ["tactograph", "toys", "write"]
@@ -26,13 +26,13 @@ outputs: {light: fail, high: high.light}
 Open = Callable[..., Tuning]
 
 
-def settled(tuning: Tuning) -> Shown:
+def settled(tuning: Tuning) -> State:
     """Wait for the result of the latest request."""
     end = time.monotonic() + 60
-    while tuning.shown.asked is not tuning.asked:
+    while tuning.state.request is not tuning.request:
         assert time.monotonic() < end, "no result arrived in time"
         time.sleep(0.01)
-    return tuning.shown
+    return tuning.state
 
 
 @pytest.fixture

@@ -69,9 +69,9 @@ def test_the_latest_of_many_changes_is_shown(tuning: Tuning) -> None:
     first = settled(tuning).number
     for value in np.linspace(0, 9, 400):
         tuning.set("high", "above", float(value))
-    shown = settled(tuning)
-    assert shown.asked.graph.nodes["high"].settings["above"] == 9.0
-    assert shown.number - first < 400
+    state = settled(tuning)
+    assert state.request.graph.nodes["high"].settings["above"] == 9.0
+    assert state.number - first < 400
 
 
 @pytest.mark.parametrize(
@@ -97,9 +97,9 @@ def test_an_impossible_change_is_refused_and_changes_nothing(
 def test_a_failing_node_is_reported_and_the_next_change_mends_it(tuning: Tuning) -> None:
     good = settled(tuning).result
     tuning.set("fail", "at", 2.0)
-    shown = settled(tuning)
-    assert "'fail'" in shown.error
-    assert shown.result is good
+    state = settled(tuning)
+    assert "'fail'" in state.error
+    assert state.result is good
     tuning.set("fail", "at", 50.0)
     assert settled(tuning).error == ""
 
@@ -146,7 +146,7 @@ def test_a_step_forward_counts_from_where_a_playing_stream_is(tuning: Tuning) ->
         step.join(0.2)
         tuning.go(1)
     step.join()
-    assert tuning.asked.item == 2
+    assert tuning.request.item == 2
 
 
 def test_a_stream_runs_while_its_parameters_change(opened: Open) -> None:
@@ -154,14 +154,14 @@ def test_a_stream_runs_while_its_parameters_change(opened: Open) -> None:
     settled(tuning)
     tuning.play(True)
     for value in (1.0, 2.0, 3.0):
-        before, end = tuning.asked.item, time.monotonic() + 60
+        before, end = tuning.request.item, time.monotonic() + 60
         tuning.set("high", "above", value)
-        while tuning.asked.item < before + 2:
+        while tuning.request.item < before + 2:
             assert time.monotonic() < end, "the stream stands"
             time.sleep(0.01)
     tuning.play(False)
     assert settled(tuning).error == ""
-    assert tuning.asked.item > 3
+    assert tuning.request.item > 3
 
 
 def test_a_saved_graph_reads_back_as_shown(tuning: Tuning, tmp_path: Path) -> None:
@@ -211,14 +211,14 @@ def test_the_file_is_read_again_and_a_mistake_keeps_the_last_good_graph(tuning: 
     file.write_text(GRAPH.replace("op: bright", "op: brigth"))
     os.utime(file, (later, later))
     assert tuning.reload()
-    assert "graph.yaml:8:" in tuning.shown.error
-    assert "did you mean 'bright'" in tuning.shown.error
-    assert tuning.shown.result is good.result
+    assert "graph.yaml:8:" in tuning.state.error
+    assert "did you mean 'bright'" in tuning.state.error
+    assert tuning.state.result is good.result
     tuning.set("high", "above", 6.0)
     assert "graph.yaml:8:" in settled(tuning).error, "a result that ends later hides no mistake"
     file.write_text(GRAPH.replace("{at: 99}", "{at: 98}"))
     os.utime(file, (later + 5, later + 5))
     assert tuning.reload()
-    shown = settled(tuning)
-    assert (shown.error, tuning.graph.nodes["fail"].settings) == ("", {"at": 98})
+    state = settled(tuning)
+    assert (state.error, tuning.graph.nodes["fail"].settings) == ("", {"at": 98})
     assert not tuning.reload()

@@ -34,7 +34,9 @@ class LampLights(NamedTuple):
 
 
 @node
-def lamp_lights(lamps: LightPositions, flat: Light, pixel: PixelSize) -> LampLights:
+def lamp_lights(
+    lamps: LightPositions, flat: Light, pixel: PixelSize, doubts: list[str] | None = None
+) -> LampLights:
     """Return a matt film under lamps of known places, once the flat frame does not contradict them.
 
     Near lamps light the film unevenly, each in its own way.  What all share, such as the film's
@@ -46,6 +48,7 @@ def lamp_lights(lamps: LightPositions, flat: Light, pixel: PixelSize) -> LampLig
     lamps : K x 3 in mm, as `read_lamps` gives them
     flat : K x H x W, the film at rest
     pixel : mm per px
+    doubts : those about the lamps' places
 
     Raises
     ------
@@ -53,7 +56,7 @@ def lamp_lights(lamps: LightPositions, flat: Light, pixel: PixelSize) -> LampLig
         If the film's light is that of the lamps in another order.
     """
     quality: dict[str, float] = {}
-    doubts: list[str] = []
+    doubts = [*(doubts or [])]
     evidence = FilmEvidence.of_flat(flat, pixel, lamps.astype(np.float64))
     rest = evidence.rest()
     if rest is not None:
@@ -70,11 +73,12 @@ def lamp_lights(lamps: LightPositions, flat: Light, pixel: PixelSize) -> LampLig
             )
         quality["flat_residual_percent"] = float(100 * misfit)
         if misfit > MAX_MISFIT:
-            doubts = [
+            doubts.append(
                 f"the untouched film's light departs by {misfit:.1%} from that of the lamps: check "
-                "their places, the pixel size and that other light is kept out"
-            ]
-            warn(doubts[0])
+                "their places (or the height that they come from: up to the camera is positive), "
+                "the pixel size and that other light is kept out"
+            )
+            warn(doubts[-1])
     start = evidence.start()
     leds = start.leds[:, :3]
     # 1 / L_z of a lamp within 1 % of its distance, and ends of directions within 0.01.

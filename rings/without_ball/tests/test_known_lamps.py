@@ -11,7 +11,17 @@ from tactograph.nodes import Film
 from tactograph.rings.without_ball.nodes.find_highlights import find_highlights
 from tactograph.rings.without_ball.nodes.model_tables import model_tables
 from tests.fixtures import few_ranks
-from tests.pipelines.matt_film import FLAT, PIXEL_MM, TOUCH, leds, run, taken, warnings_of, write
+from tests.pipelines.matt_film import (
+    BALL,
+    FLAT,
+    PIXEL_MM,
+    TOUCH,
+    leds,
+    run,
+    taken,
+    warnings_of,
+    write,
+)
 
 NEAR, FAR = leds(4), leds(4, distance_mm=1000.0)
 
@@ -135,3 +145,24 @@ def test_wrong_lamps_are_refused(tmp_path: Path, message: str) -> None:
     file.write_text(WRONG[message])
     with pytest.raises(InputError, match=message):
         calibrated(tmp_path, str(file), NEAR)
+
+
+@pytest.mark.parametrize(
+    ("height", "doubt"),
+    [(TOUCH, ""), (-TOUCH, "up to the camera is positive"), (BALL, "object's height")],
+    ids=["right", "upside down", "another object"],
+)
+def test_a_known_shape_that_is_another_is_doubted(
+    tmp_path: Path, height: np.ndarray, doubt: str
+) -> None:
+    """Film at rest hid it: with the height of a cat for a ball nothing spoke against the file."""
+    images = {"flat": FLAT, "touch": TOUCH}
+    folders = {name: write(tmp_path / name, taken(z, 0, NEAR)) for name, z in images.items()}
+    np.save(tmp_path / "shape.npy", height)
+    found = run(
+        few_ranks(read_graph("calibrate_known_shape")),
+        capture=folders["touch"], flat=folders["flat"], height=str(tmp_path / "shape.npy"),
+        pixel_size_mm=PIXEL_MM, out=str(tmp_path / "cal.npz"),
+    )  # fmt: skip
+    assert bool(warnings_of(found)) == bool(doubt)
+    assert any(doubt in warning for warning in warnings_of(found)) == bool(doubt)

@@ -15,7 +15,7 @@ import pytest
 
 from tactograph.graph.command import run_command
 from tactograph.graph.compare.differences import Difference, differences
-from tactograph.graph.compare.report import _pictures, _shown
+from tactograph.graph.compare.report import _panels, _pictures
 from tactograph.graph.compare.stored_views import load_views, save_views
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.graph.show.views import View
@@ -285,7 +285,7 @@ def test_runs_with_equal_results_and_truths_share_one_panel() -> None:
         "x 3": run(ball, flat),
         "x 4": run(flat, ball),
     }
-    assert [*_shown("height", runs).errors] == ["x 1; 1 equal", "x 3", "x 4"]
+    assert [*_panels("height", runs).errors] == ["x 1; 1 equal", "x 3", "x 4"]
 
 
 def test_a_truncated_file_of_views_is_left_out_of_the_report(tmp_path: Path) -> None:

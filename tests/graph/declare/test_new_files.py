@@ -96,7 +96,12 @@ def test_outside_a_clone_a_new_node_needs_a_ring(
 
 @pytest.mark.parametrize(
     ("folder", "message"),
-    [("1felt", "cannot be a package"), ("tactograph-core", "a ring 'core' is installed")],
+    [
+        ("1felt", "cannot be a package"),
+        ("für", "cannot be a package"),
+        ("numpy", "'numpy' is installed already"),
+        ("tactograph-core", "'core' is installed already"),
+    ],
 )
 def test_an_invalid_name_of_a_ring_is_refused(
     tactograph: Command, clone: Path, folder: str, message: str

@@ -121,6 +121,7 @@ def test_a_record_of_parameters_stands_for_its_fields() -> None:
     assert each.parameters["gain"].required
     assert each.parameters["floor"].default == 0.1
     assert each(1.0, gain=3.0, floor=0.0) == 6
+    assert each(1.0, settings=Settings(3.0, 0.0), scale=1.0) == 3, "a record counts as it is"
     assert each.about.arguments["gain"] == "Its gain."
 
 

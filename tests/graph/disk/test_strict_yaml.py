@@ -156,12 +156,12 @@ def test_a_file_is_parsed_once_and_then_read_from_the_cache(
     first = Document.read(file)
     parsed = Mock(side_effect=strict_yaml._parsed)
     monkeypatch.setattr(strict_yaml, "_parsed", parsed)
-    strict_yaml._kept.cache_clear()
+    strict_yaml._parsed_once.cache_clear()
     assert Document.read(file) == first == Document.parse(TEXT, str(file))
     assert parsed.call_count == 1, "for the text that comes from no file"
     (cached,) = (tmp_path / "cache").rglob("*.cached")
     cached.write_bytes(b"damaged")
-    strict_yaml._kept.cache_clear()
+    strict_yaml._parsed_once.cache_clear()
     assert Document.read(file) == first
     assert parsed.call_count == 2
     file.write_text(TEXT.replace("no", "yes"))

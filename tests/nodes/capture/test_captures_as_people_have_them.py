@@ -338,6 +338,15 @@ def test_folders_of_public_repositories_are_read_as_is(tmp_path: Path, repositor
     assert sorted((c.name for c in captures), key=lambda n: (len(n), n)) == expected
 
 
+def test_one_colour_image_is_a_capture_without_a_folder(tmp_path: Path) -> None:
+    file = write(tmp_path, ["press.png"], COLOURS) / "press.png"
+    (alone,) = read_capture(folder=file, lights="bgr")
+    assert np.array_equal(alone.image, COLOURS[0].transpose(2, 0, 1) / np.float32(255))
+    assert np.array_equal(
+        read_flat(alone.image, folder=file, lights="bgr", smooth_px=0).flat, alone.image
+    )
+
+
 def test_colour_frames_are_a_stream_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     write(tmp_path, ["sample_10.png", "sample_4.png", "ref.png"], COLOURS)
     captures = list(read_capture(folder=tmp_path, lights="bgr"))

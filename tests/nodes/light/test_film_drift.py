@@ -21,11 +21,14 @@ SIZE = (48, 64)
 SIGMA = 0.004
 NOISE = np.full((4, *SIZE), SIGMA, np.float32)
 FADED = np.array([0.95, 1.0, 1.02, 0.99], np.float32)
+TOWARDS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+AROUND = np.array([[20 * x, 20 * y, 35] for x, y in TOWARDS], np.float32)
+"""Four LEDs in mm."""
 
 
-def film(gain: F4 | float = 1.0, seed: int = 0) -> F4:
+def film(gain: F4 | float = 1.0, seed: int = 0, count: int = 4) -> F4:
     rng = np.random.default_rng(seed)
-    light = np.broadcast_to(gain, (4, *SIZE)) + rng.normal(0, SIGMA, (4, *SIZE))
+    light = np.broadcast_to(gain, (count, *SIZE)) + rng.normal(0, SIGMA, (count, *SIZE))
     return light.astype(np.float32)
 
 
@@ -34,7 +37,7 @@ def touched(light: F4) -> F4:
     pressed = light.copy()
     rows, columns = pressed[:, 8:40, 16:48].shape[1:]
     y, x = np.mgrid[-1 : 1 : rows * 1j, -1 : 1 : columns * 1j]
-    for k, (p, q) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+    for k, (p, q) in enumerate(TOWARDS):
         pressed[k, 8:40, 16:48] *= 1 + 0.4 * (p * x + q * y)
     return pressed
 
@@ -92,19 +95,41 @@ def test_the_skirt_of_a_large_press_is_no_drift_that_varies() -> None:
     rng = np.random.default_rng(0)
     noise = np.full((4, *size), 0.01, np.float32)
     light = rng.normal(1, noise).astype(np.float32)
-    for k, (p, q) in enumerate(((1, 1), (-1, 1), (-1, -1), (1, -1))):
+    for k, (p, q) in enumerate(TOWARDS):
         light[k] += steep * (p * x + q * y) / radius + (1 + p) * 0.1 * steep
     fitted = film_drift(coarsen(light), coarsen(noise), degree=2, grain=0.0)
     basis = terms((60, 80))
     assert np.abs(np.tensordot(fitted, basis, axes=1) - 1).max() < 2e-4
 
 
+@pytest.mark.parametrize("count", [3, 4, 6])
+def test_slopes_of_the_film_are_no_drift_of_the_leds(count: int) -> None:
+    """A wide skirt falls to all sides, so its slopes look like a shape of each LED's drift."""
+    lights = light_ring(count=count, slant_deg=40.0, distance_mm=300.0)
+    u, v = terms(SIZE)[1:3]
+    towards = -lights[:, :2, None, None] / lights[:, 2, None, None, None]
+    light = film(1 + 0.004 * (towards[:, 0] * u + towards[:, 1] * v), count=count)
+    cells, noise = coarsen(light), coarsen(NOISE[:1].repeat(count, axis=0))
+    unaware, fitted = (
+        film_drift(cells, noise, lights=known, degree=2, grain=0.0) for known in (None, lights)
+    )
+    assert np.abs(unaware[:, 1:]).max() > 0.002
+    assert np.abs(fitted[:, 1:]).max() < 0.1 * np.abs(unaware[:, 1:]).max()
+
+
+@pytest.mark.parametrize("led", range(4))
+def test_the_shape_of_one_leds_drift_is_drift(led: int) -> None:
+    true = np.zeros((4, 6), np.float32)
+    true[:, 0], true[led, 1], true[led, 5] = FADED, 0.02, -0.01
+    fitted = drift(film(shaped(true)), lights=AROUND, degree=2)
+    assert np.abs(shaped(fitted) - shaped(true)).max() < 3e-3
+
+
 def test_skirts_all_over_the_frame_are_no_drift() -> None:
     """Film hangs between pins: cells that are calm alone depart alike, so no mean helps."""
     y, x = np.mgrid[: SIZE[0], : SIZE[1]].astype(np.float32)
     p, q = (0.016 * np.sin(2 * np.pi * along / 16) for along in (x + 0.3 * y, y))
-    towards = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    hanging = 1 + np.stack([a * (p + 0.004 * x / SIZE[1]) + b * q for a, b in towards])
+    hanging = 1 + np.stack([a * (p + 0.004 * x / SIZE[1]) + b * q for a, b in TOWARDS])
     noise = np.full((4, *SIZE), 0.02, np.float32)
     kept = film_drift(hanging.astype(np.float32), noise, degree=2, grain=0.0)
     assert kept[:, 0].tolist() == [1, 1, 1, 1]

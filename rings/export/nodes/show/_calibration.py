@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.rings.export.shown import Shown, figures, first, origin, section, sentences
+from tactograph.rings.export.summary import Summary, figures, first, origin, section, sentences
 from tactograph.sdk import FileKind, InputError
 
 MAX_NUMBERS = 8
 """Most numbers of an array that are printed one by one."""
 
 
-def show_calibration(file: Path) -> Shown:
+def show_calibration(file: Path) -> Summary:
     """Return verdict, settings, figures, arrays and picture of a calibration.
 
     Raises
@@ -43,7 +43,7 @@ def show_calibration(file: Path) -> Shown:
         *section("values", _values(arrays, kind)),
     ]
     draw = partial(_draw, file_kind.draw, arrays, str(file))
-    return Shown(lines, {f"{file.stem}.png": draw})
+    return Summary(lines, {f"{file.stem}.png": draw})
 
 
 def _draw(inside: Callable[..., None], arrays: Mapping[str, Any], title: str, target: Path) -> None:

@@ -6,15 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.rings.export.shown import Shown, section
-from tactograph.sdk import Light
+from tactograph.rings.export.summary import Summary, section
 from tactograph.sdk.nodes import read_capture
 
 MAX_LISTED = 20
 """Most captures of a stream that are listed."""
 
 
-def show_capture(folder: Path) -> Shown:
+def show_capture(folder: Path) -> Summary:
     """Return size and light of each image, and what is known besides.
 
     Raises
@@ -22,36 +21,27 @@ def show_capture(folder: Path) -> Shown:
     InputError
         If it holds no capture.
     """
-    captures = [*islice(read_capture(folder=folder), MAX_LISTED + 1)]
-    first = captures[0]
-    if len(captures) > 1:
-        count = (
-            f"{len(captures)} captures"
-            if len(captures) <= MAX_LISTED
-            else f"over {MAX_LISTED} captures"
-        )
-        names = [f"  {capture.name}" for capture in captures[:MAX_LISTED]]
-        lines = [f"{folder}: {count}; the first:", *_lines(first), *section("names", names)]
-    else:
-        lines = [f"{folder}: capture", *_lines(first)]
-    return Shown(lines)
+    first, *others = islice(read_capture(folder=folder), MAX_LISTED + 1)
+    if not others:
+        return Summary([f"{folder}: capture", *_lines(first)])
+    count = f"over {MAX_LISTED}" if len(others) == MAX_LISTED else f"{1 + len(others)}"
+    names = [f"  {capture.name}" for capture in [first, *others][:MAX_LISTED]]
+    head = f"{folder}: {count} captures; the first:"
+    return Summary([head, *_lines(first), *section("names", names)])
 
 
 def _lines(capture: Any) -> list[str]:
     truths = {"height": capture.truth, "slope": capture.truth_slope, "shadow": capture.truth_shadow}
     names = [name for name, truth in truths.items() if truth is not None]
     count, rows, columns = capture.image.shape
+    light = [
+        f"  {number}: median {np.median(plane):.3f}, brightest {plane.max():.3f}"
+        for number, plane in enumerate(capture.image, start=1)
+    ]
     stated = [] if capture.pixel_size is None else [f"pixel: {capture.pixel_size:.4g} mm"]
     return [
         f"images: {count} lights of {columns} x {rows} pixels",
-        *section("light, of full scale", _light(capture.image)),
+        *section("light, of full scale", light),
         *stated,
         *([f"truth: {', '.join(names)}"] if names else []),
-    ]
-
-
-def _light(image: Light) -> list[str]:
-    return [
-        f"  {number}: median {np.median(plane):.3f}, brightest {plane.max():.3f}"
-        for number, plane in enumerate(image, start=1)
     ]

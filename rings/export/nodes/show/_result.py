@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from tactograph.rings.export.shown import Shown, figures, first, origin, section, sentences
+from tactograph.rings.export.summary import Summary, figures, first, origin, section, sentences
 from tactograph.sdk import InputError, StoredResult
 
 
-def show_result(file: Path) -> Shown:
+def show_result(file: Path) -> Summary:
     """Return origin, figures and warnings of a ``result.json``.
 
     Raises
@@ -39,7 +39,7 @@ def show_result(file: Path) -> Shown:
         ),
         *section("not as they were written", first(changed)),
     ]
-    return Shown(lines)
+    return Summary(lines)
 
 
 def _is_number(value: Any) -> bool:

@@ -10,7 +10,7 @@ import click
 from tactograph.rings.export.nodes.show._calibration import show_calibration
 from tactograph.rings.export.nodes.show._capture import show_capture
 from tactograph.rings.export.nodes.show._result import show_result
-from tactograph.rings.export.shown import Shown
+from tactograph.rings.export.summary import Summary
 from tactograph.sdk import InputError, StoredResult, atomic_files, brought, node, one_line
 
 
@@ -44,20 +44,20 @@ def show_file(*, file: Path, folder: Path | None = None) -> None:
         click.echo(one_line(f"drawn: {folder / name}"))
 
 
-def _look(file: Path) -> Shown:
+def _look(file: Path) -> Summary:
     if (result := StoredResult.file_of(file)) is not None:
         return show_result(result)
     if file.suffix == ".npz" and file.is_file():
         return show_calibration(file)
     shows = brought("show")
     if (further := shows.get(file.suffix[1:])) is not None:
-        content: Shown = further.load().show(file)
+        content: Summary = further.load().show(file)
         return content
     if file.is_dir():
         for suffix, reader in shows.items():
             if parts := sorted(file.glob(f"*.{suffix}")):
                 show = reader.load().show
-                return Shown([line for part in parts for line in show(part).lines])
+                return Summary([line for part in parts for line in show(part).lines])
         try:
             return show_capture(file)
         except InputError as error:  # its cure names parameters that this node does not have

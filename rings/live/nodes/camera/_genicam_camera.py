@@ -21,6 +21,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.rings.frames.colour_planes import in_16_bits
 from tactograph.rings.live.nodes.camera._camera_names import (
     GENICAM_PREFIX,
     NamedCamera,
@@ -287,7 +288,7 @@ def decode(
         return None
     values = data[: row * height].reshape(height, row)[:, : width * channels].copy()
     if bits in (10, 12, 14):
-        values = (values << (16 - bits)) | (values >> (2 * bits - 16))
+        values = in_16_bits(values, bits)
     if layout in BAYER_CODES:
         return cv2.cvtColor(values, BAYER_CODES[layout])
     if channels == 1:

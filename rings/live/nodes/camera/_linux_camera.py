@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tactograph.rings.frames.colour_planes import in_16_bits
 from tactograph.sdk import need
 
 BUFFER_COUNT = 4
@@ -188,9 +189,7 @@ def decode(data: bytes, name: str, width: int, height: int, stride: int) -> NDAr
         return None
     rows = np.ascontiguousarray(raw[: height * stride].reshape(height, stride)[:, : width * size])
     if name in FORMAT_BITS:
-        values = rows.view("<u2").astype(np.uint16)
-        spare = 16 - FORMAT_BITS[name]
-        return (values << spare) | (values >> (FORMAT_BITS[name] - spare)) if spare else values
+        return in_16_bits(rows.view("<u2").astype(np.uint16), FORMAT_BITS[name])
     planes = rows.reshape(height, width, size)
     if name == "GREY":
         return planes[..., 0]

@@ -5,6 +5,7 @@ from typing import Annotated, Any, NamedTuple
 
 from annotated_types import Gt, Interval
 
+from tactograph.rings.frames.rest_film import full_scale
 from tactograph.rings.live.nodes.camera._camera_names import serial_of
 from tactograph.rings.live.nodes.camera.open_camera import Library
 from tactograph.sdk import SensorIdentity
@@ -68,7 +69,7 @@ class CameraParams(NamedTuple):
     @property
     def full_scale(self) -> float:
         """The camera's largest value; 0: that of the frame's type."""
-        return float(2**self.bits - 1) if self.bits else 0.0
+        return full_scale(self.bits)
 
     @property
     def serial(self) -> str:

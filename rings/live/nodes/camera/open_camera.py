@@ -122,10 +122,13 @@ def settle(capture: Capture, settings: CameraSettings) -> list[str]:
     With automatic exposure or gain, the light of one LED would depend on that of the others, and
     nothing could be measured.
     """
-    if capture.getBackendName() in FILE_BACKENDS:
+    backend = capture.getBackendName()
+    if backend in FILE_BACKENDS:
         return []
+    # Manual is 1 in V4L2's menu, a quarter elsewhere.
+    manual = 1.0 if backend in ("V4L2", "V4L") else 0.25
     automatic = [
-        (cv2.CAP_PROP_AUTO_EXPOSURE, _manual(capture), "automatic exposure off", True),
+        (cv2.CAP_PROP_AUTO_EXPOSURE, manual, "automatic exposure off", True),
         (cv2.CAP_PROP_AUTO_WB, 0.0, "automatic white balance off", settings.colour),
         (cv2.CAP_PROP_AUTOFOCUS, 0.0, "automatic focus off", False),
     ]
@@ -139,7 +142,7 @@ def settle(capture: Capture, settings: CameraSettings) -> list[str]:
         (cv2.CAP_PROP_GAIN, settings.gain, "gain", True),
         (cv2.CAP_PROP_WB_TEMPERATURE, settings.white_balance, "white balance", True),
     ]
-    if capture.getBackendName() == "SIMULATED":
+    if backend == "SIMULATED":
         automatic = []
     refused = []
     for prop, value, name, matters in automatic + chosen:
@@ -150,11 +153,6 @@ def settle(capture: Capture, settings: CameraSettings) -> list[str]:
         if matters and abs(actual - value) > 0.02 * max(abs(value), 1):
             refused.append(f"the camera keeps {name} at {actual:g} instead of {value:g}")
     return refused
-
-
-def _manual(capture: Capture) -> float:
-    """The value for manual exposure: 1 in V4L2's menu, a quarter elsewhere."""
-    return 1.0 if capture.getBackendName() in ("V4L2", "V4L") else 0.25
 
 
 def check_camera(camera: int | str, library: Library = "opencv") -> bool:

@@ -14,11 +14,14 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Annotated, Self
+
+from annotated_types import Interval
+from pydantic import BaseModel, Field
 
 from tactograph.rings.live.firmware.protocol import VERSION
 from tactograph.rings.live.nodes.controller._led_clock import Clock, Course
-from tactograph.rings.live.nodes.controller._led_line import Event, whole_number
+from tactograph.rings.live.nodes.controller._led_line import MAX_NUMBER, Event, whole_number
 from tactograph.rings.live.nodes.controller._led_link import (
     ControllerLostError,
     ControllerRefusedError,
@@ -46,6 +49,7 @@ TRIGGER_US = 100
 """Length of the trigger output's pulse, long enough for an opto-coupled camera input."""
 MAX_CONTROLLER_LEDS = 255
 """Most LEDs that a controller may say it has."""
+Count = Annotated[int, Interval(ge=0, le=MAX_NUMBER)]
 
 
 @dataclass(frozen=True)
@@ -57,9 +61,8 @@ class Identity:
     uid: str
 
 
-@dataclass(frozen=True)
-class Status:
-    """State and counters of the controller.
+class Status(BaseModel, frozen=True):
+    """State and counters of the controller, under their names in its answer.
 
     Attributes
     ----------
@@ -73,12 +76,12 @@ class Status:
     """
 
     state: str
-    led: int
-    step: int
-    cycle: int
-    last_step_us: int
-    time_us: int
-    bad_lines: int
+    led: Annotated[int, Interval(ge=0, le=MAX_CONTROLLER_LEDS)]
+    step: Annotated[int, Interval(ge=-1, le=MAX_NUMBER)]
+    cycle: Annotated[int, Interval(ge=-1, le=MAX_NUMBER)]
+    last_step_us: Annotated[Count, Field(alias="last")]
+    time_us: Annotated[Count, Field(alias="t")]
+    bad_lines: Annotated[Count, Field(alias="bad")]
     round_trip_s: float
 
 
@@ -140,7 +143,7 @@ class LedController:
         self._watchdog = round(1000 * watchdog_s)
         self._clock = Clock()
         self._courses: deque[Course] = deque(maxlen=16)
-        self._wanted: tuple[str, tuple[int, ...], float] = "off", (0,), math.inf
+        self._target: tuple[str, tuple[int, ...], float] = "off", (0,), math.inf
         """The request of the lasting state, and its LEDs and their step, as for `Course`."""
         self._faults: Counter[str] = Counter()
         self._news: deque[str] = deque(maxlen=100)
@@ -230,14 +233,15 @@ class LedController:
         try:
             self._do(*cycle)
         except ControllerLostError:
-            self._wanted = cycle
+            self._target = cycle
             raise
 
     def status(self) -> Status:
         """Request the controller's state and counters."""
         reply = self._ask("status")
+        about = {**reply.values, "round_trip_s": reply.received - reply.sent}
         with _intelligible():
-            status = _status(reply)
+            status = Status.model_validate(about)
         self._hear(1e-6 * status.time_us, reply.received, reply.sent)
         return status
 
@@ -313,7 +317,7 @@ class LedController:
         """Request a lasting state, and remember it for `_restore`."""
         with self._request_lock:
             reply = self._ask(command)
-            self._wanted = command, order, step
+            self._target = command, order, step
             with self._state_lock, _intelligible():
                 moment = 1e-6 * whole_number(reply.values["t"])
                 if not self._hear(moment, reply.received, reply.sent):
@@ -324,7 +328,7 @@ class LedController:
     def _restore(self) -> None:
         """Restore the controller's requested state."""
         self._ask(f"watchdog {self._watchdog}")
-        self._do(*self._wanted)
+        self._do(*self._target)
 
     # Answers and events
 
@@ -396,7 +400,7 @@ class LedController:
 
     def _does_what_it_should(self) -> bool:
         status = self.status()
-        command, (led, *_), _ = self._wanted
+        command, (led, *_), _ = self._target
         state = "off" if command == "set 0" else command.split()[0]
         if status.state == state and (state != "set" or status.led == led):
             return True
@@ -464,17 +468,3 @@ def _no_answer(link: Link, port: str, timeout_s: float) -> str:
             "(rings/live/docs/hardware.md says how to put it on)"
         )
     return f"{port}: no answer within {timeout_s:g} s; is it an LED controller? unplug and replug"
-
-
-def _status(reply: Reply) -> Status:
-    value = reply.values
-    return Status(
-        state=value["state"],
-        led=whole_number(value["led"], 0, MAX_CONTROLLER_LEDS),
-        step=whole_number(value["step"], -1),
-        cycle=whole_number(value["cycle"], -1),
-        last_step_us=whole_number(value["last"]),
-        time_us=whole_number(value["t"]),
-        bad_lines=whole_number(value["bad"]),
-        round_trip_s=reply.received - reply.sent,
-    )

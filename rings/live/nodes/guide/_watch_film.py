@@ -10,7 +10,7 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from tactograph.rings.frames.live_frames import LiveFrames
-from tactograph.rings.frames.rest_film import MIN_REST_LIGHT, RestFilm, cells
+from tactograph.rings.frames.rest_film import MIN_REST_LIGHT, RestFilm, cells, top_of
 from tactograph.rings.live.nodes.camera.camera import Camera
 from tactograph.rings.live.nodes.touches.colour_stream import ColourStream
 from tactograph.rings.live.nodes.touches.fault_log import FAULT_LINES
@@ -61,10 +61,11 @@ def new_folder(calibration: Path) -> Path:
     return folder
 
 
-def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, Dark]:
+def film_at_rest(rig: Rig, full: float, patience_s: float) -> tuple[Light, Dark]:
     """Capture the untouched film under one LED after the other, and with all LEDs off.
 
-    The LEDs are held one by one, so frames need not be matched to them.
+    The LEDs are held one by one, so frames need not be matched to them.  `full` is the camera's
+    largest value, as for `top_of`.
 
     Returns
     -------
@@ -81,7 +82,7 @@ def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, 
         # The first LED is captured again at the end, to detect a touch in between.
         for led in (*leds, 0, leds[0]):
             rig.lamps.hold(led)
-            yield _mean_of_frames(rig.camera, time.monotonic() + SETTLE_S, bits)
+            yield _mean_of_frames(rig.camera, time.monotonic() + SETTLE_S, full)
 
     *image, dark, _ = _at_rest(means, patience_s)
     for led, plane in zip(leds, image, strict=True):
@@ -93,8 +94,10 @@ def film_at_rest(rig: Rig, bits: int | None, patience_s: float) -> tuple[Light, 
     return np.stack(image), dark
 
 
-def colours_at_rest(camera: Camera, bits: int | None, patience_s: float) -> F4:
+def colours_at_rest(camera: Camera, full: float, patience_s: float) -> F4:
     """Capture the untouched film of a one-shot sensor: H x W x 3 in the driver's order.
+
+    `full` is the camera's largest value, as for `top_of`.
 
     Raises
     ------
@@ -104,7 +107,7 @@ def colours_at_rest(camera: Camera, bits: int | None, patience_s: float) -> F4:
 
     def means() -> Iterator[F4 | None]:
         for _ in range(2):
-            yield _mean_of_frames(camera, time.monotonic(), bits)
+            yield _mean_of_frames(camera, time.monotonic(), full)
 
     one, later = _at_rest(means, patience_s)
     for colour, plane in zip(("blue", "green", "red"), np.moveaxis(one, -1, 0), strict=True):
@@ -131,7 +134,7 @@ def _at_rest(means: Callable[[], Iterable[F4 | None]], patience_s: float) -> lis
     )
 
 
-def _mean_of_frames(camera: Camera, settled: float, bits: int | None) -> F4 | None:
+def _mean_of_frames(camera: Camera, settled: float, full: float) -> F4 | None:
     """The mean of some frames from `settled` on; None if the light changes meanwhile."""
     total: F4 | None = None
     first: F4 | None = None
@@ -143,8 +146,7 @@ def _mean_of_frames(camera: Camera, settled: float, bits: int | None) -> F4 | No
         for shot in shots:
             if shot.time < settled:
                 continue
-            full = 2**bits - 1 if bits else np.iinfo(shot.data.dtype).max
-            plane = shot.data * np.float32(1 / full)
+            plane = shot.data * np.float32(1 / top_of(shot.data, full))
             light = cells(plane)
             if first is None or total is None:
                 first, total = light, np.zeros_like(plane)

@@ -10,9 +10,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt
-from scipy.ndimage import gaussian_filter
 
-from tactograph.rings.frames.colour_planes import Order, planes_of
+from tactograph.rings.frames.colour_planes import Order, in_levels, planes_of
 from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import make_film
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
@@ -27,10 +26,8 @@ from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import degree_for
 from tactograph.rings.oneshot.nodes.presses.rate_presses import advise, presses_per_cell, rim_slope
 from tactograph.sdk import F4, ImageFile, InputError, Light, PixelSize, atomic_files, node
-from tactograph.sdk.nodes import find_ball, level_presses
+from tactograph.sdk.nodes import find_ball, level_presses, read_flat
 
-SMOOTHING_PX = 2.0
-"""Standard deviation of the Gaussian over the film at rest, as in `read_presses`."""
 REFIT_PRESSES = 10
 """The map is fitted again after at most this many further presses."""
 
@@ -100,11 +97,10 @@ def guide_colour_presses(
             tell(f"The LEDs warm up for {warm_up_s:g} s.")
             time.sleep(warm_up_s)
         tell("Take everything off the film, and leave it alone.")
-        picture = colours_at_rest(source.camera, driver.bits, guide.patience_s)
-        _save(folder / "untouched" / "film.png", np.rint(picture * 65535).astype(np.uint16))
-        flat = np.stack(
-            [gaussian_filter(p, SMOOTHING_PX, mode="nearest") for p in planes_of(picture, lights)]
-        )
+        picture = colours_at_rest(source.camera, driver.full_scale, guide.patience_s)
+        file = folder / "untouched" / "film.png"
+        _save(file, in_levels(picture))
+        flat = read_flat(planes_of(picture, lights), folder=file, lights=lights).flat
         film = make_film(flat)
         stream = ColourStream(source, film, lights, driver.full_scale)
         watch = Watch(film, stream, guide.still_s, guide.patience_s)

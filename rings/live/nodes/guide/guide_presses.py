@@ -8,8 +8,8 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Gt, Interval
-from numpy.typing import NDArray
 
+from tactograph.rings.frames.colour_planes import in_levels
 from tactograph.rings.frames.live_frames import LiveFrames
 from tactograph.rings.frames.rest_film import make_film, top_of
 from tactograph.rings.live.nodes.camera.camera_params import CameraParams
@@ -100,7 +100,7 @@ def guide_presses(
     rig = open_rig(driver, port, size, leds=leds)
     with closing(rig):
         tell("Take everything off the film, and leave it alone.")
-        image, black = film_at_rest(rig, driver.bits, guide.patience_s)
+        image, black = film_at_rest(rig, driver.full_scale, guide.patience_s)
         _save_film(folder, image, black)
         film = read_flat(image, black=black, folder=folder / "untouched")
         rig.lamps.resume()
@@ -146,13 +146,9 @@ def _save_film(folder: Path, image: Light, dark: Dark) -> None:
     """Save means of many frames with 16 bits, because they are finer than the camera's steps."""
     with atomic_files(folder / "untouched") as target:
         for k, plane in enumerate(image, start=1):
-            ImageFile(target / f"led{k}.png").write(_levels(plane))
+            ImageFile(target / f"led{k}.png").write(in_levels(plane))
     with atomic_files(folder) as target:
-        ImageFile(target / "dark.png").write(_levels(dark))
-
-
-def _levels(plane: F4) -> NDArray[np.uint16]:
-    return np.rint(plane * 65535).astype(np.uint16)
+        ImageFile(target / "dark.png").write(in_levels(dark))
 
 
 def _save_press(folder: Path, frames: dict[int, Plane], about: CaptureFile) -> None:

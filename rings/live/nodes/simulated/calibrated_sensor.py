@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.frames.calibrated_film import calibrated_film
-from tactograph.rings.frames.colour_planes import Order
+from tactograph.rings.frames.colour_planes import Order, in_bytes
 from tactograph.rings.live.nodes.simulated.simulated_sensor import (
-    MAX_BYTE,
     RECENT_FRAMES,
     Scene,
     SimulatedSensor,
@@ -52,13 +51,13 @@ class CalibratedSensor(SimulatedSensor):
         self._pipeline: Callable[..., Any] | None = None
         self._latest = self._worker.submit(self._see, self.start).result()
         self._coming: Future[_Rendered] = self._worker.submit(self._see, self.start)
-        self._shown: dict[float, _Rendered] = {}
+        self._by_moment: dict[float, _Rendered] = {}
         self.start = time.monotonic()
 
     def true_height(self, moment: float) -> F4:
         """The height that the frame nearest to a time shows, H x W in mm."""
-        nearest = min(self._shown, key=lambda each: abs(each - moment), default=None)
-        return self._latest.height if nearest is None else self._shown[nearest].height
+        nearest = min(self._by_moment, key=lambda each: abs(each - moment), default=None)
+        return self._latest.height if nearest is None else self._by_moment[nearest].height
 
     def image(self, shares: Any, moment: float, number: int) -> NDArray[np.uint8]:
         """The camera's image under flashing LEDs; see `SimulatedSensor.image`."""
@@ -68,13 +67,13 @@ class CalibratedSensor(SimulatedSensor):
                 shares, self.strength, self._at(moment).image, strict=True
             )
         )
-        return _in_bytes(self._black + light)
+        return in_bytes(self._black + light)
 
     def picture(self, moment: float, number: int) -> NDArray[np.uint8]:
         """The colour camera's picture, H x W x 3."""
         # A picture that comes twice to the bit would be taken for one frame.
         self._coming.result()
-        image = _in_bytes(self._at(moment).image[:: self._to_driver])
+        image = in_bytes(self._at(moment).image[:: self._to_driver])
         return np.ascontiguousarray(np.moveaxis(image, 0, -1))
 
     def _at(self, moment: float) -> _Rendered:
@@ -82,7 +81,7 @@ class CalibratedSensor(SimulatedSensor):
         if self._coming.done():
             self._latest = self._coming.result()
             self._coming = self._worker.submit(self._see, moment)
-        self._shown = dict([*self._shown.items()][-RECENT_FRAMES:]) | {moment: self._latest}
+        self._by_moment = dict([*self._by_moment.items()][-RECENT_FRAMES:]) | {moment: self._latest}
         return self._latest
 
     def _see(self, moment: float) -> _Rendered:
@@ -110,7 +109,3 @@ def calibrated_sensor(
     for name in ("radius_mm", "depth_mm", "path_mm"):
         film[name] = scale * getattr(default, name)
     return CalibratedSensor(read_scene(camera, Scene, film), calibration, order)
-
-
-def _in_bytes(image: F4) -> NDArray[np.uint8]:
-    return np.clip(np.rint(image * MAX_BYTE), 0, MAX_BYTE).astype(np.uint8)

@@ -14,10 +14,10 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked_dataclass
 from scipy.interpolate import CubicSpline
 
+from tactograph.rings.frames.colour_planes import MAX_BYTE
 from tactograph.sdk import F4, Film, InputError, LightPositions, ShapeImage, image_places
 from tactograph.sdk.nodes import expose, film_light, light_ring, press, render, shape_ball
 
-MAX_BYTE = 255
 PAPER_PIXEL_MM = ShapeImage().pixel_size_mm
 EXPOSURE_S, EXPOSURE_SHARE = 0.02, 0.6
 """Default exposure, and the largest share of the frame time that it takes."""

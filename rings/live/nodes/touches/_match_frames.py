@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -244,8 +244,6 @@ def _middle_of_longest_run(flags: NDArray[np.bool_]) -> float:
         return 0.0
     start = int(np.flatnonzero(~flags)[0])
     turned = np.roll(flags, -start)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], turned, [False]]).astype(np.int8)))
-    starts, ends = edges[::2], edges[1::2]
-    longest = int((ends - starts).argmax())
-    middle = (starts[longest] + ends[longest] - 1) / 2
-    return math.fmod(start + float(middle), count)
+    runs = ([*run] for is_set, run in groupby(range(count), turned.item) if is_set)
+    longest = max(runs, key=len)
+    return (start + (longest[0] + longest[-1]) / 2) % count

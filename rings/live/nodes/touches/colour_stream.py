@@ -47,24 +47,16 @@ class ColourStream(TouchStream):
     def __post_init__(self) -> None:
         self._camera = self.sensor.camera
         self._log = FaultLog(self.state, None, COLOUR_FAULTS)
-        self._connected = self._camera.connections
+        self._connected = (self._camera.connections,)
+        self._restart = self._log.restart
         self._before: Plane | None = None
 
     def _touch_with(self, shots: list[Shot]) -> LiveFrames | None:
-        self._supervise(len(shots) - 1)
+        # Newer frames replace all but the last.
+        self._camera.faults["dropped"] += max(len(shots) - 1, 0)
+        self._supervise(Counter(self._camera.faults), (self._camera.connections,))
         usable = [shot for shot in shots if self._is_usable(shot)]
         return self._touch(usable) if usable else None
-
-    def _supervise(self, passed_over: int) -> None:
-        """Count the camera's faults, and the frames that newer ones replace."""
-        camera = self._camera
-        camera.faults["dropped"] += max(passed_over, 0)
-        self._log.take(Counter(camera.faults))
-        self.state.dropped = camera.faults["dropped"]
-        self._tell_of_camera()
-        if camera.connections != self._connected:
-            self._connected = camera.connections
-            self._log.restart()
 
     def _is_usable(self, shot: Shot) -> bool:
         """Tell if a frame shows the film; otherwise count its fault."""

@@ -83,27 +83,24 @@ def read_camera(
     """
     flat, dark, one_shot = calibrated_film(used.calibration)
     driver.check_calibration(used)
+    film = make_film(flat, dark)
+    stream: Stream | ColourStream
     if one_shot or lights is not None:
-        colours = _colour_stream(driver, used.calibration, make_film(flat, dark), lights, queue)
-        with closing(colours.sensor):
-            yield from colours.touches(driver.timeout_s / 2, seconds, items)
-        _check_any(colours, driver, used)
-        return
-    height, width = dark.shape
-    rig = open_rig(
-        driver,
-        port,
-        (width, height),
-        leds=len(flat),
-        ambient=ambient,
-        queue=queue,
-        calibration=used.calibration,
-    )
-    with closing(rig):
+        stream = _colour_stream(driver, used.calibration, film, lights, queue)
+    else:
+        rig = open_rig(
+            driver,
+            port,
+            (film.size[1], film.size[0]),
+            leds=len(flat),
+            ambient=ambient,
+            queue=queue,
+            calibration=used.calibration,
+        )
         cycle = {"lights": "leds", "refresh": refresh, "cycle": list(rig.cycle)}
         stream = Stream(
             rig,
-            make_film(flat, dark),
+            film,
             dark,
             refresh,
             driver.full_scale,
@@ -112,12 +109,8 @@ def read_camera(
             motion == "skip",
             LiveState(settings=driver.stored | cycle),
         )
+    with closing(stream.sensor):
         yield from stream.touches(driver.timeout_s / 2, seconds, items)
-    _check_any(stream, driver, used)
-
-
-def _check_any(stream: Stream | ColourStream, driver: CameraParams, used: UsedCalibration) -> None:
-    """Refuse a stream that has ended with frames but no touch."""
     if stream.state.frames and not stream.state.touches:
         owner = SensorIdentity.in_words(used.calibration)
         raise InputError(

@@ -1,7 +1,7 @@
 """The stream of touches: match and assemble frames, count and report faults."""
 
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
@@ -45,6 +45,8 @@ class TouchStream:
 
     _camera: Camera
     _log: FaultLog
+    _connected: tuple[int, ...]
+    _restart: Callable[[], None]
     _touch_with: Callable[[list[Shot]], LiveFrames | None]
     _reopened = 0.0
 
@@ -71,11 +73,18 @@ class TouchStream:
             if self._camera.ended and not shots:
                 return
 
-    def _tell_of_camera(self, news: Iterable[str] = ()) -> None:
-        """Report what the driver refused, and other news."""
+    def _supervise(
+        self, faults: Counter[str], connected: tuple[int, ...], news: Iterable[str] = ()
+    ) -> None:
+        """Report faults, refused settings and news; after a reconnection, forget older frames."""
+        self._log.take(faults)
+        self._log.state.dropped = self._camera.faults["dropped"]
         for line in (*self._camera.refused, *news):
             self._log.add(line)
         self._camera.refused = []
+        if connected != self._connected:
+            self._connected = connected
+            self._restart()
 
     def _reopen(self) -> None:
         """Open the camera again, unless that was just done."""
@@ -127,23 +136,13 @@ class Stream(TouchStream):
         self._new: deque[RawFrame] = deque(maxlen=max(MAX_WAITING_FRAMES, 4 * len(sensor.cycle)))
 
     def _touch_with(self, shots: list[Shot]) -> LiveFrames | None:
-        self._supervise()
+        camera, lamps = self._camera, self.sensor.lamps
+        faults = camera.faults + lamps.faults
+        del faults["lost"]  # counted here by the frames' times
+        self._supervise(faults, (camera.connections, lamps.starts), lamps.news())
         for shot in shots:
             self._take(shot)
         return self._touch()
-
-    def _supervise(self) -> None:
-        """Count faults of camera and controller; after a reconnection, forget older frames."""
-        camera, lamps = self._camera, self.sensor.lamps
-        counted = camera.faults + lamps.faults
-        del counted["lost"]  # counted here by the frames' times
-        self._log.take(counted)
-        self.state.dropped = camera.faults["dropped"]
-        self._tell_of_camera(lamps.news())
-        connected = camera.connections, lamps.starts
-        if connected != self._connected:
-            self._connected = connected
-            self._restart()
 
     def _restart(self) -> None:
         self._matcher.restart()

@@ -1,6 +1,8 @@
 """Draw a picture of a touch for a live stream, fast enough for every camera frame."""
 
 import math
+import os
+import sys
 from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
@@ -29,6 +31,8 @@ DIMMED_SHARE = 0.6
 """Brightness of the image under the labels, so that their colours stand out."""
 WHITE_SHARE = 0.995
 """Share of the pixels that are shown below white."""
+MIN_TOP_MM = 0.1
+"""Upper end of the colour scale of a flat film."""
 LED_COLOURS = LabelMap("LEDs", leds=True).colours
 """Of each label of LEDs."""
 LABEL_BITS = len(LED_COLOURS).bit_length() - 1
@@ -139,6 +143,17 @@ def colour_height(height: Height, top: float) -> Picture:
     if is_known is not None:
         coloured[~is_known] = UNKNOWN_RGB
     return coloured
+
+
+def has_screen() -> bool:
+    """Return whether a window can open; without a display OpenCV's end the whole program."""
+    return sys.platform != "linux" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+
+
+def scale_top(height: Height, top: float) -> float:
+    """Upper end of the height's colour scale in mm: `top`, the last one, or a larger one."""
+    highest = float(height.max())
+    return max(top, round_up(highest) if highest > 0 else MIN_TOP_MM)
 
 
 def round_up(value: float) -> float:

@@ -4,9 +4,8 @@ import json
 import resource
 import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Gt
@@ -57,7 +56,7 @@ class Statistics:
 
     def __init__(self, folder: Path | None = None, every_s: float = 1.0) -> None:
         self._folder, self._every = folder, every_s
-        self._begun = self._reported_s = time.monotonic()
+        self._start = self._reported_s = time.monotonic()
         self._heights = self._heights_reported = 0
         self._first = self._last = self._processor = 0.0
         self._latencies = np.zeros(round(MAX_LATENCY_S / BIN_S), np.int64)
@@ -81,7 +80,7 @@ class Statistics:
         """Count one height that has just been computed."""
         now = time.monotonic()
         self._state, self._provenance = state, provenance
-        if now - self._begun < WARM_UP_S:
+        if now - self._start < WARM_UP_S:
             return
         if not self._heights:
             self._first = self._reported_s = now
@@ -135,13 +134,10 @@ class Statistics:
             print(f"  {name:<{width}}  {figure:.6g}")
         sys.stdout.flush()
         if self._folder is not None:
-            text = json.dumps(self._summary(figures), indent=1) + "\n"
+            about = self._provenance.as_dict() if self._provenance is not None else {}
+            summary = {**about, "settings": self._state.settings, "metrics": figures}
             with atomic_files(self._folder) as target:
-                (target / "result.json").write_text(text)
-
-    def _summary(self, figures: Mapping[str, float]) -> dict[str, Any]:
-        about = self._provenance.as_dict() if self._provenance is not None else {}
-        return {**about, "settings": self._state.settings, "metrics": dict(figures)}
+                (target / "result.json").write_text(json.dumps(summary, indent=1) + "\n")
 
     def _latency(self, quantile: float) -> float:
         """The upper edge of the bin in which the quantile lies."""

@@ -1,7 +1,5 @@
 """Show a stream of touches: in a window if there is a screen, else as PNG files."""
 
-import os
-import sys
 import time as clock
 from collections import deque
 from pathlib import Path
@@ -10,9 +8,13 @@ from typing import Annotated, Literal
 import cv2
 from annotated_types import Gt
 
-from tactograph.rings.live.nodes.view._live_picture import Picture, draw_touch, round_up
+from tactograph.rings.live.nodes.view._live_picture import (
+    Picture,
+    draw_touch,
+    has_screen,
+    scale_top,
+)
 from tactograph.sdk import (
-    Height,
     ImageFile,
     InputError,
     Lights,
@@ -68,8 +70,8 @@ def preview(
     screen = session.keep(lambda: _Preview(_open_screen(where, folder), 1 / rate_hz))
     screen.count(touch)
     if screen.is_due():
-        top = top_mm or screen.top_of(touch.height)
-        picture = draw_touch(touch, top, screen.footer(touch.state), lights, layer)
+        screen.top = top_mm or scale_top(touch.height, screen.top)
+        picture = draw_touch(touch, screen.top, screen.footer(touch.state), lights, layer)
         screen.show(picture)
 
 
@@ -84,21 +86,18 @@ class _Window:
 
     def show(self, picture: Picture) -> bool:
         """Draw a picture; return False once the user has closed the window."""
-        if self._began and cv2.getWindowProperty(self.title, cv2.WND_PROP_VISIBLE) < 1:
-            return self._window_closed()
         if not self._began:
             cv2.resizeWindow(self.title, picture.shape[1], picture.shape[0])
-            self._began = True
+        elif cv2.getWindowProperty(self.title, cv2.WND_PROP_VISIBLE) < 1:
+            return self._end()
+        self._began = True
         cv2.imshow(self.title, picture[..., ::-1])
-        if cv2.waitKey(1) & 0xFF in CLOSING_KEYS:
-            cv2.destroyWindow(self.title)
-            return self._window_closed()
-        return True
+        return self._end() if cv2.waitKey(1) & 0xFF in CLOSING_KEYS else True
 
     def close(self) -> None:
         cv2.destroyAllWindows()
 
-    def _window_closed(self) -> bool:
+    def _end(self) -> bool:
         warn("preview: the window was closed; the stream goes on without it")
         return False
 
@@ -134,7 +133,7 @@ class _Preview:
         self._screen: _Window | _Files | None = screen
         self._pause = pause
         self._due = 0.0
-        self._top = 0.0
+        self.top = 0.0
         self._arrivals: deque[tuple[float, int]] = deque()
         self._latency_s: float | None = None
 
@@ -148,12 +147,6 @@ class _Preview:
 
     def is_due(self) -> bool:
         return self._screen is not None and clock.monotonic() >= self._due
-
-    def top_of(self, height: Height) -> float:
-        """Upper end of the colour scale, which grows with the height and never shrinks."""
-        highest = float(height.max())
-        self._top = max(self._top, round_up(highest) if highest > 0 else round_up(0.1))
-        return self._top
 
     def footer(self, state: LiveState | None) -> str:
         (start, frames), (end, last) = self._arrivals[0], self._arrivals[-1]
@@ -194,10 +187,7 @@ def _open_screen(where: Where, folder: Path) -> _Window | _Files:
 
 
 def _why_no_window() -> str | None:
-    # Checked before OpenCV is, because without a display its Qt windows end the whole program.
-    if sys.platform == "linux" and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
+    if not has_screen():
         return "there is no screen (DISPLAY is not set)"
     try:
         cv2.namedWindow(_Window.title, cv2.WINDOW_NORMAL)

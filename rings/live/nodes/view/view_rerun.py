@@ -4,9 +4,7 @@ Long because all that is shown of a touch goes into one recording.
 """
 
 import importlib
-import os
 import socket
-import sys
 import time as clock
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,7 +15,12 @@ from annotated_types import Gt, Interval
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from tactograph.rings.live.nodes.view._live_picture import LIGHT_NAMES, colour_height, round_up
+from tactograph.rings.live.nodes.view._live_picture import (
+    LIGHT_NAMES,
+    colour_height,
+    has_screen,
+    scale_top,
+)
 from tactograph.sdk import (
     F4,
     Arrows,
@@ -146,9 +149,7 @@ def _open(viewer: Viewer, url: str, file: Path | None, lights: Lights) -> Any:
 
 
 def _spawn(rr: Any) -> None:
-    if sys.platform == "linux" and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
+    if not has_screen():
         raise InputError(
             "view_rerun: there is no screen for a viewer (DISPLAY is not set); "
             "`viewer`=none `file`=live.rrd records, `viewer`=connect shows it elsewhere"
@@ -308,8 +309,7 @@ class _Stream:
     def surface(self, touch: Touch, step: int) -> None:
         """The film as a mesh; its triangles are sent once, its vertices every time."""
         rr, height = rerun(), touch.height
-        highest = float(height.max())
-        self._top = max(self._top, round_up(highest) if highest > 0 else 0.1)
+        self._top = scale_top(height, self._top)
         some = touch.film[::step, ::step]
         if self._shape != some.shape:
             mesh = rr.Mesh3D.from_fields(triangle_indices=View().mesh(0 * some, 1.0).faces)

@@ -41,7 +41,7 @@ def show(session: Session, **settings: Any) -> list[str]:
 def no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setattr("tactograph.rings.live.nodes.view.preview.sys.platform", "linux")
+    monkeypatch.setattr("sys.platform", "linux")
 
 
 def test_without_a_screen_the_picture_is_a_file_and_one_line_says_so(tmp_path: Path) -> None:

@@ -158,7 +158,7 @@ def test_a_closed_viewer_costs_one_line_and_the_file_continues(
 def test_without_a_screen_the_error_names_the_cure(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    monkeypatch.setattr("tactograph.rings.live.nodes.view.view_rerun.sys.platform", "linux")
+    monkeypatch.setattr("sys.platform", "linux")
     with pytest.raises(InputError, match=r"no screen for a viewer.*`viewer`=none"):
         view(Session())
 

@@ -1,7 +1,7 @@
 """The modulus of a gel, and how thick it is, from presses of known force."""
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -10,13 +10,29 @@ from annotated_types import Ge, Gt
 from scipy.optimize import minimize_scalar
 from scipy.special import ndtri, stdtrit
 
+from tactograph.rings.mechanics.nodes.force._pressed_layer import pressed_layer
 from tactograph.rings.mechanics.nodes.force.elastic_layer import (
     MODULUS_RANGE_KPA,
     Poisson,
     Thickness,
 )
-from tactograph.rings.mechanics.nodes.force.press_to_pressure import press_to_pressure
-from tactograph.sdk import F4, F8, Contacts, HeightFile, InputError, node, warn
+from tactograph.rings.mechanics.nodes.force.press_to_pressure import (
+    CELL_PX,
+    depth_of,
+    press_on,
+    warn_of_limits,
+)
+from tactograph.sdk import (
+    F4,
+    F8,
+    Contacts,
+    HeightFile,
+    InputError,
+    LargestContacts,
+    View,
+    node,
+    warn,
+)
 from tactograph.sdk.nodes import find_contact, read_height
 
 THICKNESS_RANGE_MM = 0.3, 30.0
@@ -81,6 +97,13 @@ def calibrate_force(
     """
     by_name = _forces(results, forces, force_n)
     presses, newtons = _presses(results, by_name), np.array([*by_name.values()])
+    deepest = max(depth_of(height, contact) for height, contact, _ in presses)
+    most = thickness_mm or THICKNESS_RANGE_MM[1]
+    if deepest >= most:
+        raise InputError(
+            f"{results}: a press is {deepest:.3g} mm deep, more than a gel of {most:g} mm is "
+            "thick: check `thickness_mm`, and the scale of the heights"
+        )
     if thickness_mm is None and len(presses) < MIN_PRESSES:
         raise InputError(
             f"{results}: {len(presses)} presses do not tell modulus and thickness apart: measure "
@@ -90,25 +113,10 @@ def calibrate_force(
     def moduli(thickness: float) -> F8:
         return newtons / np.array([_force(press, thickness, poisson)[0] for press in presses])
 
-    def spread_at(log: float) -> float:
-        return float(np.std(np.log(moduli(float(np.exp(log))))))
-
-    gel_mm = thickness_mm
-    if gel_mm is None:
-        logs = np.log(np.geomspace(*THICKNESS_RANGE_MM, THICKNESS_COUNT))
-        spreads = [spread_at(float(log)) for log in logs]
-        if max(spreads) < LEAST_SPREAD:
-            raise InputError(
-                f"{results}: the presses are too alike to tell the thickness: press balls of "
-                "different radii, or measure `thickness_mm`"
-            )
-        # Layers far too thin fit alike again: of several minima the lowest counts.
-        bounds = logs[np.argmin(spreads)] + (logs[1] - logs[0]) * np.array([-1, 1])
-        minimum = minimize_scalar(
-            spread_at, bounds=bounds, method="bounded", options={"xatol": 0.01}
-        )
-        gel_mm = float(np.exp(minimum.x))
+    gel_mm = _thickness(moduli, deepest, results) if thickness_mm is None else thickness_mm
     each = moduli(gel_mm)
+    for height, contact, _ in presses:
+        warn_of_limits(height, contact, gel_mm)
     spread = float(np.std(each) / np.mean(each))
     if spread > MAX_SPREAD:
         warn(
@@ -135,28 +143,49 @@ def calibrate_force(
         figures["held_out_n"] = float(np.sqrt(np.mean((off * newtons) ** 2)))
         figures["held_out_percent"] = 100 * float(np.sqrt(np.mean(off**2)))
         at = np.array([_force(press, gel_mm, poisson) for press in presses])
-        errs = at[:, 1] / at[:, 0]
+        errors = at[:, 1] / at[:, 0]
         fitted = thickness_mm is None
-        chance = _relative_error(each, thicker if fitted else each, errs, fitted=fitted)
+        chance = _relative_error(each, thicker if fitted else each, errors, fitted=fitted)
         figures["modulus_error"] = float(np.hypot(chance, unsure))
     return figures
 
 
-def _relative_error(moduli: F8, thicker: F8, errs: F8, fitted: bool) -> float:
+def _thickness(moduli: Callable[[float], F8], deepest: float, results: Path) -> float:
+    """The thickness in mm at which the presses' moduli spread least; no press is deeper."""
+
+    def spread_at(log: float) -> float:
+        return float(np.std(np.log(moduli(float(np.exp(log))))))
+
+    thinnest, thickest = THICKNESS_RANGE_MM
+    logs = np.log(np.geomspace(max(thinnest, deepest), thickest, THICKNESS_COUNT))
+    spreads = [spread_at(float(log)) for log in logs]
+    if max(spreads) < LEAST_SPREAD:
+        raise InputError(
+            f"{results}: the presses are too alike to tell the thickness: press balls of "
+            "different radii, or measure `thickness_mm`"
+        )
+    # Layers far too thin fit alike again: of several minima the lowest counts.
+    bounds = logs[np.argmin(spreads)] + (logs[1] - logs[0]) * np.array([-1, 1])
+    bounds = np.maximum(bounds, logs[0])
+    minimum = minimize_scalar(spread_at, bounds=bounds, method="bounded", options={"xatol": 0.01})
+    return float(np.exp(minimum.x))
+
+
+def _relative_error(moduli: F8, thicker: F8, errors: F8, fitted: bool) -> float:
     """The relative standard deviation of the modulus, by least squares over presses.
 
-    Each press errs by what its force does and by what moduli differ by.  Forces err alike, so
-    that their mean error stays in the modulus.  `thicker` are the moduli of a thicker gel: where
-    the thickness is fitted, it is a second unknown.
+    `errors` are the relative standard deviations of the presses' forces; to these comes what the
+    moduli differ by.  Forces err alike, so their mean error stays in the modulus.  `thicker` are
+    the moduli of a thicker gel: where the thickness is fitted, it is a second unknown.
     """
     unknowns, count = 1 + fitted, len(moduli)
     spread = np.std(moduli) / np.mean(moduli) * np.sqrt(count / (count - unknowns))
     # Few presses determine a deviation badly: Student's 90 % band is wider than the normal one.
     spread *= stdtrit(count - unknowns, 0.95) / ndtri(0.95)
     by = np.stack([np.ones_like(moduli), np.log(thicker / moduli)], axis=1)[:, :unknowns]
-    weighted = by / np.hypot(errs, spread)[:, None]
+    weighted = by / np.hypot(errors, spread)[:, None]
     chance = np.linalg.inv(weighted.T @ weighted)[0, 0]
-    return float(np.sqrt(chance + np.square(errs).mean()))
+    return float(np.sqrt(chance + np.square(errors).mean()))
 
 
 def _forces(
@@ -226,10 +255,9 @@ def _force(
 ) -> tuple[float, float]:
     """The force of all contacts at a modulus of 1 kPa, and its standard deviation."""
     height, contact, pixel = press
-    gel = {"modulus_kpa": 1.0, "thickness_mm": thickness, "poisson": poisson}
-    exact = np.zeros_like(height)
-    every = int(contact.max())
-    figures = press_to_pressure(height, contact, pixel, exact, **gel, most=every).figures
+    layer = pressed_layer(height.shape, pixel, CELL_PX, 1.0, thickness, poisson)
+    exact, every = np.zeros_like(height), LargestContacts(int(contact.max()))
+    figures = press_on(layer, height, contact, pixel, exact, View(), every).figures
     return _total(figures, "n"), _total(figures, "sd_n")
 
 

@@ -8,6 +8,7 @@ from annotated_types import Interval
 from numpy.typing import NDArray
 
 from tactograph.rings.mechanics.nodes.force._pressed_layer import (
+    PressedLayer,
     force_deviation,
     in_cells,
     pressed_layer,
@@ -30,6 +31,8 @@ Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
 """Normal pressure on the film."""
 NEWTONS_PER_KPA_MM2 = 1e-3
 """A kPa mm^2 in newtons."""
+CELL_PX = 2
+"""Side of the cells that have a pressure of their own."""
 MAX_STRAIN = 0.3
 """Depth over thickness above which a linear layer is too soft."""
 MAX_BORDER_SHARE = 0.01
@@ -55,7 +58,7 @@ def press_to_pressure(
     thickness_mm: Thickness,
     poisson: Poisson = 0.48,
     modulus_error: Annotated[float, Interval(ge=0, le=1)] = 0.0,
-    cell_px: Annotated[int, Interval(ge=1, le=8)] = 2,
+    cell_px: Annotated[int, Interval(ge=1, le=8)] = CELL_PX,
     largest: LargestContacts,
 ) -> PressForce:
     """Find the pressure, inside the contacts only, whose displacement of the layer is the height.
@@ -91,10 +94,28 @@ def press_to_pressure(
     ``contact_force_sd_n/c1``, the highest pressure ``contact_pressure_kpa/c1``, and the force's
     centre in px, ``contact_force_x_px/c1``, ``contact_force_y_px/c1``.
     """
-    _warn_of_limits(height, contact, thickness_mm)
-    numbers = largest.numbers(contact)
+    warn_of_limits(height, contact, thickness_mm)
     layer = pressed_layer(height.shape, pixel, cell_px, modulus_kpa, thickness_mm, poisson)
-    place = _Place(height, view or View())
+    found = press_on(layer, height, contact, pixel, error, view or View(), largest)
+    for name in [name for name in found.figures if name.startswith("contact_force_sd_n/")]:
+        by_modulus = modulus_error * found.figures[name.replace("_sd_", "_")]
+        found.figures[name] = float(np.hypot(found.figures[name], by_modulus))
+    return found
+
+
+def press_on(
+    layer: PressedLayer,
+    height: Height,
+    contact: Contacts,
+    pixel: float,
+    error: HeightError | None,
+    view: View,
+    largest: LargestContacts,
+) -> PressForce:
+    """Find the pressure on a layer of known modulus."""
+    cell_px = layer.side
+    numbers = largest.numbers(contact)
+    place = _Place(height, view)
     touched = place.cells(contact > 0, cell_px)
     cells = layer.pressed(place.cells(height, cell_px), touched)
     size = touched.shape[1] * cell_px, touched.shape[0] * cell_px
@@ -115,8 +136,7 @@ def press_to_pressure(
                 float((by_height * misfit).sum()),
             )
             by_causes = NEWTONS_PER_KPA_MM2 * layer.cell_mm**2 * np.hypot(*causes)
-            of_modulus = modulus_error * figures[name]
-            figures[f"contact_force_sd_n/c{number}"] = float(np.hypot(by_causes, of_modulus))
+            figures[f"contact_force_sd_n/c{number}"] = float(by_causes)
     return PressForce(pressure, figures)
 
 
@@ -168,9 +188,20 @@ def _figures(
     return figures
 
 
-def _warn_of_limits(height: Height, contact: Contacts, thickness: float) -> None:
-    deepest = float(np.max(height, initial=0, where=contact > 0))
-    if deepest > MAX_STRAIN * thickness:
+def depth_of(height: Height, contact: Contacts) -> float:
+    """How far the film is pressed in, in mm."""
+    return float(np.max(height, initial=0, where=contact > 0))
+
+
+def warn_of_limits(height: Height, contact: Contacts, thickness: float) -> None:
+    """Warn of a press that is too deep for a linear layer, or that the frame cuts."""
+    deepest = depth_of(height, contact)
+    if deepest >= thickness:
+        warn(
+            f"the film is pressed in by {deepest:.2g} mm, but the gel is {thickness:g} mm thick: "
+            "`thickness_mm` or the height is wrong, and so are forces"
+        )
+    elif deepest > MAX_STRAIN * thickness:
         warn(
             f"the film is pressed in by {deepest:.2g} mm of {thickness:g}: the gel's response is "
             "no longer linear there, and forces come out too small"

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from tactograph.rings.mechanics.layers.markers import MarkerTracks, Shifts
 from tactograph.rings.mechanics.nodes.marker.find_markers import Markers, find_markers
 from tactograph.rings.mechanics.nodes.marker.marker_darkness import Darkness
-from tactograph.sdk import F4, F8, PixelSize, node, warn
+from tactograph.sdk import F4, F8, InputError, PixelSize, node
 
 NEIGHBOUR_PITCHES = 1.6
 """Distance, in pitches, within which markers move alike."""
@@ -59,12 +59,22 @@ def track_markers(
     The markers; their shifts M x 2 in px; which of them are seen; as figures ``markers``, how many
     there are, ``visible_markers_percent``, ``marker_shift_mm``, the longest, and
     ``marker_shift_mean_mm``.
+
+    Raises
+    ------
+    InputError
+        If the untouched film has no markers.
     """
     spots = find_markers(darkness, dark=dark)[:, :2].astype(np.float64)
     places = markers[:, :2].astype(np.float64)
     if len(places) < 2:
-        warn("the film at rest shows no markers, so nothing tells of slip and shear")
-    if len(places) < 2 or not len(spots):
+        # Dark film on a touch would be taken for markers, and filled in.
+        raise InputError(
+            "the film at rest shows no markers; for such a film take graph and overlays without "
+            "markers, slip and shear, or, if it has some, set marker_px to slightly more than the "
+            "width of one"
+        )
+    if not len(spots):
         still, unseen = np.zeros((len(places), 2), np.float32), np.zeros(len(places), np.uint8)
         return Tracks(MarkerTracks(markers, still, unseen), _figures(still, unseen, pixel))
     distances = np.asarray(cKDTree(places).query(places, 2)[0])
@@ -79,10 +89,8 @@ def _figures(shift: F8 | F4, matched: NDArray[np.generic], pixel: float) -> dict
     length = np.hypot(shift[:, 0], shift[:, 1])[np.asarray(matched) > 0] * pixel
     return {
         "markers": float(len(shift)),
-        "visible_markers_percent": 100 * float(np.mean(np.asarray(matched) > 0))
-        if len(shift)
-        else 0.0,
-        "marker_shift_mm": float(length.max()) if length.size else 0.0,
+        "visible_markers_percent": 100 * float(np.mean(np.asarray(matched) > 0)),
+        "marker_shift_mm": float(length.max(initial=0)),
         "marker_shift_mean_mm": float(length.mean()) if length.size else 0.0,
     }
 

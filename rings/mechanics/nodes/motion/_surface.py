@@ -50,6 +50,11 @@ class Surface(NamedTuple):
         height = self.height[down[0] : down[-1] + 1, right[0] : right[-1] + 1]
         return Surface(np.ascontiguousarray(height), self.variance, self.side, left, top)
 
+    def points(self) -> F8:
+        """The touched cells' points in mm, 3 x N."""
+        planes = np.broadcast_arrays(*self.places(), self.height)
+        return np.stack([plane[self.touched] for plane in planes]).astype(np.float64)
+
     def places(self) -> tuple[F4, F4]:
         """x and y in mm from the image's middle: a row, and a column."""
         x, y = (np.arange(n, dtype=np.float32) for n in self.height.shape[::-1])

@@ -27,6 +27,7 @@ from tactograph.sdk.nodes import read_error, read_pixel_size, read_result_view
 TouchHeights = Annotated[F4, Port("P H W", "mm", nan=True)]
 """Heights of P touches; NaN where not known."""
 MAX_TOUCHES = 255
+NO_PLANE = "its film is no plane at rest; touches of planes alone are put together"
 
 
 class Touches(NamedTuple):
@@ -100,9 +101,7 @@ def _read_results(folder: Path, most: int, pixel: float | None) -> Touches:
         if not stored.about:
             raise InputError(f"{stored.file}: cannot be read; reconstruct again")
         if stored.has_relief:
-            raise InputError(
-                f"{result}: its film is no plane at rest; touches of planes alone are put together"
-            )
+            raise InputError(f"{result}: {NO_PLANE}")
     for result, height, size in zip(results, heights, pixels, strict=True):
         if height.shape != heights[0].shape or not HeightFile.agree(size, pixels[0]):
             raise InputError(f"{result}: differs in size or pixel size from {results[0]}")
@@ -178,7 +177,5 @@ def _calibrated_view(calibration: Path) -> View:
         raise InputError(f"{calibration}: is no calibration")
     arrays: dict[str, Any] = module.KIND.read(calibration)[0]
     if np.any(arrays.get("rest", 0)):
-        raise InputError(
-            f"{calibration}: its film is no plane at rest; touches of planes alone are put together"
-        )
+        raise InputError(f"{calibration}: {NO_PLANE}")
     return View.stated_in({"camera": 0.0, **arrays}, calibration)

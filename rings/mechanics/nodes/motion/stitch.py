@@ -226,8 +226,7 @@ def _matched(
 
 def _unsure_mm(surface: Surface, motion: F8, covariance: F8) -> float:
     """Largest standard deviation of where a touch's corners lie."""
-    planes = np.broadcast_arrays(*surface.places(), surface.height)
-    points = motion[:3, :3] @ np.stack([p[surface.touched] for p in planes]) + motion[:3, 3:]
+    points = motion[:3, :3] @ surface.points() + motion[:3, 3:]
     corners = product(*zip(points.min(axis=1), points.max(axis=1), strict=True))
     moved = [np.hstack([np.eye(3), -cross_matrix(np.array(each))]) for each in corners]
     return float(np.sqrt(max(np.linalg.eigvalsh(m @ covariance @ m.T)[-1] for m in moved)))
@@ -281,9 +280,7 @@ def _grid(surfaces: list[Surface], poses: dict[int, F8]) -> Surface:
     """Empty cells of the touches' size over all that is touched."""
     corners = []
     for number, pose in poses.items():
-        surface = surfaces[number]
-        planes = np.broadcast_arrays(*surface.places(), surface.height)
-        points = pose[:2, :3] @ np.stack([p[surface.touched] for p in planes]) + pose[:2, 3:]
+        points = pose[:2, :3] @ surfaces[number].points() + pose[:2, 3:]
         corners += [points.min(axis=1), points.max(axis=1)]
     side = surfaces[0].side
     left, top = np.min(corners, axis=0)

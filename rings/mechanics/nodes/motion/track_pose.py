@@ -125,8 +125,8 @@ def track_pose(
     fit, shared = _fit(key, memory, heights, stated, pixel, cell_px, pressed)
     if fit is None or shared < least_overlap / 2:
         return _begin(heights, stated, pressed)
-    begun = small_motion(memory[ROW_KEY].astype(np.float64))
-    pose = fit.motion @ begun
+    key_motion = small_motion(memory[ROW_KEY].astype(np.float64))
+    pose = fit.motion @ key_motion
     onwards = carried(fit.motion)
     covariance = onwards @ memory[:6].astype(np.float64) @ onwards.T + fit.covariance
     counts = memory[ROW_COUNTS] + np.array([1, 0, 0, 0, 0, 0], np.float32)

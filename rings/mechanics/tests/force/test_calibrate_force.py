@@ -16,6 +16,7 @@ from rings.mechanics.tests.force.presses import (
     height,
 )
 from tactograph.graph import InputError
+from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph, with_overlays
 from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.nodes.files.height_files import write_tiff
@@ -48,7 +49,9 @@ def test_the_modulus_is_found_where_the_thickness_is_known(tmp_path: Path) -> No
 def test_presses_of_different_radii_tell_the_thickness(tmp_path: Path) -> None:
     results(tmp_path, [height(1.5, 0.48, radius) for radius in RADII])
     forces = tuple(FORCE * (radius / RADIUS) ** 2 for radius in RADII)
-    figures = calibrate_force(results=tmp_path, force_n=forces)
+    with collect_warnings([]) as notes:
+        figures = calibrate_force(results=tmp_path, force_n=forces)
+    assert not notes, "of the thicknesses that were tried"
     assert figures["thickness_mm"] == pytest.approx(1.5, rel=0.25)
     assert figures["modulus_kpa"] == pytest.approx(MODULUS, rel=0.15)
 
@@ -60,6 +63,7 @@ def test_presses_of_different_radii_tell_the_thickness(tmp_path: Path) -> None:
         (2, (1.0, 1.0), None, "", "do not tell modulus and thickness apart"),
         (3, SHARES, None, "", "too alike to tell the thickness"),
         (3, (1e-9, 1e-9, 1e-9), 2.5, "", "kPa, which no gel has: are forces in newtons"),
+        (3, SHARES, 0.06, "", r"mm deep, more than a gel of 0\.06 mm is thick"),
         (3, (1.0,), 2.5, "nowhere", "there is no such folder of results"),
         (3, (1.0,), 2.5, "press1", "press1: is one result; give the folder that holds one"),
     ],

@@ -134,6 +134,9 @@ def test_the_models_limits_give_warnings() -> None:
         found(height(*GELS[2]), np.ones(SHAPE, np.uint8), thickness_mm=0.4)
     assert "no longer linear" in messages[0]
     assert "reaches the image's border" in messages[1]
+    with collect_warnings([]) as messages:
+        found(height(*GELS[2]), contact(), thickness_mm=0.05)
+    assert "but the gel is 0.05 mm thick" in messages[0]
 
 
 def test_without_a_contact_there_is_no_pressure() -> None:

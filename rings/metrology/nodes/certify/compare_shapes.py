@@ -96,8 +96,10 @@ def compare_shapes(
         raise InputError(
             "no touch shows a whole known shape; are they touches, and is `ball_radius_mm` right?"
         )
-    true, points, doubt, shape, touch = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return Compared(true, points, doubt, shape.astype(np.int32), touch.astype(np.int32))
+    true, points, deviation, shape, touch = (
+        np.concatenate(each) for each in zip(*parts, strict=True)
+    )
+    return Compared(true, points, deviation, shape.astype(np.int32), touch.astype(np.int32))
 
 
 def _by_truth(measured: F4, stated: F4, truth: F4, zero: str) -> Pairs:

@@ -51,7 +51,7 @@ def measurement_noise(height: Heights | None = None) -> dict[str, float]:
     if len(maps) > MIN_REPEATS:
         drift = float(order @ levels / (order @ order))
         residual = levels - levels.mean() - drift * order
-        doubt = np.sqrt(residual @ residual / (len(maps) - 2) / (order @ order))
+        slope_error = np.sqrt(residual @ residual / (len(maps) - 2) / (order @ order))
         figures["drift_um"] = drift * (len(maps) - 1)
-        figures["drift_error_um"] = float(doubt) * (len(maps) - 1)
+        figures["drift_error_um"] = float(slope_error) * (len(maps) - 1)
     return figures

@@ -58,8 +58,8 @@ def scan_errors(
     for number in range(DRAW_COUNT):
         waves = np.float32(misfit) * _waves(number, leds, where)
         of_model = np.einsum("aknm,knm->anm", by_light, waves)
-        drawn = np.random.default_rng([seed, number]).standard_normal(slope.shape, np.float32)
-        wrong.append(of_model + np.einsum("abnm,bnm->anm", root, drawn))
+        noise_draw = np.random.default_rng([seed, number]).standard_normal(slope.shape, np.float32)
+        wrong.append(of_model + np.einsum("abnm,bnm->anm", root, noise_draw))
     limits = -MAX_SLOPE_ERROR, MAX_SLOPE_ERROR
     errors = np.stack([levelling.heights(np.clip(each, *limits)) for each in wrong])
     errors[1:] /= np.sqrt(DRAW_COUNT)

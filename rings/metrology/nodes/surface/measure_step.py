@@ -232,8 +232,8 @@ def _measure(line: Line, error: Line, pixel: float, edges: int, smooth_px: int) 
     levelled = z - slope * x - level
     share = levelled / half if half else np.zeros_like(z)
     walls = tuple(_wall_deg(x, share, place, 2 * abs(half) / pixel) for place in places)
-    doubt = error[x.astype(int)]
-    of_levels = np.hypot(*(np.nanmean(doubt[level]) for level in (upper, lower)))
+    deviation = error[x.astype(int)]
+    of_levels = np.hypot(*(np.nanmean(deviation[level]) for level in (upper, lower)))
     return Profile(2 * half, float(of_levels), places, walls, x, levelled, upper, lower)
 
 

@@ -51,6 +51,6 @@ def plot_step(
     middle = float(np.mean(x[median_profile.lower]))
     axes.annotate("", (middle, -half), (middle, half), arrowprops={"arrowstyle": "<->"})
     axes.set(xlabel=f"{along} / mm", ylabel="height without the levels' slope / µm")
-    depth, doubt = figures["step_depth_um"], figures["step_uncertainty_um"]
-    axes.set_title(f"{depth:.2f} ± {doubt:.2f} µm by {len(profiles)} profiles; the middle one")
+    depth, error = figures["step_depth_um"], figures["step_uncertainty_um"]
+    axes.set_title(f"{depth:.2f} ± {error:.2f} µm by {len(profiles)} profiles; the middle one")
     NewPicture(file).write(figure)

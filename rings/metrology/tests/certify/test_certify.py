@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from benchmarks.real_film import run
+from benchmarks.one_run import run
 from tactograph.graph import InputError, load
 from tactograph.nodes import F4, F8
 from tactograph.nodes.simulate.expose import expose

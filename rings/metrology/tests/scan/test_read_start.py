@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.real_film import measure, run
+from benchmarks.one_run import run
+from benchmarks.real_film import measure
 from rings.metrology.tests.scan.scans import GAIN, LEDS, PIXEL, cap, seen, write_scan
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings

@@ -34,6 +34,10 @@ def test_an_exported_scan_is_read_back(tmp_path: Path) -> None:
     assert read_light_model(file=tmp_path / "second").model.gain is not None
     marks, again = (read_scan(tmp_path / name).balls for name in ("first", "second"))
     assert marks == again != []
+    HeightFile(cap(), 2 * PIXEL).write(tmp_path / "height.tiff")
+    arguments |= {"height": tmp_path / "height.tiff", "out": tmp_path / "third"}
+    (doubted,) = open_pipeline("export_scan_height", arguments).items()
+    assert any("mm per px, but" in warning for warning in doubted.warnings)
 
 
 def test_balls_are_marked_where_a_crop_moves_them(tmp_path: Path) -> None:

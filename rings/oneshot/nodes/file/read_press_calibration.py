@@ -9,9 +9,8 @@ from tactograph.rings.oneshot.nodes.file.press_calibration import (
     PressCalibration,
 )
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import matt_deviation
-from tactograph.rings.oneshot.nodes.presses.read_presses import read_film
-from tactograph.sdk import Crop, InputError, Light, Lights, node
-from tactograph.sdk.nodes import undistort
+from tactograph.sdk import Crop, Lights, node
+from tactograph.sdk.nodes import read_flat, undistort
 
 
 @node
@@ -47,7 +46,7 @@ def read_press_calibration(
     lens = arrays["lens"]
     film = arrays["flat"]
     if flat is not None:
-        film = undistort(_fresh(flat, order, crop, film), lens)
+        film = undistort(read_flat(film, folder=flat, lights=order, crop=crop).flat, lens)
     dark = np.zeros(film.shape[1:], np.float32)
     quality, size, reflectance = about.quality, arrays["pixel_size"], arrays["reflectance"]
     error = quality.get("residual_percent", 0.0) / 100
@@ -55,14 +54,3 @@ def read_press_calibration(
     details = quality, about.doubts, arrays["area"], lens, about.serial, arrays["ranks"]
     walls, matt = quality.get("wall_gain", 0.0), matt_deviation(quality, error)
     return PressCalibration(film, dark, size, reflectance, misfit, *details, walls, matt)
-
-
-def _fresh(flat: Path, lights: Lights, crop: Crop | None, film: Light) -> Light:
-    new_film = read_film(flat, lights, 2.0, crop)
-    if new_film.shape != film.shape:
-        columns, rows = new_film.shape[:0:-1]
-        raise InputError(
-            f"{flat}: is {columns} x {rows} pixels, but the calibration is for "
-            f"{film.shape[2]} x {film.shape[1]}"
-        )
-    return new_film

@@ -5,20 +5,18 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 from annotated_types import Interval
-from scipy.ndimage import gaussian_filter
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.sdk import (
-    F4,
     CaptureFile,
     Crop,
-    InputError,
     Layout,
     Light,
     Lights,
     StatedCircles,
     node,
 )
+from tactograph.sdk.nodes import read_flat
 
 
 class Presses(NamedTuple):
@@ -48,12 +46,12 @@ def read_presses(
         (``0/gelsight.png``, ``1/gelsight.png``, ...), or one image per LED; or is such a
         folder itself.  None: there is no press; the film at rest takes its place, without a
         name.
-    flat : the untouched film: one colour image, or a folder like that of a press
+    flat : the untouched film: one colour image, or a folder like that of a press, or of several
     lights
         "bgr" or "rgb": the channels of a colour image are the lights.  "leds": one image per
         light.
     crop : x0, y0, x1, y1 in pixels; x1 and y1 are exclusive
-    smooth_px : standard deviation of the Gaussian that smooths the flat image
+    smooth_px : as for `read_flat`
 
     Returns
     -------
@@ -63,29 +61,14 @@ def read_presses(
     Raises
     ------
     InputError
-        As `read_capture`; if `flat` is `folder`; if a press differs in size from the flat image.
+        As `read_capture` and `read_flat`; if `flat` is `folder`.
     """
-    film = read_film(flat, lights, smooth_px, crop)
+    layout = Layout(lights, crop=crop)
+    captures = [] if folder is None else layout.presses(folder, flat)
+    images = np.stack([each.image for each in captures] or [layout.images(flat)])
+    film = read_flat(images[0], folder=flat, smooth_px=smooth_px, lights=lights, crop=crop).flat
     if folder is None:
         return Presses(film[None], film, [], np.full((1, 3), np.nan, np.float32))
-    captures = Layout(lights, crop=crop).presses(folder, flat)
     names = [capture.name for capture in captures]
     circles = [CaptureFile.read(folder / name).circle() for name in names]
-    images = np.stack([capture.image for capture in captures])
-    if images.shape[1:] != film.shape:
-        raise InputError(
-            f"{folder / names[0]}: {images.shape[3]} x {images.shape[2]} pixels, but the untouched "
-            f"film {flat} has {film.shape[2]} x {film.shape[1]}"
-        )
     return Presses(images, film, names, np.asarray(circles, np.float32))
-
-
-def read_film(
-    place: Path,
-    lights: Lights,
-    smooth_px: float,
-    crop: Crop | None = None,
-) -> F4:
-    """Read the untouched film from one colour image or from a capture folder: K x H x W."""
-    stack = Layout(lights, crop=crop).images(place)
-    return np.stack([gaussian_filter(plane, smooth_px, mode="nearest") for plane in stack])

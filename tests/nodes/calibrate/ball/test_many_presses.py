@@ -15,6 +15,7 @@ from tactograph.nodes import F4
 from tactograph.nodes.calibrate.ball.ball_slopes import ball_slopes
 from tactograph.nodes.calibrate.ball.find_balls import find_balls
 from tactograph.nodes.calibrate.file.read_calibration import read_calibration
+from tactograph.nodes.calibrate.lights.choose_presses import ChosenPresses, choose_presses
 from tactograph.nodes.calibrate.rating.advise_press import advise_press
 from tactograph.nodes.capture.read_balls import read_balls
 from tactograph.nodes.capture.read_flat import read_flat
@@ -123,6 +124,37 @@ def test_a_flat_frame_with_a_ball_is_refused_before_a_film_is_fitted(at_rest, wh
         find_balls(light, flat, *given)
     assert find_balls(light, flat, *given, only_warn=True).circle[0, 2] == CONTACT
     find_balls(np.asarray(pressed(*GOOD["d"]) / film, np.float32), film, *given)
+
+
+def test_presses_in_another_order_are_left_out_before_a_film_is_fitted() -> None:
+    """It took half a minute, until the film's fit contradicted the radius."""
+    film, x, y = render(FILM, PIXEL, RING).light, *GOOD["a"][:2]
+    right = pressed(*GOOD["a"]) / film
+    exchanged = right * film
+    exchanged[:2] = exchanged[1::-1]
+    center = np.array([x, y], np.float32)
+    known = ball_slopes(BLANK, center, CONTACT, PIXEL, radius_mm=5.0)
+    lit = np.full(SIZE, (1 << len(film)) - 1, np.uint8)
+
+    def chosen(*presses: F4, **settings: bool) -> ChosenPresses:
+        sheet, count = np.concatenate(presses, axis=1), len(presses)
+        shape = (
+            np.concatenate([a] * count, axis=-2)
+            for a in (known.slope, known.mask, known.height, lit)
+        )
+        circle = np.repeat(np.float32([[x, y, CONTACT]]), count, axis=0)
+        balls = {"circle": circle, "of": np.arange(count)}
+        return choose_presses(
+            0.5 * sheet, sheet, film, *shape, PIXEL, ["1", "2"], **balls, **settings
+        )
+
+    wrong = np.asarray(exchanged / film, np.float32)
+    with pytest.raises(InputError, match=r"in another order .*2, 1.*only_warn"):
+        chosen(wrong)
+    assert chosen(wrong, only_warn=True).selection.all()
+    with collect_warnings([]) as notes:
+        assert chosen(np.asarray(right, np.float32), wrong).selection.tolist() == [1, 0]
+    assert "press 2 is left out: beside the ball the images show" in notes[0]
 
 
 def test_the_leds_are_placed_by_the_good_presses_alone(calibrated) -> None:

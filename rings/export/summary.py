@@ -8,7 +8,7 @@ MAX_LINES = 20
 """Most failures, and most sentences of a kind, that are printed."""
 
 
-class Shown(NamedTuple):
+class Summary(NamedTuple):
     """Lines to print, and functions that draw a picture into a file of that name."""
 
     lines: list[str]

@@ -1,0 +1,39 @@
+"""Tell whether a press's images are in another order or orientation than the flat frame's."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tactograph.nodes import F4
+from tactograph.nodes.light.coarsen import coarsen
+from tactograph.nodes.trust.other_frame import other_frame
+
+SKIRT_RADII = 1.5
+"""Radius of the skirt in contact radii; film within it is lifted, and darkened by its slope."""
+MIN_FREE_SHARE = 0.05
+"""Share of the frame that has to lie outside the skirts; otherwise the whole frame counts."""
+CELL_PX = 4
+"""Side of the cells on which a press is compared with the flat frame, in px."""
+
+
+def film_beside(press: F4, circles: F4) -> NDArray[np.bool_]:
+    """Return the pixels that are film at rest; all pixels if the balls leave too few."""
+    rows, columns = press.shape[1:]
+    y, x = np.mgrid[:rows, :columns]
+    free = np.ones((rows, columns), bool)
+    for at_x, at_y, radius in circles:
+        free &= (x - at_x) ** 2 + (y - at_y) ** 2 > (SKIRT_RADII * radius) ** 2
+    return free if free.mean() >= MIN_FREE_SHARE else np.ones_like(free)
+
+
+def other_press(press: F4, flat: F4, circles: F4) -> str:
+    """Return what was done to the images of a press, in a sentence; "" if nothing explains it.
+
+    Its light is relative to the film at rest, `flat`; `circles` are of its balls.
+    """
+    light, due = coarsen(press, factor=CELL_PX), coarsen(flat, factor=CELL_PX)
+    far = coarsen(film_beside(press, circles)[None].astype(np.float32), factor=CELL_PX)[0] == 1
+    other = other_frame(light * due, due, far)
+    return other and (
+        f"beside the ball the images show the film of the flat frame {other}: take press and flat "
+        "frame in the same way"
+    )
