@@ -17,7 +17,7 @@ from tactograph.nodes.calibrate.ball.balls_on_film import (
 from tactograph.nodes.calibrate.film.ball_samples import moved_with
 from tactograph.nodes.calibrate.film.film_fit import Fitting, add_harmonics, place_balls
 from tactograph.nodes.calibrate.film.film_unknowns import PART_UNKNOWNS, Unknown, Unknowns
-from tactograph.nodes.calibrate.lights.descend import HUBER_DEVIATIONS
+from tactograph.nodes.calibrate.lights.descend import HUBER_DEVIATIONS, MAX_STEPS
 from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
 from tactograph.nodes.calibrate.rating.verdict import Odds
 from tactograph.nodes.optics.film import HARMONIC_DEGREES, lit_share, term_count
@@ -216,20 +216,21 @@ def settle(path: list[tuple[Trial, Model]]) -> tuple[Trial, Model, Balls]:
     """Fit the last model to more samples until the light from film to film converges.
 
     That is no more than the film's own light: a smaller share of it than light departs by by
-    itself is not seen.  If the model then errs more than the one before it, which had a part less,
-    that one is settled in its place.
-    Also returns every pixel of the balls.
+    itself is not seen.  As films may go in circles, rounds beyond `MAX_ROUNDS` must leave less.
+    If the model then errs more than the one before it, which had a part less, that one is settled
+    in its place.  Also returns every pixel of the balls.
     """
     trial, best = path[-1]
-    for _ in range(MAX_ROUNDS):
-        film, rim = best.fitted.film, trial.balls.rim
+    for number in range(1, MAX_STEPS):
+        (film, left), rim = (best.fitted.film, best.fitted.scale), trial.balls.rim
         trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
         whole = trial.balls
         trial = trial._replace(balls=whole.thinned(last=True))
         best = best._replace(fitted=trial.fit(best.parts, placed))
         moved = np.abs(whole.rim / rim - 1).max()
         changed = abs(best.fitted.film.albedo - film.albedo)
-        if film.albedo == 0 or (max(changed / film.albedo, moved) < LIGHT_DEVIATION):
+        stays = film.albedo == 0 or max(changed / film.albedo, moved) < LIGHT_DEVIATION
+        if stays or (number >= MAX_ROUNDS and best.fitted.scale >= left):
             break
     best = judge(trial, best.parts, best.fitted)
     if len(path) > 1 and best.error > path[-2][1].error:

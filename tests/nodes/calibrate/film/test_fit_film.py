@@ -1,5 +1,6 @@
 """The properties of a film are found on balls pressed into it, and none that it does not have."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -376,6 +377,26 @@ def test_a_model_that_settles_badly_loses_to_one_that_does_not(
     fit = fitted(MATT._replace(albedo=0.7), FOUR[:2])
     assert fit.film.albedo == 0
     assert fit.quality["film_heldout_deg"] < 7
+
+
+@pytest.mark.parametrize(("falls", "albedo"), [(0.99, 0.6), (1.0, 0.6 + 0.35 * 0.7**4)])
+def test_a_film_settles_until_its_own_light_changes_no_more(
+    falls: float, albedo: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As slowly as one that was taken for far brighter does, if each round explains more."""
+
+    def fit(_: Any, now: Fitted) -> Fitted:
+        film = now.film._replace(albedo=0.6 + 0.7 * (now.film.albedo - 0.6))
+        return now._replace(film=film, scale=falls * now.scale)
+
+    balls, trial = SimpleNamespace(rim=np.ones(1)), SimpleNamespace(fit=fit)
+    balls.thinned, trial.balls, trial._replace = lambda **_: balls, balls, lambda **_: trial
+    monkeypatch.setattr(_film_search, "_sampled_again", lambda trial, now, **_: (trial, now))
+    monkeypatch.setattr(_film_search, "judge", lambda _, *model: start._replace(fitted=model[1]))
+    bright = Fitted(np.zeros((4, 4)), MATT._replace(albedo=0.95), np.zeros((1, 3)))
+    start = _film_search.Model(frozenset({"bounce"}), None, bright, 0.0, [], [], [])
+    path: Any = [(trial, start)]
+    assert _film_search.settle(path)[1].fitted.film.albedo == pytest.approx(albedo, rel=0.02)
 
 
 @pytest.mark.one_case
