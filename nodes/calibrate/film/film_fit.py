@@ -40,6 +40,10 @@ from tactograph.nodes.calibrate.lights.descend import (
 from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
 from tactograph.nodes.optics.film import FADE_WIDTH, place_terms, shades, term_count
 
+MIN_ODDS = 3.0
+"""Odds for an unknown that count as evidence; smaller ones are "not worth more than a bare mention"
+(R. E. Kass and A. E. Raftery, "Bayes factors", 1995)."""
+
 
 class Fitting(NamedTuple):
     """A fit of a film's model: its data, free parameters and standard deviations.
@@ -230,7 +234,7 @@ class Certainty(NamedTuple):
     unknowns: Unknowns
 
     def shows(self, name: str) -> bool:
-        """Return whether an unknown that cannot be below 0 is likelier above 0 than 0.
+        """Return whether an unknown that cannot be below 0 is `MIN_ODDS` likelier above 0 than 0.
 
         All others stay as they were found with it, since nothing is fitted again.  The odds are the
         density of its prior at 0 over that of its value as fitted (J. M. Dickey, "The weighted
@@ -242,7 +246,7 @@ class Certainty(NamedTuple):
         away, usual = (each[own].item() for each in self.unknowns.priors(self.fitted))
         sure = np.linalg.inv(self.covariance)[own, own].item() ** -0.5
         z = away / sure
-        return math.log(2 * ndtr(z) * sure / usual) + z * z / 2 > 0
+        return math.log(2 * ndtr(z) * sure / usual) + z * z / 2 > math.log(MIN_ODDS)
 
     def other_places(self) -> F4:
         """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm."""
