@@ -337,15 +337,15 @@ static void change_along(
 }
 
 // The share of the LEDs' changes that is drift and no slope, from their sums of squares, and from those
-// along the two patterns.
-static float drift_share(SHARED const float *squares, const int K)
+// along the two patterns; slopes count from the ratio `certain` on.
+static float drift_share(SHARED const float *squares, const int K, const float certain)
 {
     const int others = K - SLOPE_COMPONENTS;
     float rest = 0.0f;
     for (int k = 0; k < K; ++k) rest += squares[k];
     const float sloped = squares[K] + squares[K + 1];
     const float drifted = SLOPE_COMPONENTS * fmax(rest - sloped, 0.0f) / (float)max(others, 1);
-    return others < 1 || drifted >= sloped ? 1.0f : drifted / sloped;
+    return others < 1 || certain * drifted >= sloped ? 1.0f : drifted / sloped;
 }
 
 // The next drift of LED k: the old one, and a change of its shape by `rate` and of its level at once.
@@ -418,6 +418,7 @@ LANED __kernel ONE_GROUP void fit(
     const int K, const int H, const int W,
     const int used,
     const float share,
+    const float certain,
     const float rate,
     const float doubt,
     const float alike)
@@ -442,8 +443,8 @@ LANED __kernel ONE_GROUP void fit(
         shapes[k] = squares_of(sums, change + DRIFT_TERMS * k, used);
     }
     WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
-    const float of_level = patterns ? drift_share(levels, K) : 1.0f;
-    const float of_shape = patterns ? drift_share(shapes, K) : 1.0f;
+    const float of_level = patterns ? drift_share(levels, K, 1.0f) : 1.0f;
+    const float of_shape = patterns ? drift_share(shapes, K, certain) : 1.0f;
     for (int k = me; k < K; k += GROUP) {
         const float noise = sums[CHANCE + k], level = levels[k] * sums[0];
         const float drifted = of_level * level + of_shape * (explained[k] - level);

@@ -9,10 +9,11 @@ from typing import Annotated, Any
 import cv2
 import numpy as np
 from annotated_types import Ge, Interval
+from scipy.special import fdtri
 
 from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
-from tactograph.nodes import F4, Grain, Light, LightPositions
+from tactograph.nodes import F4, FALSE_ALARMS, Grain, Light, LightPositions
 from tactograph.nodes.height.rest_at_border import border_of
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.film import place_terms
@@ -82,8 +83,10 @@ def film_drift(
     The level (the term 1) follows at once, because LEDs flicker.  The shape (all other terms)
     follows by `rate`, and is regularised where a touch hides it.  A slope of the film, as on the
     wide skirt of a touch, changes the light of K LEDs in two patterns only, while LEDs drift
-    independently.  So if the LEDs' places are known, the shape counts as drift by the share that
-    its mean square in the other K - 2 patterns is of that in these two.  An LED keeps its previous
+    independently.  So if the LEDs' places are known, the mean square of the shape in these two
+    patterns is compared with that in the other K - 2, which drift alone makes.  If it is larger
+    than by chance (an F test at `FALSE_ALARMS`), the shape counts as drift by the inverse of their
+    ratio.  An LED keeps its previous
     drift if the change explains no more than noise would (`level` standard deviations of the
     touch and the flat frame together).  Cells that are calm alone may all lie on a skirt, where
     they depart alike: there what the same shares of its level and shape explain must exceed what a
@@ -244,7 +247,8 @@ def _fit(
     mean, centred = product[0] / gram[0, 0], np.outer(gram[0, 1:], gram[0, 1:]) / gram[0, 0]
     level = mean * product[0]
     of_level = _drift_share(mean[None], np.ones((1, 1), np.float32), lights)
-    of_shape = _drift_share(change[1:], gram[1:, 1:] - centred, lights)
+    certain = _certain_ratio(len(product[0]), used)
+    of_shape = _drift_share(change[1:], gram[1:, 1:] - centred, lights, certain)
     change[1:] *= of_shape * np.float32(rate)
     change[0] = mean - gram[0, 1:] @ change[1:] / gram[0, 0]
     drift = before.copy()
@@ -252,7 +256,13 @@ def _fit(
     return drift, explained, of_level * level + of_shape * (explained - level)
 
 
-def _drift_share(change: F4, spread: F4, lights: F4 | None) -> np.float32:
+def _certain_ratio(leds: int, used: int) -> float:
+    """The ratio of mean squares (F) above which a shape has slopes, and not by chance."""
+    slopes, others = (count * (used - 1) for count in (SLOPE_COMPONENTS, leds - SLOPE_COMPONENTS))
+    return float(fdtri(slopes, others, 1 - FALSE_ALARMS)) if min(slopes, others) > 0 else 1.0
+
+
+def _drift_share(change: F4, spread: F4, lights: F4 | None, certain: float = 1.0) -> np.float32:
     """The share of a change, terms x K of products `spread`, that is drift and no slope.
 
     Both add to the mean square in the patterns of slopes, drift alone to that in the others.
@@ -263,7 +273,7 @@ def _drift_share(change: F4, spread: F4, lights: F4 | None) -> np.float32:
     patterns = np.linalg.qr(lights[:, :2] / lights[:, 2:])[0]
     total, sloped = (float((c * (spread @ c)).sum()) for c in (change, change @ patterns))
     drifted = SLOPE_COMPONENTS * max(total - sloped, 0) / others
-    return np.float32(1 if drifted >= sloped else drifted / sloped)
+    return np.float32(1 if certain * drifted >= sloped else drifted / sloped)
 
 
 @film_drift.opencl()
@@ -286,6 +296,7 @@ def _launch(run: Launch) -> None:
     sizes, group = (lights, height, width), (run.group,)
     share = 0.0 if sigma is None else float(run.settings["level"]) / factor
     used, roughness = TERMS_BY_DEGREE[run.settings["degree"]], _roughness(run.inputs.get("grain"))
+    certain = _certain_ratio(lights, used)
     rate, doubt = float(run.settings["rate"]), 1 + float(run.settings["flat_noise"]) ** 2
     around, ring = run.scratch(sizes), run.scratch((height * width,))
     old, drift, spare = (run.scratch((lights, DRIFT_TERMS)) for _ in range(3))
@@ -295,7 +306,7 @@ def _launch(run: Launch) -> None:
 
     def fit(drift: DeviceArray, *follow: float) -> None:
         planes = light, noisy, weights, old, run.inputs.get("lights"), drift, shares, counts
-        run.kernel("fit", group, *planes, *sizes, used, share, *follow, local=group)
+        run.kernel("fit", group, *planes, *sizes, used, share, certain, *follow, local=group)
 
     run.kernel("look_around", run.in_row_lanes(*sizes), light, around, *sizes)
     start = light, noisy, out if before is None else before, ring, old, drift, counts

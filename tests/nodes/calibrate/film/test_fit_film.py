@@ -249,9 +249,11 @@ def test_coat_and_interreflection_are_found_where_neither_pays_alone(
         return gained if odds == Odds() else pays(odds, before, after)
 
     monkeypatch.setattr(Odds, "pays", by_a_degree)
+    # With two presses albedo and index come out 6 and 1 % too large, together.
     shining = MATT._replace(albedo=0.7, base=0.7, roughness=0.25, refraction=1.5)
-    fit = fitted(shining, FOUR[:2])
+    fit = fitted(shining, FOUR)
     assert fit.film.albedo == pytest.approx(0.7, abs=0.02)
+    assert fit.film.refraction == pytest.approx(1.5, abs=0.01)
     assert fit.quality["film_heldout_deg"] < 0.1
 
 
