@@ -21,6 +21,7 @@
 #define TOUCH_DEPARTURE 0.003f
 #define SKIRT_CELLS 5
 #define SLOPE_COMPONENTS 2
+#define FALSE_ALARMS 0.01f
 #define NOT_CALM -1.0f
 #define MIN_WEIGHT 1e-6f
 // The contents of `counts`: whether too few cells were calm in a round, how many are clear, and the
@@ -337,15 +338,22 @@ static void change_along(
 }
 
 // The share of the LEDs' changes that is drift and no slope, from their sums of squares, and from those
-// along the two patterns; slopes count from the ratio `certain` on.
-static float drift_share(SHARED const float *squares, const int K, const float certain)
+// along the two patterns.  All is drift unless the latter, of so many terms, are more than chance.
+static float drift_share(SHARED const float *squares, const int K, const int terms)
 {
     const int others = K - SLOPE_COMPONENTS;
-    float rest = 0.0f;
-    for (int k = 0; k < K; ++k) rest += squares[k];
-    const float sloped = squares[K] + squares[K + 1];
-    const float drifted = SLOPE_COMPONENTS * fmax(rest - sloped, 0.0f) / (float)max(others, 1);
-    return others < 1 || certain * drifted >= sloped ? 1.0f : drifted / sloped;
+    float total = 0.0f, chance = 0.0f;
+    for (int k = 0; k < K; ++k) total += squares[k];
+    const float sloped = squares[K] + squares[K + 1], rest = fmax(total - sloped, 0.0f);
+    if (others < 1 || total <= 0.0f) return 1.0f;
+    const float values = 0.5f * (float)(terms * others);
+    float part = pow(rest / total, values);
+    for (int j = 0; j < terms; ++j) {
+        chance += part;
+        part *= (values + (float)j) / (float)(j + 1) * (1.0f - rest / total);
+    }
+    if (chance > FALSE_ALARMS || sloped <= 0.0f) return 1.0f;
+    return fmin(1.0f, SLOPE_COMPONENTS * rest / ((float)others * sloped));
 }
 
 // The next drift of LED k: the old one, and a change of its shape by `rate` and of its level at once.
@@ -418,7 +426,6 @@ LANED __kernel ONE_GROUP void fit(
     const int K, const int H, const int W,
     const int used,
     const float share,
-    const float certain,
     const float rate,
     const float doubt,
     const float alike)
@@ -443,8 +450,8 @@ LANED __kernel ONE_GROUP void fit(
         shapes[k] = squares_of(sums, change + DRIFT_TERMS * k, used);
     }
     WAIT_FOR_GROUP(CLK_LOCAL_MEM_FENCE);
-    const float of_level = patterns ? drift_share(levels, K, 1.0f) : 1.0f;
-    const float of_shape = patterns ? drift_share(shapes, K, certain) : 1.0f;
+    const float of_level = patterns ? drift_share(levels, K, 0) : 1.0f;
+    const float of_shape = patterns ? drift_share(shapes, K, used - 1) : 1.0f;
     for (int k = me; k < K; k += GROUP) {
         const float noise = sums[CHANCE + k], level = levels[k] * sums[0];
         const float drifted = of_level * level + of_shape * (explained[k] - level);

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import cv2
 import numpy as np
 from annotated_types import Ge, Interval
-from scipy.special import fdtri
 
 from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
@@ -86,10 +85,10 @@ def film_drift(
     independently.  So if the LEDs' places are known, the mean square of the shape in these two
     patterns is compared with that in the other K - 2, which drift alone makes.  If it is larger
     than by chance (an F test at `FALSE_ALARMS`), the shape counts as drift by the inverse of their
-    ratio.  An LED keeps its previous
-    drift if the change explains no more than noise would (`level` standard deviations of the
-    touch and the flat frame together).  Cells that are calm alone may all lie on a skirt, where
-    they depart alike: there what the same shares of its level and shape explain must exceed what a
+    ratio.  An LED keeps its previous drift if the change explains no more than noise would (`level`
+    standard deviations of the touch and the flat frame together).  Cells that are calm alone may
+    all lie on a skirt, where they depart alike: there what the same shares of its level (without a
+    test, as it has too few values) and of its shape explain must exceed what a
     single calm cell may depart by.  All LEDs keep it if less than a twentieth of the frame is calm.
 
     Parameters
@@ -246,9 +245,8 @@ def _fit(
     explained = (change * product).sum(axis=0)
     mean, centred = product[0] / gram[0, 0], np.outer(gram[0, 1:], gram[0, 1:]) / gram[0, 0]
     level = mean * product[0]
-    of_level = _drift_share(mean[None], np.ones((1, 1), np.float32), lights)
-    certain = _certain_ratio(len(product[0]), used)
-    of_shape = _drift_share(change[1:], gram[1:, 1:] - centred, lights, certain)
+    of_level = _drift_share(mean[None], np.ones((1, 1), np.float32), lights, test=False)
+    of_shape = _drift_share(change[1:], gram[1:, 1:] - centred, lights, test=True)
     change[1:] *= of_shape * np.float32(rate)
     change[0] = mean - gram[0, 1:] @ change[1:] / gram[0, 0]
     drift = before.copy()
@@ -256,24 +254,35 @@ def _fit(
     return drift, explained, of_level * level + of_shape * (explained - level)
 
 
-def _certain_ratio(leds: int, used: int) -> float:
-    """The ratio of mean squares (F) above which a shape has slopes, and not by chance."""
-    slopes, others = (count * (used - 1) for count in (SLOPE_COMPONENTS, leds - SLOPE_COMPONENTS))
-    return float(fdtri(slopes, others, 1 - FALSE_ALARMS)) if min(slopes, others) > 0 else 1.0
-
-
-def _drift_share(change: F4, spread: F4, lights: F4 | None, certain: float = 1.0) -> np.float32:
+def _drift_share(change: F4, spread: F4, lights: F4 | None, *, test: bool) -> np.float32:
     """The share of a change, terms x K of products `spread`, that is drift and no slope.
 
-    Both add to the mean square in the patterns of slopes, drift alone to that in the others.
+    Both add to the mean square in the patterns of slopes, drift alone to that in the others.  With
+    a test, all is drift unless its patterns differ by more than chance.
     """
-    others = change.shape[1] - SLOPE_COMPONENTS
+    terms, leds = change.shape
+    others = leds - SLOPE_COMPONENTS
     if lights is None or others < 1:
         return np.float32(1)
     patterns = np.linalg.qr(lights[:, :2] / lights[:, 2:])[0]
     total, sloped = (float((c * (spread @ c)).sum()) for c in (change, change @ patterns))
-    drifted = SLOPE_COMPONENTS * max(total - sloped, 0) / others
-    return np.float32(1 if certain * drifted >= sloped else drifted / sloped)
+    rest = max(total - sloped, 0.0)
+    if not total or (test and _chance(rest / total, terms, others) > FALSE_ALARMS):
+        return np.float32(1)
+    return np.float32(min(1.0, SLOPE_COMPONENTS * rest / (others * sloped)) if sloped else 1)
+
+
+def _chance(rest: float, terms: int, others: int) -> float:
+    """The chance that drift alone has no more than a share `rest` of squares in the other patterns.
+
+    That is the F distribution of 2 `terms` and `others` x `terms` values, as a finite sum.
+    """
+    values = terms * others / 2
+    chance, part = 0.0, rest**values
+    for number in range(terms):
+        chance += part
+        part *= (values + number) / (number + 1) * (1 - rest)
+    return chance
 
 
 @film_drift.opencl()
@@ -296,7 +305,6 @@ def _launch(run: Launch) -> None:
     sizes, group = (lights, height, width), (run.group,)
     share = 0.0 if sigma is None else float(run.settings["level"]) / factor
     used, roughness = TERMS_BY_DEGREE[run.settings["degree"]], _roughness(run.inputs.get("grain"))
-    certain = _certain_ratio(lights, used)
     rate, doubt = float(run.settings["rate"]), 1 + float(run.settings["flat_noise"]) ** 2
     around, ring = run.scratch(sizes), run.scratch((height * width,))
     old, drift, spare = (run.scratch((lights, DRIFT_TERMS)) for _ in range(3))
@@ -306,7 +314,7 @@ def _launch(run: Launch) -> None:
 
     def fit(drift: DeviceArray, *follow: float) -> None:
         planes = light, noisy, weights, old, run.inputs.get("lights"), drift, shares, counts
-        run.kernel("fit", group, *planes, *sizes, used, share, certain, *follow, local=group)
+        run.kernel("fit", group, *planes, *sizes, used, share, *follow, local=group)
 
     run.kernel("look_around", run.in_row_lanes(*sizes), light, around, *sizes)
     start = light, noisy, out if before is None else before, ring, old, drift, counts
