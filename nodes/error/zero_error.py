@@ -1,14 +1,13 @@
 """State how far the zero of a height may be off, by the film at the border of the frame."""
 
 import math
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Interval
 
 from tactograph.graph import node, warn
 from tactograph.nodes import Height, HeightError, Mask, PixelSize, ZeroError, robust_deviation
-from tactograph.nodes.height.rest_at_border import border_of
+from tactograph.nodes.light.border import border_of
+from tactograph.nodes.light.rest_mask import REST_MARGIN_MM
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 MIN_CALM = 0.2
@@ -22,17 +21,16 @@ def zero_error(
     rest: Mask,
     evidence: TouchEvidence,
     pixel: PixelSize,
-    *,
-    margin_mm: Annotated[float, Interval(gt=0, le=10)] = 1.2,
 ) -> ZeroError:
     """Return the standard deviation of the height's zero, the same for all pixels.
 
     Light shows slopes, so heights are measured from film at rest, which the border of the frame is
     taken to show.  Where a touch leaves none of it, as in a gel that bulges, zero is the border's
     middle, and may be off by as much as film at the border is.  Film held at zero tells better, as
-    the mean of so many places as margins fit into its part of the border.  Film nearer to the top
-    (or bottom) of the touch than to zero does not count, as it is not taken to be at rest.  A touch
-    that reaches all borders may stand as high above film at rest as its own height's range.
+    the mean of as many places as margins (`REST_MARGIN_MM`) fit into its part of the border.  Film
+    nearer to the top (or bottom) of the touch than to zero does not count, as it is not taken to be
+    at rest.  A touch that reaches all borders may stand as high above film at rest as its own
+    height's range.
 
     A warning is given if no film is at rest, and zero is less certain than the height otherwise is.
 
@@ -43,7 +41,6 @@ def zero_error(
     rest : H x W, 1 on the film at rest
     evidence : the figures of `touch_evidence`
     pixel : mm per px
-    margin_mm : distance of film at rest from a touch, as for `rest_mask`
 
     Returns
     -------
@@ -51,7 +48,7 @@ def zero_error(
     """
     border, held = np.abs(border_of(height, 1)), border_of(rest, 1) != 0
     loose = border[(2 * border <= np.ptp(height)) & ~held]
-    places = max(1.0, held.sum() * float(pixel) / margin_mm)
+    places = max(1.0, held.sum() * float(pixel) / REST_MARGIN_MM)
     off = float(robust_deviation(loose)) / math.sqrt(places) if loose.size else 0.0
     film = evidence.read()
     if film.calm < MIN_CALM:

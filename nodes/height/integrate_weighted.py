@@ -12,8 +12,8 @@ from tactograph.nodes.height.height_equations import STATE_AWAY, HeightSystem
 from tactograph.nodes.height.height_networks import HeightNetworks
 from tactograph.nodes.height.height_solver import HeightSolver
 from tactograph.nodes.height.height_system import example_system
-from tactograph.nodes.height.rest_at_border import border_of
 from tactograph.nodes.height.springs import conjugate_gradients, hierarchy
+from tactograph.nodes.light.border import border_of
 
 MIN_ENERGY_SHARE = 4e-9
 """Stop when the remaining gain is less than this share of the steps' energy."""

@@ -1,6 +1,6 @@
 """Set the height of the frame's border, which shows the film at rest, to zero."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from annotated_types import Interval
@@ -8,6 +8,7 @@ from annotated_types import Interval
 from tactograph.graph import node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import Height
+from tactograph.nodes.light.border import border_of
 
 
 @node(neutral="height")
@@ -28,15 +29,6 @@ def rest_at_border(
     border = border_of(height, width_px)
     middle = (border.size - 1) // 2
     return height - np.partition(border, middle)[middle]
-
-
-def border_of(planes: Any, width_px: int) -> Any:
-    """Return the outermost pixels of planes; all of them if these are no wider than two borders."""
-    ends, rows = [planes], planes[..., width_px:-width_px, :]
-    if min(planes.shape[-2:]) > 2 * width_px:
-        ends = [planes[..., :width_px, :], planes[..., -width_px:, :]]
-        ends += [rows[..., :width_px], rows[..., -width_px:]]
-    return np.concatenate([part.reshape(*planes.shape[:-2], -1) for part in ends], axis=-1)
 
 
 @rest_at_border.opencl()

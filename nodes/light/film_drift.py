@@ -13,7 +13,7 @@ from annotated_types import Ge, Interval
 from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, FALSE_ALARMS, Grain, Light, LightPositions
-from tactograph.nodes.height.rest_at_border import border_of
+from tactograph.nodes.light.border import border_level
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.film import place_terms
 from tactograph.nodes.optics.near_light import image_places
@@ -87,9 +87,9 @@ def film_drift(
     than by chance (an F test at `FALSE_ALARMS`), the shape counts as drift by the inverse of their
     ratio.  An LED keeps its previous drift if the change explains no more than noise would (`level`
     standard deviations of the touch and the flat frame together).  Cells that are calm alone may
-    all lie on a skirt, where they depart alike: there what the same shares of its level (without a
-    test, as it has too few values) and of its shape explain must exceed what a
-    single calm cell may depart by.  All LEDs keep it if less than a twentieth of the frame is calm.
+    all lie on a skirt, where they depart alike: there the share of the change that is drift (of its
+    level without a test, which has too few values for one) must explain more than what a single
+    calm cell may depart by.  All LEDs keep it if less than a twentieth of the frame is calm.
 
     Parameters
     ----------
@@ -145,16 +145,17 @@ def film_drift(
     drift = other if better > _calm(cells, noise, basis, before, widest).sum() else before
     used = TERMS_BY_DEGREE[degree]
     for beyond in CALM_DEPARTURES:
+        is_last = beyond == CALM_DEPARTURES[-1]
         weight = calm = _calm(cells, noise, basis, drift, np.float32(roughness + beyond))
         if calm.mean() < MIN_CALM_SHARE:
             return before
-        if beyond == CALM_DEPARTURES[-1]:
+        if is_last:
             less = noise * np.float32(1 / WINDOW_CELLS)
             clear = calm * _calm(around, less, basis, drift, np.float32(roughness))
             still = _calm(around, less, basis, drift, np.float32(roughness + TOUCH_DEPARTURE))
             if clear.mean() >= MIN_CALM_SHARE:
                 weight = _beside_skirt(clear, still.reshape(rows, columns))
-        follow = rate if beyond == CALM_DEPARTURES[-1] else 1.0
+        follow = rate if is_last else 1.0
         drift, explained, drifted = _fit(cells, weight, basis, before, used, lights, follow)
     chance = np.square(noise) @ weight / weight.sum()
     if weight is calm:
@@ -218,13 +219,6 @@ def _beside_skirt(clear: F4, still: F4) -> F4:
     away = cv2.distanceTransform(still.astype(np.uint8), cv2.DIST_C, 3).ravel()
     far = clear * np.minimum(away, SKIRT_CELLS + 1)
     return np.asarray(np.square(far / far.max()), np.float32)
-
-
-def border_level(light: F4) -> F4:
-    """Return the lower median of each LED's light, K x H x W, along the border of the frame."""
-    ring = border_of(light, 1)
-    middle = (ring.shape[1] - 1) // 2
-    return np.asarray(np.partition(ring, middle, axis=1)[:, middle])
 
 
 def _fit(

@@ -11,6 +11,8 @@ from tactograph.graph import node
 from tactograph.nodes import F8, Height, Mask, PixelSize
 
 FLOODED_VALUE = 2
+REST_MARGIN_MM = 1.2
+"""Distance of film at rest from a touch."""
 
 
 @node
@@ -19,7 +21,7 @@ def rest_mask(
     pixel: PixelSize,
     free: Height | None = None,
     *,
-    margin_mm: Annotated[float, Interval(ge=0, le=10)] = 1.2,
+    margin_mm: Annotated[float, Interval(ge=0, le=10)] = REST_MARGIN_MM,
 ) -> Mask:
     """Mark the film whose height is zero.
 

@@ -46,7 +46,7 @@ class LightDeparture(NamedTuple):
         Parameters
         ----------
         departure : H x W
-        light, shown : K x H x W, the light, and the prediction of the slopes
+        light, model : K x H x W, the light, and the prediction of the slopes
         lit : K x H x W, 1 where an LED was used
         """
         measured, due = (light * model * lit).sum(axis=0), (model * model * lit).sum(axis=0)

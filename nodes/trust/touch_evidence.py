@@ -13,11 +13,11 @@ from annotated_types import Interval
 from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, FULL_MISFIT_SLOPE, CoarseLight, Height, Labels, Light, Slope
+from tactograph.nodes.light.border import border_level
 from tactograph.nodes.light.film_drift import (
     CALM_DEPARTURES,
     DRIFT_TERMS,
     Drift,
-    border_level,
     drift_gain,
 )
 from tactograph.nodes.trust.checked_cells import (

@@ -17,7 +17,7 @@ def level_touches(light: SheetLight, flat: Light, noise: Noise) -> SheetLight:
 
     LEDs flicker, and pressed film brightens the untouched film around it, differently for each
     LED.  A factor that varied over the film would also take the slopes of film that a thick gel
-    lifts all around the ball for drift; the heights of such gels then were 1 to 4 % too large.
+    lifts all around the ball for drift, and the heights of such gels would be too large.
 
     Parameters
     ----------

@@ -222,15 +222,15 @@ def settle(path: list[tuple[Trial, Model]]) -> tuple[Trial, Model, Balls]:
     """
     trial, best = path[-1]
     for number in range(1, MAX_STEPS):
-        (film, left), rim = (best.fitted.film, best.fitted.scale), trial.balls.rim
+        before, rim = best.fitted, trial.balls.rim
         trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
         whole = trial.balls
         trial = trial._replace(balls=whole.thinned(last=True))
         best = best._replace(fitted=trial.fit(best.parts, placed))
         moved = np.abs(whole.rim / rim - 1).max()
-        changed = abs(best.fitted.film.albedo - film.albedo)
-        stays = film.albedo == 0 or max(changed / film.albedo, moved) < LIGHT_DEVIATION
-        if stays or (number >= MAX_ROUNDS and best.fitted.scale >= left):
+        changed, albedo = abs(best.fitted.film.albedo - before.film.albedo), before.film.albedo
+        stays = albedo == 0 or max(changed / albedo, moved) < LIGHT_DEVIATION
+        if stays or (number >= MAX_ROUNDS and best.fitted.scale >= before.scale):
             break
     best = judge(trial, best.parts, best.fitted)
     if len(path) > 1 and best.error > path[-2][1].error:

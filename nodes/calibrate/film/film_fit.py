@@ -234,7 +234,7 @@ class Certainty(NamedTuple):
     unknowns: Unknowns
 
     def shows(self, name: str) -> bool:
-        """Return whether an unknown that cannot be below 0 is `MIN_ODDS` likelier above 0 than 0.
+        """Return whether an unknown that cannot be below 0 is `MIN_ODDS` times likelier above 0.
 
         All others stay as they were found with it, since nothing is fitted again.  The odds are the
         density of its prior at 0 over that of its value as fitted (J. M. Dickey, "The weighted
@@ -243,10 +243,10 @@ class Certainty(NamedTuple):
         own = self.unknowns.numbers(self.fitted).get(name)
         if own is None:
             return True
-        away, usual = (each[own].item() for each in self.unknowns.priors(self.fitted))
-        sure = np.linalg.inv(self.covariance)[own, own].item() ** -0.5
-        z = away / sure
-        return math.log(2 * ndtr(z) * sure / usual) + z * z / 2 > math.log(MIN_ODDS)
+        value, prior = (each[own].item() for each in self.unknowns.priors(self.fitted))
+        deviation = np.linalg.inv(self.covariance)[own, own].item() ** -0.5
+        z = value / deviation
+        return math.log(2 * ndtr(z) * deviation / prior) + z * z / 2 > math.log(MIN_ODDS)
 
     def other_places(self) -> F4:
         """Return LED positions sampled from the uncertainty of the fit, 8 x K x 3 in mm."""

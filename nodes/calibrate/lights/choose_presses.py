@@ -22,7 +22,13 @@ from tactograph.nodes.calibrate.lights.light_samples import (
     presses_of,
     unreached,
 )
-from tactograph.nodes.calibrate.lights.other_press import other_press
+from tactograph.nodes.calibrate.lights.other_press import (
+    CELL_PX,
+    far_cells,
+    film_beside,
+    other_press,
+)
+from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.light_noise import SATURATED_LIGHT
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import (
@@ -129,7 +135,12 @@ def choose_presses(
     if len(presses) == 1 and why:
         raise InputError(why[0].replace("its contact", "the ball"))
     if not only_warn:
-        other = {i: other_press(presses[i].light, flat, circle[of == i]) for i in pressed}
+        due = coarsen(flat, factor=CELL_PX)
+        beside = {i: film_beside(presses[i].light, circle[of == i]) for i in pressed}
+        other = {
+            i: other_press(coarsen(presses[i].light, factor=CELL_PX), due, far_cells(free))
+            for i, free in beside.items()
+        }
         if other and all(other.values()):
             raise InputError(other[pressed[0]] + ONLY_WARN_ADVICE)
         why = {i: reason for i, reason in other.items() if reason} | why

@@ -25,13 +25,16 @@ def film_beside(press: F4, circles: F4) -> NDArray[np.bool_]:
     return free if free.mean() >= MIN_FREE_SHARE else np.ones_like(free)
 
 
-def other_press(press: F4, flat: F4, circles: F4) -> str:
+def far_cells(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the cells that are film at rest all over."""
+    return coarsen(free[None].astype(np.float32), factor=CELL_PX)[0] == 1
+
+
+def other_press(light: F4, due: F4, far: NDArray[np.bool_]) -> str:
     """Return what was done to the images of a press, in a sentence; "" if nothing explains it.
 
-    Its light is relative to the film at rest, `flat`; `circles` are of its balls.
+    On cells: its light relative to the film at rest, `due`, and where it shows that (`far_cells`).
     """
-    light, due = coarsen(press, factor=CELL_PX), coarsen(flat, factor=CELL_PX)
-    far = coarsen(film_beside(press, circles)[None].astype(np.float32), factor=CELL_PX)[0] == 1
     other = other_frame(light * due, due, far)
     return other and (
         f"beside the ball the images show the film of the flat frame {other}: take press and flat "

@@ -9,7 +9,12 @@ from tactograph.graph import InputError, node
 from tactograph.nodes import F4, Light
 from tactograph.nodes.calibrate import BallCircles, BallPress
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
-from tactograph.nodes.calibrate.lights.other_press import CELL_PX, film_beside, other_press
+from tactograph.nodes.calibrate.lights.other_press import (
+    CELL_PX,
+    far_cells,
+    film_beside,
+    other_press,
+)
 from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.optics.sheet import SheetLight, cut
@@ -87,21 +92,21 @@ def rate_exposure(
     compared, cure = _MODELLED_FLAT if is_uniform(taken) else _TAKEN_FLAT
     if start is not None and folder is None:
         compared, cure = _VENDORS_FLAT
-    worst, doubts = 0.0, []
+    worst, doubts, due = 0.0, [], coarsen(flat, factor=CELL_PX)
     for number, press in enumerate(presses):
         # A single press has no name.
         where = f"{names[number]}: " if names[number] else ""
-        cells = coarsen(press, factor=CELL_PX), coarsen(flat, factor=CELL_PX)
-        motion = film_motion(cells[0], fall_off(cells[1]), cells[1])
+        cells = coarsen(press, factor=CELL_PX)
+        motion = film_motion(cells, fall_off(due), due)
         moved = motion_in_words(motion) if motion_size(motion) > MAX_MOTION else ""
-        if not moved and is_banded(cells[0]):
+        if not moved and is_banded(cells):
             doubts.append(where + BANDS_WARNING)
             continue
-        if other := other_press(press, flat, circle[of == number]):
+        free = film_beside(press, circle[of == number])
+        far = far_cells(free)
+        if other := other_press(cells, due, far):
             doubts.append(where + other)
             continue
-        free = film_beside(press, circle[of == number])
-        far = coarsen(free[None].astype(np.float32), factor=CELL_PX)[0] == 1
         which, level = _departure(press, free, where)
         worst = max(worst, level, key=abs)
         if abs(level) > MAX_DEPARTURE:
@@ -110,7 +115,7 @@ def rate_exposure(
                 f"{where}under {which} the film beside the ball is {more} than {compared}: {cure}"
             )
             continue
-        added = added_share(*(a[:, far] for a in cells))
+        added = added_share(cells[:, far], due[:, far])
         if doubt := _of_motion_or_light(moved, added, compared):
             doubts.append(where + doubt)
     return Judged({"rest_departure_percent": 100 * worst}, doubts)

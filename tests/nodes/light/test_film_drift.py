@@ -5,13 +5,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, strategies as st
+from scipy.special import fdtrc
 
 from tactograph.graph import Provenance, load
 from tactograph.nodes import F4, Film
 from tactograph.nodes.calibrate.file.calibration import NO_MISFIT
 from tactograph.nodes.calibrate.file.write_calibration import write_calibration
 from tactograph.nodes.light.coarsen import coarsen
-from tactograph.nodes.light.film_drift import film_drift, terms
+from tactograph.nodes.light.film_drift import SLOPE_COMPONENTS, _chance, film_drift, terms
 from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.light.level_light import level_light
 from tactograph.nodes.simulate.light_ring import light_ring
@@ -115,6 +117,15 @@ def test_slopes_of_the_film_are_no_drift_of_the_leds(count: int) -> None:
     )
     assert np.abs(unaware[:, 1:]).max() > 0.002
     assert np.abs(fitted[:, 1:]).max() < 0.1 * np.abs(unaware[:, 1:]).max()
+
+
+@given(st.floats(0.01, 0.99), st.integers(1, 5), st.integers(1, 6))
+def test_the_chance_of_a_shape_by_drift_alone_is_that_of_an_f_test(
+    rest: float, terms: int, others: int
+) -> None:
+    ratio = (1 - rest) / rest * others / SLOPE_COMPONENTS
+    chance = fdtrc(SLOPE_COMPONENTS * terms, others * terms, ratio)
+    assert _chance(rest, terms, others) == pytest.approx(chance, rel=1e-6)
 
 
 @pytest.mark.parametrize("led", range(4))
