@@ -121,9 +121,7 @@ def film_bounce(
     return bounced if before is None else before + np.float32(share) * (bounced - before)
 
 
-@film_bounce.idle
-def _throws_nothing(film_albedo: float) -> bool:
-    return film_albedo == 0
+film_bounce.idle(lambda film_albedo: film_albedo == 0)
 
 
 @film_bounce.opencl()

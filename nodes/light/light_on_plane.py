@@ -24,12 +24,7 @@ def light_on_plane(light: Light, share: Light | None = None, *, inverse: bool = 
 
 
 light_on_plane.opencl(grid="K H W", lanes="grid")
-
-
-@light_on_plane.idle
-def _is_plane(share: Light | None = None) -> bool:
-    """Return true; the node is asked only if `share` is absent."""
-    return True
+light_on_plane.idle(lambda share=None: True)
 
 
 @light_on_plane.example

@@ -49,9 +49,7 @@ def _change(planes: F4, axis: int) -> F4:
     return difference(wide, axis).take(range(1, wide.shape[axis] - 1), axis)
 
 
-@edge_variance.idle
-def _is_sharp(blur: float) -> bool:
-    return blur == 0
+edge_variance.idle(lambda blur: blur == 0)
 
 
 @edge_variance.opencl()

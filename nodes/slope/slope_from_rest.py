@@ -20,9 +20,4 @@ def slope_from_rest(slope: Slope, tilt: Slope | None = None, *, inverse: bool = 
 
 
 slope_from_rest.opencl(grid="H W", lanes="grid")
-
-
-@slope_from_rest.idle
-def _is_plane(tilt: Slope | None = None) -> bool:
-    """Return true; the node is asked only if `tilt` is absent."""
-    return True
+slope_from_rest.idle(lambda tilt=None: True)
