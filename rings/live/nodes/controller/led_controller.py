@@ -31,15 +31,6 @@ from tactograph.rings.live.nodes.controller._led_link import (
 from tactograph.rings.live.nodes.controller._led_port import find_ports, no_controller, open_port
 from tactograph.sdk import InputError, TactographError
 
-__all__ = [
-    "ControllerLostError",
-    "ControllerRefusedError",
-    "Identity",
-    "LedController",
-    "Status",
-    "open_controller",
-]
-
 FIRMWARE_NAME = "tactograph-led"
 BEAT_S = 0.2
 """Seconds between two checks that the controller is present and in the requested state."""

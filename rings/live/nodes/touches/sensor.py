@@ -21,12 +21,7 @@ from tactograph.rings.live.nodes.camera.open_camera import (
 )
 from tactograph.rings.live.nodes.camera.sensor_kind import Size, camera_settings, film_of, preset_of
 from tactograph.rings.live.nodes.camera.sensor_preset import SensorPreset
-from tactograph.rings.live.nodes.controller.led_controller import (
-    ControllerLostError,
-    ControllerRefusedError,
-    LedController,
-    open_controller,
-)
+from tactograph.rings.live.nodes.controller.led_controller import LedController, open_controller
 from tactograph.rings.live.nodes.simulated.calibrated_sensor import calibrated_sensor
 from tactograph.rings.live.nodes.simulated.simulated_camera import LitBetween, SimulatedCamera
 from tactograph.rings.live.nodes.simulated.simulated_colour_sensor import (
@@ -40,7 +35,7 @@ from tactograph.rings.live.nodes.simulated.simulated_sensor import (
     read_scene,
 )
 from tactograph.rings.live.nodes.touches._match_frames import Clock
-from tactograph.sdk import Height, InputError
+from tactograph.sdk import Height, InputError, TactographError
 
 NO_PORT = "none"
 """The port of LEDs that flash by themselves."""
@@ -115,7 +110,7 @@ class ControlledLamps:
         if change is not None:
             wait = change + (steps % 1) * self._step - time.monotonic()
             # The request takes half of the round trip.
-            with suppress(ControllerLostError, ControllerRefusedError):
+            with suppress(TactographError):
                 wait -= self._controller.status().round_trip_s / 2
             time.sleep(max(wait, 0))
         self._start()
@@ -139,7 +134,7 @@ class ControlledLamps:
 
     def _start(self) -> None:
         # A lost controller starts the cycle by itself once it is back.
-        with suppress(ControllerLostError, ControllerRefusedError):
+        with suppress(TactographError):
             self._controller.start_cycle(self._cycle, step_s=self._step)
 
     def _next_change(self, after: float) -> float | None:
