@@ -12,60 +12,33 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from tactograph.graph.declare.declare_node import node
+from tactograph.graph.declare.declare_node import node as node
 from tactograph.graph.declare.engine_arguments import (
-    EVERYTHING,
-    KeepIntegers,
-    NodeCall,
-    Session,
-    Wanted,
+    EVERYTHING as EVERYTHING,
+    KeepIntegers as KeepIntegers,
+    NodeCall as NodeCall,
+    Session as Session,
+    Wanted as Wanted,
 )
-from tactograph.graph.declare.node import Node
-from tactograph.graph.declare.ports import NamedPorts, Port
-from tactograph.graph.declare.provenance import Provenance
-from tactograph.graph.declare.size_rules import SizeLimit, SizeRule
-from tactograph.graph.declare.tolerance import Close
+from tactograph.graph.declare.node import Node as Node
+from tactograph.graph.declare.ports import NamedPorts as NamedPorts, Port as Port
+from tactograph.graph.declare.provenance import Provenance as Provenance
+from tactograph.graph.declare.size_rules import SizeLimit as SizeLimit, SizeRule as SizeRule
+from tactograph.graph.declare.tolerance import Close as Close
 from tactograph.graph.errors import (
-    EndOfStream,
-    GraphError,
-    InputError,
-    NodeError,
-    TactographError,
-    warn,
+    EndOfStream as EndOfStream,
+    GraphError as GraphError,
+    InputError as InputError,
+    NodeError as NodeError,
+    TactographError as TactographError,
+    warn as warn,
 )
 
 if TYPE_CHECKING:
-    from tactograph.graph.backends import parity
-    from tactograph.graph.cache.cache import Cache
-    from tactograph.graph.run.open_pipeline import load
-    from tactograph.graph.run.pipeline import Pipeline
-
-__all__ = [
-    "EVERYTHING",
-    "Cache",
-    "Close",
-    "EndOfStream",
-    "GraphError",
-    "InputError",
-    "KeepIntegers",
-    "NamedPorts",
-    "Node",
-    "NodeCall",
-    "NodeError",
-    "Pipeline",
-    "Port",
-    "Provenance",
-    "Session",
-    "SizeLimit",
-    "SizeRule",
-    "TactographError",
-    "Wanted",
-    "load",
-    "node",
-    "parity",
-    "warn",
-]
-
+    from tactograph.graph.backends import parity as parity
+    from tactograph.graph.cache.cache import Cache as Cache
+    from tactograph.graph.run.open_pipeline import load as load
+    from tactograph.graph.run.pipeline import Pipeline as Pipeline
 
 _LATE_MODULES = {
     "Cache": "cache.cache",
