@@ -154,7 +154,9 @@ def converter(c_type: str) -> Callable[[Any], Any]:
         return partial(_buffer, types)
     if c_type == "float":
         return _float
-    return partial(_whole, _INTEGER_TYPES[c_type]) if c_type in _INTEGER_TYPES else _as_it_is
+    if c_type in _INTEGER_TYPES:
+        return partial(_whole, _INTEGER_TYPES[c_type])
+    return lambda value: value
 
 
 def in_words(value: Any) -> str:
@@ -184,7 +186,3 @@ def _whole(make: Callable[[int], Any], value: Any) -> Any:
     if isinstance(value, _WHOLE_KINDS):
         return make(int(value))  # which refuses a number out of range
     raise TypeError
-
-
-def _as_it_is(value: Any) -> Any:
-    return value

@@ -144,10 +144,6 @@ class HostValues:
             return {}
         return {task.node.session: self._sessions.setdefault(task.id, Session())}
 
-    def source_keywords(self, source: Task) -> dict[str, Any]:
-        """The keyword arguments of a source in addition to its settings."""
-        return {**self.integer_keyword(source), **self.session(source)}
-
     def integer_keyword(self, source: Task) -> dict[str, bool]:
         """The keyword argument that tells a source whether its images may stay integers."""
         keyword = source.node.integers

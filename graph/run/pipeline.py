@@ -269,7 +269,8 @@ class Pipeline:
         return self._open(source, self.settings(self.plan.graph, source.id, arguments))
 
     def _open(self, source: Task, settings: dict[str, Any], *, ahead: bool = True) -> SourceStream:
-        keywords = {**settings, **self._runner.host.source_keywords(source)}
+        host = self._runner.host
+        keywords = {**settings, **host.integer_keyword(source), **host.session(source)}
         return SourceStream(self.plan, source, keywords, ahead=ahead)
 
     def set(self, node: str, /, **settings: Any) -> None:

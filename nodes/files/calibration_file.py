@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from types import ModuleType
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import InputError, Provenance, warn
-from tactograph.graph.declare.ports import make_record, record_ports, record_values
+from tactograph.graph.declare.ports import record_ports, record_values
 from tactograph.graph.disk.array_files import load_arrays
 from tactograph.graph.disk.atomic_files import atomic_file
 from tactograph.graph.disk.file_identity import ABOUT_ARRAY, about_in
@@ -22,7 +22,6 @@ from tactograph.nodes.files.sensor_identity import SensorIdentity
 from tactograph.nodes.optics.lens import camera_offset
 from tactograph.nodes.stored import Value, stored_values, with_plain
 
-R = TypeVar("R")
 MIN_FLAT_LIGHT = 1e-3
 """Smallest 99th percentile of a flat frame, as a fraction of full scale."""
 MIN_FILM_SHARE = 0.01
@@ -283,12 +282,6 @@ def _write_archive(file: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
                 np.lib.format.write_array(stream, array, allow_pickle=False)
-
-
-def record_of(record: type[R], values: Mapping[str, Any]) -> R:
-    """Make a record of a file's values."""
-    filled: R = make_record(record, [values[name] for name in record_ports(record)])
-    return filled
 
 
 def _is_number(value: object) -> bool:

@@ -4,8 +4,8 @@ import math
 from pathlib import Path
 
 from tactograph.graph import EVERYTHING, InputError, Wanted, node
+from tactograph.graph.declare.ports import make_record, record_ports
 from tactograph.nodes.calibrate.file.calibration import CALIBRATION_KIND, Calibration
-from tactograph.nodes.files.calibration_file import record_of
 from tactograph.nodes.files.image_files import Lights
 
 
@@ -41,7 +41,9 @@ def read_calibration(
     """
     arrays, about = CALIBRATION_KIND.read_to_use(file, lights)
     header = {"quality": about.quality, "doubts": about.doubts, "serial": about.serial}
-    record = record_of(Calibration, {**arrays, **header})
+    values = {**arrays, **header}
+    in_order = [values[name] for name in record_ports(Calibration)]
+    record: Calibration = make_record(Calibration, in_order)
     if record.rest is None or not record.rest.any():
         record = record._replace(rest=None)
     elif "rest" not in wanted:
