@@ -29,9 +29,6 @@ else:
     Format = Literal[(*OWN_FORMATS, *brought("formats"))]
 """The formats of a height map: those of the core, meshes, and those that rings bring."""
 
-FILE_ENDING = re.compile("[a-z]{3,4}")
-"""What ends a file's name, as .xyz or .step; a new folder is hardly called so."""
-
 
 @node
 def export_height(
@@ -89,17 +86,13 @@ def export_height(
         raise InputError(
             f"`folder`={folder}: is to be a folder; `formats`={ending} writes height.{ending} there"
         )
-    if FILE_ENDING.fullmatch(ending) and not folder.exists():
+    # As .xyz or .step ends a file's name; a new folder is hardly called so.
+    if re.fullmatch("[a-z]{3,4}", ending) and not folder.exists():
         raise InputError(
             f"`folder`={folder}: no format is called {ending}; `formats` may be any of "
             f"{', '.join(known)}. Make this folder first if its name is to end so"
         )
     view = view or View()
-    if rest is not None and rest.shape != height.shape:
-        raise InputError(
-            f"the height is {height.shape[1]} x {height.shape[0]} pixels, but the film at rest "
-            f"{rest.shape[1]} x {rest.shape[0]}: `rest` is of another sensor than the height"
-        )
     film = height if rest is None else height + rest
     images = [f"height.{extension}" for extension in formats if extension not in MESH_FORMATS]
     if images and not view.is_plain:

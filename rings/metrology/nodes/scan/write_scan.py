@@ -17,7 +17,6 @@ from tactograph.sdk import (
     Crop,
     Height,
     ImageFile,
-    InputError,
     Light,
     PixelSize,
     atomic_files,
@@ -58,13 +57,8 @@ def write_scan(
     Raises
     ------
     InputError
-        If the folder cannot be written, or the height has another size or unknown film.
+        If the folder cannot be written, or film is unknown (NaN) in the height.
     """
-    if height is not None and height.shape != image.shape[1:]:
-        raise InputError(
-            f"the height is {height.shape[1]} x {height.shape[0]} px, the images "
-            f"{image.shape[2]} x {image.shape[1]}"
-        )
     of_bytes = np.rint(255 * image)
     whole = bool(np.abs(of_bytes - 255 * image).max() < 1e-3)
     levels = of_bytes.astype(np.uint8) if whole else np.rint(65535 * image).astype(np.uint16)
