@@ -27,7 +27,7 @@ import importlib.util
 import re
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -47,8 +47,8 @@ class Ring:
     name: str
     package: str
     distribution: str
-    places: tuple[tuple[str, str, Path], ...]
-    """The kinds of files that it brings, with the package and the folder of each."""
+    places: Mapping[str, tuple[str, Path]]
+    """The package and the folder of each kind of files that it brings."""
 
     @property
     def shipped(self) -> bool:
@@ -57,21 +57,12 @@ class Ring:
 
     def files(self, kind: str, pattern: str) -> list[Path]:
         """The files of one kind, sorted by path; none if the ring brings none."""
-        _, folder = self._place(kind)
-        return sorted(folder.glob(pattern)) if folder is not None else []
-
-    def folder(self, kind: str) -> Path | None:
-        """The folder of one kind; None if the ring brings none."""
-        return self._place(kind)[1]
-
-    def _place(self, kind: str) -> tuple[str, Path | None]:
-        return next(((p, folder) for name, p, folder in self.places if name == kind), ("", None))
+        return sorted(self.places[kind][1].glob(pattern)) if kind in self.places else []
 
     def module(self, kind: str, file: Path) -> str:
         """The name of the module in a file of `files`."""
-        package, folder = self._place(kind)
-        place = file.relative_to(folder or file.parent).with_suffix("")
-        return ".".join((package, *place.parts))
+        package, folder = self.places[kind]
+        return ".".join((package, *file.relative_to(folder).with_suffix("").parts))
 
 
 def rings() -> tuple[Ring, ...]:
@@ -127,8 +118,8 @@ def _core() -> Ring:
     packages = {kind: f"{CORE_PACKAGE}.{kind}" for kind in ("nodes", "kernels", "pipelines")}
     packages["layers"] = f"{packages['nodes']}.layers"
     packages["calibrations"] = f"{packages['nodes']}.calibrate.kinds"
-    folders = ((kind, package, _folder(package)) for kind, package in packages.items())
-    places = tuple((kind, package, folder) for kind, package, folder in folders if folder)
+    folders = {kind: (package, _folder(package)) for kind, package in packages.items()}
+    places = {kind: (package, folder) for kind, (package, folder) in folders.items() if folder}
     return Ring("core", CORE_PACKAGE, CORE_PACKAGE, places)
 
 
@@ -146,7 +137,7 @@ def _readable(points: list[EntryPoint]) -> Iterator[Ring]:
             warnings.warn(f"ring '{point.name}' of {distribution}{wrong}", stacklevel=2)
             continue
         inside = sorted(each for each in folder.iterdir() if each.is_dir())
-        places = tuple((each.name, f"{point.value}.{each.name}", each) for each in inside)
+        places = {each.name: (f"{point.value}.{each.name}", each) for each in inside}
         yield Ring(point.name, point.value, distribution, places)
 
 

@@ -92,8 +92,8 @@ def write_ring(folder: Path, name: str) -> list[Path]:
 def _package_of(folder: Path) -> str:
     """The package in a ring's folder: the registered one, else one named after the folder."""
     nodes = (folder / "nodes").resolve()
-    registered = (ring.package for ring in rings() if ring.folder("nodes") == nodes)
-    return next(registered, nodes.parent.name)
+    packages = {r.places["nodes"][1]: r.package for r in rings() if "nodes" in r.places}
+    return packages.get(nodes, nodes.parent.name)
 
 
 def _placed(files: Mapping[str, str], root: Path, where: Mapping[str, str]) -> dict[Path, str]:

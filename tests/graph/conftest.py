@@ -119,7 +119,7 @@ def backend(request: pytest.FixtureRequest) -> str:
 @pytest.fixture
 def toys(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Register the toy nodes, as if a package provided them; return the list of their calls."""
-    ring = Ring("toys", "tests.graph", "toys", ())
+    ring = Ring("toys", "tests.graph", "toys", {})
     places = {name: [find.NodePlace("tests.graph.toys", "", ring)] for name in TOYS}
     known = find._all_places
     monkeypatch.setattr(find, "_all_places", lambda path: {**known(path), **places})

@@ -62,7 +62,7 @@ def plug_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("\n".join(line.removeprefix(" " * 8) for line in text.split("\n")))
     monkeypatch.syspath_prepend(root)
-    ring = Ring("felt", "felt", "felt", ())
+    ring = Ring("felt", "felt", "felt", {})
     places = {"halved": [find.NodePlace("felt.halved", "", ring)]}
     known = find._all_places
     monkeypatch.setattr(find, "_all_places", lambda path: {**known(path), **places})

@@ -197,9 +197,8 @@ def test_a_package_provides_pipelines(tmp_path: Path, monkeypatch: pytest.Monkey
     folder.mkdir(parents=True)
     (folder / "soft.yaml").write_text("format: 1\nextends: paper\npatch: [{neutral: shadow}]\n")
     (folder / "nap.yaml").write_text("format: 1\npatch: [{neutral: shadow}]\n")
-    felt = Ring(
-        "felt", "felt", "felt", (("pipelines", "felt.pipelines", tmp_path / "felt" / "pipelines"),)
-    )
+    places = {"pipelines": ("felt.pipelines", tmp_path / "felt" / "pipelines")}
+    felt = Ring("felt", "felt", "felt", places)
     monkeypatch.setattr(graph_places, "rings", lambda: (*rings(), felt))
     assert read_graph("felt/soft").nodes["shadow"].neutral
     variant = read_graph({"format": 1, "extends": "felt/soft", "title": "softer"})
