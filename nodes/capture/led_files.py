@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tactograph.graph import InputError, warn
+from tactograph.graph.errors import a_few
 from tactograph.nodes.capture.listed_capture import listed_capture
 from tactograph.nodes.files.image_files import MAX_LEDS
 
@@ -133,8 +134,7 @@ def _numbered_leds(folder: Path) -> Named:
     led_files = groups[likely[0]]
     others = [f.name for n, group in groups.items() if n != likely[0] for f in group.values()]
     if others:
-        more = f" and {len(others) - 3} more" if len(others) > 3 else ""
-        warn(f"{folder}: not read: {', '.join(others[:3])}{more}; the images of LEDs have one name")
+        warn(f"{folder}: not read: {a_few(others, 3)}; the images of LEDs have one name")
     if likely[0] == usual and min(led_files) == 1:
         return led_files
     return _from_one(folder, led_files)
