@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import milli
+from scipy.spatial.transform import Rotation
 
 from tactograph.rings.frames.colour_planes import in_bytes
 from tactograph.rings.recording.files.ros_messages import (
@@ -72,7 +73,6 @@ def _message(topic: str, stamp: int, carried: NDArray[Any] | Mapping[str, Any] |
         return cloud_message(topic, stamp, carried)
     units = np.array([milli] * 3 + [np.pi / 180] * 3)
     turn = units[3:] * carried.turn
-    half = np.linalg.norm(turn) / 2
-    quaternion = np.array([*(np.sinc(half / np.pi) / 2 * turn), np.cos(half)])
+    quaternion = Rotation.from_rotvec(turn).as_quat()
     spread = carried.covariance * np.outer(units, units)
     return pose_message(topic, stamp, milli * carried.place, quaternion, spread)
