@@ -59,7 +59,7 @@ def read_check(
     if balls.first.shape != flat.shape:
         k, rows, columns = balls.first.shape
         raise InputError(
-            f"{folder}: is {k} lights of {columns} x {rows} pixels, but the calibration is for "
+            f"{folder}: holds {k} lights of {columns} x {rows} pixels, but the calibration is for "
             f"{flat.shape[0]} lights of {flat.shape[2]} x {flat.shape[1]}"
         )
     return CheckPresses(*balls[:5])

@@ -61,7 +61,7 @@ def gauge_study(
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
         except KeyError:
-            raise InputError(f"{figure}: `edges`={edges} have no such figure") from None
+            raise InputError(f"{figure}: is measured with `edges`=2 only") from None
 
     files, shape = _files(folder)
     values = np.array([measured(file) for file in files]).reshape(shape)
