@@ -65,7 +65,7 @@ LANED __kernel void matt_light(
             shown[k] = load_floats(light + i, count);
             if (bounced) shown[k] -= load_floats(bounced + i, count);
             shine[k] = emitted(&film, k, &here);
-            scale[k] = 1.0f / (lifted * direct_share(&film, k) * shine[k]);
+            scale[k] = reciprocal(lifted * direct_share(&film, k) * shine[k]);
             const floats noise = load_floats(sigma + i, count), grain = film_grain * shown[k];
             spread[k] = sqrt(noise * noise + grain * grain) * scale[k];
             if (affine) {
@@ -76,7 +76,7 @@ LANED __kernel void matt_light(
         if (affine) continue;
 
         const Vector eye = to_pupil(&film, here.x, here.y, z);
-        const floats touched = touch_gain(&film, resting ? lift : z), per_touch_there = 1.0f / touched;
+        const floats touched = touch_gain(&film, resting ? lift : z), per_touch_there = reciprocal(touched);
         const floats p = load_floats(slope + at, count);
         const floats q = load_floats(slope + size + at, count);
         Vector n = unit(-p, -q, (floats)1.0f);
