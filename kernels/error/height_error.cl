@@ -244,7 +244,7 @@ LANED __kernel void err_slopes(
     __global const float *restrict kinds,
     __global const uint *restrict keys, __global const float *misfit,
     __global const float *apparent,
-    __global const float *bounced, __global const float *earlier, __global const float *tilt)
+    __global const float *bounced, __global const float *own_bounce, __global const float *tilt)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     __global const Kind *kind = (__global const Kind *)kinds;
@@ -297,10 +297,11 @@ LANED __kernel void err_slopes(
         }
         if (bounced) {
             const floats thrown = load_floats(bounced + at, count);
-            const floats changed = earlier ? thrown - load_floats(earlier + at, count) : none;
+            const floats unsettled =
+                own_bounce ? thrown - load_floats(own_bounce + at, count) : none;
             for (int n = 0; n < ERROR_COUNT; ++n) {
                 const floats change =
-                    kind[n].sign * wrong * thrown + 0.5f * kind[n].settling * changed;
+                    kind[n].sign * wrong * thrown + kind[n].settling * unsettled;
                 p[n] += apparent_p * change;
                 q[n] += apparent_q * change;
             }

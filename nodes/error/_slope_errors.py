@@ -74,8 +74,8 @@ class Unperturbed(NamedTuple):
     """Mask of film that is not at rest, whose height is unknown."""
     bounced: F4
     """K x h x w, the light from film to film; zero if none is given."""
-    changed: F4
-    """Change of `bounced` in the last pass, K x h x w."""
+    unsettled: F4
+    """`bounced` minus the light from film to film of the height found, K x h x w."""
     sunk: F4
     """`slope` minus the slope of the film at rest, where the flat frame cancels model errors."""
     averaged: F4
@@ -131,10 +131,9 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
             wrong = (by_place * elsewhere).sum(axis=1)
             wrong += causes.misfit[2] * LED_SIGNS[number, : len(wrong), None, None]
             error = (by_light * wrong).sum(axis=1)
-            # A share of the bounced light, and half of its change: passes find too much and too
-            # little in turn, so the true light lies between the last two results.
+            # A share of the bounced light, and what further passes would change.
             wrong = BOUNCE_SIGNS[number] * causes.misfit[3] * inside.bounced
-            wrong += SETTLING_SIGNS[number] * np.float32(0.5) * inside.changed
+            wrong += SETTLING_SIGNS[number] * inside.unsettled
             error += (by_apparent * wrong).sum(axis=1)
             error += _noise(root, key_of(seed, number), part.start * columns, rows * columns)
             error = np.clip(error + MEAN_SIGNS[number] * mean, -MAX_SLOPE, MAX_SLOPE)

@@ -79,7 +79,7 @@ def height_error(
     misfit: Misfit,
     apparent: Slope,
     bounced: Light | None = None,
-    earlier: Light | None = None,
+    own_bounce: Light | None = None,
     correlation: NoiseCorrelation | None = None,
     blur: Blur | None = None,
     tilt: Slope | None = None,
@@ -106,8 +106,8 @@ def height_error(
       wave changes a height, which is half of such a field.  In a second error all normals are too
       steep, or too flat;
     - two errors of the light from film to film: the share by which the calibration's presses
-      disagree about it; and half its change in the last pass, since passes find too much and too
-      little of it in turn;
+      disagree about it; and the difference of what was subtracted, which follows from the height
+      before, from that of this height;
     - an error of each LED's light, common to all pixels: the departure of the film at rest, since
       LEDs drift, and the light that a touch throws on the film around it is not well known;
     - the difference between a pixel's mean slope and the slope of its mean normal, whose expansion
@@ -135,9 +135,9 @@ def height_error(
     film : the LEDs' positions, the alternatives within their error, and the film's unevenness
     misfit : length 5, the errors of the film's model (`touch_misfit`)
     apparent : 2 x H x W, the slopes of the pixels' mean normals (`pixel_mean_slope`)
-    bounced, earlier
-        K x H x W, the light from film to film that was subtracted from the light, and that of the
-        previous pass.
+    bounced, own_bounce
+        K x H x W, the light from film to film that was subtracted from the light, and that of this
+        height.
     correlation
         Correlation of the noise of neighbours, from `noise_correlation`; None: independent noise.
     blur : of the camera in px; None: the camera is sharp
@@ -161,7 +161,7 @@ def height_error(
         window.of(used),
         system.state == STATE_FREE,
         window.of(thrown),
-        window.of(thrown - (thrown if bounced is None or earlier is None else earlier)),
+        window.of(thrown - (thrown if bounced is None or own_bounce is None else own_bounce)),
         window.of(slope if tilt is None else slope - tilt),
         window.of(slope - apparent),
     )
@@ -278,7 +278,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
         float(STUDENT_FACTOR) * math.sqrt(inputs.get("correlation") or 1.0),
         inputs["film.uneven"], float(spread / 2), int(folded),
         run.keep("kinds", lambda: run.put(kinds())), run.put(np.array(keys)), inputs["misfit"],
-        inputs["apparent"], *(inputs.get(name) for name in ("bounced", "earlier", "tilt")),
+        inputs["apparent"], *(inputs.get(name) for name in ("bounced", "own_bounce", "tilt")),
         # The data of a work-item fill a cache, and a CPU holds those of all items of a group.
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip

@@ -218,9 +218,13 @@ def test_the_error_of_bounced_light_is_the_disagreement_of_the_presses() -> None
 
 
 def test_bounced_light_that_has_not_settled_is_an_error() -> None:
-    settled = bounced_error(bounced=thrown(0.2), earlier=thrown(0.2))
+    """All of it: as much as if the presses disagreed about that share."""
+    settled = bounced_error(bounced=thrown(0.2), own_bounce=thrown(0.2))
     assert np.array_equal(settled, bounced_error(bounced=thrown(0.2)))
-    assert bounced_error(bounced=thrown(0.2), earlier=thrown(0.1)).max() > 1.5 * settled.max()
+    unsettled = bounced_error(bounced=thrown(0.2), own_bounce=thrown(0.14))
+    doubted = bounced_error(bounced=thrown(0.2), misfit=np.float32([0, 1, 0, 0.3, 0]))
+    assert unsettled.max() > 1.5 * settled.max()
+    assert unsettled.max() == pytest.approx(doubted.max(), rel=0.05)
 
 
 def test_the_error_of_film_held_at_zero_is_its_height_by_slopes_alone() -> None:
