@@ -2,12 +2,22 @@
 
 import math
 
+import cv2
 import numpy as np
 
 from tactograph.graph import node, warn
-from tactograph.nodes import Height, HeightError, Mask, PixelSize, ZeroError, robust_deviation
+from tactograph.nodes import (
+    FULL_MISFIT_SLOPE,
+    Height,
+    HeightError,
+    Mask,
+    PixelSize,
+    ZeroError,
+    robust_deviation,
+)
 from tactograph.nodes.light.border import border_of
 from tactograph.nodes.light.rest_mask import REST_MARGIN_MM
+from tactograph.nodes.slope.height_slopes import height_slopes
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
 MIN_CALM = 0.2
@@ -29,7 +39,8 @@ def zero_error(
     middle, and may be off by as much as film at the border is.  Film held at zero tells better, as
     the mean of as many places as margins (`REST_MARGIN_MM`) fit into its part of the border.  Film
     nearer to the top (or bottom) of the touch than to zero does not count, as it is not taken to be
-    at rest.  A touch that reaches all borders may stand as high above film at rest as its own
+    at rest, nor film within a margin of slopes of `FULL_MISFIT_SLOPE`, where a touch crosses the
+    border.  A touch that reaches all borders may stand as high above film at rest as its own
     height's range.
 
     A warning is given if no film is at rest, and zero is less certain than the height otherwise is.
@@ -47,7 +58,10 @@ def zero_error(
     In mm.
     """
     border, held = np.abs(border_of(height, 1)), border_of(rest, 1) != 0
-    loose = border[(2 * border <= np.ptp(height)) & ~held]
+    steep = np.hypot(*height_slopes(height, pixel).slope) > FULL_MISFIT_SLOPE
+    margin = 2 * round(REST_MARGIN_MM / pixel) + 1
+    crossed = border_of(cv2.dilate(steep.astype(np.uint8), np.ones((margin, margin))), 1) != 0
+    loose = border[(2 * border <= np.ptp(height)) & ~held & ~crossed]
     places = max(1.0, held.sum() * float(pixel) / REST_MARGIN_MM)
     off = float(robust_deviation(loose)) / math.sqrt(places) if loose.size else 0.0
     film = evidence.read()

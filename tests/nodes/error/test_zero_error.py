@@ -36,6 +36,13 @@ def test_film_held_at_zero_makes_it_known_beside_any_touch() -> None:
     assert off(height, rest) == 0
 
 
+def test_a_wall_that_crosses_the_border_says_nothing_of_the_zero() -> None:
+    """Film hangs from a groove's edge, and is not held within a margin of that."""
+    height = np.tile(0.3 * np.exp(-np.abs(np.arange(80) - 40) / 4), (60, 1)).astype(np.float32)
+    rest = (height < 0.001).astype(np.uint8)
+    assert off(height, rest) < 1e-3
+
+
 def test_a_flat_top_around_most_of_the_border_does_not_count() -> None:
     """As for `rest_mask`, film nearer to the top than to zero is a touch."""
     height = np.full(SHAPE, np.float32(0.6))
