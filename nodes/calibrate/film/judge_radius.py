@@ -19,6 +19,7 @@ Long because every doubt says in words what may be wrong and what would agree.
 """
 
 import math
+from collections.abc import Iterable
 from typing import Annotated, NamedTuple, Self
 
 import numpy as np
@@ -39,8 +40,9 @@ from tactograph.nodes.calibrate.rating.verdict import MAX_INDEPENDENT_REST, SURE
 
 MAX_SAMPLES = 600
 """Samples of the balls; a radius that is worth a warning shows with few."""
-FIRST_SIZES = (0.5, 1.0, 2.0)
-"""Radii from which a free one starts, over that given: radius and diameter are easily confused."""
+FIRST_SIZES = (0.1, 0.5, 1.0, 2.0)
+"""Radii from which a free one starts, over that given: units, radius and diameter are easily
+confused."""
 REFUSED_ODDS = SURE_ODDS**3
 """Odds from which nothing else is possible, as if three sure signs spoke for it."""
 SAME_SIZE = 0.02
@@ -98,6 +100,7 @@ class Alternatives(NamedTuple):
         camera: float | None = 0.0,
         coated: bool = False,
         aimed: Film | None = None,
+        names: Iterable[str] = FREE_PARTS,
     ) -> Self:
         """Fit the plain film with the values given and with each of them free.
 
@@ -108,6 +111,7 @@ class Alternatives(NamedTuple):
             One over the pupil's height above the film; 0: it is free.  None: the camera is far.
         coated : whether a film with a coat is tried, too, with the values given
         aimed : from whose LEDs fits start, as they need not face the middle; None: they do
+        names : what is tried of `FREE_PARTS`, at least the values as given
         """
         rest, width, start = evidence.rest(), balls.width_mm, evidence.start()
         leds = start.leds.copy()
@@ -144,13 +148,13 @@ class Alternatives(NamedTuple):
             return min(candidates, key=lambda each: each.departure)
 
         without = {OTHER_CAMERA: camera != 0, WITH_COAT: not coated}
-        by_name = {name: best(parts) for name, parts in FREE_PARTS.items() if not without.get(name)}
+        by_name = {name: best(FREE_PARTS[name]) for name in names if not without.get(name)}
         # A camera that is found far away is as given, and its fit may end in a lower minimum.
         if (far := by_name.get(OTHER_CAMERA)) is not None and far.camera == 0:
             by_name[AS_STATED] = min(by_name[AS_STATED], far, key=lambda each: each.departure)
         values = min(samples.light.size, MAX_INDEPENDENT_REST * len(start.leds))
-        names = OTHER_SIZE, CLEAR_GEL
-        cap = {name: _cap(balls, by_name[name].size) / _cap(balls, 1.0) for name in names}
+        sized = {OTHER_SIZE, CLEAR_GEL} & by_name.keys()
+        cap = {name: _cap(balls, by_name[name].size) / _cap(balls, 1.0) for name in sized}
         return cls(by_name, values, cap)
 
     @property
@@ -208,7 +212,9 @@ class Alternatives(NamedTuple):
         size, power = self.by_name[OTHER_SIZE].size, self.by_name[OTHER_POWER].power
         camera = self.by_name.get(OTHER_CAMERA)
         wrong = "too large" if size < 1 else "too small"
-        wrong = "its diameter" if size < FIRST_SIZES[0] ** 0.5 else wrong
+        unit, diameter, as_given, _ = FIRST_SIZES
+        wrong = "its diameter" if size < math.sqrt(diameter * as_given) else wrong
+        wrong = "in another unit" if size < math.sqrt(unit * diameter) else wrong
         near = ", or the camera near the film, whose height you have not given (`film.camera`=MM)"
         # Another value, that given, and the cure.
         words = {
