@@ -207,7 +207,7 @@ class Graph:
                 raise InputError(f"'{word}': write values as name=value, such as {example}")
             if name not in self.params and (settings := self.settings_called(name)):
                 raise InputError(f"{self.name} has no param '{name}', but nodes have: {settings}")
-            if name not in self.params and (overlays := overlays_with(name)):
+            if name not in self.params and (overlays := overlays_with(param=name)):
                 raise InputError(
                     f"{self.name} has no param '{name}', but overlays add it: {overlays}"
                 )
@@ -314,7 +314,10 @@ class Graph:
     def hint(self, name: str, choices: Iterable[str]) -> str:
         """A suggestion for a name that no node has."""
         near = self._called(name.partition(".")[0])
-        return f"; say which: {', '.join(near)}" if near else did_you_mean(name, choices)
+        if near:
+            return f"; say which: {', '.join(near)}"
+        adding = overlays_with(node=name)
+        return did_you_mean(name, choices) or f"; put {adding} before" * bool(adding)
 
     @cached_property
     def _inside(self) -> dict[str, list[str]]:

@@ -13,12 +13,14 @@ MAX_NAMED_SETTINGS = 3
 """Largest number of nodes' parameters of one name that a message names."""
 
 
-def overlays_with(name: str) -> str:
-    """The shipped overlays with a param of that name, as for ``--with``; "" if there is none."""
+def overlays_with(*, param: str = "", node: str = "") -> str:
+    """The shipped overlays with that param, or that insert that node, as for ``--with``."""
+    documents = {each: Document.read(file).data for each, file in shipped("overlays").items()}
     overlays = [
         f"--with {overlay}"
-        for overlay, file in shipped("overlays").items()
-        if name in Document.read(file).data.get("params", {})
+        for overlay, data in documents.items()
+        if param in data.get("params", {})
+        or node in [change.get("insert", ()) for change in data.get("patch", [])]
     ]
     return a_few(overlays, MAX_NAMED_SETTINGS)
 

@@ -83,7 +83,7 @@ def find_led_files(folder: Path, pattern: str, leds: Sequence[int] | None) -> Na
         a slope needs, or more than `MAX_LED_IMAGES`.
     """
     if leds is not None and len(set(leds)) < len(leds):
-        raise InputError(f"`leds`={','.join(map(str, leds))}: an LED is named twice")
+        raise InputError(f"{folder}: of LEDs {','.join(map(str, leds))} one is named twice")
     if pattern == USUAL_PATTERN:
         file_of = _numbered_leds(folder)
     else:

@@ -279,7 +279,7 @@ def channels(
     if leds is None:
         return planes
     if max(leds) > 3:
-        raise InputError(f"`leds`={','.join(map(str, leds))}: a colour image has 3 lights")
+        raise InputError(f"{file}: LEDs {','.join(map(str, leds))}: a colour image has 3 lights")
     return [planes[k - 1] for k in leds]
 
 

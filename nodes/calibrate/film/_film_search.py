@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactograph.graph import warn
-from tactograph.nodes import Film, Metrics
+from tactograph.nodes import Film, Metrics, robust_deviation
 from tactograph.nodes.calibrate import FOLD_COUNT
 from tactograph.nodes.calibrate.ball.balls_on_film import (
     MAX_INDEPENDENT_SAMPLES,
@@ -220,7 +220,7 @@ def settle(path: list[tuple[Trial, Model]]) -> tuple[Trial, Model, Balls]:
     If the model then errs more than the one before it, which had a part less, that one is settled
     in its place.  Also returns every pixel of the balls.
     """
-    trial, best = path[-1]
+    (trial, best), left = path[-1], np.inf
     for number in range(1, MAX_STEPS):
         before, rim = best.fitted, trial.balls.rim
         trial, placed = _sampled_again(trial, best.fitted, most=None, fine=True)
@@ -230,12 +230,19 @@ def settle(path: list[tuple[Trial, Model]]) -> tuple[Trial, Model, Balls]:
         moved = np.abs(whole.rim / rim - 1).max()
         changed, albedo = abs(best.fitted.film.albedo - before.film.albedo), before.film.albedo
         stays = albedo == 0 or max(changed / albedo, moved) < LIGHT_DEVIATION
-        if stays or (number >= MAX_ROUNDS and best.fitted.scale >= before.scale):
+        former, left = left, unexplained(trial.balls, best.fitted)
+        if stays or (number >= MAX_ROUNDS and left >= former):
             break
     best = judge(trial, best.parts, best.fitted)
     if len(path) > 1 and best.error > path[-2][1].error:
         return settle(path[:-1])
     return trial, best, whole
+
+
+def unexplained(balls: Balls, fitted: Fitted) -> float:
+    """Return what a film leaves of the light, also where that is less than light departs by."""
+    residual = fitted.predicted(balls) - balls.light
+    return float(robust_deviation(residual / balls.reference_light))
 
 
 def prune(trial: Trial, best: Model) -> Model:

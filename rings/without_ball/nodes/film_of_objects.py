@@ -147,10 +147,25 @@ def film_of_objects(
     camera = 0.0 if camera_mm is None else 1 / camera_mm
     evidence = FilmEvidence.of_flat(flat, pixel)
     scene = _Scene(presses, evidence, pixel * factor, camera, bounce)
+    matt, coated = _matt_and_coated(scene)
+    best = min(matt, coated, key=lambda solved: solved.cost)
+    coarse = [_cells(press, 2 * factor) for press in sheets]
+    alike = _matt_and_coated(_Scene(coarse, evidence, pixel * 2 * factor, camera, bounce))
+    fewer = [
+        _solved(
+            _Scene(presses[:i] + presses[i + 1 :], evidence, pixel * factor, camera, bounce),
+            best.x,
+            coated=best is coated,
+        )
+        for i in range(len(presses) * (len(presses) > 1))
+    ]
+    return _stated(scene, best, alike[best is coated], fewer)
+
+
+def _matt_and_coated(scene: _Scene) -> tuple[OptimizeResult, OptimizeResult]:
     matt = _solved(scene, _start(scene), coated=False)
     coat = np.r_[matt.x, [usual.start for usual in SHARED_PRIORS[1:]]]
-    best = min(matt, _solved(scene, coat, coated=True), key=lambda solved: solved.cost)
-    return _stated(scene, best)
+    return matt, _solved(scene, coat, coated=True)
 
 
 def _cells(press: Light, factor: int) -> F8:
@@ -320,8 +335,15 @@ def doubts_of_emission(emission: float) -> list[str]:
     ] * any(math.isclose(emission, limit, abs_tol=DERIVATIVE_STEP) for limit in EMISSION_LIMITS)
 
 
-def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
-    """The film, and how well it is known."""
+def _stated(
+    scene: _Scene, solved: OptimizeResult, coarser: OptimizeResult, fewer: list[OptimizeResult]
+) -> FilmOfObjects:
+    """The film, and how well it is known.
+
+    To the variance of least squares that of leaving out each press is added (the jackknife), and
+    the square of what cells do: errors of the second order are a third of the difference from cells
+    twice as large (Richardson).
+    """
     film, count = _film(scene, solved.x), len(scene.presses[0])
     independent = count * INDEPENDENT_SAMPLES * len(scene.presses)
     variance = 2 * solved.cost / solved.fun.size * max(1, solved.fun.size / independent)
@@ -330,7 +352,11 @@ def _stated(scene: _Scene, solved: OptimizeResult) -> FilmOfObjects:
     others = scene.matt.with_leds(leds).other_places(spread, scene.width)
     steeper: NDArray[np.float64] = np.zeros((count, 3))
     steeper[:, :2] = leds[:, :2] / np.square(leds[:, :2]).sum(axis=1, keepdims=True) / count
-    scale = math.sqrt(float(steeper.ravel() @ spread @ steeper.ravel()))
+    by_scale = steeper.ravel()
+    moved = [by_scale @ (other.x - solved.x)[: 3 * count] for other in fewer]
+    left_out = (1 - 1 / max(1, len(fewer))) * float(np.square(moved).sum())
+    cells = by_scale @ (coarser.x - solved.x)[: 3 * count] / 3
+    scale = math.sqrt(float(by_scale @ spread @ by_scale + left_out + cells**2))
     level = math.sqrt(variance) * SLOPE_ERROR / math.sqrt(max(1, solved.fun.size / independent))
     doubts = [
         f"presses and flat frame leave {scale:.0%} of the heights' scale open: press other "
