@@ -47,7 +47,7 @@ DOME = Path(__file__).parents[1] / "data" / "dome"
             "calibrate_curved",
             {"capture": DOME / "presses", "flat": DOME / "flat"}
             | {"ball_radius_mm": 6.0, "pixel_size_mm": 1 / 7, "rest_radius_mm": -35.0},
-            "film at rest with the other sign explains the light better",
+            "film at rest with the other sign explains the light",
         ),
     ],
 )

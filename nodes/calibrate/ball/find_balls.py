@@ -21,7 +21,8 @@ from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 MARKING_ADVICE = (
-    "if there is one, say where in its capture.yaml (ball_center_px: [x, y], ball_contact_px: r)"
+    "check `radius` and `pixel`; if there is one, say where in its capture.yaml "
+    "(ball_center_px: [x, y], ball_contact_px: r)"
 )
 
 TOUCHED_FLAT = f"the flat frame is lit unevenly, as by a touch: {RETAKE_FLAT}"

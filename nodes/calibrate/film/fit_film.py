@@ -30,9 +30,9 @@ from tactograph.nodes import (
 from tactograph.nodes.calibrate import BallCircles, BallPress, BallRadii
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.film._film_search import Model, Trial, choose
-from tactograph.nodes.calibrate.film._first_look import refuse_contradicted
 from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
 from tactograph.nodes.calibrate.film.film_fit import Fitting
+from tactograph.nodes.calibrate.film.judge_radius import refuse_contradicted
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
 from tactograph.nodes.optics.film import FilmPart

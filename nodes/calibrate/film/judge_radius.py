@@ -19,7 +19,7 @@ Long because every doubt says in words what may be wrong and what would agree.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Annotated, NamedTuple, Self
 
 import numpy as np
@@ -32,11 +32,17 @@ from tactograph.nodes.calibrate import MIN_FLAT_LIGHT
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
-from tactograph.nodes.calibrate.film.film_fit import Fitting
-from tactograph.nodes.calibrate.film.film_unknowns import STATED_UNKNOWNS, USUAL_NEARNESS
+from tactograph.nodes.calibrate.film.film_fit import Fitting, add_harmonics
+from tactograph.nodes.calibrate.film.film_unknowns import (
+    PART_UNKNOWNS,
+    STATED_UNKNOWNS,
+    USUAL_NEARNESS,
+)
 from tactograph.nodes.calibrate.lights.light_fit import LedPlaces, slants_of
 from tactograph.nodes.calibrate.rating.judge_labels import MAX_JUDGED_BALLS
 from tactograph.nodes.calibrate.rating.verdict import MAX_INDEPENDENT_REST, SURE_ODDS
+from tactograph.nodes.optics.film import HARMONIC_DEGREES, term_count
+from tactograph.nodes.optics.rest_shape import RestShape
 
 MAX_SAMPLES = 600
 """Samples of the balls; a radius that is worth a warning shows with few."""
@@ -452,3 +458,58 @@ def _of_distance(fits: Alternatives, radius: float) -> list[str]:
         f"the LEDs are found {mean:.4g} mm from the film's middle, not {fits.ruler_mm:.4g} mm: "
         + agree
     ]
+
+
+def refuse_contradicted(
+    evidence: FilmEvidence,
+    balls: Balls,
+    start: Fitted,
+    parts: set[str],
+    samples: Callable[[Film], Balls],
+) -> None:
+    """Refuse a radius if no film explains the balls as well as a plain one with another radius.
+
+    And the shape of the film at rest, if a plain film over the same with the other sign explains
+    them better.  A film has all its `parts` here, fitted to few samples, which the search hardly
+    improves upon.  Light from film to film is tried last, since its `samples` take time.
+    """
+    shape, camera = evidence.shape, start.film.camera if evidence.shape is None else None
+    least = _least(evidence, start, parts - {"bounce"}, balls)
+    if shape is not None:
+        other = RestShape.of(-shape.height, shape.pixel, shape.camera)
+        over = evidence._replace(shape=other)
+        seen = over.sample(start.film, most=None, fine=True)
+        turned = Alternatives.of(over, seen, camera, names=(AS_STATED,))
+        if turned.odds(AS_STATED, least) > REFUSED_ODDS:
+            raise InputError(
+                "the same film at rest with the other sign explains the light over a billion times "
+                f"better ({turned.stated.departure:.1%} unexplained instead of {least:.1%}): check "
+                "the sign of its radius, drawing or file" + ONLY_WARN_ADVICE
+            )
+    sized = Alternatives.of(evidence, balls, camera, names=(AS_STATED, OTHER_SIZE))
+    if "bounce" in parts and sized.odds(OTHER_SIZE, least) > REFUSED_ODDS:
+        least = min(least, _least(evidence, start, parts, samples(start.film)))
+    if sized.odds(OTHER_SIZE, least) <= REFUSED_ODDS:
+        return
+    every = Alternatives.of(evidence, balls, camera)
+    doubts, is_clear = every.doubts(float(evidence.radius[0]), least)
+    if is_clear:
+        own = doubts[0].replace("`evidence.", "`").replace("`film.camera`", "`camera_mm`")
+        raise InputError(own + ONLY_WARN_ADVICE)
+
+
+def _least(evidence: FilmEvidence, start: Fitted, parts: set[str], balls: Balls) -> float:
+    """What the best of several films leaves of balls and flat frame."""
+    few, rest = balls.thinned(MAX_SAMPLES), evidence.rest()
+
+    def departure(fitted: Fitted) -> float:
+        return math.hypot(fitted.scale, 0.0 if rest is None else fitted.left_at_rest(rest))
+
+    physical = sorted(parts & PART_UNKNOWNS.keys())
+    kinds: list[list[str]] = [[], *([part] for part in physical), physical]
+    tried = [Fitting.of(few, rest, kind).fitted(start) for kind in kinds]
+    tried.append(Fitting.of(few, rest, physical).fitted(min(tried, key=departure)))
+    degrees = [n for n in HARMONIC_DEGREES if len(few.centre) > term_count(n)]
+    if "harmonics" in parts and degrees:
+        tried.append(add_harmonics(few, min(tried, key=departure), degrees[-1]))
+    return min(map(departure, tried))

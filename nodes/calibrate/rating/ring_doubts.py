@@ -1,6 +1,7 @@
 """Collect the doubts that rings have about a calibration."""
 
 from tactograph.graph import node
+from tactograph.graph.errors import collect_warnings
 from tactograph.graph.rings import brought
 from tactograph.nodes import Film, Metrics
 from tactograph.nodes.calibrate.film.fit_film import FilmEvidence
@@ -15,4 +16,6 @@ def ring_doubts(evidence: FilmEvidence, film: Film, fitted: Metrics) -> list[str
     evidence, film, fitted : the inputs of `fit_film`, its film and its figures
     """
     judges = [judge.load() for _, judge in sorted(brought("judges").items())]
-    return [doubt for judge in judges for doubt in judge.doubts(evidence, film, fitted)]
+    # What a judge only tries, such as another shape of the film, is no finding.
+    with collect_warnings([]):
+        return [doubt for judge in judges for doubt in judge.doubts(evidence, film, fitted)]

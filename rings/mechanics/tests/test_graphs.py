@@ -8,6 +8,7 @@ import pytest
 
 from tactograph.graph import InputError, load
 from tactograph.graph.files.read_graph import read_graph, with_overlays
+from tactograph.graph.run.open_pipeline import open_pipeline
 from tactograph.rings.mechanics.nodes.motion.read_touches import read_touches
 from tests.fixtures import Calibration
 
@@ -17,6 +18,16 @@ def test_a_graphs_own_variant_goes_before_the_overlay_of_that_name() -> None:
     assert tracked.hash == read_graph("live_markers").hash
     assert "save_markers" not in tracked.nodes
     assert "save_markers" in read_graph("reconstruct_markers").nodes
+
+
+@pytest.mark.parametrize(
+    ("overlays", "node", "first"),
+    [(["shear"], "force", "force"), (["force", "shear"], "tracks", "markers")],
+)
+def test_an_overlay_that_needs_another_names_it(overlays: list[str], node: str, first: str) -> None:
+    graph = with_overlays(read_graph("reconstruct"), overlays)
+    with pytest.raises(InputError, match=f"no node '{node}'; put --with {first} before"):
+        open_pipeline(graph, {})
 
 
 @pytest.mark.parametrize(

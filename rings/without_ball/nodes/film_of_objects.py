@@ -151,14 +151,9 @@ def film_of_objects(
     best = min(matt, coated, key=lambda solved: solved.cost)
     coarse = [_cells(press, 2 * factor) for press in sheets]
     alike = _matt_and_coated(_Scene(coarse, evidence, pixel * 2 * factor, camera, bounce))
-    fewer = [
-        _solved(
-            _Scene(presses[:i] + presses[i + 1 :], evidence, pixel * factor, camera, bounce),
-            best.x,
-            coated=best is coated,
-        )
-        for i in range(len(presses) * (len(presses) > 1))
-    ]
+    others = [presses[:i] + presses[i + 1 :] for i in range(len(presses))]
+    scenes = [_Scene(o, evidence, scene.pixel, camera, bounce) for o in others if o]
+    fewer = [_solved(each, best.x, coated=best is coated) for each in scenes]
     return _stated(scene, best, alike[best is coated], fewer)
 
 
@@ -340,9 +335,8 @@ def _stated(
 ) -> FilmOfObjects:
     """The film, and how well it is known.
 
-    To the variance of least squares that of leaving out each press is added (the jackknife), and
-    the square of what cells do: errors of the second order are a third of the difference from cells
-    twice as large (Richardson).
+    The scale's variance is that of least squares, that of leaving out each press (the jackknife),
+    and the square of a third of the change on cells twice as large (Richardson, second order).
     """
     film, count = _film(scene, solved.x), len(scene.presses[0])
     independent = count * INDEPENDENT_SAMPLES * len(scene.presses)
@@ -353,10 +347,9 @@ def _stated(
     steeper: NDArray[np.float64] = np.zeros((count, 3))
     steeper[:, :2] = leds[:, :2] / np.square(leds[:, :2]).sum(axis=1, keepdims=True) / count
     by_scale = steeper.ravel()
-    moved = [by_scale @ (other.x - solved.x)[: 3 * count] for other in fewer]
-    left_out = (1 - 1 / max(1, len(fewer))) * float(np.square(moved).sum())
-    cells = by_scale @ (coarser.x - solved.x)[: 3 * count] / 3
-    scale = math.sqrt(float(by_scale @ spread @ by_scale + left_out + cells**2))
+    moved = [by_scale @ (other.x - solved.x)[: 3 * count] for other in (coarser, *fewer)]
+    cells, *left_out = np.square(moved) * ([1 / 9] + len(fewer) * [1 - 1 / max(1, len(fewer))])
+    scale = math.sqrt(float(by_scale @ spread @ by_scale + cells + sum(left_out)))
     level = math.sqrt(variance) * SLOPE_ERROR / math.sqrt(max(1, solved.fun.size / independent))
     doubts = [
         f"presses and flat frame leave {scale:.0%} of the heights' scale open: press other "

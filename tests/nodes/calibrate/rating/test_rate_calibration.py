@@ -1,17 +1,20 @@
 """Errors of a calibration are reported and attributed to their cause."""
 
+import sys
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tactograph.graph import InputError
+from tactograph.graph import InputError, warn
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph
 from tactograph.nodes import F4
 from tactograph.nodes.calibrate.rating.join_doubts import join_doubts
 from tactograph.nodes.calibrate.rating.pressed_ball import PressedBall
 from tactograph.nodes.calibrate.rating.rate_calibration import LedFit, rate_calibration
+from tactograph.nodes.calibrate.rating.ring_doubts import ring_doubts
 from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.simulate.light_ring import light_ring
 
@@ -88,6 +91,23 @@ def test_causes_are_stated_before_their_effects() -> None:
     """A touch in the flat frame looks like bent film, and bent film like an LED that departs."""
     order = list(read_graph("calibrate").nodes["doubts"].inputs)
     assert order.index("flat") < order.index("ring_doubts") < order.index("exposure")
+
+
+def test_what_a_judge_only_tries_gives_no_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Four times "press 1 is left out", with other circles, of bends that were tried."""
+
+    def doubts(*_: object) -> list[str]:
+        warn("press 1 is left out")
+        return ["the film is bent"]
+
+    judge = SimpleNamespace(load=lambda: SimpleNamespace(doubts=doubts))
+    monkeypatch.setattr(
+        sys.modules[ring_doubts.function.__module__], "brought", lambda _: {"bend": judge}
+    )
+    with collect_warnings([]) as notes:
+        nothing: Any = None
+        assert ring_doubts(nothing, nothing, {}) == ["the film is bent"]
+    assert not notes
 
 
 def test_an_ordinary_film_raises_no_warning() -> None:
