@@ -107,7 +107,7 @@ def _range(text: str, log: bool) -> tuple[float, ...]:
     ends, colon, count_text = text.partition(":")
     low_text, _, high_text = ends.partition("..")
     low, high = (_number(part) for part in (low_text, high_text))
-    if not colon:
+    if not colon or not count_text.isdecimal():
         raise ValueError("the number of values is missing after ':'")
     count = int(count_text)
     if not 2 <= count <= MAX_VALUES:

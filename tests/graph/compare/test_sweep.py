@@ -88,6 +88,7 @@ def test_a_wrong_sweep_is_refused_in_one_line(word: str) -> None:
     with pytest.raises(InputError, match="--sweep") as error:
         read_sweep(word)
     assert "\n" not in str(error.value)
+    assert "int()" not in str(error.value)
 
 
 def test_two_sweeps_make_a_grid() -> None:

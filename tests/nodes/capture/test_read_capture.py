@@ -259,7 +259,7 @@ def test_a_spoilt_capture_is_refused(tmp_path: Path, message: str) -> None:
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"leds": (1, 1, 2)}, "named twice"),
+        ({"leds": (1, 1, 2)}, "of LEDs 1,1,2 one is named twice"),
         ({"leds": (1, 2, 7)}, "LED 7 is missing"),
         ({"files": "led"}, "write it as led"),
         ({"crop": (0, 0, 99, 5)}, "has only 16 x 12"),
