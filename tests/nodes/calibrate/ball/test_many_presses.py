@@ -111,6 +111,13 @@ def test_a_touched_flat_frame_is_named_as_the_reason_for_a_missing_ball() -> Non
         find_balls(np.ones_like(touched), touched, radius, known, [""], PIXEL)
 
 
+def test_a_ball_of_less_than_a_pixel_advises_to_check_radius_and_pixel_size() -> None:
+    level = np.ones_like(pressed(*GOOD["d"]))
+    radius, known = np.full(1, 0.001, np.float32), np.full((1, 3), np.nan, np.float32)
+    with pytest.raises(InputError, match="shows nothing; check `radius` and `pixel`"):
+        find_balls(level, level, radius, known, [""], PIXEL)
+
+
 @pytest.mark.parametrize(
     ("at_rest", "why"),
     [(True, "capture shows untouched film.*exchange"), (False, "it shows a ball at 52,4[12] px")],
