@@ -32,7 +32,6 @@ from tactograph.nodes.calibrate.ball.balls_on_film import Balls
 from tactograph.nodes.calibrate.film._film_search import Model, Trial, choose
 from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
 from tactograph.nodes.calibrate.film.film_fit import Fitting
-from tactograph.nodes.calibrate.film.judge_radius import refuse_contradicted
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
 from tactograph.nodes.optics.film import FilmPart
@@ -70,11 +69,9 @@ def fit_film(
     pixel: PixelSize,
     bare: SheetMask | None = None,
     shape: RestShape | None = None,
-    other_doubts: list[str] | None = None,
     *,
     camera_mm: Annotated[float, Ge(MIN_CAMERA_MM)] | None = None,
     without: tuple[FilmPart, ...] = (),
-    only_warn: bool = False,
     bounce: NodeCall = film_bounce,
 ) -> FilmFit:
     """Fit equation F1 (`optics/film`) to balls, with those of its parts that the presses support.
@@ -103,14 +100,10 @@ def fit_film(
     shape
         The film at rest if it is no plane.  Then the pupil is where `shape` has it, the film ends
         with the frame, and there are no harmonics, which would take its shape for light.
-    other_doubts
-        Doubts of images, flat frame and pixels.  Their causes may spoil the radius, so it is not
-        refused.
     camera_mm : height of the pupil above the film, if known
     without
         Parts that are not tried: ``aim``, ``diffuse``, ``lobe``, ``bounce``, ``camera``,
         ``harmonics``.
-    only_warn : whether to fit a film though another radius explains the light far better
 
     Returns
     -------
@@ -119,11 +112,6 @@ def fit_film(
         held-out samples, as a `Misfit`; the standard deviation of each LED's residual light, K;
         the figures: ``film_heldout_deg/...`` for each model tried and ``film_heldout_deg`` of
         the one chosen, in degrees between normals; and the inputs, for `judge_radius`.
-
-    Raises
-    ------
-    InputError
-        If the light contradicts the balls' radius, whatever the film, and `only_warn` is not set.
     """
     inputs = light, flat, circle, radius, of, selection, lights, strength, noise, pixel, shape
     evidence = FilmEvidence(*inputs)
@@ -144,10 +132,7 @@ def fit_film(
     cell = cell_grid(flat.shape[1:], pixel, DEFAULT_CELLS, 0).factor * pixel
     if np.median(balls.rim) < MIN_CONTACT_CELLS * cell:
         closed.add("bounce")
-    parts = {*get_args(FilmPart)} - closed
-    if not (only_warn or other_doubts):
-        refuse_contradicted(used, balls, start, parts, samples)
-    best, balls, folds = choose(trial, start, parts)
+    best, balls, folds = choose(trial, start, {*get_args(FilmPart)} - closed)
     sure = Fitting.of(balls, rest, best.parts).certainty(best.fitted)
     hidden: dict[str, Any] = {name: 0.0 for name in ("wrap", "emission") if not sure.shows(name)}
     # Film that is no plane ends with the frame.

@@ -19,7 +19,6 @@ Long because every doubt says in words what may be wrong and what would agree.
 """
 
 import math
-from collections.abc import Callable, Iterable
 from typing import Annotated, NamedTuple, Self
 
 import numpy as np
@@ -32,17 +31,11 @@ from tactograph.nodes.calibrate import MIN_FLAT_LIGHT
 from tactograph.nodes.calibrate.ball.ball_surface import sunk
 from tactograph.nodes.calibrate.ball.balls_on_film import Balls, Fitted
 from tactograph.nodes.calibrate.film.ball_samples import FilmEvidence
-from tactograph.nodes.calibrate.film.film_fit import Fitting, add_harmonics
-from tactograph.nodes.calibrate.film.film_unknowns import (
-    PART_UNKNOWNS,
-    STATED_UNKNOWNS,
-    USUAL_NEARNESS,
-)
+from tactograph.nodes.calibrate.film.film_fit import Fitting
+from tactograph.nodes.calibrate.film.film_unknowns import STATED_UNKNOWNS, USUAL_NEARNESS
 from tactograph.nodes.calibrate.lights.light_fit import LedPlaces, slants_of
 from tactograph.nodes.calibrate.rating.judge_labels import MAX_JUDGED_BALLS
 from tactograph.nodes.calibrate.rating.verdict import MAX_INDEPENDENT_REST, SURE_ODDS
-from tactograph.nodes.optics.film import HARMONIC_DEGREES, term_count
-from tactograph.nodes.optics.rest_shape import RestShape
 
 MAX_SAMPLES = 600
 """Samples of the balls; a radius that is worth a warning shows with few."""
@@ -106,7 +99,6 @@ class Alternatives(NamedTuple):
         camera: float | None = 0.0,
         coated: bool = False,
         aimed: Film | None = None,
-        names: Iterable[str] = FREE_PARTS,
     ) -> Self:
         """Fit the plain film with the values given and with each of them free.
 
@@ -117,7 +109,6 @@ class Alternatives(NamedTuple):
             One over the pupil's height above the film; 0: it is free.  None: the camera is far.
         coated : whether a film with a coat is tried, too, with the values given
         aimed : from whose LEDs fits start, as they need not face the middle; None: they do
-        names : what is tried of `FREE_PARTS`, at least the values as given
         """
         rest, width, start = evidence.rest(), balls.width_mm, evidence.start()
         leds = start.leds.copy()
@@ -154,13 +145,13 @@ class Alternatives(NamedTuple):
             return min(candidates, key=lambda each: each.departure)
 
         without = {OTHER_CAMERA: camera != 0, WITH_COAT: not coated}
-        by_name = {name: best(FREE_PARTS[name]) for name in names if not without.get(name)}
+        by_name = {name: best(parts) for name, parts in FREE_PARTS.items() if not without.get(name)}
         # A camera that is found far away is as given, and its fit may end in a lower minimum.
         if (far := by_name.get(OTHER_CAMERA)) is not None and far.camera == 0:
             by_name[AS_STATED] = min(by_name[AS_STATED], far, key=lambda each: each.departure)
         values = min(samples.light.size, MAX_INDEPENDENT_REST * len(start.leds))
-        sized = {OTHER_SIZE, CLEAR_GEL} & by_name.keys()
-        cap = {name: _cap(balls, by_name[name].size) / _cap(balls, 1.0) for name in sized}
+        names = OTHER_SIZE, CLEAR_GEL
+        cap = {name: _cap(balls, by_name[name].size) / _cap(balls, 1.0) for name in names}
         return cls(by_name, values, cap)
 
     @property
@@ -458,58 +449,3 @@ def _of_distance(fits: Alternatives, radius: float) -> list[str]:
         f"the LEDs are found {mean:.4g} mm from the film's middle, not {fits.ruler_mm:.4g} mm: "
         + agree
     ]
-
-
-def refuse_contradicted(
-    evidence: FilmEvidence,
-    balls: Balls,
-    start: Fitted,
-    parts: set[str],
-    samples: Callable[[Film], Balls],
-) -> None:
-    """Refuse a radius if no film explains the balls as well as a plain one with another radius.
-
-    And the shape of the film at rest, if a plain film over the same with the other sign explains
-    them better.  A film has all its `parts` here, fitted to few samples, which the search hardly
-    improves upon.  Light from film to film is tried last, since its `samples` take time.
-    """
-    shape, camera = evidence.shape, start.film.camera if evidence.shape is None else None
-    least = _least(evidence, start, parts - {"bounce"}, balls)
-    if shape is not None:
-        other = RestShape.of(-shape.height, shape.pixel, shape.camera)
-        over = evidence._replace(shape=other)
-        seen = over.sample(start.film, most=None, fine=True)
-        turned = Alternatives.of(over, seen, camera, names=(AS_STATED,))
-        if turned.odds(AS_STATED, least) > REFUSED_ODDS:
-            raise InputError(
-                "the same film at rest with the other sign explains the light over a billion times "
-                f"better ({turned.stated.departure:.1%} unexplained instead of {least:.1%}): check "
-                "the sign of its radius, drawing or file" + ONLY_WARN_ADVICE
-            )
-    sized = Alternatives.of(evidence, balls, camera, names=(AS_STATED, OTHER_SIZE))
-    if "bounce" in parts and sized.odds(OTHER_SIZE, least) > REFUSED_ODDS:
-        least = min(least, _least(evidence, start, parts, samples(start.film)))
-    if sized.odds(OTHER_SIZE, least) <= REFUSED_ODDS:
-        return
-    every = Alternatives.of(evidence, balls, camera)
-    doubts, is_clear = every.doubts(float(evidence.radius[0]), least)
-    if is_clear:
-        own = doubts[0].replace("`evidence.", "`").replace("`film.camera`", "`camera_mm`")
-        raise InputError(own + ONLY_WARN_ADVICE)
-
-
-def _least(evidence: FilmEvidence, start: Fitted, parts: set[str], balls: Balls) -> float:
-    """What the best of several films leaves of balls and flat frame."""
-    few, rest = balls.thinned(MAX_SAMPLES), evidence.rest()
-
-    def departure(fitted: Fitted) -> float:
-        return math.hypot(fitted.scale, 0.0 if rest is None else fitted.left_at_rest(rest))
-
-    physical = sorted(parts & PART_UNKNOWNS.keys())
-    kinds: list[list[str]] = [[], *([part] for part in physical), physical]
-    tried = [Fitting.of(few, rest, kind).fitted(start) for kind in kinds]
-    tried.append(Fitting.of(few, rest, physical).fitted(min(tried, key=departure)))
-    degrees = [n for n in HARMONIC_DEGREES if len(few.centre) > term_count(n)]
-    if "harmonics" in parts and degrees:
-        tried.append(add_harmonics(few, min(tried, key=departure), degrees[-1]))
-    return min(map(departure, tried))
