@@ -14,10 +14,9 @@ images are not those of the stated shape.  A new rig is one
 in the hand whose LEDs, coat, albedo, pupil and blur chance draws; its film has one albedo, and its
 exposure leaves no pixel of a press saturated, which `calibrate` warns of.  Two presses of a ball
 and the pupil's height calibrate it.  A kind of its touches is one row, the mean of their shares and
-the least, as the pixels of one touch err together.  So one row of errors that are stated as they
-are lies within 85 to 95 % in five of six draws only.  Last, each kind over all rigs: the mean of
-the rows with its standard error, and the geometric mean of stated over actual errors, root mean
-squares of a touch.
+the least, as the pixels of one touch err together.  A row therefore scatters even if all
+errors are stated exactly.  Last, each kind over all rigs: the mean of the rows with its standard
+error, and the geometric mean of stated over actual errors, root mean squares of a touch.
 """
 
 import argparse

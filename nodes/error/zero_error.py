@@ -2,7 +2,6 @@
 
 import math
 
-import cv2
 import numpy as np
 
 from tactograph.graph import node, warn
@@ -16,7 +15,7 @@ from tactograph.nodes import (
     robust_deviation,
 )
 from tactograph.nodes.light.border import border_of
-from tactograph.nodes.light.rest_mask import REST_MARGIN_MM
+from tactograph.nodes.light.rest_mask import REST_MARGIN_MM, kept_apart
 from tactograph.nodes.slope.height_slopes import height_slopes
 from tactograph.nodes.trust.touch_evidence import TouchEvidence
 
@@ -58,10 +57,9 @@ def zero_error(
     In mm.
     """
     border, held = np.abs(border_of(height, 1)), border_of(rest, 1) != 0
-    steep = np.hypot(*height_slopes(height, pixel).slope) > FULL_MISFIT_SLOPE
-    margin = 2 * round(REST_MARGIN_MM / pixel) + 1
-    crossed = border_of(cv2.dilate(steep.astype(np.uint8), np.ones((margin, margin))), 1) != 0
-    loose = border[(2 * border <= np.ptp(height)) & ~held & ~crossed]
+    flat = np.hypot(*height_slopes(height, pixel).slope) <= FULL_MISFIT_SLOPE
+    clear = border_of(kept_apart(flat.astype(np.uint8), REST_MARGIN_MM, pixel), 1) != 0
+    loose = border[(2 * border <= np.ptp(height)) & ~held & clear]
     places = max(1.0, held.sum() * float(pixel) / REST_MARGIN_MM)
     off = float(robust_deviation(loose)) / math.sqrt(places) if loose.size else 0.0
     film = evidence.read()

@@ -20,4 +20,4 @@ def add_rest(height: Height, rest: Height | None = None, *, inverse: bool = Fals
 
 
 add_rest.opencl(grid="H W", lanes="grid")
-add_rest.idle(lambda rest=None: True)
+add_rest.idle(lambda rest=None: True)  # asked only without `rest`

@@ -24,7 +24,7 @@ def light_on_plane(light: Light, share: Light | None = None, *, inverse: bool = 
 
 
 light_on_plane.opencl(grid="K H W", lanes="grid")
-light_on_plane.idle(lambda share=None: True)
+light_on_plane.idle(lambda share=None: True)  # asked only without `share`
 
 
 @light_on_plane.example

@@ -48,13 +48,18 @@ def rest_mask(
     ringed = cv2.copyMakeBorder(closed, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=1)
     cv2.floodFill(ringed, None, (0, 0), FLOODED_VALUE, flags=4)
     joined = (ringed[1:-1, 1:-1] == FLOODED_VALUE).astype(np.uint8)
-    margin = min(round(margin_mm / pixel), max(calm.shape))
-    square = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
-    rest = np.asarray(cv2.erode(joined, square, borderValue=1), np.uint8)
+    rest = kept_apart(joined, margin_mm, pixel)
     if free is None:
         return rest
     pieces, apart = pieces_apart(rest, free)
     return np.where((2 * np.abs(apart) > np.ptp(free))[pieces], 0, rest).astype(np.uint8)
+
+
+def kept_apart(film: Mask, margin_mm: float, pixel: PixelSize) -> Mask:
+    """Return the film that keeps a distance of a margin from all else; H x W."""
+    margin = min(round(margin_mm / pixel), max(film.shape))
+    square = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
+    return np.asarray(cv2.erode(film, square, borderValue=1), np.uint8)
 
 
 def pieces_apart(rest: Mask, free: Height) -> tuple[NDArray[np.int32], F8]:

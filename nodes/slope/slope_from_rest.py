@@ -20,4 +20,4 @@ def slope_from_rest(slope: Slope, tilt: Slope | None = None, *, inverse: bool = 
 
 
 slope_from_rest.opencl(grid="H W", lanes="grid")
-slope_from_rest.idle(lambda tilt=None: True)
+slope_from_rest.idle(lambda tilt=None: True)  # asked only without `tilt`

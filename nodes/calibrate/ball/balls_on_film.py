@@ -143,9 +143,13 @@ class Balls:
         slant = math.asin(min(float((self.rim / self.radius)[self.ball].max()), 1))
         return min(math.tan(slant), MAX_SAMPLE_SLOPE)
 
+    def departure(self, residual: F8) -> float:
+        """Return the robust standard deviation of a sample's residual, relative to its light."""
+        return float(robust_deviation(residual / self.reference_light))
+
     def scale(self, residual: F8) -> float:
-        """Return the robust standard deviation of a sample's residual."""
-        return max(LIGHT_DEVIATION, float(robust_deviation(residual / self.reference_light)))
+        """Return that deviation, or that by which light departs by itself if it is more."""
+        return max(LIGHT_DEVIATION, self.departure(residual))
 
     def grain(self, residual: F8, flat: F4, noise: F4) -> float:
         """Relative standard deviation of the light from the model, beyond the camera's noise.

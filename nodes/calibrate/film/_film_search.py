@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from tactograph.graph import warn
-from tactograph.nodes import Film, Metrics, robust_deviation
+from tactograph.nodes import Film, Metrics
 from tactograph.nodes.calibrate import FOLD_COUNT
 from tactograph.nodes.calibrate.ball.balls_on_film import (
     MAX_INDEPENDENT_SAMPLES,
@@ -241,8 +241,7 @@ def settle(path: list[tuple[Trial, Model]]) -> tuple[Trial, Model, Balls]:
 
 def unexplained(balls: Balls, fitted: Fitted) -> float:
     """Return what a film leaves of the light, also where that is less than light departs by."""
-    residual = fitted.predicted(balls) - balls.light
-    return float(robust_deviation(residual / balls.reference_light))
+    return balls.departure(fitted.predicted(balls) - balls.light)
 
 
 def prune(trial: Trial, best: Model) -> Model:

@@ -16,7 +16,7 @@ from scipy.linalg import block_diag
 from scipy.special import ndtr
 
 from tactograph.graph import InputError
-from tactograph.nodes import F4, F8, robust_deviation
+from tactograph.nodes import F4, F8
 from tactograph.nodes.calibrate.ball.balls_on_film import (
     MAX_INDEPENDENT_SAMPLES,
     MAX_ROUNDS,
@@ -102,7 +102,7 @@ class Fitting(NamedTuple):
     def certainty(self, fitted: Fitted) -> "Certainty":
         """Return how well a fit knows LEDs and film."""
         trial = _Trial.of(self, fitted).judged()
-        robust = float(robust_deviation(trial.light / self.balls.reference_light))
+        robust = self.balls.departure(trial.light)
         trial = trial._replace(problem=trial.problem._replace(scale=robust))
         first = self.unknowns.values(fitted).size
         covariance = trial.equations().covariance()[:first, :first]

@@ -147,20 +147,23 @@ def film_of_objects(
     camera = 0.0 if camera_mm is None else 1 / camera_mm
     evidence = FilmEvidence.of_flat(flat, pixel)
     scene = _Scene(presses, evidence, pixel * factor, camera, bounce)
-    matt, coated = _matt_and_coated(scene)
-    best = min(matt, coated, key=lambda solved: solved.cost)
-    coarse = [_cells(press, 2 * factor) for press in sheets]
-    alike = _matt_and_coated(_Scene(coarse, evidence, pixel * 2 * factor, camera, bounce))
+    matt = _solved(scene, _start(scene), coated=False)
+    best = min(matt, _coated(scene, matt), key=lambda solved: solved.cost)
+    wide = [_cells(press, 2 * factor) for press in sheets]
+    wide_scene = _Scene(wide, evidence, pixel * 2 * factor, camera, bounce)
+    coarser = _solved(wide_scene, _start(wide_scene), coated=False)
+    if best is not matt:
+        coarser = _coated(wide_scene, coarser)
     others = [presses[:i] + presses[i + 1 :] for i in range(len(presses))]
     scenes = [_Scene(o, evidence, scene.pixel, camera, bounce) for o in others if o]
-    fewer = [_solved(each, best.x, coated=best is coated) for each in scenes]
-    return _stated(scene, best, alike[best is coated], fewer)
+    fewer = [_solved(each, best.x, coated=best is not matt) for each in scenes]
+    return _stated(scene, best, coarser, fewer)
 
 
-def _matt_and_coated(scene: _Scene) -> tuple[OptimizeResult, OptimizeResult]:
-    matt = _solved(scene, _start(scene), coated=False)
+def _coated(scene: _Scene, matt: OptimizeResult) -> OptimizeResult:
+    """The film with a coat, from the matt one."""
     coat = np.r_[matt.x, [usual.start for usual in SHARED_PRIORS[1:]]]
-    return matt, _solved(scene, coat, coated=True)
+    return _solved(scene, coat, coated=True)
 
 
 def _cells(press: Light, factor: int) -> F8:

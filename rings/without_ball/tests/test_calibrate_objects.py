@@ -47,15 +47,23 @@ def test_one_object_tells_the_lights_of_a_matt_film(raytraced: Raytraced, tmp_pa
     assert found["metrics"]["trust"] > 0.01
 
 
+def quality_by_three_objects(scene: Path, file: Path, **arguments: float) -> dict[str, float]:
+    """Calibrate with three objects of a ray-traced sensor; return the calibration's figures."""
+    pieces = file.parent / "pieces"
+    for piece in ("cat_film", "corner_film", "teapot_film"):
+        shutil.copytree(scene / piece, pieces / piece)
+    arguments = {"pixel_size_mm": 5 / 70, **arguments}
+    found = run("calibrate_objects", file, capture=pieces, flat=scene / "flat", **arguments)
+    quality: dict[str, float] = found["quality"]
+    return quality
+
+
 @pytest.mark.slow
 def test_three_objects_tell_as_much_of_a_coated_film_as_a_ball(
     raytraced: Raytraced, tmp_path: Path
 ) -> None:
     scene, file = raytraced / "hand", tmp_path / "cal.npz"
-    for piece in ("cat_film", "corner_film", "teapot_film"):
-        shutil.copytree(scene / piece, tmp_path / "pieces" / piece)
-    arguments = {"flat": scene / "flat", "pixel_size_mm": 5 / 70, "camera_mm": 65.0}
-    quality = run("calibrate_objects", file, capture=tmp_path / "pieces", **arguments)["quality"]
+    quality = quality_by_three_objects(scene, file, camera_mm=65.0)
     assert quality["led_emission"] > 0.5
     found = run("reconstruct", capture=scene / "sphere_film", calibration=file)
     truth = np.load(scene / "sphere_film" / "truth_height_mm.npy")
@@ -69,10 +77,7 @@ def test_the_stated_error_of_the_scale_covers_the_actual_one(
 ) -> None:
     """LEDs were 2.7 % too steep with 0.16 % stated, as least squares knows nothing of cells."""
     scene, file = raytraced / "hand_ideal", tmp_path / "cal.npz"
-    for piece in ("cat_film", "corner_film", "teapot_film"):
-        shutil.copytree(scene / piece, tmp_path / "pieces" / piece)
-    arguments = {"flat": scene / "flat", "pixel_size_mm": 5 / 70}
-    quality = run("calibrate_objects", file, capture=tmp_path / "pieces", **arguments)["quality"]
+    quality = quality_by_three_objects(scene, file)
     true = np.array(json.loads((scene / "calibration" / "scene.json").read_text())["lights_mm"])
     with np.load(file) as known:
         found, due = (places[:, :2] / places[:, 2:] for places in (known["lights"], true))
