@@ -61,6 +61,8 @@ FREE_PARTS[CLEAR_GEL] = frozenset({"touched", OTHER_SIZE})
 FREE_PARTS[WITH_COAT] = frozenset({"plain", "lobe"})
 """The parts of a plain film that are fitted, by what is free; a lobe, or light from film to film,
 can hide a wrong radius."""
+FIRST_SIZES_OF = {OTHER_SIZE: FIRST_SIZES, CLEAR_GEL: FIRST_SIZES[1:]}
+"""A gel that diffuses no light leaves a radius open, and never one in another unit."""
 
 
 class Explained(NamedTuple):
@@ -129,8 +131,8 @@ class Alternatives(NamedTuple):
             values = now.size, now.power, now.film.camera, math.hypot(now.scale, flat), distance
             return Explained(*values, float(now.film.diffuse.mean()))
 
-        def best(parts: frozenset[str]) -> Explained:
-            sizes = FIRST_SIZES if OTHER_SIZE in parts else (1.0,)
+        def best(name: str) -> Explained:
+            parts, sizes = FREE_PARTS[name], FIRST_SIZES_OF.get(name, (1.0,))
             starts, candidates = [start._replace(size=size) for size in sizes], []
             if OTHER_CAMERA in parts:
                 near = start.film._replace(camera=USUAL_NEARNESS / width)
@@ -145,7 +147,7 @@ class Alternatives(NamedTuple):
             return min(candidates, key=lambda each: each.departure)
 
         without = {OTHER_CAMERA: camera != 0, WITH_COAT: not coated}
-        by_name = {name: best(parts) for name, parts in FREE_PARTS.items() if not without.get(name)}
+        by_name = {name: best(name) for name in FREE_PARTS if not without.get(name)}
         # A camera that is found far away is as given, and its fit may end in a lower minimum.
         if (far := by_name.get(OTHER_CAMERA)) is not None and far.camera == 0:
             by_name[AS_STATED] = min(by_name[AS_STATED], far, key=lambda each: each.departure)
