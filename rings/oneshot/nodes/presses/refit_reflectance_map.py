@@ -9,10 +9,7 @@ from numpy.typing import NDArray
 from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     PLACE_DEGREE,
     SHADE_COUNT,
-    ball_pixels,
     robust_weights,
-    shades,
-    terms,
 )
 from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
@@ -20,13 +17,9 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     FIT_ROUNDS,
     RIM_ROUNDS,
     Bench,
-    make_bench,
-    measure_rim,
-    reconstruct,
-    refine_center,
 )
 from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
-from tactograph.sdk import F8, Light, Odds, PixelSize, PressedBall, node
+from tactograph.sdk import F8, Light, Odds, PixelSize, node
 
 MAX_PRESS_PIXELS = 1500
 """Most pixels of a press that are fitted."""
@@ -85,7 +78,7 @@ def refit_reflectance_map(
     is_used = circle[:, 2] > 0
     if not names or radius_mm is None or not is_used.any():
         return MapRefit(reflectance, {})
-    bench = make_bench(image[is_used], flat, radius_mm, pixel, PLACE_DEGREE)
+    bench = Bench.of(image[is_used], flat, radius_mm, pixel, PLACE_DEGREE)
     circles, old = circle[is_used].astype(np.float64), reflectance.astype(np.float64)
     best, before, microns = _held_out(bench, old, circles, ())
     errors = before
@@ -114,9 +107,8 @@ def _held_out(
     for fold in np.unique(number):
         refitted, placed = _fit(bench, old, circles, parts, number != fold)
         for press, circle in enumerate(placed):
-            slope, height = reconstruct(bench, refitted, press)
-            ball = PressedBall(circle, bench.radius, bench.pixel)
-            off, um, _ = ball.errors(slope, height, number[press] == fold)
+            slope, height = bench.reconstruct(refitted, press)
+            off, um, _ = bench.ball(circle).errors(slope, height, number[press] == fold)
             degrees.append(off)
             microns.append(um)
     return whole, degrees, float(np.mean(microns))
@@ -130,8 +122,8 @@ def _fit(
     rim = 0.0
     for _ in range(RIM_ROUNDS + 1):
         for press, circle in enumerate(placed):
-            placed[press] = refine_center(bench, reflectance, circle, press, rim)
-        rim = measure_rim(bench, reflectance, placed, every)
+            placed[press] = bench.refine_center(reflectance, circle, press, rim)
+        rim = bench.measure_rim(reflectance, placed, every)
         reflectance = _refitted(bench, old, placed, rim, parts, used)
     return reflectance, placed
 
@@ -149,11 +141,10 @@ def _refitted(
         return old
     samples: list[tuple[F8, ...]] = []
     for press, circle in enumerate(circles):
-        pixels = ball_pixels(bench.light[press], bench.flat, circle, most=MAX_PRESS_PIXELS)
+        pixels = bench.pixels(press, circle, MAX_PRESS_PIXELS)
         chosen = used[press][pixels.y.astype(int), pixels.x.astype(int)]
-        slope, rise = PressedBall(circle, bench.radius, bench.pixel).shape(pixels.x, pixels.y)
-        shade, place = shades(slope, rise + rim), terms(pixels.x, pixels.y, bench.shape)
-        of_press = shade, place, pixels.light, pixels.weight
+        shade = bench.shades(circle, pixels, rim)
+        of_press = shade, pixels.place, pixels.light, pixels.weight
         samples.append(tuple(part[:, chosen] for part in of_press))
     shade, place, light, weight = (
         np.concatenate(part, axis=-1) for part in zip(*samples, strict=True)
