@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from tactograph.rings.oneshot.nodes.map.reflectance_map import terms
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
+from tactograph.rings.oneshot.nodes.map.reflectance_map import ReflectanceMap, terms
 from tactograph.rings.recheck.nodes import TiltResponse
 from tactograph.sdk import Light, node
 

@@ -10,9 +10,14 @@ rest, so that a film at rest (n = z axis, z = 0) has 1 exactly; z is the height 
 is a polynomial of degree 4 in x and y.  ``kernels/slope/solve_reflectance_map.cl`` holds the same.
 """
 
+from typing import Annotated
+
 import numpy as np
 
-from tactograph.sdk import F4, F8, SlopeNormal, robust_deviation
+from tactograph.sdk import F4, F8, Port, SlopeNormal, robust_deviation
+
+ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
+"""Coefficients of equation M1: 9 shades, 15 monomials of the place."""
 
 PLACE_DEGREE = 4
 PLACE_TERMS = 15
@@ -93,3 +98,15 @@ def shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
     )
     lit = value > NO_LIGHT
     return np.maximum(value, NO_LIGHT), (gradient[0] * lit, gradient[1] * lit, gradient[2] * lit)
+
+
+def rough_film(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, F4]:
+    """Return an example of a rough film under lights from all sides, for tests."""
+    azimuth = 2 * np.pi * np.arange(K) / K
+    reflectance = rng.uniform(-0.02, 0.02, (K, SHADE_COUNT, PLACE_TERMS)).astype(np.float32)
+    reflectance[:, 0, 0] += 0.6 * np.cos(azimuth)
+    reflectance[:, 1, 0] += 0.6 * np.sin(azimuth)
+    reflectance[:, 2, 0] += 0.8
+    slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)
+    height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
+    return {"reflectance": reflectance, "slope": slope, "height": height}

@@ -15,6 +15,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     PLACE_TERMS,
     RIDGE_SHARE,
     SHADE_COUNT,
+    ReflectanceMap,
     predicted,
     robust_weights,
     shades,
@@ -22,10 +23,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
 )
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import slope_in_shadow
 from tactograph.rings.oneshot.nodes.map.smooth_slope import smooth_slope
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import (
-    ReflectanceMap,
-    solve_reflectance_map,
-)
+from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import solve_reflectance_map
 from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
 from tactograph.sdk import (

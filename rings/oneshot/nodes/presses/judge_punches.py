@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.map.map_error import map_error
 from tactograph.rings.oneshot.nodes.map.raise_walls import edge_lack, uphill
+from tactograph.rings.oneshot.nodes.map.reflectance_map import ReflectanceMap
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import matt_deviation
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.rings.oneshot.nodes.presses import PressImages
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import Bench
 from tactograph.sdk import F4, F8, Height, InputError, Judged, Light, PixelSize, Port, node

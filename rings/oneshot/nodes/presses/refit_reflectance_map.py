@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     PLACE_DEGREE,
     SHADE_COUNT,
+    ReflectanceMap,
     robust_weights,
 )
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     FIT_ROUNDS,
