@@ -26,14 +26,14 @@ Numbers = Annotated[NDArray[np.int32], Port("M", "number")]
 class Compared(NamedTuple):
     """M points: true and found height, its stated deviation (NaN: none), shape and touch of each.
 
-    All are None where no shape is known.
+    There are none where no shape is known.
     """
 
-    true: Points | None = None
-    measured: Points | None = None
-    stated: Annotated[F8, Port("M", "mm", nan=True)] | None = None
-    shape: Numbers | None = None
-    touch: Numbers | None = None
+    true: Points = np.empty(0)
+    measured: Points = np.empty(0)
+    stated: Annotated[F8, Port("M", "mm", nan=True)] = np.empty(0)
+    shape: Numbers = np.empty(0, np.int32)
+    touch: Numbers = np.empty(0, np.int32)
 
 
 Pairs = tuple[F8, F8, F8]
