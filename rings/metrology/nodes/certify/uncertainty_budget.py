@@ -182,14 +182,14 @@ def _last_digit(value: float) -> float:
 
 def _held_out(compared: Compared, *others: Any) -> tuple[float, float] | None:
     """Per cent of points within intervals of the budget that other shapes give, and its doubt."""
-    true, measured, _, shape, _ = compared
+    true, measured, stated, shape, touch = compared
     numbers = np.unique(shape)
     if len(numbers) <= MIN_REMAINING:
         return None
     inside, fold_count = np.zeros(len(true), bool), min(FOLD_COUNT, len(numbers))
     for fold in range(fold_count):
         out = np.isin(shape, numbers[fold::fold_count])
-        fitted = Compared(*(part[~out] for part in compared))
+        fitted = Compared(true[~out], measured[~out], stated[~out], shape[~out], touch[~out])
         inside[out] = _within(true[out], measured[out], _rows(fitted, *others))
     by_shape = np.array([inside[shape == number].mean() for number in numbers])
     return 100 * float(inside.mean()), 100 * float(by_shape.std(ddof=1) / np.sqrt(len(numbers)))

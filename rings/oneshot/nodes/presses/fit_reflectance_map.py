@@ -139,12 +139,12 @@ class Bench(NamedTuple):
         inside = np.flatnonzero(np.hypot(x - circle[0], y - circle[1]) < reach)
         # A stride that does not divide the rows' length spreads the pixels over all columns.
         inside = inside[:: inside.size // most + 1]
-        x, y = x[inside].astype(np.float64), y[inside].astype(np.float64)
+        place = x[inside].astype(np.float64), y[inside].astype(np.float64)
         light, weight = (
             planes.reshape(len(planes), -1)[:, inside].astype(np.float64)
             for planes in (self.light[press], self.flat)
         )
-        return Pixels(x, y, terms(x, y, self.shape), light - 1, weight)
+        return Pixels(*place, terms(*place, self.shape), light - 1, weight)
 
     def shades(self, circle: F8, pixels: Pixels, rim: float) -> F8:
         """Return B of equation M1 on a ball whose contact's rim is lifted by `rim` mm."""
