@@ -111,10 +111,8 @@ def uncertainty_budget(
         figures["held_out_percent"], figures["held_out_error_percent"] = held_out
     if np.isfinite(stated).any():
         is_stated = stated > 0
-        within = (
-            np.abs(measured - true)[is_stated]
-            <= norm.ppf((1 + COVERED_SHARE) / 2) * stated[is_stated]
-        )
+        deviations = np.abs(measured - true)[is_stated] / stated[is_stated]
+        within = deviations <= norm.ppf((1 + COVERED_SHARE) / 2)
         figures["stated_error_percent"] = 100 * float(within.mean())
     return Budget(rows, figures)
 
