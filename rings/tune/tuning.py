@@ -15,15 +15,7 @@ from typing import Any
 from tactograph.rings.tune.runner import Runner, captures_of
 from tactograph.rings.tune.variant import Change, changes_between, defaults_of, write_variant
 from tactograph.rings.tune.watch import Stamp, files_of, stamp
-from tactograph.sdk import (
-    Graph,
-    InputError,
-    Pipeline,
-    Result,
-    TactographError,
-    nodes,
-    read_graph,
-)
+from tactograph.sdk import Graph, InputError, Pipeline, Result, TactographError, nodes, read_graph
 
 RATE_WINDOW_S = 1.0
 REST_S = 0.12

@@ -14,10 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.live.nodes.camera._camera_names import DEVICE_FILE, GENICAM_PREFIX, device_of
-from tactograph.rings.live.nodes.camera._genicam_camera import (
-    GenicamCapture,
-    check_genicam,
-)
+from tactograph.rings.live.nodes.camera._genicam_camera import GenicamCapture, check_genicam
 from tactograph.rings.live.nodes.camera._linux_camera import LinuxCapture, linuxpy
 from tactograph.rings.live.nodes.camera.sensor_preset import DriverSettings
 from tactograph.sdk import InputError

@@ -14,17 +14,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     rough_film,
     shading,
 )
-from tactograph.sdk import (
-    F4,
-    Close,
-    Height,
-    Launch,
-    Light,
-    SizeLimit,
-    Slope,
-    SlopeNormal,
-    node,
-)
+from tactograph.sdk import F4, Close, Height, Launch, Light, SizeLimit, Slope, SlopeNormal, node
 
 STILL_RAD = 1e-3
 """Longest step after which a pixel stops, or half of `max_turn_rad` if that is less."""

@@ -13,11 +13,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     robust_weights,
 )
 from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
-from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
-    FIT_ROUNDS,
-    RIM_ROUNDS,
-    Bench,
-)
+from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import FIT_ROUNDS, RIM_ROUNDS, Bench
 from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
 from tactograph.sdk import F8, Light, Odds, PixelSize, node
 
