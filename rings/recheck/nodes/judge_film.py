@@ -88,8 +88,8 @@ def judge_film(change: FilmChange, pixel: PixelSize) -> Verdicts:
         "lens_mark_percent": 100 * abs(spot.depth),
         "wrong": float(sum(map(bool, wrong))),
     }
-    verdicts = (bad or good for bad, good in zip(wrong, right, strict=True))
-    return Verdicts(*verdicts, quality=quality)
+    leds, film, lens, around, camera = (bad or good for bad, good in zip(wrong, right, strict=True))
+    return Verdicts(leds, film, lens, around, camera, quality)
 
 
 class _Mark(NamedTuple):
