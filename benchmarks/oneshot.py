@@ -29,8 +29,6 @@ from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
     Bench,
     MapFit,
     fit_reflectance_map,
-    make_bench,
-    refine_center,
 )
 from tactograph.rings.oneshot.nodes.presses.level_presses import level_presses
 from tactograph.rings.oneshot.nodes.presses.read_presses import read_presses
@@ -63,7 +61,7 @@ def main(data: Path, out: Path) -> None:
     captured, flat, names, *_ = read_presses(folder=folder, flat=data / "background.png")
     image = level_presses(captured, flat)
     ball = find_presses(image, flat, names, PIXEL_MM, radius_mm=RADIUS_MM).circle
-    bench = make_bench(image, flat, RADIUS_MM, PIXEL_MM, degree=4)
+    bench = Bench.of(image, flat, RADIUS_MM, PIXEL_MM, degree=4)
     rows: dict[str, list[tuple[float, float, float]]] = {"refined": [], "as found": []}
     measured: dict[str, tuple[np.ndarray, np.ndarray]] = {}
     at_rest: list[tuple[float, float]] = []
@@ -83,7 +81,7 @@ def main(data: Path, out: Path) -> None:
         held = range(fold, len(names), FOLD_COUNT)
         for i, (slope, height) in zip(held, results, strict=True):
             found = ball[i].astype(np.float64)
-            circle = refine_center(bench, reflectance, found, i, fit.rim, steps=6)
+            circle = bench.refine_center(reflectance, found, i, fit.rim, steps=6)
             at_rest.append(resting(height, circle))
             departures.append(rendered(image[i], flat, circle, bench.radius, fit))
             for row, truth in (("refined", circle), ("as found", found)):

@@ -13,17 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from tactograph.rings.tune.runner import Runner, captures_of
-from tactograph.rings.tune.variant import Change, changes_between, write_variant
+from tactograph.rings.tune.variant import Change, changes_between, defaults_of, write_variant
 from tactograph.rings.tune.watch import Stamp, files_of, stamp
-from tactograph.sdk import (
-    Graph,
-    InputError,
-    Pipeline,
-    Result,
-    TactographError,
-    nodes,
-    read_graph,
-)
+from tactograph.sdk import Graph, InputError, Pipeline, Result, TactographError, nodes, read_graph
 
 RATE_WINDOW_S = 1.0
 REST_S = 0.12
@@ -130,7 +122,7 @@ class Tuning:
 
         def as_read(name: str) -> dict[str, Any]:
             base = self.base.nodes[name]
-            defaults = {n: p.default for n, p in getattr(nodes, base.op).parameters.items()}
+            defaults = defaults_of(base.op)
             settings = {n: defaults[n] for n in self.graph.nodes[name].settings if n in defaults}
             return {**vars(base), "settings": {**settings, **base.settings}}
 
@@ -156,12 +148,7 @@ class Tuning:
 
     def changes(self) -> list[Change]:
         """The patch that turns the graph in the file into the one on the screen."""
-        defaults = {
-            name: {n: p.default for n, p in getattr(nodes, entry.op).parameters.items()}
-            for name, entry in self.base.nodes.items()
-            if entry != self.graph.nodes[name]
-        }
-        return changes_between(self.base, self.graph, defaults)
+        return changes_between(self.base, self.graph)
 
     def save(self, file: Path) -> Path:
         """Write the variant and check it.

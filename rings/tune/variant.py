@@ -1,7 +1,6 @@
 """Write a changed graph as a variant of another: `extends`, and the fewest changes."""
 
 import os
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,27 +8,29 @@ from typing import Any
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.main import YAML
 
-from tactograph.sdk import Graph, InputError, atomic_files, read_graph
+from tactograph.sdk import Graph, InputError, atomic_files, nodes, read_graph
 
 Change = dict[str, Any]
 
 
-def changes_between(
-    base: Graph, graph: Graph, defaults: Mapping[str, Mapping[str, Any]]
-) -> list[Change]:
-    """Return the patch that turns `base` into `graph`, which has the same nodes.
+def defaults_of(op: str) -> dict[str, Any]:
+    """Return the parameters that a node has without a word in the file."""
+    return {name: declared.default for name, declared in getattr(nodes, op).parameters.items()}
 
-    `defaults` are, by node, the parameters that it has without a word in the file.
-    """
+
+def changes_between(base: Graph, graph: Graph) -> list[Change]:
+    """Return the patch that turns `base` into `graph`, which has the same nodes."""
     changes: list[Change] = []
     for name, entry in graph.nodes.items():
         old = base.nodes[name]
+        if entry == old:
+            continue
         if old.neutral and not entry.neutral:
             # No verb restores a node; replacing it by itself does.
             whole: Change = {"replace": name, "op": entry.op}
             changes.append({**whole, "with": dict(entry.settings)} if entry.settings else whole)
             old = replace(entry, backend=None, neutral=False)
-        before = {**defaults.get(name, {}), **old.settings}
+        before = {**defaults_of(entry.op), **old.settings}
         changed = {n: v for n, v in entry.settings.items() if (n, v) not in before.items()}
         if changed:
             changes.append({"set": name, "with": changed})
@@ -46,8 +47,8 @@ def _once_for_all_uses(graph: Graph, changes: list[Change]) -> list[Change]:
     for change in changes:
         verb = next(iter(change))
         path, _, node = change[verb].rpartition(".")
-        nodes = graph.alike(change[verb])
-        if path in graph.uses and all({**change, verb: each} in changes for each in nodes):
+        alike = graph.alike(change[verb])
+        if path in graph.uses and all({**change, verb: each} in changes for each in alike):
             change = {**change, verb: f"{graph.uses[path].group}.{node}"}
         if change not in merged:
             merged.append(change)

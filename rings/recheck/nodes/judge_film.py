@@ -58,43 +58,38 @@ def judge_film(change: FilmChange, pixel: PixelSize) -> Verdicts:
     scratches, spots = _marks(albedo)
     deepest, where = _dent(dent, pixel)
     moved, mark, spot = float(np.hypot(*shift)), _strongest(scratches), _strongest(spots)
-    wrong = {
-        "leds": _of_leds(strength),
-        "film": _of_film(deepest, where, scratches),
-        "lens": f"a blurred spot of {100 * spot.depth:+.0f} % at {spot.x},{spot.y} px: clean the "
-        "lens, or recalibrate with a new flat frame"
-        if spots
-        else "",
-        "ambient": _of_ambient(ambient),
-        "camera": f"the image has moved by {shift[0]:+.1f},{shift[1]:+.1f} px: fix the camera and "
-        "calibrate again"
-        if moved > PLACE_PX
-        else "",
-    }
-    # No LED gives less than no light, no black level falls by more than it stood at, and no dent is
-    # deeper than half the view.
-    is_dark = bool(strength.min() <= 0) or ambient < -MAX_BLACK_LEVEL
-    if is_dark or abs(deepest) > pixel * dent.shape[1] / 2:
-        wrong = dict.fromkeys(wrong, ANOTHER_SENSOR)
-    wrong = {cause: sentence for cause, sentence in wrong.items() if sentence}
-    figures = change.light_percent()
-    right = Verdicts(
-        f"right: {min(figures.values()):.1f} to {max(figures.values()):.1f} % of their light",
+    percents = change.light_percent()
+    right = (
+        f"right: {min(percents.values()):.1f} to {max(percents.values()):.1f} % of their light",
         "right: no dents, no scratches",
         "right: clean",
         "right: none",
         f"right: moved by {moved:.1f} px",
-        figures
-        | {
-            "ambient_percent": 100 * ambient,
-            "shift_px": moved,
-            "dent_um": 1e3 * deepest,
-            "film_mark_percent": 100 * abs(mark.depth),
-            "lens_mark_percent": 100 * abs(spot.depth),
-            "wrong": float(len(wrong)),
-        },
     )
-    return right._replace(**wrong)  # type: ignore[arg-type]
+    wrong = [
+        _of_leds(strength),
+        _of_film(deepest, where, scratches),
+        f"a blurred spot of {100 * spot.depth:+.0f} % at {spot.x},{spot.y} px: clean the lens, or "
+        "recalibrate with a new flat frame" * bool(spots),
+        _of_ambient(ambient),
+        f"the image has moved by {shift[0]:+.1f},{shift[1]:+.1f} px: fix the camera and calibrate "
+        "again" * (moved > PLACE_PX),
+    ]
+    # No LED gives less than no light, no black level falls by more than it stood at, and no dent is
+    # deeper than half the view.
+    is_dark = bool(strength.min() <= 0) or ambient < -MAX_BLACK_LEVEL
+    if is_dark or abs(deepest) > pixel * dent.shape[1] / 2:
+        wrong = [ANOTHER_SENSOR] * len(wrong)
+    quality = percents | {
+        "ambient_percent": 100 * ambient,
+        "shift_px": moved,
+        "dent_um": 1e3 * deepest,
+        "film_mark_percent": 100 * abs(mark.depth),
+        "lens_mark_percent": 100 * abs(spot.depth),
+        "wrong": float(sum(map(bool, wrong))),
+    }
+    leds, film, lens, around, camera = (bad or good for bad, good in zip(wrong, right, strict=True))
+    return Verdicts(leds, film, lens, around, camera, quality)
 
 
 class _Mark(NamedTuple):

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -72,7 +71,9 @@ class McapReader:
 
     def _decoded(self, stream: IO[bytes]) -> Iterator[McapMessage]:
         from mcap.records import Channel, Schema
+        from mcap_ros2.decoder import DecoderFactory
 
+        decoders = DecoderFactory()
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
         for record in self._records(stream):
@@ -86,11 +87,9 @@ class McapReader:
             else:
                 channel = channels[record.channel_id]
                 schema = schemas.get(channel.schema_id)
-                if schema is None:
-                    continue
-                kind = schema.name, schema.encoding, schema.data
                 try:
-                    decode = _decoder(channel.message_encoding, *kind)
+                    # None if there is no schema, or it is not ROS 2's.
+                    decode = decoders.decoder_for(channel.message_encoding, schema)
                     body = None if decode is None else decode(record.data)
                 except Exception:  # definitions and messages are parsed as they come
                     self.lost += len(record.data)
@@ -161,18 +160,6 @@ def _check_size(compression: str, unpacked: int, data: bytes) -> None:
         )
     if size > MAX_BYTES:
         raise ValueError(f"a chunk of {size} bytes")
-
-
-@lru_cache
-def _decoder(
-    message_encoding: str, name: str, encoding: str, definition: bytes
-) -> Callable[[bytes], Any] | None:
-    """Returns a decoder from bytes to a message; None if the encoding is not ROS 2's."""
-    from mcap.records import Schema
-    from mcap_ros2.decoder import DecoderFactory
-
-    schema = Schema(id=1, name=name, encoding=encoding, data=definition)
-    return DecoderFactory().decoder_for(message_encoding, schema)
 
 
 def _damage() -> tuple[type[Exception], ...]:

@@ -48,9 +48,10 @@ FEATURE_NAMES = {
 }
 """The standard's feature for each of OpenCV's properties; exposure is in microseconds."""
 AUTOMATIC_FEATURES = {
-    cv2.CAP_PROP_AUTO_EXPOSURE: ("ExposureAuto", "GainAuto"),
-    cv2.CAP_PROP_AUTO_WB: ("BalanceWhiteAuto",),
+    cv2.CAP_PROP_AUTO_EXPOSURE: (0.25, ("ExposureAuto", "GainAuto")),
+    cv2.CAP_PROP_AUTO_WB: (0.0, ("BalanceWhiteAuto",)),
 }
+"""What OpenCV calls off, and the features that are then off."""
 # Named by the first row's two pixels, as in GenICam; OpenCV has aliases of all four.
 BAYER_CODES = {
     "BayerRG": cv2.COLOR_BayerRGGB2BGR,
@@ -126,7 +127,6 @@ class GenicamCapture:
         self._picture: NDArray[Any] | None = None
         self._clock = _Clock()
         self._moment = 0.0
-        self._manual: dict[int, float] = {}
         self._acquirer: Any = None
         try:
             with _lock:
@@ -162,8 +162,7 @@ class GenicamCapture:
     def set(self, prop: int, value: float) -> bool:
         """Set a feature, or turn automatic ones off."""
         if prop in AUTOMATIC_FEATURES:
-            self._manual[prop] = value
-            for name in AUTOMATIC_FEATURES[prop]:
+            for name in AUTOMATIC_FEATURES[prop][1]:
                 self._write(name, "Off")
             return self.get(prop) == value
         if prop == cv2.CAP_PROP_FPS:
@@ -178,9 +177,9 @@ class GenicamCapture:
         if prop == cv2.CAP_PROP_POS_MSEC:
             return 1e3 * self._moment
         if prop in AUTOMATIC_FEATURES:
-            states = [self._feature(name) for name in AUTOMATIC_FEATURES[prop]]
-            off = all(node is None or node.value == "Off" for node in states)
-            return self._manual.get(prop, -1.0) if off else -1.0
+            off, names = AUTOMATIC_FEATURES[prop]
+            states = [self._feature(name) for name in names]
+            return off if all(node is None or node.value == "Off" for node in states) else -1.0
         node = self._feature(FEATURE_NAMES[prop]) if prop in FEATURE_NAMES else None
         return -1.0 if node is None else float(node.value)
 

@@ -14,11 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.rings.live.nodes.camera._camera_names import DEVICE_FILE, GENICAM_PREFIX, device_of
-from tactograph.rings.live.nodes.camera._genicam_camera import (
-    GenicamCapture,
-    check_genicam,
-)
+from tactograph.rings.live.nodes.camera._genicam_camera import GenicamCapture, check_genicam
 from tactograph.rings.live.nodes.camera._linux_camera import LinuxCapture, linuxpy
+from tactograph.rings.live.nodes.camera.sensor_preset import DriverSettings
 from tactograph.sdk import InputError
 
 Library = Literal["opencv", "linuxpy"]
@@ -72,22 +70,14 @@ class View:
         return cast(Plane, part)
 
 
-@dataclass(frozen=True)
-class CameraSettings:
-    """The settings to request from the camera; None keeps the driver's.
+class CameraSettings(DriverSettings):
+    """The settings to request from the camera, and what is made of its pictures.
 
     Frames in `colour` are H x W x 3 as the driver delivers them, else H x W.  A `view` is applied
     to the camera's pictures.
     """
 
-    width: int | None
-    height: int | None
-    rate: float
-    exposure: float | None = None
-    gain: float | None = None
-    white_balance: float | None = None
     colour: bool = False
-    format: str | None = None
     view: View | None = None
 
 

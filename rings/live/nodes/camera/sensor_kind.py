@@ -82,4 +82,5 @@ def camera_settings(
         settings = {**usual, "rate": usual["rate"] or driver.rate, "view": view}
     stated = {name: getattr(driver, name) for name in ("exposure", "gain", "white_balance")}
     settings |= {name: value for name, value in stated.items() if value is not None}
-    return CameraSettings(**settings, colour=colour)
+    # Each was checked where it comes from; a driver may refuse more.
+    return CameraSettings.model_construct(**settings, colour=colour)

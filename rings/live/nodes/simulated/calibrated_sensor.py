@@ -61,13 +61,9 @@ class CalibratedSensor(SimulatedSensor):
 
     def image(self, shares: Any, moment: float, number: int) -> NDArray[np.uint8]:
         """The camera's image under flashing LEDs; see `SimulatedSensor.image`."""
-        light = sum(
-            share[:, None] * strength * (one - self._black)
-            for share, strength, one in zip(
-                shares, self.strength, self._at(moment).image, strict=True
-            )
-        )
-        return in_bytes(self._black + light)
+        weights = np.array(shares) * self.strength[:, None]
+        light = weights[..., None] * (self._at(moment).image - self._black)
+        return in_bytes(self._black + light.sum(axis=0))
 
     def picture(self, moment: float, number: int) -> NDArray[np.uint8]:
         """The colour camera's picture, H x W x 3."""

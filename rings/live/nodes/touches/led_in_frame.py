@@ -59,8 +59,6 @@ class Sight(NamedTuple):
     """Brightness of the LED, 1 as calibrated."""
     other: int = 0
     """Second LED of a mixed frame, 0 if none was lit."""
-    at_rest: float = 0.0
-    """Share of the film that is at rest."""
     share: float = 0.0
     """Share of the second LED in the light of a mixed frame."""
 
@@ -90,20 +88,19 @@ def see(frame: Plane, film: RestFilm, full: float = 0.0, light: F4 | None = None
         _fit(target[band], patterns[:, band], best, gain)
         for band in _bands(*light_above_dark.shape)
     ]
-    at_rest = float(np.mean([band.at_rest for band in bands]))
     mixed = [band.weights for band in bands if band.mixed]
     if mixed:
         weights = np.mean([band.weights for band in bands], axis=0)
         other = _another(mixed, best)
         share = float(weights[other - 1] / weights.sum()) if other else 0.0
-        return Sight("mixed", best + 1, float(weights[best]), other, at_rest, share)
-    if at_rest < MIN_REST_SHARE:
-        return Sight("covered", at_rest=at_rest)
+        return Sight("mixed", best + 1, float(weights[best]), other, share)
+    if np.mean([band.at_rest for band in bands]) < MIN_REST_SHARE:
+        return Sight("covered")
     if not certain:
-        return Sight("unclear", at_rest=at_rest)
+        return Sight("unclear")
     if not MIN_LED_GAIN < gain < MAX_LED_GAIN:
-        return Sight("mixed", best + 1, gain, 0, at_rest)
-    return Sight("one", best + 1, gain, 0, at_rest)
+        return Sight("mixed", best + 1, gain)
+    return Sight("one", best + 1, gain)
 
 
 def _closest(ratio: F4, brightness: F4, film: RestFilm) -> tuple[int, float, bool, F4]:

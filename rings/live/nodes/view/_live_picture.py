@@ -69,11 +69,11 @@ def draw_touch(
     width = round(HEIGHT_PX * columns / rows)
     half = (HEIGHT_PX - TITLE_PX - GAP_PX) // 2
     small = round(half * columns / rows)
-    right = GAP_PX + width + GAP_PX + BAR_PX + BAR_TEXT_PX
-    canvas = np.empty(
-        (GAP_PX + TITLE_PX + HEIGHT_PX + TITLE_PX + GAP_PX, right + small + GAP_PX, 3), "u1"
-    )
-    canvas[:] = BACKGROUND_RGB
+    bar = GAP_PX + width + GAP_PX
+    right = bar + BAR_PX + BAR_TEXT_PX
+    upper, lower = GAP_PX + TITLE_PX, GAP_PX + 2 * TITLE_PX + half + GAP_PX
+    size = upper + HEIGHT_PX + TITLE_PX + GAP_PX, right + small + GAP_PX
+    canvas = np.full((*size, 3), BACKGROUND_RGB, np.uint8)
     mean = _grey(image, small, half)
     first = _grey(image[:1], small, half) if lights == "leds" else _coloured(image, lights, mean)
     for drawing in drawings.values():
@@ -84,15 +84,9 @@ def draw_touch(
     beneath, title = _dimmed(mean), ""
     if layer is not None:
         beneath, title = _drawn(touch.layers[layer], drawings[layer], mean, lights)
-    upper, lower = GAP_PX + TITLE_PX, GAP_PX + 2 * TITLE_PX + half + GAP_PX
     _place(canvas, colour_height(_resized(height, width, HEIGHT_PX), top), GAP_PX, upper)
     levels = np.linspace(255, 0, HEIGHT_PX).astype(np.uint8)
-    _place(
-        canvas,
-        np.repeat(_colours()[levels][:, None], BAR_PX, axis=1),
-        GAP_PX + width + GAP_PX,
-        upper,
-    )
+    _place(canvas, np.repeat(_colours()[levels][:, None], BAR_PX, axis=1), bar, upper)
     _place(canvas, first, right, upper)
     _place(canvas, beneath, right, lower)
 
@@ -103,7 +97,7 @@ def draw_touch(
     _write(pen, right, lower - TITLE_PX, title)
     if layer is not None and _is_of_leds(drawings[layer]):
         _legend(pen, right + small, lower - TITLE_PX, LIGHT_NAMES[lights][: image.shape[0]])
-    _ticks(pen, GAP_PX + width + GAP_PX, upper, top)
+    _ticks(pen, bar, upper, top)
     _scale_bar(pen, GAP_PX, upper + HEIGHT_PX, width, columns * touch.pixel)
     _write(pen, GAP_PX, upper + HEIGHT_PX + 8, footer)
     return np.asarray(page)

@@ -1,5 +1,6 @@
 """Show a stream of touches: in a window if there is a screen, else as PNG files."""
 
+import math
 import time as clock
 from collections import deque
 from pathlib import Path
@@ -84,22 +85,19 @@ class _Window:
         cv2.namedWindow(self.title, cv2.WINDOW_NORMAL | cv2.WINDOW_KEEPRATIO)
         self._began = False
 
-    def show(self, picture: Picture) -> bool:
-        """Draw a picture; return False once the user has closed the window."""
+    def show(self, picture: Picture) -> str:
+        """Draw a picture; return why no more can be shown, empty if they can."""
+        closed = "the window was closed"
         if not self._began:
             cv2.resizeWindow(self.title, picture.shape[1], picture.shape[0])
         elif cv2.getWindowProperty(self.title, cv2.WND_PROP_VISIBLE) < 1:
-            return self._end()
+            return closed
         self._began = True
         cv2.imshow(self.title, picture[..., ::-1])
-        return self._end() if cv2.waitKey(1) & 0xFF in CLOSING_KEYS else True
+        return closed if cv2.waitKey(1) & 0xFF in CLOSING_KEYS else ""
 
     def close(self) -> None:
         cv2.destroyAllWindows()
-
-    def _end(self) -> bool:
-        warn("preview: the window was closed; the stream goes on without it")
-        return False
 
 
 class _Files:
@@ -109,18 +107,17 @@ class _Files:
         self._folder = folder
         self._wrote = False
 
-    def show(self, picture: Picture) -> bool:
-        """Write a picture; return False once that has become impossible."""
+    def show(self, picture: Picture) -> str:
+        """Write a picture; return why that has become impossible, empty if it has not."""
         try:
             with atomic_files(self._folder) as target:
                 ImageFile(target / "latest.png").write(picture[..., ::-1])
         except InputError as error:
             if not self._wrote:
                 raise
-            warn(f"preview: {error}; the stream goes on without it")
-            return False
+            return str(error)
         self._wrote = True
-        return True
+        return ""
 
     def close(self) -> None:
         """Do nothing: no file is open between two pictures."""
@@ -130,8 +127,7 @@ class _Preview:
     """The pictures' destination, the time of the next one, and the rates."""
 
     def __init__(self, screen: _Window | _Files, pause: float) -> None:
-        self._screen: _Window | _Files | None = screen
-        self._pause = pause
+        self._screen, self._pause = screen, pause
         self._due = 0.0
         self.top = 0.0
         self._arrivals: deque[tuple[float, int]] = deque()
@@ -146,7 +142,7 @@ class _Preview:
         self._latency_s = touch.latency_s(now)
 
     def is_due(self) -> bool:
-        return self._screen is not None and clock.monotonic() >= self._due
+        return clock.monotonic() >= self._due
 
     def footer(self, state: LiveState | None) -> str:
         (start, frames), (end, last) = self._arrivals[0], self._arrivals[-1]
@@ -165,13 +161,13 @@ class _Preview:
 
     def show(self, picture: Picture) -> None:
         self._due = clock.monotonic() + self._pause
-        if self._screen is not None and not self._screen.show(picture):
-            self._screen.close()
-            self._screen = None
+        if reason := self._screen.show(picture):
+            warn(f"preview: {reason}; the stream goes on without it")
+            self._due = math.inf
+            self.close()
 
     def close(self) -> None:
-        if self._screen is not None:
-            self._screen.close()
+        self._screen.close()
 
 
 def _open_screen(where: Where, folder: Path) -> _Window | _Files:

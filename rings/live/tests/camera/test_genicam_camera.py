@@ -59,7 +59,7 @@ def test_cameras_are_listed_with_serial_and_formats(capsys: pytest.CaptureFixtur
 
 def test_size_and_rate_reach_the_camera_and_frames_are_counted() -> None:
     capture = open_capture(RED)
-    refused = settle(capture, CameraSettings(320, 240, 50.0))
+    refused = settle(capture, CameraSettings(width=320, height=240, rate=50.0))
     assert refused == []
     began, numbers = time.monotonic(), []
     for _ in range(10):
@@ -109,7 +109,7 @@ def test_two_cameras_run_side_by_side_and_one_is_opened_again() -> None:
 
 
 def test_its_frames_come_through_the_cameras_thread() -> None:
-    wanted = CameraSettings(200, 100, 100.0)
+    wanted = CameraSettings(width=200, height=100, rate=100.0)
     camera = Camera(lambda: open_capture(RED), wanted)
     try:
         camera.check(5.0, RED)
@@ -233,7 +233,7 @@ def test_a_stamp_is_in_seconds_whatever_the_cameras_clock_counts() -> None:
 
 def test_a_missing_camera_feature_is_reported_where_it_was_requested() -> None:
     capture = open_capture(RED)
-    refused = settle(capture, CameraSettings(400, 400, 30.0, exposure=5000.0))
+    refused = settle(capture, CameraSettings(width=400, height=400, rate=30.0, exposure=5000.0))
     assert refused == ["the camera keeps exposure at -1 instead of 5000"]
     assert capture.get(cv2.CAP_PROP_AUTO_EXPOSURE) == 0.25
     capture.release()

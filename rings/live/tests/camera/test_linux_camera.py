@@ -59,7 +59,9 @@ def test_of_the_formats_the_best_is_taken_or_the_one_asked_for(driver: Driver) -
 
 def test_size_rate_and_exposure_reach_the_driver(driver: Driver) -> None:
     capture = LinuxCapture(driver.node, colour=True)
-    refused = settle(capture, CameraSettings(16, 12, 25.0, exposure=250, gain=9, colour=True))
+    refused = settle(
+        capture, CameraSettings(width=16, height=12, rate=25.0, exposure=250, gain=9, colour=True)
+    )
     assert capture.grab()
     assert driver.rate == 25
     assert driver.controls[0x009A0901] == 1  # manual
@@ -92,7 +94,7 @@ def test_lost_frames_are_counted_by_the_kernels_numbers(driver: Driver) -> None:
     driver.frames.extend([4, jpeg()])
     camera = Camera(
         lambda: open_capture(driver.node, "linuxpy", colour=True),
-        CameraSettings(16, 12, 30.0, colour=True),
+        CameraSettings(width=16, height=12, rate=30.0, colour=True),
     )
     try:
         numbers: list[int] = []

@@ -338,7 +338,7 @@ class Stubborn:
 
 def test_a_setting_refused_by_the_driver_is_reported() -> None:
     camera = Stubborn()
-    refused = settle(camera, CameraSettings(640, 480, 30.0, exposure=50))
+    refused = settle(camera, CameraSettings(width=640, height=480, rate=30.0, exposure=50))
     assert camera.asked[cv2.CAP_PROP_AUTO_EXPOSURE] == 1
     assert camera.asked[cv2.CAP_PROP_AUTO_WB] == 0
     assert any("exposure" in line and "50" in line for line in refused)

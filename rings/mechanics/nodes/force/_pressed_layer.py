@@ -119,14 +119,6 @@ def pressed_layer(
     return PressedLayer(k, answer, side, side * pixel)
 
 
-def in_cells(plane: NDArray[Any], side: int) -> F4:
-    """Means of squares of `side` pixels; those at the border go on beyond it."""
-    down, right = (-size % side for size in plane.shape)
-    whole = np.pad(plane.astype(np.float32), ((0, down), (0, right)), mode="edge")
-    size = whole.shape[1] // side, whole.shape[0] // side
-    return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA))
-
-
 def filtered(plane: F4, gain: NDArray[Any]) -> F4:
     """A plane whose waves are multiplied by `gain`."""
     spectrum = dctn(plane, norm="ortho", workers=cores())

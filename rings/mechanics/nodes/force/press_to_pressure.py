@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from tactograph.rings.mechanics.nodes.force._pressed_layer import (
     PressedLayer,
     force_deviation,
-    in_cells,
     pressed_layer,
 )
 from tactograph.rings.mechanics.nodes.force.elastic_layer import Modulus, Poisson, Thickness
@@ -26,6 +25,7 @@ from tactograph.sdk import (
     node,
     warn,
 )
+from tactograph.sdk.nodes import coarsen
 
 Pressure = Annotated[F4, Port("H W", "kPa", low=-5, high=100)]
 """Normal pressure on the film."""
@@ -154,9 +154,10 @@ class _Place:
 
     def cells(self, plane: NDArray[Any], side: int) -> F4:
         """A map as seen, on cells of an even grid on the film; 0 where no pixel sees it."""
+        plane = plane.astype(np.float32)
         if self._places is not None:
-            _, (plane,) = self._view.on_even_grid(self._height, [plane.astype(np.float32)])
-        return in_cells(np.nan_to_num(plane), side)
+            _, (plane,) = self._view.on_even_grid(self._height, [plane])
+        return np.asarray(coarsen(np.nan_to_num(plane)[None], factor=side)[0])
 
     def apparent(self, plane: F4) -> F4:
         """A map on an even grid, as seen."""

@@ -189,12 +189,8 @@ def _misfit(key: _Key, now: Surface, motion: F8, levels: F8 | None) -> _Misfit |
     if levels is not None:
         far = (1 / (CAUCHY_SIGMAS * levels) ** 2).astype(np.float32)
         weight, share = weight / (1 + square * far[key.ring]), CAUCHY_VARIANCE_SHARE
-    sums = np.array(
-        [
-            np.bincount(key.ring.ravel(), plane.sum(axis=0).ravel(), RIM_RINGS)
-            for plane in (weight * square, share * weight)
-        ]
-    )
+    planes = (plane.sum(axis=0).ravel() for plane in (weight * square, share * weight))
+    sums = np.array([np.bincount(key.ring.ravel(), plane, RIM_RINGS) for plane in planes])
     # Film that hangs beside the contact does not move with it.
     inward = sums[:, ::-1].cumsum(axis=1)[:, ::-1]
     rms = np.sqrt(np.max([s[0] / np.maximum(s[1], 1e-9) for s in (sums, inward)], axis=0)) + 1e-9

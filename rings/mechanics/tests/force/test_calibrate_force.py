@@ -6,15 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rings.mechanics.tests.force.presses import (
-    F8,
-    FORCE,
-    MODULUS,
-    PEAK,
-    PIXEL,
-    RADIUS,
-    height,
-)
+from rings.mechanics.tests.force.presses import F8, FORCE, MODULUS, PEAK, PIXEL, RADIUS, height
 from tactograph.graph import InputError
 from tactograph.graph.errors import collect_warnings
 from tactograph.graph.files.read_graph import read_graph, with_overlays

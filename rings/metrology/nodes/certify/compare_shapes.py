@@ -1,7 +1,7 @@
 """Points of known shapes: the height that was found against the one that is true."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Gt
@@ -26,14 +26,14 @@ Numbers = Annotated[NDArray[np.int32], Port("M", "number")]
 class Compared(NamedTuple):
     """M points: true and found height, its stated deviation (NaN: none), shape and touch of each.
 
-    All are None where no shape is known.
+    There are none where no shape is known.
     """
 
-    true: Points | None = None
-    measured: Points | None = None
-    stated: Annotated[F8, Port("M", "mm", nan=True)] | None = None
-    shape: Numbers | None = None
-    touch: Numbers | None = None
+    true: Points = np.empty(0)
+    measured: Points = np.empty(0)
+    stated: Annotated[F8, Port("M", "mm", nan=True)] = np.empty(0)
+    shape: Numbers = np.empty(0, np.int32)
+    touch: Numbers = np.empty(0, np.int32)
 
 
 Pairs = tuple[F8, F8, F8]
@@ -73,7 +73,7 @@ def compare_shapes(
     """
     if height is None or pixel is None:
         return Compared()
-    parts: list[tuple[F8, ...]] = []
+    parts: list[tuple[NDArray[Any], ...]] = []
     for number, measured in enumerate(height):
         stated = np.full(measured.shape, np.nan) if error is None else error[number]
         truth_of_touch = None if truth is None else truth[number]
@@ -90,16 +90,13 @@ def compare_shapes(
         if not shapes:
             warn(f"touch {number + 1} shows no whole known shape; it is left out")
         for pairs in shapes:
-            count = len(pairs[0])
-            parts.append((*pairs, np.full(count, len(parts)), np.full(count, number)))
+            of = (np.full(len(pairs[0]), n, np.int32) for n in (len(parts), number))
+            parts.append((*pairs, *of))
     if not parts:
         raise InputError(
             "no touch shows a whole known shape; are they touches, and is `ball_radius_mm` right?"
         )
-    true, points, deviation, shape, touch = (
-        np.concatenate(each) for each in zip(*parts, strict=True)
-    )
-    return Compared(true, points, deviation, shape.astype(np.int32), touch.astype(np.int32))
+    return Compared(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def _by_truth(measured: F4, stated: F4, truth: F4, zero: str) -> Pairs:

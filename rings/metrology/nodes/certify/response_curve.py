@@ -56,7 +56,7 @@ def response_curve(compared: Compared) -> Response:
         of two touches or more ``reproducibility_percent`` of a height.
     """
     true, measured, _, shape, touch = compared
-    if true is None or measured is None or shape is None or touch is None:
+    if not len(true):
         return Response({})
     parts = response_parts(true, measured, shape)
     figures: dict[str, float] = {

@@ -87,8 +87,8 @@ def uncertainty_budget(
     """
     reference = radius_error_um / 1e3 / radius_mm if radius_error_um and radius_mm else None
     rows = _rows(compared, noise, flatness, reference)
-    true, measured, stated, shape, _ = compared
-    if true is None or measured is None or shape is None:
+    true, measured, stated, *_ = compared
+    if not len(true):
         return Budget(rows, {})
     top = 1e3 * float(np.abs(true).max())
     constant, relative = (float(np.sqrt(_variances(rows, z).sum())) for z in (0.0, 1.0))
@@ -109,12 +109,10 @@ def uncertainty_budget(
     held_out = _held_out(compared, noise, flatness, reference)
     if held_out is not None:
         figures["held_out_percent"], figures["held_out_error_percent"] = held_out
-    if stated is not None and np.isfinite(stated).any():
+    if np.isfinite(stated).any():
         is_stated = stated > 0
-        within = (
-            np.abs(measured - true)[is_stated]
-            <= norm.ppf((1 + COVERED_SHARE) / 2) * stated[is_stated]
-        )
+        deviations = np.abs(measured - true)[is_stated] / stated[is_stated]
+        within = deviations <= norm.ppf((1 + COVERED_SHARE) / 2)
         figures["stated_error_percent"] = 100 * float(within.mean())
     return Budget(rows, figures)
 
@@ -126,7 +124,7 @@ def _rows(
     amplification = linearity = fidelity = None
     shapes = np.inf
     true, measured, _, shape, _ = compared
-    if true is not None and measured is not None and shape is not None:
+    if len(true):
         parts = response_parts(true, measured, shape)
         shapes = float(len(parts.shapes))
         amplification = float(np.sqrt(np.mean(np.square(parts.shapes - 1))))
@@ -182,17 +180,14 @@ def _last_digit(value: float) -> float:
 
 def _held_out(compared: Compared, *others: Any) -> tuple[float, float] | None:
     """Per cent of points within intervals of the budget that other shapes give, and its doubt."""
-    true, measured, _, shape, _ = compared
-    assert true is not None
-    assert measured is not None
-    assert shape is not None
+    true, measured, stated, shape, touch = compared
     numbers = np.unique(shape)
     if len(numbers) <= MIN_REMAINING:
         return None
     inside, fold_count = np.zeros(len(true), bool), min(FOLD_COUNT, len(numbers))
     for fold in range(fold_count):
         out = np.isin(shape, numbers[fold::fold_count])
-        fitted = Compared(true[~out], measured[~out], None, shape[~out], None)
+        fitted = Compared(true[~out], measured[~out], stated[~out], shape[~out], touch[~out])
         inside[out] = _within(true[out], measured[out], _rows(fitted, *others))
     by_shape = np.array([inside[shape == number].mean() for number in numbers])
     return 100 * float(inside.mean()), 100 * float(by_shape.std(ddof=1) / np.sqrt(len(numbers)))

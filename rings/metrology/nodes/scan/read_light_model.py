@@ -55,31 +55,25 @@ def read_light_model(
         If a file is missing, is no light model, or is damaged.
     """
     file = find_light_model(file) if is_scan(file) else file
-    model_file = read_light_model_file(file)
-    x0, y0, x1, y1 = crop or (0, 0, model_file.width, model_file.height)
-    frame = np.broadcast_to(np.uint8(0), (model_file.height, model_file.width))
+    stored = read_light_model_file(file)
+    size = stored.width, stored.height
+    x0, y0, x1, y1 = crop or (0, 0, *size)
+    frame = np.broadcast_to(np.uint8(0), size[::-1])
     Layout(crop=crop).cropped(frame, file)  # refuses a crop beyond the frame
-    u, v = (
-        np.arange(first, last, dtype=np.float32) + (1 - size) / 2
-        for first, last, size in ((x0, x1, model_file.width), (y0, y1, model_file.height))
-    )
-    short = np.float32(min(model_file.width, model_file.height))
-    degree = max(DEGREE_BY_ROWS[model_file.linear.rows], DEGREE_BY_ROWS[model_file.quadratic.rows])
-    gain = (
-        None
-        if model_file.flat is None
-        else _gain(model_file.flat, file, (model_file.width, model_file.height), crop)
-    )
+    u, v = (np.arange(count, dtype=np.float32) + (1 - count) / 2 for count in size)
+    short = np.float32(min(size))
+    degree = max(DEGREE_BY_ROWS[matrix.rows] for matrix in (stored.linear, stored.quadratic))
+    gain = None if stored.flat is None else _gain(stored.flat, file, size)
     model = LightModel(
-        _by_term(model_file.quadratic, model_file.leds, MODEL_NUMBERS),
-        _by_term(model_file.linear, model_file.leds, 4)[:, :3],
-        u / short,
-        v / short,
+        _by_term(stored.quadratic, stored.leds, MODEL_NUMBERS),
+        _by_term(stored.linear, stored.leds, 4)[:, :3],
+        u[x0:x1] / short,
+        v[y0:y1] / short,
         float(degree),
-        np.array(model_file.black or model_file.leds * [0], np.float32),
-        gain,
+        np.array(stored.black or stored.leds * [0], np.float32),
+        None if gain is None else np.ascontiguousarray(gain[:, y0:y1, x0:x1]),
     )
-    return ScanLight(model if cell == 1 else on_cells(model, cell), cell * model_file.pixel_size)
+    return ScanLight(model if cell == 1 else on_cells(model, cell), cell * stored.pixel_size)
 
 
 def on_cells(model: LightModel, factor: int) -> LightModel:
@@ -112,23 +106,18 @@ def _by_term(stored: Matrix, leds: int, terms: int) -> F4:
 
     A last term that the file lacks scales the others by 1.
     """
-    matrix, degree = (
-        np.reshape(stored.values, (stored.rows, stored.cols)),
-        DEGREE_BY_ROWS[stored.rows],
-    )
+    matrix, degree = np.reshape(stored.values, (stored.rows, -1)), DEGREE_BY_ROWS[stored.rows]
     falling = np.repeat(np.arange(degree, -1, -1), np.arange(degree + 1, 0, -1))
     ascending = np.argsort(falling, kind="stable")
     by_term = np.zeros((leds, terms, MAX_MONOMIALS), np.float32)
     term_count = stored.cols // leds
-    by_term[:, :term_count, : stored.rows] = matrix[ascending].T.reshape(
-        leds, term_count, stored.rows
-    )
+    by_term[:, :term_count, : stored.rows] = matrix[ascending].T.reshape(leds, term_count, -1)
     if term_count < terms:
         by_term[:, -1, 0] = 1
     return by_term
 
 
-def _gain(flat: FlatField, file: Path, size: tuple[int, int], crop: Crop | None) -> F4:
+def _gain(flat: FlatField, file: Path, size: tuple[int, int]) -> F4:
     """K x H x W: what brings each LED's flat frame to its scale."""
     image = file.parent / PureWindowsPath(flat.image).name
     sheet = ImageFile(image).read()
@@ -144,12 +133,7 @@ def _gain(flat: FlatField, file: Path, size: tuple[int, int], crop: Crop | None)
     light = sheet.astype(np.float32) / np.float32(np.iinfo(sheet.dtype).max)
     tiles = np.maximum(light, np.float32(MIN_FLAT_LIGHT)).reshape(down, height, across, width)
     gains = [
-        cv2.resize(
-            np.float32(scale) / tiles[k // across, :, k % across],
-            size,
-            interpolation=cv2.INTER_CUBIC,
-        )
-        for k, scale in enumerate(flat.scale)
+        cv2.resize(scale / tiles[k // across, :, k % across], size, interpolation=cv2.INTER_CUBIC)
+        for k, scale in enumerate(np.array(flat.scale, np.float32))
     ]
-    x0, y0, x1, y1 = crop or (0, 0, *size)
-    return np.ascontiguousarray(np.stack(gains)[:, y0:y1, x0:x1])
+    return np.stack(gains)

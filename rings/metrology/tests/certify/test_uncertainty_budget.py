@@ -16,7 +16,8 @@ def touched(shapes: int, seed: int = 5) -> Compared:
     true = rng.uniform(0, 0.2, len(shape))
     gain = 1 + GAIN_ERROR * rng.normal(size=shapes)
     found = gain[shape] * true + 1e-3 * FIDELITY_UM * rng.normal(size=len(shape))
-    return Compared(true, found, None, shape.astype(np.int32), shape.astype(np.int32))
+    unstated = np.full(len(true), np.nan)
+    return Compared(true, found, unstated, shape.astype(np.int32), shape.astype(np.int32))
 
 
 def test_many_shapes_give_back_the_errors_that_were_put_in_and_k_of_two() -> None:

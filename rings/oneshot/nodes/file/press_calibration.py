@@ -6,8 +6,8 @@ from typing import Annotated, NamedTuple
 from pydantic import AfterValidator
 
 from tactograph.rings.oneshot.nodes.map.raise_walls import WallGain
+from tactograph.rings.oneshot.nodes.map.reflectance_map import ReflectanceMap
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import MattDeviation
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.sdk import CheckRanks, Dark, FileKind, Lens, Light, Mask, Misfit, PixelSize, Stored
 
 

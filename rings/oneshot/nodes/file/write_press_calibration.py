@@ -4,7 +4,7 @@ from tactograph.rings.oneshot.nodes.file.press_calibration import (
     PRESS_CALIBRATION,
     NewPressCalibration,
 )
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
+from tactograph.rings.oneshot.nodes.map.reflectance_map import ReflectanceMap
 from tactograph.sdk import Lens, Light, Mask, PixelSize, Provenance, SensorIdentity, node, warn
 
 

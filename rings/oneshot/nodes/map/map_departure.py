@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 
 from tactograph.rings.oneshot.nodes.map.mapped_light import mapped_light
-from tactograph.rings.oneshot.nodes.map.reflectance_map import PLACE_TERMS, SHADE_COUNT
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
+from tactograph.rings.oneshot.nodes.map.reflectance_map import ReflectanceMap, rough_film
 from tactograph.sdk import F4, Close, Height, Light, LightDeparture, Misfit, SizeLimit, Slope, node
 
 MIN_MAP_ERROR = 0.007
@@ -50,18 +49,8 @@ map_departure.opencl(grid="H W", lanes="rows")
 
 @map_departure.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """Lights from all sides, and light that departs from theirs by some per cent."""
-    azimuth = 2 * np.pi * np.arange(K) / K
-    reflectance = rng.uniform(-0.02, 0.02, (K, SHADE_COUNT, PLACE_TERMS)).astype(np.float32)
-    reflectance[:, 0, 0] += 0.6 * np.cos(azimuth)
-    reflectance[:, 1, 0] += 0.6 * np.sin(azimuth)
-    slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)
-    height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
-    light: F4 = mapped_light(slope, height, reflectance)
-    return {
-        "light": (light + rng.normal(0, 0.03, light.shape)).astype(np.float32),
-        "slope": slope,
-        "height": height,
-        "reflectance": reflectance,
-        "misfit": np.array([0.05, 0, 0.02, 0, 0], np.float32),
-    }
+    """A rough film whose light departs from its map's by some per cent."""
+    film = rough_film(rng, K, H, W)
+    light: F4 = mapped_light(**film)
+    departed = (light + rng.normal(0, 0.03, light.shape)).astype(np.float32)
+    return {**film, "light": departed, "misfit": np.array([0.05, 0, 0.02, 0, 0], np.float32)}

@@ -8,8 +8,11 @@ from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.map.map_departure import MIN_MAP_ERROR
 from tactograph.rings.oneshot.nodes.map.raise_walls import BLUR_PX, MIN_SLOPE, uphill
-from tactograph.rings.oneshot.nodes.map.reflectance_map import maps_over_film, shading
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
+from tactograph.rings.oneshot.nodes.map.reflectance_map import (
+    ReflectanceMap,
+    maps_over_film,
+    shading,
+)
 from tactograph.sdk import (
     F4,
     Height,

@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from tactograph.rings.oneshot.nodes.map.reflectance_map import terms
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
+from tactograph.rings.oneshot.nodes.map.reflectance_map import ReflectanceMap, terms
 from tactograph.rings.recheck.nodes import TiltResponse
 from tactograph.sdk import Light, node
 
-HARMONIC_X, HARMONIC_Y, HARMONIC_XZ, HARMONIC_YZ = 0, 1, 4, 5
-"""Harmonics that change with a tilt of the film at rest, to first order."""
+LINEAR_HARMONICS, MIXED_HARMONICS = [0, 1], [4, 5]
+"""x and y, xz and yz: harmonics that change with a tilt of the film at rest, to first order."""
 
 
 @node
@@ -26,11 +25,5 @@ def map_tilt(flat: Light, reflectance: ReflectanceMap) -> TiltResponse:
     rows, columns = flat.shape[1:]
     y, x = np.indices((rows, columns)).reshape(2, -1).astype(np.float64)
     place = terms(x, y, (rows, columns))
-    by = np.stack(
-        [
-            reflectance[:, HARMONIC_X] + reflectance[:, HARMONIC_XZ],
-            reflectance[:, HARMONIC_Y] + reflectance[:, HARMONIC_YZ],
-        ],
-        axis=1,
-    )
+    by = reflectance[:, LINEAR_HARMONICS] + reflectance[:, MIXED_HARMONICS]
     return np.asarray(-(by @ place).reshape(*by.shape[:2], rows, columns), np.float32)

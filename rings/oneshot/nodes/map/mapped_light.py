@@ -1,16 +1,14 @@
 """Light of a film whose dependence on slope varies over the film."""
 
-from typing import Any
-
 import numpy as np
 
 from tactograph.rings.oneshot.nodes.map.reflectance_map import (
-    PLACE_TERMS,
     SHADE_COUNT,
+    ReflectanceMap,
     maps_over_film,
+    rough_film,
     shading,
 )
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.sdk import Close, Height, Light, SizeLimit, Slope, SlopeNormal, node
 
 
@@ -33,13 +31,4 @@ def mapped_light(slope: Slope, height: Height, reflectance: ReflectanceMap) -> L
 
 
 mapped_light.opencl(grid="K H W", lanes="rows")
-
-
-@mapped_light.example
-def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """Lights from all sides on a rough film."""
-    reflectance = rng.uniform(-0.02, 0.02, (K, SHADE_COUNT, PLACE_TERMS)).astype(np.float32)
-    reflectance[:, :2, 0] += rng.uniform(-0.6, 0.6, (K, 2))
-    slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)
-    height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
-    return {"reflectance": reflectance, "slope": slope, "height": height}
+mapped_light.example(rough_film)

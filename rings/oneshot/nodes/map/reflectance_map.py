@@ -10,35 +10,25 @@ rest, so that a film at rest (n = z axis, z = 0) has 1 exactly; z is the height 
 is a polynomial of degree 4 in x and y.  ``kernels/slope/solve_reflectance_map.cl`` holds the same.
 """
 
-from typing import NamedTuple
+from typing import Annotated
 
 import numpy as np
 
-from tactograph.sdk import F4, F8, SlopeNormal, robust_deviation
+from tactograph.sdk import F4, F8, Port, SlopeNormal, robust_deviation
+
+ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
+"""Coefficients of equation M1: 9 shades, 15 monomials of the place."""
 
 PLACE_DEGREE = 4
 PLACE_TERMS = 15
 SHADE_COUNT = 9
 """Eight harmonics and the height."""
-PIXELS_PER_PRESS = 120
-"""Number of pixels fitted per press: 27 functions of the slope need no more."""
-FITTED_RADIUS_SHARE = 0.85
-"""Share of the contact's radius that is fitted: the film leaves the ball before the rim."""
 CAUCHY_SIGMAS = 3.0
 """Scale of Cauchy's weight, in standard deviations of the residual."""
 NO_LIGHT = np.float32(-1)
 """Light less 1 of film that faces away from a light."""
 RIDGE_SHARE = 1e-6
 """Relative regularisation that keeps terms which the presses do not determine at zero."""
-
-
-class Pixels(NamedTuple):
-    """Pixels of one press that are fitted: x, y of length N, light less 1 and weight K x N."""
-
-    x: F8
-    y: F8
-    light: F8
-    weight: F8
 
 
 def terms(x: F8, y: F8, shape: tuple[int, int]) -> F8:
@@ -56,22 +46,6 @@ def shades(slope: F8, height: F8) -> F8:
     """Return B of equation M1 and the height: 9 x N."""
     at_rest, bent = (SlopeNormal(*at).harmonics for at in (np.zeros((2, 1)), np.asarray(slope)))
     return np.concatenate([(bent - at_rest)[1:], height[None]])
-
-
-def ball_pixels(light: F4, flat: F4, circle: F8, most: int = PIXELS_PER_PRESS) -> Pixels:
-    """Return pixels evenly spread over the inner part of a contact circle (x, y, radius)."""
-    y, x = np.indices(flat.shape[1:])
-    inside = np.flatnonzero(
-        np.hypot(x - circle[0], y - circle[1]) < FITTED_RADIUS_SHARE * circle[2]
-    )
-    # A stride that does not divide the rows' length spreads the pixels over all columns.
-    inside = inside[:: inside.size // most + 1]
-    return Pixels(
-        x.flat[inside].astype(np.float64),
-        y.flat[inside].astype(np.float64),
-        light.reshape(len(light), -1)[:, inside].astype(np.float64) - 1,
-        flat.reshape(len(flat), -1)[:, inside].astype(np.float64),
-    )
 
 
 def robust_weights(error: F8, weight: F8) -> F8:
@@ -124,3 +98,15 @@ def shading(n: tuple[F4, F4, F4], c: F4) -> tuple[F4, tuple[F4, F4, F4]]:
     )
     lit = value > NO_LIGHT
     return np.maximum(value, NO_LIGHT), (gradient[0] * lit, gradient[1] * lit, gradient[2] * lit)
+
+
+def rough_film(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, F4]:
+    """Return an example of a rough film under lights from all sides, for tests."""
+    azimuth = 2 * np.pi * np.arange(K) / K
+    reflectance = rng.uniform(-0.02, 0.02, (K, SHADE_COUNT, PLACE_TERMS)).astype(np.float32)
+    reflectance[:, 0, 0] += 0.6 * np.cos(azimuth)
+    reflectance[:, 1, 0] += 0.6 * np.sin(azimuth)
+    reflectance[:, 2, 0] += 0.8
+    slope = rng.uniform(-0.5, 0.5, (2, H, W)).astype(np.float32)
+    height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
+    return {"reflectance": reflectance, "slope": slope, "height": height}

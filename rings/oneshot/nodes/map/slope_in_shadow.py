@@ -6,8 +6,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.rings.oneshot.nodes.map.reflectance_map import SHADE_COUNT, shading, terms
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap, solved
+from tactograph.rings.oneshot.nodes.map.reflectance_map import (
+    SHADE_COUNT,
+    ReflectanceMap,
+    shading,
+    terms,
+)
+from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import solved
 from tactograph.sdk import F4, Height, Light, Port, Slope, SlopeNormal, node
 
 MattDeviation = Annotated[float, Port(unit="1")]

@@ -5,28 +5,16 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Gt, Interval
 
+from tactograph.rings.oneshot.nodes.map.mapped_light import mapped_light
 from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     PLACE_DEGREE,
-    PLACE_TERMS,
     SHADE_COUNT,
+    ReflectanceMap,
     maps_over_film,
+    rough_film,
     shading,
 )
-from tactograph.sdk import (
-    F4,
-    Close,
-    Height,
-    Launch,
-    Light,
-    Port,
-    SizeLimit,
-    Slope,
-    SlopeNormal,
-    node,
-)
-
-ReflectanceMap = Annotated[F4, Port("K 9 15", "1", low=-0.3, high=0.3)]
-"""Coefficients of equation M1 (`reflectance_map`): 9 shades, 15 monomials of the place."""
+from tactograph.sdk import F4, Close, Height, Launch, Light, SizeLimit, Slope, SlopeNormal, node
 
 STILL_RAD = 1e-3
 """Longest step after which a pixel stops, or half of `max_turn_rad` if that is less."""
@@ -137,22 +125,8 @@ def _launch(run: Launch) -> None:
 
 
 @solve_reflectance_map.example
-def _coloured_film(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
-    """Lights from all sides that vary over the film, and a rough surface under them."""
-    count, shape = sizes["K"], (sizes["H"], sizes["W"])
-    azimuth = 2 * np.pi * np.arange(count) / count
-    reflectance = rng.uniform(-0.02, 0.02, (count, SHADE_COUNT, PLACE_TERMS))
-    reflectance[:, 0, 0] += 0.6 * np.cos(azimuth)
-    reflectance[:, 1, 0] += 0.6 * np.sin(azimuth)
-    reflectance[:, 2, 0] += 0.8
-    p, q = rng.uniform(-0.5, 0.5, (2, *shape))
-    w = 1 / np.sqrt(1 + p * p + q * q)
-    light = [
-        1 + shading((-p * w, -q * w, w), maps)[0]
-        for maps in maps_over_film(reflectance.astype(np.float32), shape)
-    ]
-    return {
-        "light": np.asarray(light, np.float32),
-        "reflectance": reflectance.astype(np.float32),
-        "height": rng.uniform(0, 0.5, shape).astype(np.float32),
-    }
+def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
+    """A rough film under lights from all sides."""
+    film = rough_film(rng, K, H, W)
+    light = mapped_light(**film)
+    return {name: film[name] for name in ("reflectance", "height")} | {"light": light}

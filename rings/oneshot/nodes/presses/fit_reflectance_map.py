@@ -3,7 +3,7 @@
 Long because map, centres and the rim's height depend on one another and are fitted in turn.
 """
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, NamedTuple, Self
 
 import numpy as np
 from annotated_types import Gt, Interval
@@ -15,8 +15,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     PLACE_TERMS,
     RIDGE_SHARE,
     SHADE_COUNT,
-    Pixels,
-    ball_pixels,
+    ReflectanceMap,
     predicted,
     robust_weights,
     shades,
@@ -24,10 +23,7 @@ from tactograph.rings.oneshot.nodes.map.reflectance_map import (
 )
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import slope_in_shadow
 from tactograph.rings.oneshot.nodes.map.smooth_slope import smooth_slope
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import (
-    ReflectanceMap,
-    solve_reflectance_map,
-)
+from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import solve_reflectance_map
 from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
 from tactograph.rings.oneshot.nodes.presses.find_presses import MIN_PRESSES
 from tactograph.sdk import (
@@ -52,6 +48,10 @@ from tactograph.sdk.nodes import (
     rest_at_border,
 )
 
+PIXELS_PER_PRESS = 120
+"""Number of pixels fitted per press: 27 functions of the slope need no more."""
+FITTED_RADIUS_SHARE = 0.85
+"""Share of the contact's radius that is fitted: the film leaves the ball before the rim."""
 ROUGH_PASSES = 2
 """Solutions for the slope on cells, each with the height of the one before."""
 MAX_RIM_PRESSES = 7
@@ -85,6 +85,20 @@ class MapFit(NamedTuple):
     residual: Annotated[F4, Port("K", "1")]
 
 
+class Pixels(NamedTuple):
+    """Pixels of one press that are fitted."""
+
+    x: F8
+    y: F8
+    """Of length N, in px."""
+    place: F8
+    """Their `terms`, 15 x N."""
+    light: F8
+    """Light less 1, K x N."""
+    weight: F8
+    """K x N."""
+
+
 class Bench(NamedTuple):
     """Inputs of every step of the fit: relative light of each ball's press, film at rest,
     ball radius in px, mm per px, and degree of the polynomials."""
@@ -95,9 +109,152 @@ class Bench(NamedTuple):
     pixel: float
     degree: int
 
+    @classmethod
+    def of(
+        cls,
+        image: F4,
+        flat: F4,
+        radius_mm: float,
+        pixel: float,
+        degree: int,
+        balls: FoundBalls | None = None,
+    ) -> Self:
+        """Return the inputs for presses P x K x H x W; `balls` of None: one in every press."""
+        light = [flat_presses(press, flat) for press in image]
+        press_light = light if balls is None else [light[press] for press in balls.of]
+        return cls(press_light, flat, radius_mm / pixel, pixel, degree)
+
     @property
     def shape(self) -> tuple[int, int]:
         return int(self.flat.shape[1]), int(self.flat.shape[2])
+
+    def ball(self, circle: F8) -> PressedBall:
+        """Return the ball that made a contact."""
+        return PressedBall(circle, self.radius, self.pixel)
+
+    def pixels(self, press: int, circle: F8, most: int = PIXELS_PER_PRESS) -> Pixels:
+        """Return pixels evenly spread over the inner part of a contact circle (x, y, radius)."""
+        y, x = np.indices(self.shape).reshape(2, -1)
+        reach = FITTED_RADIUS_SHARE * circle[2]
+        inside = np.flatnonzero(np.hypot(x - circle[0], y - circle[1]) < reach)
+        # A stride that does not divide the rows' length spreads the pixels over all columns.
+        inside = inside[:: inside.size // most + 1]
+        place = x[inside].astype(np.float64), y[inside].astype(np.float64)
+        light, weight = (
+            planes.reshape(len(planes), -1)[:, inside].astype(np.float64)
+            for planes in (self.light[press], self.flat)
+        )
+        return Pixels(*place, terms(*place, self.shape), light - 1, weight)
+
+    def shades(self, circle: F8, pixels: Pixels, rim: float) -> F8:
+        """Return B of equation M1 on a ball whose contact's rim is lifted by `rim` mm."""
+        slope, rise = self.ball(circle).shape(pixels.x, pixels.y)
+        return shades(slope, rise + rim)
+
+    def fit_presses(
+        self, circles: F8, is_used: np.ndarray, rim: float, rounds: int
+    ) -> tuple[F8, F8]:
+        """Update map and centres in turn; return both."""
+        circles = circles.copy()
+        for _ in range(rounds):
+            reflectance = self._map(circles, is_used, rim)
+            for press in np.flatnonzero(is_used).tolist():
+                circles[press] = self.refine_center(reflectance, circles[press], press, rim)
+        return self._map(circles, is_used, rim), circles
+
+    def refine_center(
+        self, reflectance: F8, circle: F8, press: int, rim: float, steps: int = 2
+    ) -> F8:
+        """Move a circle to where the map explains the press best: robust Gauss-Newton."""
+        circle = circle.copy()
+        pixels = self.pixels(press, circle)
+        nudge = 0.1
+        for _ in range(steps):
+            residual, by_x, by_y = (
+                self._misfit(reflectance, circle + nudge * np.array(d), pixels, rim)
+                for d in ((0, 0, 0), (1, 0, 0), (0, 1, 0))
+            )
+            jacobian = np.stack([by_x - residual, by_y - residual]) / nudge
+            weighted = jacobian * robust_weights(residual, pixels.weight)
+            normal = np.einsum("akn,bkn->ab", weighted, jacobian)
+            move = -np.linalg.solve(
+                normal + 1e-9 * np.trace(normal) * np.eye(2),
+                np.einsum("akn,kn->a", weighted, residual),
+            )
+            circle[:2] += move * min(1.0, MAX_CENTRE_STEP_PX / max(float(np.hypot(*move)), 1e-9))
+        return circle
+
+    def reconstruct(self, reflectance: F8, press: int, deviation: float = 0.0) -> tuple[F4, F4]:
+        """Return slope and height of a press, as the graph `gelsight_mini` computes them."""
+        light, coefficients = self.light[press], reflectance.astype(np.float32)
+        light_c, flat_c, pixel_c = coarsen(light), coarsen(self.flat), coarsen_pixel(self.pixel)
+        height = np.zeros(light_c.shape[1:], np.float32)
+        for _ in range(ROUGH_PASSES):
+            slope = _slope(light_c, flat_c, height, coefficients, deviation)
+            height = rest_at_border(integrate_dct(slope, pixel_c))
+        slope = _slope(light, self.flat, enlarge_height(height, light), coefficients, deviation)
+        slope = smooth_slope(slope)
+        return slope, rest_at_border(integrate_dct(slope, self.pixel))
+
+    def measure_rim(self, reflectance: F8, circles: F8, is_used: np.ndarray) -> float:
+        """Return the median height in mm by which the film lifts the rims of some presses."""
+        some = np.flatnonzero(is_used)[:: int(is_used.sum()) // MAX_RIM_PRESSES + 1]
+        return float(np.median([self._rim(reflectance, circles[i], i) for i in some]))
+
+    def residuals(self, reflectance: F8, circles: F8, is_used: np.ndarray, rim: float) -> F8:
+        """Root mean square residuals of the presses under the map, P x K; 0 where left out."""
+        residuals = np.zeros((len(circles), len(self.flat)))
+        for i in np.flatnonzero(is_used).tolist():
+            residual = self._misfit(reflectance, circles[i], self.pixels(i, circles[i]), rim)
+            residuals[i] = np.sqrt(np.mean(residual**2, axis=1))
+        return residuals
+
+    def outliers(self, reflectance: F8, circles: F8, is_used: np.ndarray, rim: float) -> np.ndarray:
+        """Flag the remaining presses that the map explains far worse than the rest."""
+        squares = np.square(self.residuals(reflectance, circles, is_used, rim))
+        residual = np.zeros(len(circles))
+        for i in np.flatnonzero(is_used).tolist():
+            # Dim, noisy lights count less.
+            y, x = np.clip(circles[i, 1::-1].round().astype(int), 0, np.subtract(self.shape, 1))
+            residual[i] = np.sqrt(np.average(squares[i], weights=self.flat[:, y, x]))
+        middle = np.median(residual[is_used])
+        spread = robust_deviation(residual[is_used] - middle)
+        high = max(middle + MAX_DEVIATIONS * spread, MAX_MEDIANS * middle)
+        return np.asarray(is_used & (residual > high))
+
+    def _rim(self, reflectance: F8, circle: F8, press: int) -> float:
+        _, height = self.reconstruct(reflectance, press)
+        y, x = (i.astype(np.float64) for i in np.indices(self.shape))
+        _, rise = self.ball(circle).shape(x, y)
+        distance = np.hypot(x - circle[0], y - circle[1]) / circle[2]
+        ring = (distance > 0.8) & (distance < 0.95)
+        return float(np.median((height - rise)[ring]))
+
+    def _misfit(self, reflectance: F8, circle: F8, pixels: Pixels, rim: float) -> F8:
+        """Residual of a press's light under the map: K x N."""
+        shade = self.shades(circle, pixels, rim)
+        return pixels.light - predicted(reflectance, shade, pixels.place)
+
+    def _map(self, circles: F8, is_used: np.ndarray, rim: float) -> F8:
+        """Robust least squares over all used presses: K x 9 x 15."""
+        used = (self.degree + 1) * (self.degree + 2) // 2
+        rows, light, weight = [], [], []
+        for press in np.flatnonzero(is_used).tolist():
+            pixels = self.pixels(press, circles[press])
+            shade = self.shades(circles[press], pixels, rim)
+            rows.append((shade[:, None] * pixels.place[:used]).reshape(SHADE_COUNT * used, -1))
+            light.append(pixels.light)
+            weight.append(pixels.weight)
+        basis, lights = np.concatenate(rows, axis=1), np.concatenate(light, axis=1)
+        weights = np.concatenate(weight, axis=1)
+        x, y, _ = circles[is_used].T
+        steep = _steep_film(terms(x, y, self.shape)[:used])
+        reflectance = np.zeros((len(lights), SHADE_COUNT, PLACE_TERMS))
+        for k, (plane, even) in enumerate(zip(lights, weights, strict=True)):
+            lambertian = _lamberts_law(basis, plane, even, steep)
+            fitted = _robust_fit(basis, plane, even / even.mean(), steep, lambertian)
+            reflectance[k, :, :used] = fitted.reshape(SHADE_COUNT, used)
+        return reflectance
 
 
 @node
@@ -142,11 +299,11 @@ def fit_reflectance_map(
         If fewer than 4 presses are left.
     """
     selection = circle[:, 2] > 0
-    bench = make_bench(image, flat, radius_mm, pixel, degree_for(int(selection.sum())), balls)
+    bench = Bench.of(image, flat, radius_mm, pixel, degree_for(int(selection.sum())), balls)
     circles = circle.astype(np.float64)
     rim = FIRST_RIM_MM
-    reflectance, circles = fit_presses(bench, circles, selection, rim, rounds)
-    outliers = _outliers(bench, reflectance, circles, selection, rim)
+    reflectance, circles = bench.fit_presses(circles, selection, rim, rounds)
+    outliers = bench.outliers(reflectance, circles, selection, rim)
     for press in np.flatnonzero(outliers):
         warn(f"press {names[press]} is left out: its light does not fit that of the others")
     selection &= ~outliers
@@ -155,10 +312,10 @@ def fit_reflectance_map(
             f"{int(selection.sum())} presses agree, and {MIN_PRESSES} are needed; press more"
         )
     for _ in range(RIM_ROUNDS):
-        reflectance, circles = fit_presses(bench, circles, selection, rim, 1)
-        rim = measure_rim(bench, reflectance, circles, selection)
-    reflectance, circles = fit_presses(bench, circles, selection, rim, 1)
-    residuals = _residuals(bench, reflectance, circles, selection, rim)
+        reflectance, circles = bench.fit_presses(circles, selection, rim, 1)
+        rim = bench.measure_rim(reflectance, circles, selection)
+    reflectance, circles = bench.fit_presses(circles, selection, rim, 1)
+    residuals = bench.residuals(reflectance, circles, selection, rim)
     return MapFit(
         reflectance.astype(np.float32),
         circles.astype(np.float32),
@@ -174,127 +331,17 @@ def degree_for(presses: int) -> int:
     return max(fitting, default=0)
 
 
-def make_bench(
-    image: F4,
-    flat: F4,
-    radius_mm: float,
-    pixel: float,
-    degree: int,
-    balls: FoundBalls | None = None,
-) -> Bench:
-    """Return the inputs of the fit's steps; the light is relative to the film at rest."""
-    light = [flat_presses(press, flat) for press in image]
-    press_light = light if balls is None else [light[press] for press in balls.of]
-    return Bench(press_light, flat, radius_mm / pixel, pixel, degree)
-
-
-def fit_presses(
-    bench: Bench, circles: F8, is_used: np.ndarray, rim: float, rounds: int
-) -> tuple[F8, F8]:
-    """Update map and centres in turn; return both."""
-    circles = circles.copy()
-    for _ in range(rounds):
-        reflectance = _fit_map(bench, circles, is_used, rim)
-        for press in np.flatnonzero(is_used).tolist():
-            circles[press] = refine_center(bench, reflectance, circles[press], press, rim)
-    return _fit_map(bench, circles, is_used, rim), circles
-
-
-def refine_center(
-    bench: Bench, reflectance: F8, circle: F8, press: int, rim: float, steps: int = 2
-) -> F8:
-    """Move a circle to where the map explains the press best: robust Gauss-Newton."""
-    circle = circle.copy()
-    pixels = ball_pixels(bench.light[press], bench.flat, circle)
-    place = terms(pixels.x, pixels.y, bench.shape)
-    nudge = 0.1
-    for _ in range(steps):
-        residual, by_x, by_y = (
-            _misfit(bench, reflectance, circle + nudge * np.array(d), pixels, place, rim)
-            for d in ((0, 0, 0), (1, 0, 0), (0, 1, 0))
-        )
-        jacobian = np.stack([by_x - residual, by_y - residual]) / nudge
-        weighted = jacobian * robust_weights(residual, pixels.weight)
-        normal = np.einsum("akn,bkn->ab", weighted, jacobian)
-        move = -np.linalg.solve(
-            normal + 1e-9 * np.trace(normal) * np.eye(2), np.einsum("akn,kn->a", weighted, residual)
-        )
-        circle[:2] += move * min(1.0, MAX_CENTRE_STEP_PX / max(float(np.hypot(*move)), 1e-9))
-    return circle
-
-
-def reconstruct(bench: Bench, reflectance: F8, press: int, deviation: float = 0.0) -> tuple[F4, F4]:
-    """Return slope and height of a press, as the graph `gelsight_mini` computes them."""
-    light, coefficients = bench.light[press], reflectance.astype(np.float32)
-    light_c, flat_c, pixel_c = coarsen(light), coarsen(bench.flat), coarsen_pixel(bench.pixel)
-    height = np.zeros(light_c.shape[1:], np.float32)
-    for _ in range(ROUGH_PASSES):
-        slope = _slope(light_c, flat_c, height, coefficients, deviation)
-        height = rest_at_border(integrate_dct(slope, pixel_c))
-    slope = _slope(light, bench.flat, enlarge_height(height, light), coefficients, deviation)
-    slope = smooth_slope(slope)
-    return slope, rest_at_border(integrate_dct(slope, bench.pixel))
-
-
 def _slope(light: F4, flat: F4, height: F4, reflectance: F4, deviation: float) -> F4:
     slope = solve_reflectance_map(light, flat, height, reflectance)
     return slope_in_shadow(slope, light, flat, height, reflectance, deviation)
 
 
-def measure_rim(bench: Bench, reflectance: F8, circles: F8, is_used: np.ndarray) -> float:
-    """Return the median height in mm by which the film lifts the rims of some presses."""
-    some = np.flatnonzero(is_used)[:: int(is_used.sum()) // MAX_RIM_PRESSES + 1]
-    return float(np.median([_rim_of(bench, reflectance, circles[i], i) for i in some]))
-
-
-def _rim_of(bench: Bench, reflectance: F8, circle: F8, press: int) -> float:
-    _, height = reconstruct(bench, reflectance, press)
-    y, x = (i.astype(np.float64) for i in np.indices(bench.shape))
-    _, rise = PressedBall(circle, bench.radius, bench.pixel).shape(x, y)
-    distance = np.hypot(x - circle[0], y - circle[1]) / circle[2]
-    ring = (distance > 0.8) & (distance < 0.95)
-    return float(np.median((height - rise)[ring]))
-
-
-def _shades(bench: Bench, circle: F8, pixels: Pixels, rim: float) -> F8:
-    slope, rise = PressedBall(circle, bench.radius, bench.pixel).shape(pixels.x, pixels.y)
-    return shades(slope, rise + rim)
-
-
-def _misfit(bench: Bench, reflectance: F8, circle: F8, pixels: Pixels, place: F8, rim: float) -> F8:
-    """Residual of a press's light under the map: K x N."""
-    return pixels.light - predicted(reflectance, _shades(bench, circle, pixels, rim), place)
-
-
-def _fit_map(bench: Bench, circles: F8, is_used: np.ndarray, rim: float) -> F8:
-    """Robust least squares over all kept presses: K x 9 x 15."""
-    used = (bench.degree + 1) * (bench.degree + 2) // 2
-    rows, light, weight = [], [], []
-    for press in np.flatnonzero(is_used).tolist():
-        pixels = ball_pixels(bench.light[press], bench.flat, circles[press])
-        place = terms(pixels.x, pixels.y, bench.shape)[:used]
-        shade = _shades(bench, circles[press], pixels, rim)
-        rows.append((shade[:, None] * place).reshape(SHADE_COUNT * used, -1))
-        light.append(pixels.light)
-        weight.append(pixels.weight)
-    basis, lights = np.concatenate(rows, axis=1), np.concatenate(light, axis=1)
-    weights = np.concatenate(weight, axis=1)
-    steep = _steep_film(bench, circles[is_used], used)
-    reflectance = np.zeros((len(lights), SHADE_COUNT, PLACE_TERMS))
-    for k, (plane, even) in enumerate(zip(lights, weights, strict=True)):
-        lambertian = _lamberts_law(basis, plane, even, steep)
-        fitted = _robust_fit(basis, plane, even / even.mean(), steep, lambertian)
-        reflectance[k, :, :used] = fitted.reshape(SHADE_COUNT, used)
-    return reflectance
-
-
-def _steep_film(bench: Bench, circles: F8, used: int) -> F8:
-    """The columns of the fit for film at the presses' places that is steeper than balls are."""
+def _steep_film(place: F8) -> F8:
+    """The columns of the fit for film at these places that is steeper than balls are."""
     turn = 2 * np.pi * np.arange(STEEP_AZIMUTH_COUNT) / STEEP_AZIMUTH_COUNT
     tilt = np.multiply.outer(np.stack([np.cos(turn), np.sin(turn)]), STEEP_SLOPES).reshape(2, -1)
     shade = shades(tilt, np.zeros(tilt.shape[1]))
-    place = terms(circles[:, 0], circles[:, 1], bench.shape)[:used]
-    return (shade[:, None, :, None] * place[:, None, :]).reshape(SHADE_COUNT * used, -1)
+    return (shade[:, None, :, None] * place[:, None, :]).reshape(SHADE_COUNT * len(place), -1)
 
 
 def _lamberts_law(basis: F8, light: F8, even: F8, steep: F8) -> F8:
@@ -334,30 +381,3 @@ def _robust_fit(basis: F8, light: F8, even: F8, steep: F8, lambertian: F8) -> F8
         spread = np.square(robust_deviation(residual) / LAMBERT_DEVIATION)
         steep_weight = spread * ((coefficients @ steep > NO_LIGHT) | (lambertian > NO_LIGHT))
     return coefficients
-
-
-def _residuals(bench: Bench, reflectance: F8, circles: F8, is_used: np.ndarray, rim: float) -> F8:
-    """Root mean square residuals of the presses under the map, P x K; 0 where left out."""
-    residuals = np.zeros((len(circles), len(bench.flat)))
-    for i in np.flatnonzero(is_used).tolist():
-        pixels = ball_pixels(bench.light[i], bench.flat, circles[i])
-        place = terms(pixels.x, pixels.y, bench.shape)
-        residual = _misfit(bench, reflectance, circles[i], pixels, place, rim)
-        residuals[i] = np.sqrt(np.mean(residual**2, axis=1))
-    return residuals
-
-
-def _outliers(
-    bench: Bench, reflectance: F8, circles: F8, is_used: np.ndarray, rim: float
-) -> np.ndarray:
-    """Flag the remaining presses that the map explains far worse than the rest."""
-    squares = np.square(_residuals(bench, reflectance, circles, is_used, rim))
-    residual = np.zeros(len(circles))
-    for i in np.flatnonzero(is_used).tolist():
-        # Dim, noisy lights count less.
-        y, x = np.clip(circles[i, 1::-1].round().astype(int), 0, np.subtract(bench.shape, 1))
-        residual[i] = np.sqrt(np.average(squares[i], weights=bench.flat[:, y, x]))
-    middle = np.median(residual[is_used])
-    spread = robust_deviation(residual[is_used] - middle)
-    high = max(middle + MAX_DEVIATIONS * spread, MAX_MEDIANS * middle)
-    return np.asarray(is_used & (residual > high))

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.map.map_error import map_error
 from tactograph.rings.oneshot.nodes.map.raise_walls import edge_lack, uphill
+from tactograph.rings.oneshot.nodes.map.reflectance_map import ReflectanceMap
 from tactograph.rings.oneshot.nodes.map.slope_in_shadow import matt_deviation
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.rings.oneshot.nodes.presses import PressImages
-from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import make_bench, reconstruct
+from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import Bench
 from tactograph.sdk import F4, F8, Height, InputError, Judged, Light, PixelSize, Port, node
 from tactograph.sdk.nodes import coarsen, find_contact, integrate_dct, rest_at_border
 
@@ -65,13 +65,13 @@ def judge_punches(
             "one each in order of the folders' names"
         )
     depths = np.broadcast_to(stated, len(names))
-    bench = make_bench(image, flat, 1.0, pixel, 0)
+    bench = Bench.of(image, flat, 1.0, pixel, 0)
     departure = float(residual.max())
     misfit = np.array([0, 0, departure, 0, 0], np.float32)
     matt = matt_deviation(of_radius.quality, departure) if of_radius else 0.0
     tops = []
     for press, name in enumerate(names):
-        slope, height = reconstruct(bench, reflectance.astype(np.float64), press, matt)
+        slope, height = bench.reconstruct(reflectance.astype(np.float64), press, matt)
         cells = coarsen(bench.light[press])
         error = map_error(height, slope, cells, reflectance, misfit, pixel)
         lack = rest_at_border(integrate_dct(uphill(slope) * edge_lack(slope), pixel))

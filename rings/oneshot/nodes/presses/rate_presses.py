@@ -7,14 +7,8 @@ from annotated_types import Gt
 from numpy.typing import NDArray
 
 from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
-from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
-    degree_for,
-    fit_presses,
-    make_bench,
-    reconstruct,
-    refine_center,
-)
-from tactograph.sdk import F4, FoundBalls, Judged, Light, PixelSize, Port, PressedBall, node, warn
+from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import Bench, degree_for
+from tactograph.sdk import F4, FoundBalls, Judged, Light, PixelSize, Port, node, warn
 
 COVERAGE_CELLS = (4, 6)
 """Rows and columns of cells into which the film is divided to measure coverage."""
@@ -80,16 +74,15 @@ def rate_presses(
     chosen = np.flatnonzero(selection)
     degree = degree_for(chosen.size * (PART_COUNT - 1) // PART_COUNT)
     errors = np.zeros((len(selection), 3))
-    bench = make_bench(image, flat, radius_mm, pixel, degree, balls)
+    bench = Bench.of(image, flat, radius_mm, pixel, degree, balls)
     for part in range(PART_COUNT):
         held_out, training = chosen[part::PART_COUNT], selection > 0
         training[held_out] = False
-        reflectance, _ = fit_presses(bench, circle.astype(np.float64), training, rim, 1)
+        reflectance, _ = bench.fit_presses(circle.astype(np.float64), training, rim, 1)
         for press in held_out.tolist():
             at = balls.circle[press].astype(np.float64)
-            at = refine_center(bench, reflectance, at, press, rim, steps=6)
-            ball = PressedBall(at, bench.radius, bench.pixel)
-            errors[press] = ball.errors(*reconstruct(bench, reflectance, press))
+            at = bench.refine_center(reflectance, at, press, rim, steps=6)
+            errors[press] = bench.ball(at).errors(*bench.reconstruct(reflectance, press))
     judged = chosen[np.isfinite(errors[chosen, 0])]
     degrees, microns, percent = errors[judged].mean(axis=0) if judged.size else [np.nan] * 3
     pressed = presses_per_cell(circle[chosen], bench.shape)

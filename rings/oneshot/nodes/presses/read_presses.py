@@ -7,15 +7,7 @@ import numpy as np
 from annotated_types import Interval
 
 from tactograph.rings.oneshot.nodes.presses import PressImages
-from tactograph.sdk import (
-    CaptureFile,
-    Crop,
-    Layout,
-    Light,
-    Lights,
-    StatedCircles,
-    node,
-)
+from tactograph.sdk import CaptureFile, Crop, Layout, Light, Lights, StatedCircles, node
 from tactograph.sdk.nodes import read_flat
 
 

@@ -9,24 +9,13 @@ from numpy.typing import NDArray
 from tactograph.rings.oneshot.nodes.map.reflectance_map import (
     PLACE_DEGREE,
     SHADE_COUNT,
-    ball_pixels,
+    ReflectanceMap,
     robust_weights,
-    shades,
-    terms,
 )
-from tactograph.rings.oneshot.nodes.map.solve_reflectance_map import ReflectanceMap
 from tactograph.rings.oneshot.nodes.presses import Circles, PressImages
-from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import (
-    FIT_ROUNDS,
-    RIM_ROUNDS,
-    Bench,
-    make_bench,
-    measure_rim,
-    reconstruct,
-    refine_center,
-)
+from tactograph.rings.oneshot.nodes.presses.fit_reflectance_map import FIT_ROUNDS, RIM_ROUNDS, Bench
 from tactograph.rings.recheck.nodes import MAX_INDEPENDENT
-from tactograph.sdk import F8, Light, Odds, PixelSize, PressedBall, node
+from tactograph.sdk import F8, Light, Odds, PixelSize, node
 
 MAX_PRESS_PIXELS = 1500
 """Most pixels of a press that are fitted."""
@@ -85,12 +74,13 @@ def refit_reflectance_map(
     is_used = circle[:, 2] > 0
     if not names or radius_mm is None or not is_used.any():
         return MapRefit(reflectance, {})
-    bench = make_bench(image[is_used], flat, radius_mm, pixel, PLACE_DEGREE)
-    circles, old = circle[is_used].astype(np.float64), reflectance.astype(np.float64)
-    best, before, microns = _held_out(bench, old, circles, ())
+    bench = Bench.of(image[is_used], flat, radius_mm, pixel, PLACE_DEGREE)
+    old = reflectance.astype(np.float64)
+    check = _Check(bench, old, circle[is_used].astype(np.float64))
+    best, before, microns = check.held_out(())
     errors = before
     for parts in MAP_CHANGES:
-        candidates, degrees, height = _held_out(bench, old, circles, parts)
+        candidates, degrees, height = check.held_out(parts)
         if Odds().pays(errors, degrees):
             best, errors, microns = candidates, degrees, height
     now, then = best[:, :HEIGHT_SHADE], old[:, :HEIGHT_SHADE]
@@ -101,65 +91,59 @@ def refit_reflectance_map(
     return MapRefit(best.astype(np.float32), figures)
 
 
-def _held_out(
-    bench: Bench, old: F8, circles: F8, parts: tuple[str, ...]
-) -> tuple[F8, list[float], float]:
-    """The map fitted to all quarters, each held-out error in degrees, and their mean in um."""
-    y, x = np.indices(bench.shape)
-    # The quarter of its ball that holds out each pixel of each press, P x H x W.
-    right, low = ([at > c[axis] for c in circles] for axis, at in enumerate((x, y)))
-    number = np.where(low, np.logical_not(right), 2 + np.asarray(right))
-    whole, _ = _fit(bench, old, circles, parts, number >= 0)
-    degrees, microns = [], []
-    for fold in np.unique(number):
-        refitted, placed = _fit(bench, old, circles, parts, number != fold)
-        for press, circle in enumerate(placed):
-            slope, height = reconstruct(bench, refitted, press)
-            ball = PressedBall(circle, bench.radius, bench.pixel)
-            off, um, _ = ball.errors(slope, height, number[press] == fold)
-            degrees.append(off)
-            microns.append(um)
-    return whole, degrees, float(np.mean(microns))
+class _Check(NamedTuple):
+    """Check presses, the old map, and the presses' circles."""
 
+    bench: Bench
+    old: F8
+    circles: F8
 
-def _fit(
-    bench: Bench, old: F8, circles: F8, parts: tuple[str, ...], used: NDArray[np.bool_]
-) -> tuple[F8, F8]:
-    """Update centres, the rim's height and map in turn; return map and circles."""
-    placed, reflectance, every = circles.copy(), old, np.ones(len(circles), bool)
-    rim = 0.0
-    for _ in range(RIM_ROUNDS + 1):
-        for press, circle in enumerate(placed):
-            placed[press] = refine_center(bench, reflectance, circle, press, rim)
-        rim = measure_rim(bench, reflectance, placed, every)
-        reflectance = _refitted(bench, old, placed, rim, parts, used)
-    return reflectance, placed
+    def held_out(self, parts: tuple[str, ...]) -> tuple[F8, list[float], float]:
+        """The map fitted to all quarters, each held-out error in degrees, and their mean in um."""
+        y, x = np.indices(self.bench.shape)
+        # The quarter of its ball that holds out each pixel of each press, P x H x W.
+        right, low = ([at > c[axis] for c in self.circles] for axis, at in enumerate((x, y)))
+        number = np.where(low, np.logical_not(right), 2 + np.asarray(right))
+        whole, _ = self._fit(parts, number >= 0)
+        degrees, microns = [], []
+        for fold in np.unique(number):
+            refitted, placed = self._fit(parts, number != fold)
+            for press, circle in enumerate(placed):
+                slope, height = self.bench.reconstruct(refitted, press)
+                ball = self.bench.ball(circle)
+                off, um, _ = ball.errors(slope, height, number[press] == fold)
+                degrees.append(off)
+                microns.append(um)
+        return whole, degrees, float(np.mean(microns))
 
+    def _fit(self, parts: tuple[str, ...], used: NDArray[np.bool_]) -> tuple[F8, F8]:
+        """Update centres, the rim's height and map in turn; return map and circles."""
+        bench, placed, reflectance = self.bench, self.circles.copy(), self.old
+        every, rim = np.ones(len(placed), bool), 0.0
+        for _ in range(RIM_ROUNDS + 1):
+            for press, circle in enumerate(placed):
+                placed[press] = bench.refine_center(reflectance, circle, press, rim)
+            rim = bench.measure_rim(reflectance, placed, every)
+            if parts:
+                reflectance = self._refitted(placed, rim, parts, used)
+        return reflectance, placed
 
-def _refitted(
-    bench: Bench,
-    old: F8,
-    circles: F8,
-    rim: float,
-    parts: tuple[str, ...],
-    used: NDArray[np.bool_],
-) -> F8:
-    """The old map with the changes fitted to the used pixels."""
-    if not parts:
-        return old
-    samples: list[tuple[F8, ...]] = []
-    for press, circle in enumerate(circles):
-        pixels = ball_pixels(bench.light[press], bench.flat, circle, most=MAX_PRESS_PIXELS)
-        chosen = used[press][pixels.y.astype(int), pixels.x.astype(int)]
-        slope, rise = PressedBall(circle, bench.radius, bench.pixel).shape(pixels.x, pixels.y)
-        shade, place = shades(slope, rise + rim), terms(pixels.x, pixels.y, bench.shape)
-        of_press = shade, place, pixels.light, pixels.weight
-        samples.append(tuple(part[:, chosen] for part in of_press))
-    shade, place, light, weight = (
-        np.concatenate(part, axis=-1) for part in zip(*samples, strict=True)
-    )
-    lights = zip(old, light, weight, strict=True)
-    return np.stack([_of_one(c, shade, place, one, even, parts) for c, one, even in lights])
+    def _refitted(
+        self, circles: F8, rim: float, parts: tuple[str, ...], used: NDArray[np.bool_]
+    ) -> F8:
+        """The old map with the changes fitted to the used pixels."""
+        samples: list[tuple[F8, ...]] = []
+        for press, circle in enumerate(circles):
+            pixels = self.bench.pixels(press, circle, MAX_PRESS_PIXELS)
+            chosen = used[press][pixels.y.astype(int), pixels.x.astype(int)]
+            shade = self.bench.shades(circle, pixels, rim)
+            of_press = shade, pixels.place, pixels.light, pixels.weight
+            samples.append(tuple(part[:, chosen] for part in of_press))
+        shade, place, light, weight = (
+            np.concatenate(part, axis=-1) for part in zip(*samples, strict=True)
+        )
+        lights = zip(self.old, light, weight, strict=True)
+        return np.stack([_of_one(c, shade, place, one, even, parts) for c, one, even in lights])
 
 
 def _of_one(c: F8, shade: F8, place: F8, light: F8, even: F8, parts: tuple[str, ...]) -> F8:
