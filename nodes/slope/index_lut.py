@@ -126,17 +126,16 @@ def _principal_axes(points: F4) -> tuple[F4, F4]:
 def _leaf_order(places: F4) -> NDArray[np.intp]:
     """The numbers of the entries, one leaf per row; entries repeat until all leaves are full."""
     tops = -(-len(places) // TOP_ENTRIES)
-    todo = [np.resize(np.arange(len(places)), (1, tops * TOP_ENTRIES))]
-    parts = []
-    while todo:
-        part = todo.pop()
-        count = part.shape[1] // TOP_ENTRIES
-        if count == 1:
-            parts.append(part)
-            continue
-        part = _split(places, part, count // 2 * TOP_ENTRIES)
-        todo += [part[:, count // 2 * TOP_ENTRIES :], part[:, : count // 2 * TOP_ENTRIES]]
-    order = np.concatenate(parts)
+
+    def split_by_top(part: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+        at = part.shape[1] // TOP_ENTRIES // 2 * TOP_ENTRIES
+        if not at:
+            return [part]
+        part = _split(places, part, at)
+        return split_by_top(part[:, :at]) + split_by_top(part[:, at:])
+
+    everything = np.resize(np.arange(len(places)), (1, tops * TOP_ENTRIES))
+    order = np.concatenate(split_by_top(everything))
     while order.shape[1] > LEAF_ENTRIES:
         half = order.shape[1] // 2
         order = _split(places, order, half).reshape(2 * len(order), half)
