@@ -25,7 +25,7 @@ from tactograph.nodes import (
     Slope,
 )
 from tactograph.nodes.optics.bilinear import bilinear, mask_at
-from tactograph.nodes.optics.near_light import expected_light, light_vectors
+from tactograph.nodes.optics.near_light import expected_light, light_vectors, lights_around
 
 STEP_PX = np.float32(0.5)
 """Step along a ray."""
@@ -210,8 +210,7 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     shape = sizes["H"], sizes["W"]
     patches = rng.integers(0, 256, (shape[0] // 4 + 1, shape[1] // 6 + 1), dtype=np.uint8)
     shadow = patches.repeat(4, axis=0).repeat(6, axis=1)[: shape[0], : shape[1]]
-    around = rng.uniform(0, 2 * np.pi, sizes["K"])
-    lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
+    lights = lights_around(rng, sizes["K"])
     used = np.where(rng.random(shape) < 0.9, 15, 1)
     height = rng.uniform(0, 0.5, shape)
     return {"shadow": shadow, "used": used, "height": height, "lights": lights}
