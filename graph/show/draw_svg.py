@@ -33,7 +33,7 @@ BOX_GAP_PX, LANE_PX = 16, 12
 """Space between boxes of a layer, and the width that a passing edge takes."""
 RECALL_PX = 60
 """Space at the right for edges to the next item."""
-SWEEPS = 12
+SWEEP_COUNT = 12
 """Passes over all layers, down and up; the later half looks up and down at once."""
 
 Spot = tuple[str, int]
@@ -115,13 +115,13 @@ def _centres(trunks: "nx.DiGraph[Spot]", layer: Mapping[str, int]) -> dict[Spot,
 
     for row in rows:
         place(row, dict.fromkeys(row, 0.0))
-    for sweep in range(SWEEPS):
+    for sweep in range(SWEEP_COUNT):
         up = sweep % 2
         for row in rows[:: -1 if up else 1]:
             wanted = {}
             for spot in row:
                 above, below = trunks.pred[spot], trunks.succ[spot]
-                both = [*above, *below] if 2 * sweep >= SWEEPS else [*(below if up else above)]
+                both = [*above, *below] if 2 * sweep >= SWEEP_COUNT else [*(below if up else above)]
                 near = both or [spot]
                 wanted[spot] = sum(centre[s] for s in near) / len(near)
             row.sort(key=wanted.__getitem__)
