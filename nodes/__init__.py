@@ -31,6 +31,8 @@ Slope = Annotated[
     "Gradient (p, q) = (dz/dx, dz/dy): the paper's G, equation 2",
 ]
 Height = Annotated[F4, Port("H W", "mm", low=-1, high=5), "Height z above the film at rest"]
+RestHeight = Annotated[F4, Port("R C", "mm", low=0, high=3)]
+"""Height of the film at rest, on pixels of its own or those of the images."""
 CoarseLight = Annotated[F4, Port("K h w", "1")]
 """Light averaged over cells of pixels, see `coarsen`."""
 CoarseDark = Annotated[F4, Port("h w", "1", high=0.05)]

@@ -1,8 +1,4 @@
-"""Back ends of nodes: NumPy on the host, or one device.
-
-NumPy is a plain call and needs no code here.  A device back end NAME is a module NAME.py in this
-folder with ``open_device(text, waits=…) -> (device | None, reason)``, and an entry below.
-"""
+"""Back ends of nodes: NumPy on the host, which is a plain call, or OpenCL on one device."""
 
 from typing import Literal, get_args
 

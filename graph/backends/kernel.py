@@ -13,7 +13,7 @@ import numpy as np
 import pyopencl as cl
 
 from tactograph.graph.backends.arrays import DeviceArray
-from tactograph.graph.backends.kernel_source import Argument
+from tactograph.graph.backends.kernel_source import C_DTYPES, Argument
 
 T = TypeVar("T")
 WAIT_VARIABLE = "TACTOGRAPH_WAIT"
@@ -128,34 +128,22 @@ def _in_short(name: str, value: Any) -> str:
     return f"{name}={value}"
 
 
-_ELEMENT_DTYPES = {
-    "float": ("float32", "complex64"),
-    "uchar": ("uint8",),
-    "ushort": ("uint16",),
-    "int": ("int32",),
-    "uint": ("uint32",),
-    "PIXEL": ("uint8", "uint16", "float32"),
-}
-"""Element types of the arrays that a kernel may read as a C type, or as vectors of it."""
 # Tuples, as a union would be made at each use.
 _BUFFER_KINDS = cl.LocalMemory, cl.MemoryObjectHolder
 _WHOLE_KINDS = int, np.integer
 _NUMBER_KINDS = float, *_WHOLE_KINDS, np.floating
-_INTEGER_TYPES: dict[str, Callable[[int], Any]] = {
-    "int": np.int32, "uint": np.uint32, "uchar": np.uint8, "ushort": np.uint16
-}  # fmt: skip
 
 
 def converter(c_type: str) -> Callable[[Any], Any]:
     """A function that converts a value to a kernel argument, or raises if it cannot."""
     if c_type.endswith("*"):
-        dtypes = _ELEMENT_DTYPES.get(c_type.rstrip("*").rstrip("0123456789"))
+        dtypes = C_DTYPES.get(c_type.rstrip("*").rstrip("0123456789"))
         types = None if dtypes is None else frozenset(map(np.dtype, dtypes))
         return partial(_buffer, types)
     if c_type == "float":
         return _float
-    if c_type in _INTEGER_TYPES:
-        return partial(_whole, _INTEGER_TYPES[c_type])
+    if c_type in ("int", "uint", "uchar", "ushort"):
+        return partial(_whole, np.dtype(C_DTYPES[c_type][0]).type)
     return lambda value: value
 
 

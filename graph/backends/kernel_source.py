@@ -12,13 +12,16 @@ from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.parameter import Parameter
 from tactograph.graph.errors import NodeError
 
-_C_TYPES = {
-    "float32": "float",
-    "uint8": "uchar",
-    "uint16": "ushort",
-    "int32": "int",
-    "uint32": "uint",
+C_DTYPES = {
+    "float": ("float32", "complex64"),
+    "uchar": ("uint8",),
+    "ushort": ("uint16",),
+    "int": ("int32",),
+    "uint": ("uint32",),
+    "PIXEL": ("uint8", "uint16", "float32"),
 }
+"""Element types of the arrays that a kernel may read as a C type, or as vectors of it; the first is
+that of a port, and of a number."""
 _INCLUDE_LINE = re.compile(r'\s*#\s*include\s+"([^"]+)"\s*(?://.*)?$')
 
 _MACRO_LINE = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)[ \t]+([^\n]*)$", re.MULTILINE)
@@ -160,7 +163,7 @@ def _parameter_arguments(node: Node, parameter: Parameter) -> list[Argument]:
 
 
 def _c_type(dtype: Any) -> str:
-    return _C_TYPES[str(dtype)]
+    return next(c_type for c_type, names in C_DTYPES.items() if names[0] == str(dtype))
 
 
 def kernel_signatures(text: str) -> dict[str, list[Argument]]:

@@ -32,8 +32,6 @@ class OpenCL(Queue):
     `waits`: whether the caller waits if kernels have to be compiled first.
     """
 
-    backend = "opencl"
-
     def __init__(
         self, device: Device, lanes: Literal[1, 16] | None = None, *, waits: bool = True
     ) -> None:

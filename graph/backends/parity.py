@@ -5,7 +5,7 @@ For every node with a kernel, the NumPy function is compared with the kernel ove
 inputs have to be unchanged.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -55,7 +55,7 @@ def check(node: Node, device: str | None = None) -> int:
     if opencl is None:
         raise InputError(f"no kernel can be compared: {reason}")
     compared = cases(node)
-    differences = [(case, compare(node, opencl, case)) for case in compared]
+    differences = [(case, compare(node, case, opencl)) for case in compared]
     wrong = [f"  {case}: {difference}" for case, difference in differences if difference]
     more = [f"  and {len(wrong) - MAX_DIFFERENCES} more"] if len(wrong) > MAX_DIFFERENCES else []
     message = (
@@ -65,13 +65,8 @@ def check(node: Node, device: str | None = None) -> int:
     return len(compared)
 
 
-def compare(node: Node, device: DeviceBackend, case: Case) -> str | None:
-    """Run one case on NumPy and on a device; return None, or what differs."""
-    return compare_on(node, [device], case)
-
-
-def compare_on(node: Node, devices: Iterable[DeviceBackend], case: Case) -> str | None:
-    """Run a case on several devices, and on NumPy once; return the first difference."""
+def compare(node: Node, case: Case, *devices: DeviceBackend) -> str | None:
+    """Run a case on NumPy once, and on devices; return the first difference, or None."""
     inputs = make_inputs(node, case)
     copies = {name: np.copy(v) for name, v in inputs.items() if isinstance(v, np.ndarray)}
     wanted = EVERYTHING if case.wanted is None else Wanted(frozenset(case.wanted))

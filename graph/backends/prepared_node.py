@@ -10,11 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyopencl as cl
 
-from tactograph.graph.backends.arrays import (
-    DeviceArray,
-    Timer,
-    bytes_for,
-)
+from tactograph.graph.backends.arrays import DeviceArray, Timer, bytes_for
 from tactograph.graph.backends.compiled_node import Compiled
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.launch import Launch, Record

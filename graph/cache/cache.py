@@ -5,6 +5,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -58,9 +59,7 @@ class Cache:
         self.bytes = 0
         self._values: OrderedDict[CacheKey, tuple[Any, int]] = OrderedDict()
         self._runs: OrderedDict[str, Run] = OrderedDict()
-        self._devices: dict[
-            tuple[str | None, tuple[str, ...]], tuple[DeviceBackend | None, str]
-        ] = {}
+        self._opened = lru_cache(open_device)
         self._lock = threading.RLock()
 
     def __len__(self) -> int:
@@ -111,10 +110,7 @@ class Cache:
         self, backends: Collection[str], text: str | None
     ) -> tuple[DeviceBackend | None, str]:
         """The device for a graph, shared by all graphs that use it; see `open_device`."""
-        key = text, tuple(backends)
-        if key not in self._devices:
-            self._devices[key] = open_device(backends, text)
-        return self._devices[key]
+        return self._opened(tuple(backends), text)
 
 
 def _bytes(value: Any) -> int:

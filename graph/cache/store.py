@@ -73,10 +73,8 @@ def _read(file: Path, node: Node) -> tuple[Any] | None:
     if body is None:
         return None
     try:
-        content = _Reader(io.BytesIO(body)).load()
-        return (
-            content if node.output_record is None else make_record(node.output_record, content),
-        )
+        content, record = _Reader(io.BytesIO(body)).load(), node.output_record
+        return (content if record is None else make_record(record, content),)
     except Exception:  # the node can make it again
         return None
 

@@ -110,17 +110,14 @@ def _compare(study: Study, out: Path, columns: str | None) -> None:
     from tactograph.graph.extras import need
 
     need("report", "the report of a comparison", "jinja2")
-    from tactograph.graph.compare.comparison_record import make_record, write_record
     from tactograph.graph.compare.report import write_report
     from tactograph.graph.compare.tables import print_table, write_tables
 
     study.check()
     rows = _run_all(study, out)
-    record = make_record(study, rows, sys.argv[1:])
     wanted = columns.split(",") if columns else []
     write_tables(rows, out, wanted)
-    write_record(record, study, out)
-    page = write_report(study, rows, record, out)
+    page = write_report(study, rows, sys.argv[1:], out)
     width = shutil.get_terminal_size((160, 24)).columns
     print_table(rows, say, width, wanted)
     say(f"tables: {out / 'table.csv'}, .json, .md, .tex; report: {page}")

@@ -36,7 +36,7 @@ def command(name: str | None) -> None:
             except TactographError as error:
                 say(f"  {each:<{width}}  --  {error}")
                 continue
-            kernels = " ".join(node.implementations)
+            kernels = "opencl" if node.has_kernel else ""
             say(f"  {each:<{width}}  {kernels:<6}  {node.summary}")
 
 

@@ -1,7 +1,13 @@
-"""One self-contained page that shows a comparison: figures, differences, pictures, curves."""
+"""The report of a comparison: its record, the graphs, and one self-contained page.
 
+The record has the command to repeat it, and everything that the figures depend on.
+"""
+
+import json
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from importlib import resources
 from itertools import product
 from pathlib import Path
@@ -27,7 +33,9 @@ from tactograph.graph.compare.tables import (
     sweep_columns,
     what_is_better,
 )
+from tactograph.graph.declare.provenance import versions
 from tactograph.graph.disk.atomic_files import write_file
+from tactograph.graph.disk.content_hash import content_hash
 from tactograph.graph.files.dump_graph import dump_graph
 from tactograph.graph.show.figures import short, words
 from tactograph.graph.show.pictures import (
@@ -43,7 +51,7 @@ from tactograph.graph.show.pictures import (
 from tactograph.graph.show.views import View
 from tactograph.graph.show.warning_lines import warning_lines
 
-REPORT_FILE = "report.html"
+RECORD_FILE, REPORT_FILE = "report.json", "report.html"
 TRUTH_LABEL = "truth"
 MAX_APART = 3
 """Largest number of differences within a box to list; of more, their number is shown."""
@@ -68,9 +76,12 @@ class Section:
     pictures: list[Picture]
 
 
-def write_report(study: Study, rows: Sequence[Row], record: Mapping[str, Any], out: Path) -> Path:
-    """Draw the views of the runs, write ``report.html`` into their folder, and return its path."""
-    lines = make_lines(rows)
+def write_report(study: Study, rows: Sequence[Row], argv: list[str], out: Path) -> Path:
+    """Write record, graphs and page into the folder of the runs; return the path of the page."""
+    lines, record = make_lines(rows), _record(study, rows, argv)
+    for graph in study.graphs:
+        write_file(out / "graphs" / f"{graph.name}.yaml", dump_graph(graph))
+    write_file(out / RECORD_FILE, json.dumps(record, indent=1) + "\n")
     source = resources.files("tactograph.graph.compare").joinpath("report.html.j2")
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -89,6 +100,21 @@ def write_report(study: Study, rows: Sequence[Row], record: Mapping[str, Any], o
     )
     write_file(out / REPORT_FILE, page)
     return out / REPORT_FILE
+
+
+def _record(study: Study, rows: Sequence[Row], argv: list[str]) -> dict[str, Any]:
+    """Describe a finished comparison for ``report.json``."""
+    return {
+        "command": shlex.join(["tactograph", *argv]),
+        "created": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "graphs": {graph.name: graph.hash for graph in study.graphs},
+        "capture_hashes": {capture.name: content_hash(capture) for capture in study.captures},
+        "devices_used": sorted({row.device for row in rows if row.device}),
+        "sweeps": [sweep.text for sweep in study.sweeps],
+        "seed": study.seed,
+        "repeats": study.repeats,
+        "versions": versions(),
+    }
 
 
 def _variant(graph: Any, study: Study) -> dict[str, Any]:

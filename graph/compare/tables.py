@@ -276,8 +276,7 @@ def _latex(lines: Sequence[Line], names: Sequence[str]) -> str:
     """A table for the booktabs package, a block for each capture."""
     headings, labels, rows = _cells(lines, names, r"\textbf{{{}}}")
     form = "l" * labels + "r" * (len(headings) - labels)
-    text = [f"\\begin{{tabular}}{{{form}}}", r"\toprule"]
-    text.append(_latex_row(map(_escaped, headings)))
+    text = [f"\\begin{{tabular}}{{{form}}}", r"\toprule", _latex_row(map(_escaped, headings))]
     capture = None
     for row in rows:
         here = row[0] if any(line.capture for line in lines) else ""

@@ -71,7 +71,7 @@ class Node:
     calls: dict[str, Node] = field(default_factory=dict)
     endless: bool = False
     ahead: bool = False
-    implementations: dict[str, Kernels] = field(default_factory=dict)
+    opencl_kernels: Kernels | None = None
     make_example: Callable[..., dict[str, Any]] | None = None
     make_rehearsal: Callable[..., Any] | None = None
     check_handed_in: Callable[[Any, str], None] | None = None
@@ -170,22 +170,17 @@ class Node:
 
     @property
     def has_kernel(self) -> bool:
-        return "opencl" in self.implementations
+        return self.opencl_kernels is not None
 
     @property
     def kernels(self) -> Kernels:
-        """The OpenCL implementation.  Raises KeyError if there is none."""
-        return self.implementations["opencl"]
+        """The OpenCL implementation of a node that has one."""
+        assert self.opencl_kernels is not None
+        return self.opencl_kernels
 
-    @property
-    def backends(self) -> frozenset[str]:
-        """The back ends that the node is written for."""
-        return frozenset({"numpy", *self.implementations})
-
-    def reads_integers(self, name: str, backend: str) -> bool:
+    def reads_integers(self, name: str) -> bool:
         """Return whether the kernel reads an input's images as the camera's integers."""
-        kernels = self.implementations.get(backend)
-        return kernels is not None and kernels.integers == name
+        return self.has_kernel and self.kernels.integers == name
 
     def in_order(self, inputs: Mapping[str, Any]) -> list[Any]:
         """Turn inputs by port into positional arguments: records assembled, None if absent."""
@@ -312,11 +307,11 @@ class Node:
             The kernels' text or path, for a node that a script or notebook defines.
         """
         if grid is not None:
-            self.implementations["opencl"] = Kernels(tuple(grid.split()), **how)
+            self.opencl_kernels = Kernels(tuple(grid.split()), **how)
             return self
 
         def take(launch: LaunchFunction) -> LaunchFunction:
-            self.implementations["opencl"] = Kernels(launch=launch, **how)
+            self.opencl_kernels = Kernels(launch=launch, **how)
             return launch
 
         return take

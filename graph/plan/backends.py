@@ -29,58 +29,47 @@ def _place(
     if task.stand_in:
         return Placement("numpy", "handed in by the caller")
     if task.filled:
-        # The constant is made on the first preferred back end, to save a transfer.
-        why = "neutral: a constant stands in"
-        backend = "numpy" if device is None or prefer[0] == "numpy" else device.backend
-        return Placement(backend if backend in task.node.backends else "numpy", why)
+        # The constant is made on the device if that is preferred, to save a transfer.
+        on_device = device is not None and prefer[0] == "opencl" and task.node.has_kernel
+        return Placement("opencl" if on_device else "numpy", "neutral: a constant stands in")
     bound = task.entry.backend
-    if bound is not None:
-        obstacle = _obstacle(task.node, bound, device, no_device)
-        if obstacle is not None and obstacle.missing:
-            where = task.entry.where("backend")
-            raise GraphError(f"{where}: '{task.id}' is bound to {bound}, but {obstacle.missing}")
-        return Placement(bound, "the graph file says so")
-    return _preferred(task.node, prefer, device, no_device)
+    if bound is None:
+        return _preferred(task.node, prefer, device, no_device)
+    missing = _obstacle(task.node, device, no_device).missing
+    if bound == "opencl" and missing:
+        where = task.entry.where("backend")
+        raise GraphError(f"{where}: '{task.id}' is bound to {bound}, but {missing}")
+    return Placement(bound, "the graph file says so")
 
 
 def _preferred(
     node: Node, prefer: tuple[str, ...], device: DeviceBackend | None, no_device: str
 ) -> Placement:
-    refusals: list[str] = []
-    for backend in prefer:
-        if backend == "numpy":
-            break
-        if backend not in node.implementations:
-            continue
-        obstacle = _obstacle(node, backend, device, no_device) or Obstacle()
+    if prefer[0] == "numpy":
+        return Placement("numpy", "preferred")
+    if node.has_kernel:
+        missing, slower = _obstacle(node, device, no_device)
         # Checked first: what is `missing` does not matter if NumPy is faster anyway.
-        if obstacle.slower and "numpy" in prefer:
-            return Placement("numpy", f"faster than on the device: {obstacle.slower}")
-        if obstacle.missing is None:
-            return Placement(backend, "; ".join(refusals) or "preferred", fallback=bool(refusals))
+        if slower and "numpy" in prefer:
+            return Placement("numpy", f"faster than on the device: {slower}")
+        if missing is None:
+            return Placement("opencl", "preferred")
         how = "is preferred" if "numpy" in prefer else "was asked for"
-        refusals.append(f"{backend} {how}, but {obstacle.missing}")
-    if refusals:
-        return Placement("numpy", "; ".join(refusals), fallback=True)
-    why = "preferred" if prefer[0] == "numpy" else f"has no {prefer[0]} kernel"
+        return Placement("numpy", f"opencl {how}, but {missing}", fallback=True)
     called = {n: _preferred(each, prefer, device, no_device) for n, each in node.calls.items()}
     for placement in called.values():
         if placement.fallback:
             return placement
     on_device = tuple(name for name, placement in called.items() if placement.on_device)
-    if on_device:
-        why += f"; calls {', '.join(node.calls[name].name for name in on_device)} on {prefer[0]}"
+    names = ", ".join(node.calls[name].name for name in on_device)
+    why = "has no opencl kernel" + (f"; calls {names} on opencl" if names else "")
     return Placement("numpy", why, calls=on_device)
 
 
-def _obstacle(
-    node: Node, backend: str, device: DeviceBackend | None, no_device: str
-) -> Obstacle | None:
-    """Why a node cannot, or should not, run on a back end; None if it can."""
-    if backend == "numpy":
-        return None
-    if backend not in node.implementations:
-        return Obstacle(missing=f"node '{node.name}' has no {backend} kernel")
-    if device is None or device.backend != backend:
+def _obstacle(node: Node, device: DeviceBackend | None, no_device: str) -> Obstacle:
+    """Why a node cannot, or should not, run on the device, if anything."""
+    if not node.has_kernel:
+        return Obstacle(missing=f"node '{node.name}' has no opencl kernel")
+    if device is None:
         return Obstacle(missing=no_device)
-    return node.implementations[backend].can_run(device)
+    return node.kernels.can_run(device) or Obstacle()

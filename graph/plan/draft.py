@@ -1,11 +1,13 @@
 """The draft of a plan: its values and tasks, which the passes fill in."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from tactograph.graph.declare.node import Node
 from tactograph.graph.declare.ports import PortType
+from tactograph.graph.errors import GraphError, did_you_mean
 from tactograph.graph.files.flat_graph import Entry, Graph
 
 
@@ -14,6 +16,27 @@ class Value(NamedTuple):
 
     node: str
     port: str
+
+    @classmethod
+    def of(
+        cls, node: str, port: str | None, outputs: Iterable[str], where: str, stands: str = ""
+    ) -> Self:
+        """Return the value of a port, or of a node's only port.
+
+        Raises GraphError if the node has no such output; `stands` says where the node is.
+        """
+        names = [*outputs]
+        port = names[0] if port is None and len(names) == 1 else port
+        if port in names:
+            return cls(node, port)
+        if not names:
+            why = "only writes; nothing can be read from it"
+        elif port is None:
+            why = f"has several outputs; name one of {', '.join(f'{node}.{o}' for o in names)}"
+        else:
+            hint = did_you_mean(port, names) or f"; it has {', '.join(names)}"
+            why = f"has no output '{port}'{hint}"
+        raise GraphError(f"{where}: node '{node}' {why}{stands}")
 
     def __str__(self) -> str:
         return f"{self.node}.{self.port}"

@@ -102,23 +102,8 @@ class _Names(NamedTuple):
         """The output that a reference names."""
         source, port = split_reference(reference, self.graph.nodes)
         self.graph.check_node(source, where)
-        outputs, stands = self.nodes[source].outputs, self.graph.stands(source, where)
-        if not outputs:
-            raise GraphError(
-                f"{where}: node '{source}' only writes; nothing can be read from it{stands}"
-            )
-        if port is None and len(outputs) > 1:
-            raise GraphError(
-                f"{where}: node '{source}' has several outputs; name one of "
-                f"{', '.join(f'{source}.{o}' for o in outputs)}{stands}"
-            )
-        if port is not None and port not in outputs:
-            raise GraphError(
-                f"{where}: node '{source}' has no output '{port}'"
-                + (did_you_mean(port, outputs) or f"; it has {', '.join(outputs)}")
-                + stands
-            )
-        return Value(source, port or next(iter(outputs)))
+        stands = self.graph.stands(source, where)
+        return Value.of(source, port, self.nodes[source].outputs, where, stands)
 
 
 def _find(graph: Graph, node_id: str) -> Node:

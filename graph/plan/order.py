@@ -55,9 +55,7 @@ def _with_releases(steps: list[Step], draft: Draft) -> list[Step]:
     """
     last: dict[Value, int] = {}
     for index, step in enumerate(steps):
-        if not step.stream:
-            continue
-        if step.on_device:
+        if step.stream and step.on_device:
             for value in (*step.reads, *step.writes):
                 last[value] = index
     streamed = {v for s in steps if s.stream for v in s.writes}

@@ -110,13 +110,7 @@ class Plan(Draft):
                 raise InputError(f"{where}: '{name}' is taken out; read {self.passed[name]}")
             hint = did_you_mean(name, self.tasks)
             raise InputError(f"{where}: no node '{name}' is run{hint}")
-        ports = self.tasks[name].node.outputs
-        if port is None and len(ports) == 1:
-            return Value(name, next(iter(ports)))
-        if port not in ports:
-            has = ", ".join(f"{name}.{each}" for each in ports) or "nothing"
-            raise InputError(f"{where}: name one value; '{name}' has {has}")
-        return Value(name, port)
+        return Value.of(name, port, self.tasks[name].node.outputs, where)
 
     def port(self, output: str) -> PortType:
         """The port behind one of the graph's outputs."""

@@ -107,16 +107,13 @@ class SizeClasses:
     def _bind_one(
         self, bounds: Bounds, root: Symbol, dim: str, bound: Bound, dims: tuple[Dim, ...] = ()
     ) -> None:
-        other = bounds.get(root)
-        if other is not None and other.size == bound.size:
-            return
-        other = other or self.fixed.get(root)
+        other = bounds.get(root) or self.fixed.get(root)
         if other is not None and other.size != bound.size:
             raise InputError(_clash_in_words(dim, dims, bound, other))
         for who, limit in self.limits.get(root, ()):
             if limit.refuses(bound.size):
                 raise InputError(f"{who}: {dim} = {bound.size}: {limit.why}")
-        bounds[root] = bound
+        bounds.setdefault(root, bound)
 
     def sizes_of(self, task: Task, bounds: Mapping[Symbol, Bound]) -> dict[str, int]:
         """The known sizes of a node's symbols."""

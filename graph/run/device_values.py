@@ -182,9 +182,7 @@ class DeviceValues:
             outputs, self._timers[task.id] = launch.launch(inputs)
         if task.id in self._first.values():
             self._to_repeat[task.id] = dict(outputs)
-        for value in step.writes:
-            if value.port in outputs:
-                self._values[value] = outputs[value.port]
+        self._values |= {v: outputs[v.port] for v in step.writes if v.port in outputs}
         if launch.shapes is not None:
             return launch.shapes
         return {name: array.shape for name, array in outputs.items()}

@@ -36,7 +36,7 @@ def only_device_reads(plan: Plan, task: Task) -> bool:
 
 def _readers_take_integers(plan: Plan, value: Value) -> bool:
     return all(
-        task.node.reads_integers(name, plan.placements[task.id].backend)
+        plan.placements[task.id].on_device and task.node.reads_integers(name)
         for task in plan.tasks.values()
         for name, read in task.edges.items()
         if read == value and not task.filled

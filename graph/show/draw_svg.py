@@ -2,17 +2,21 @@
 
 This is the layered drawing of Sugiyama.  A box stands one layer below the last box that it reads.
 An edge that passes layers goes through a spot in each, shared by all edges from one box.  Sweeps
-order each layer so that few edges cross, and then move boxes towards their neighbours.
+move each spot towards the mean of its neighbours, which orders a layer so that few edges cross.
 """
 
-import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from html import escape
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tactograph.graph.backends import BACKENDS
-from tactograph.graph.show.sketch import Box, Edge, Sketch
+from tactograph.graph.show.sketch import Box, Sketch
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 BACKEND_COLOURS: dict[str, str] = {**dict.fromkeys(BACKENDS, "#fbe3c5"), "numpy": "#dbe9f6"}
 WIDTH_PX, HEIGHT_PX = 150, 34
@@ -25,19 +29,15 @@ ARROW_TIP = ' marker-end="url(#tip)"'
 DASHED_LINE = ' stroke-dasharray="4 3"'
 LAYER_GAP_PX = 30
 """Space between two layers."""
-BOX_GAP_PX, LANE_PX = 16, 14
+BOX_GAP_PX, LANE_PX = 16, 12
 """Space between boxes of a layer, and the width that a passing edge takes."""
 RECALL_PX = 60
 """Space at the right for edges to the next item."""
-ORDER_SWEEPS = 12
-"""Passes over all layers, down and up, that order and move boxes."""
+SWEEP_COUNT = 12
+"""Passes over all layers, down and up; the later half looks up and down at once."""
 
 Spot = tuple[str, int]
 """A box, or the trunk of edges from it, in a layer."""
-Segments = Mapping[tuple[Spot, Spot], str]
-"""The parts of edges between two layers, with their ports."""
-Joined = dict[Spot, tuple[list[Spot], list[Spot]]]
-"""The spots that each spot is joined to, above and below."""
 
 
 def to_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
@@ -45,21 +45,21 @@ def to_svg(sketch: Sketch, times: Mapping[str, float] | None = None) -> str:
 
     Its boxes are in an order in which edges lead onwards; ``data-node`` names them.
     """
-    layer = _layers(sketch.boxes, sketch.edges)
-    segments = _segments(layer, sketch.edges)
-    layers = _ordered(layer, segments)
-    centre = _centres(layers, layer, segments)
-    x_min = min((x for x in centre.values()), default=0.0) - WIDTH_PX / 2 - MARGIN_PX
+    layer = _layers(sketch)
+    trunks = _trunks(sketch, layer)
+    centre = _centres(trunks, layer)
+    x_min = min(centre.values(), default=0.0) - WIDTH_PX / 2 - MARGIN_PX
     centre = {spot: x - x_min for spot, x in centre.items()}
     right = max(centre.values(), default=0.0) + WIDTH_PX / 2 + MARGIN_PX
     right += RECALL_PX if sketch.recalls else 0
-    bottom = 2 * MARGIN_PX + len(layers) * (HEIGHT_PX + LAYER_GAP_PX) - LAYER_GAP_PX
+    bottom = _top(1 + max(layer.values(), default=-1)) - LAYER_GAP_PX + MARGIN_PX
     lines: list[str] = []
-    for (upper, lower), ports in segments.items():
+    ports: Iterable[str]
+    for upper, lower, ports in trunks.edges.data("ports"):
         arrives = upper[0] != lower[0]
         start = centre[upper], _top(upper[1]) + HEIGHT_PX
         end = centre[lower], _top(lower[1]) + (0 if arrives else HEIGHT_PX)
-        lines.append(_drawn_segment(start, end, ports, arrives=arrives))
+        lines.append(_drawn_segment(start, end, ", ".join(ports), arrives=arrives))
     for a, b, port in sketch.recalls:
         lines.append(_drawn_recall((a, layer[a]), (b, layer[b]), port, centre))
     for box in sketch.boxes:
@@ -73,93 +73,59 @@ def _top(layer: int) -> int:
     return MARGIN_PX + layer * (HEIGHT_PX + LAYER_GAP_PX)
 
 
-def _layers(boxes: Sequence[Box], edges: Sequence[Edge]) -> dict[str, int]:
+def _layers(sketch: Sketch) -> dict[str, int]:
     """The layer of each box; a box that reads none stands just above its first reader."""
-    before: dict[str, list[str]] = {}
-    after: dict[str, list[str]] = {}
-    for a, b, _ in edges:
-        before.setdefault(b, []).append(a)
-        after.setdefault(a, []).append(b)
-    layer: dict[str, int] = {}
-    for box in boxes:
-        layer[box.name] = 1 + max((layer[a] for a in before.get(box.name, ())), default=-1)
-    for box in boxes:
-        if box.name not in before and box.name in after:
-            layer[box.name] = min(layer[b] for b in after[box.name]) - 1
-    return layer
+    import networkx as nx  # slow, and a run draws nothing
+
+    graph = nx.DiGraph((a, b) for a, b, _ in sketch.edges)
+    graph.add_nodes_from(box.name for box in sketch.boxes)
+    rows = enumerate(nx.topological_generations(graph))
+    layer = {name: number for number, row in rows for name in row}
+    first = [name for name in layer if graph[name] and not graph.pred[name]]
+    return layer | {name: min(layer[b] for b in graph[name]) - 1 for name in first}
 
 
-def _segments(layer: Mapping[str, int], edges: Sequence[Edge]) -> dict[tuple[Spot, Spot], str]:
-    """The edges cut at each layer, with their ports; edges of one box share segments."""
-    segments: dict[tuple[Spot, Spot], dict[str, None]] = {}
-    for a, b, port in edges:
-        way = [(a, at) for at in range(layer[a], layer[b])] + [(b, layer[b])]
-        for spots in itertools.pairwise(way):
-            segments.setdefault(spots, {})[port] = None
-    return {spots: ", ".join(ports) for spots, ports in segments.items()}
+def _trunks(sketch: Sketch, layer: Mapping[str, int]) -> "nx.DiGraph[Spot]":
+    """The edges cut at each layer, with their `ports`; edges of one box share segments."""
+    import networkx as nx
+
+    trunks: nx.DiGraph[Spot] = nx.DiGraph()
+    trunks.add_nodes_from((box.name, layer[box.name]) for box in sketch.boxes)
+    for a, b, port in sketch.edges:
+        way = [*((a, at) for at in range(layer[a], layer[b])), (b, layer[b])]
+        nx.add_path(trunks, way)
+        for segment in pairwise(way):
+            trunks.edges[segment].setdefault("ports", {})[port] = None
+    return trunks
 
 
-def _neighbours(segments: Segments) -> Joined:
-    joined: Joined = {}
-    for a, b in segments:
-        joined.setdefault(a, ([], []))[1].append(b)
-        joined.setdefault(b, ([], []))[0].append(a)
-    return joined
-
-
-def _ordered(layer: Mapping[str, int], segments: Segments) -> list[list[Spot]]:
-    """The spots of each layer, ordered by the mean place of their neighbours."""
-    spots = dict.fromkeys([(name, at) for name, at in layer.items()])
-    spots |= dict.fromkeys(spot for pair in segments for spot in pair)
-    layers: list[list[Spot]] = [[] for _ in range(1 + max(layer.values(), default=-1))]
-    for spot in spots:
-        layers[spot[1]].append(spot)
-    joined = _neighbours(segments)
-    for sweep in range(ORDER_SWEEPS):
-        up = sweep % 2
-        for number in range(len(layers))[:: -1 if up else 1]:
-            near = layers[number : number + 2] if up else layers[max(number - 1, 0) : number + 1]
-            place = {s: (i + 0.5) / len(row) for row in near for i, s in enumerate(row)}
-            towards = {s: joined.get(s, ([], []))[up] or [s] for s in layers[number]}
-            mean = {s: sum(place[o] for o in others) / len(others) for s, others in towards.items()}
-            layers[number].sort(key=mean.__getitem__)
-    return layers
-
-
-def _centres(
-    layers: Sequence[Sequence[Spot]],
-    layer: Mapping[str, int],
-    segments: Segments,
-) -> dict[Spot, float]:
+def _centres(trunks: "nx.DiGraph[Spot]", layer: Mapping[str, int]) -> dict[Spot, float]:
     """The middle of each spot in px: near its neighbours, and apart from the spots beside it."""
     from scipy.optimize import isotonic_regression  # slow to load
 
-    joined = _neighbours(segments)
-
-    def distance_px(a: Spot, b: Spot) -> float:
-        sizes = [WIDTH_PX + BOX_GAP_PX if layer[spot[0]] == spot[1] else LANE_PX for spot in (a, b)]
-        return sum(sizes) / 2
-
+    width = {s: WIDTH_PX + BOX_GAP_PX if layer[s[0]] == s[1] else LANE_PX for s in trunks}
+    rows = [[s for s in trunks if s[1] == number] for number in sorted({*layer.values()})]
     centre: dict[Spot, float] = {}
-    for row in layers:
-        at = 0.0
-        for before, spot in zip([None, *row], row, strict=False):
-            at += 0 if before is None else distance_px(before, spot)
-            centre[spot] = at
-        for spot in row:
-            centre[spot] -= at / 2
-    for sweep in range(ORDER_SWEEPS):
-        for row in layers[:: -1 if sweep % 2 else 1]:
-            targets = []
+
+    def place(row: list[Spot], wanted: Mapping[Spot, float]) -> None:
+        """Place a row's spots beside each other, as near as possible to the wanted places."""
+        offsets = np.cumsum([width[s] for s in row]) - [width[s] / 2 for s in row]
+        free = isotonic_regression([wanted[s] for s in row] - offsets).x
+        centre.update(zip(row, (free + offsets).tolist(), strict=True))
+
+    for row in rows:
+        place(row, dict.fromkeys(row, 0.0))
+    for sweep in range(SWEEP_COUNT):
+        up = sweep % 2
+        for row in rows[:: -1 if up else 1]:
+            wanted = {}
             for spot in row:
-                above, below = joined.get(spot, ([], []))
-                others = [*above, *below] or [spot]
-                targets.append(sum(centre[o] for o in others) / len(others))
-            offsets = [0.0]
-            for a, b in itertools.pairwise(row):
-                offsets.append(offsets[-1] + distance_px(a, b))
-            free = isotonic_regression(np.subtract(targets, offsets)).x
-            centre |= {s: f + o for s, f, o in zip(row, free, offsets, strict=True)}
+                above, below = trunks.pred[spot], trunks.succ[spot]
+                both = [*above, *below] if 2 * sweep >= SWEEP_COUNT else [*(below if up else above)]
+                near = both or [spot]
+                wanted[spot] = sum(centre[s] for s in near) / len(near)
+            row.sort(key=wanted.__getitem__)
+            place(row, wanted)
     return centre
 
 

@@ -38,13 +38,12 @@ from tactograph.nodes.files.image_files import (
     Lights,
     channels,
     check_alike,
+    check_size,
     check_white,
     cropped,
     grey,
-    lights_of,
     read_numbers,
     read_truth,
-    size_of,
     white_of,
 )
 from tactograph.nodes.files.sensor_identity import SensorIdentity
@@ -226,14 +225,10 @@ class Layout(NamedTuple):
                 f"{flat}: is the folder of the presses; give another as that of the untouched film"
             )
         captures = [*read_capture(folder=folder, **self._asdict())]
-        first = captures[0].image
-        for capture in captures:
-            if capture.image.shape != first.shape:
-                raise InputError(
-                    f"{folder / capture.name}: is {lights_of(capture.image)}, but "
-                    f"{captures[0].name} is {lights_of(first)}; presses of one sensor are of one "
-                    "size"
-                )
+        first, due = captures[0].name, captures[0].image.shape
+        for each in captures:
+            advice = "; presses of one sensor are of one size"
+            check_size(folder / each.name, each.image.shape, first, due, advice)
         return captures
 
 
@@ -367,8 +362,7 @@ def _true_shadow(file: Path, crop: Crop | None, image: Light) -> Labels | None:
 def _fitting(truth: NDArray[Any], crop: Crop | None, image: Light, file: Path) -> NDArray[Any]:
     """The part of a true map that the images show."""
     part = cropped(truth, crop, file)
-    if part.shape != image.shape[1:]:
-        raise InputError(f"{file}: is {size_of(part)}, but the images are {size_of(image[0])}")
+    check_size(file, part.shape, "an image", image.shape[1:])
     return np.ascontiguousarray(part)
 
 

@@ -10,7 +10,7 @@ from tactograph.graph import InputError, node, warn
 from tactograph.nodes import F4, Dark, Light
 from tactograph.nodes.capture.read_capture import CaptureFile, Layout, read_capture
 from tactograph.nodes.files.calibration_file import dark_led
-from tactograph.nodes.files.image_files import lights_of
+from tactograph.nodes.files.image_files import check_size
 from tactograph.nodes.optics.smoothed_light import smoothed_light
 
 
@@ -60,10 +60,7 @@ def read_flat(
     if dark is not None:
         usual = None if folder is None else _bits_in(folder)
         black = layout.plane(dark, CaptureFile.read(dark.parent).bits, usual)
-    if black.shape != (height, width):
-        raise InputError(
-            f"{dark}: is {black.shape[1]} x {black.shape[0]} pixels, the capture {width} x {height}"
-        )
+    check_size(dark, black.shape, "an image of the capture", (height, width))
     if folder is None and estimate is not None:
         return Flat(estimate, black)
     if folder is None:
@@ -91,11 +88,8 @@ def _mean(image: Light, folder: Path, layout: Layout) -> F4:
     """The mean of the captures in a folder, or the only capture."""
     total, count = np.zeros(image.shape, np.float64), 0
     for capture in read_capture(folder=folder, **layout._asdict()):
-        if capture.image.shape != image.shape:
-            raise InputError(
-                f"{folder / capture.name}: the untouched film is {lights_of(capture.image)}, but "
-                f"the capture {lights_of(image)}"
-            )
+        advice = "; the untouched film is taken like the captures"
+        check_size(folder / capture.name, capture.image.shape, "the capture", image.shape, advice)
         total += capture.image
         count += 1
     return np.asarray(total / count, np.float32)

@@ -1,13 +1,11 @@
 """Measure the size, depth and position of each contact."""
 
-from typing import Annotated
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tactograph.graph import Port, node, warn
-from tactograph.nodes import F4, Contacts, Height, Metrics, PixelSize
+from tactograph.graph import node, warn
+from tactograph.nodes import Contacts, Height, Metrics, PixelSize, RestHeight
 from tactograph.nodes.contact.find_contact import MAX_CONTACTS
 from tactograph.nodes.contact.largest_contacts import LargestContacts
 from tactograph.nodes.height.distort_height import distort_height
@@ -24,7 +22,7 @@ def measure_contact(
     contact: Contacts,
     pixel: PixelSize,
     view: View | None = None,
-    rest: Annotated[F4, Port("R C", "mm", low=0, high=3)] | None = None,
+    rest: RestHeight | None = None,
     *,
     largest: LargestContacts,
 ) -> Metrics:

@@ -6,8 +6,6 @@ from numpy.typing import NDArray
 from tactograph.graph import node
 from tactograph.nodes import Labels, Metrics
 
-LED_BITS = tuple(np.uint8(1 << k) for k in range(8))
-
 
 @node
 def evaluate_shadow(shadow: Labels, truth: Labels | None = None) -> Metrics:
@@ -30,7 +28,7 @@ def evaluate_shadow(shadow: Labels, truth: Labels | None = None) -> Metrics:
     if truth is None:
         return {}
     leds = int(np.bitwise_or.reduce(shadow | truth, axis=None)).bit_length()
-    masks, bits = (shadow & truth, shadow, truth), LED_BITS[: max(leds, 1)]
+    masks, bits = (shadow & truth, shadow, truth), 1 << np.arange(max(leds, 1), dtype=np.uint8)
     counts = np.array([[np.count_nonzero(mask & bit) for mask in masks] for bit in bits])
     metrics = _rates(counts.sum(axis=0), "")
     for k, count in enumerate(counts, start=1):

@@ -1,9 +1,7 @@
 """Convert a true height to the height above the film at rest, which graphs measure."""
 
-from typing import Annotated
-
-from tactograph.graph import Port, node
-from tactograph.nodes import F4, Height, Lens
+from tactograph.graph import node
+from tactograph.nodes import Height, Lens, RestHeight
 from tactograph.nodes.height.distort_height import distort_height
 
 
@@ -12,7 +10,7 @@ def truth_above_rest(
     lens: Lens,
     truth: Height | None = None,
     own_rest: Height | None = None,
-    rest: Annotated[F4, Port("R C", "mm", low=0, high=3)] | None = None,
+    rest: RestHeight | None = None,
 ) -> Height | None:
     """Return the true height above the film at rest, or None without truth.
 

@@ -106,13 +106,8 @@ class FileKind(NamedTuple):
             typed: dict[str, Any] = {
                 n: np.asarray(filled[n], value.dtype) for n, value in self.values.items()
             }
-        try:
-            _check_arrays(self, typed)
-        except ValueError as error:
-            advice, *_ = values.get("doubts") or [f"check {self.sources}"]
-            raise InputError(
-                f"{file}: the calibration failed and is not written: {error}; {advice}"
-            ) from None
+        advice, *_ = values.get("doubts") or [f"check {self.sources}"]
+        self._check(file, typed, "the calibration failed and is not written", advice)
         _write_archive(file, {ABOUT_ARRAY: np.array(json.dumps(head)), **typed})
 
     def write_record(self, file: Path, record: Any, about: Mapping[str, Any]) -> None:
@@ -130,10 +125,7 @@ class FileKind(NamedTuple):
         """
         typed = {n: np.asarray(array, self.values[n].dtype) for n, array in arrays.items()}
         every = self.stored(file) | typed
-        try:
-            _check_arrays(self, every)
-        except ValueError as error:
-            raise InputError(f"{file}: stays as it was: {error}; check {self.sources}") from None
+        self._check(file, every, "stays as it was", f"check {self.sources}")
         _write_archive(file, every)
 
     def read(self, file: Path) -> tuple[dict[str, Any], "About"]:
@@ -148,12 +140,7 @@ class FileKind(NamedTuple):
             numbers by name, or its doubts not sentences.
         """
         arrays = self.stored(file)
-        try:
-            _check_arrays(self, arrays)
-        except ValueError as error:
-            raise InputError(
-                f"{file}: not as this version writes it: {error}; calibrate again"
-            ) from None
+        self._check(file, arrays, "not as this version writes it", "calibrate again")
         values = self.values.items()
         typed = {n: arrays[n] if v.port.dims else float(arrays[n]) for n, v in values}
         return typed, _about(file, about_in(arrays))
@@ -232,6 +219,13 @@ class FileKind(NamedTuple):
                 "again"
             )
         return arrays, about
+
+    def _check(self, file: Path, arrays: Mapping[str, NDArray[Any]], what: str, cure: str) -> None:
+        """Refuse arrays that are not as declared, with the reason."""
+        try:
+            _check_arrays(self, arrays)
+        except ValueError as error:
+            raise InputError(f"{file}: {what}: {error}; {cure}") from None
 
     def _is_in(self, head: Mapping[str, Any]) -> bool:
         """Whether a file of that header claims to be a calibration of this kind."""

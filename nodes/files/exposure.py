@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import InputError, warn
 from tactograph.nodes import FALSE_ALARMS
-from tactograph.nodes.files.image_files import bits_in, check_white, size_of
+from tactograph.nodes.files.image_files import bits_in, check_white, size_in_words
 
 MIN_SIDE_PX = 4
 """Smallest number of rows and columns of a capture: one cell of a rough height."""
@@ -69,8 +69,8 @@ def check_exposed(
     """
     if min(stack.shape[1:3]) < MIN_SIDE_PX:
         raise InputError(
-            f"{names[0]}: {size_of(stack[0])} pixels; a height needs {MIN_SIDE_PX} x {MIN_SIDE_PX} "
-            "or more"
+            f"{names[0]}: {size_in_words(*stack.shape[1:3])}; a height needs {MIN_SIDE_PX} x "
+            f"{MIN_SIDE_PX} or more"
         )
     counts = stack.dtype.kind == "u"
     full = white or int(np.iinfo(stack.dtype).max) if counts else 1

@@ -292,10 +292,7 @@ def check_alike(planes: list[NDArray[Any]], files: list[Path]) -> None:
         if plane.ndim != first.ndim:
             coloured, plain = (file, files[0]) if plane.ndim > first.ndim else (files[0], file)
             raise InputError(f"{coloured}: a colour image, but {plain.name} is grey")
-        if plane.shape != first.shape:
-            raise InputError(
-                f"{file}: is {size_of(plane)}, but {files[0].name} is {size_of(first)} pixels"
-            )
+        check_size(file, plane.shape[:2], files[0].name, first.shape[:2])
         if plane.dtype != first.dtype:
             raise InputError(
                 f"{file}: is {bits_in(plane)} bit, but {files[0].name} is {bits_in(first)} bit"
@@ -314,7 +311,7 @@ def cropped(plane: NDArray[Any], crop: Crop | None, file: Path) -> NDArray[Any]:
             "0 <= y0 < y1"
         )
     if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
-        raise InputError(f"`crop`={x0},{y0},{x1},{y1}: {file} has only {size_of(plane)} pixels")
+        raise InputError(f"`crop`={x0},{y0},{x1},{y1}: {file} has only {width} x {height} pixels")
     return plane[y0:y1, x0:x1]
 
 
@@ -323,11 +320,16 @@ def bits_in(plane: NDArray[Any]) -> int:
     return 8 * plane.dtype.itemsize
 
 
-def size_of(plane: NDArray[Any]) -> str:
-    """Return the size of an image in words, width first."""
-    return f"{plane.shape[1]} x {plane.shape[0]}"
+def size_in_words(*shape: int) -> str:
+    """Return the size of images H x W, or K x H x W, in words, width first."""
+    *lights, rows, columns = shape
+    return "".join(f"{count} lights of " for count in lights) + f"{columns} x {rows} pixels"
 
 
-def lights_of(stack: NDArray[Any]) -> str:
-    """Return the size of images K x H x W in words."""
-    return f"{len(stack)} lights of {size_of(stack[0])} pixels"
+def check_size(
+    place: object, shape: tuple[int, ...], other: str, due: tuple[int, ...], advice: str = ""
+) -> None:
+    """Refuse images H x W, or K x H x W, that do not have the size of `other` images."""
+    if shape != due:
+        sizes = f"is {size_in_words(*shape)}, but {other} is {size_in_words(*due)}"
+        raise InputError(f"{place}: {sizes}{advice}")

@@ -16,11 +16,7 @@ PART_FIELDS: dict[FilmPart, tuple[str, ...]] = {
 
 
 @node
-def simplify_film(
-    film: Film,
-    *,
-    without: tuple[FilmPart, ...] = (),
-) -> Film:
+def simplify_film(film: Film, *, without: tuple[FilmPart, ...] = ()) -> Film:
     """Return the film with parts of equation F1 (`optics/film`) switched off.
 
     Nothing is refitted, so the result shows what the part contributes.  To find out how well a

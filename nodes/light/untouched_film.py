@@ -1,11 +1,11 @@
 """Describe the film at rest: its shape, and its light relative to a plane's."""
 
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.graph import InputError, NodeCall, Port, node
-from tactograph.nodes import F4, Film, Height, Light, PixelSize, Slope
+from tactograph.graph import InputError, NodeCall, node
+from tactograph.nodes import F4, Film, Height, Light, PixelSize, RestHeight, Slope
 from tactograph.nodes.light.film_bounce import DEFAULT_CELLS, film_bounce
 from tactograph.nodes.optics.near_light import matt_film_light
 from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, REST_ROUNDS, RestShape
@@ -34,7 +34,7 @@ class Surface(NamedTuple):
 def untouched_film(
     flat: Light,
     film: Film | None = None,
-    rest: Annotated[F4, Port("R C", "mm", low=0, high=3)] | None = None,
+    rest: RestHeight | None = None,
     pixel: PixelSize | None = None,
     *,
     bounce: NodeCall = film_bounce,

@@ -1,6 +1,7 @@
-"""Interpolate an array between its pixels."""
+"""Read an array between its pixels."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tactograph.nodes import F4
 
@@ -16,3 +17,11 @@ def bilinear(plane: F4, x: F4, y: F4) -> F4:
     above = plane[upper, column] * (1 - u) + plane[upper, right] * u
     below = plane[lower, column] * (1 - u) + plane[lower, right] * u
     return np.asarray(above * (1 - v) + below * v, np.float32)
+
+
+def mask_at(mask: NDArray[np.bool_], x: F4, y: F4) -> NDArray[np.bool_]:
+    """Return `mask` at the pixels nearest to the points (x, y) in px; False outside the frame."""
+    rows, columns = mask.shape
+    column, row = np.rint(x).astype(int), np.rint(y).astype(int)
+    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    return inside & mask[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]

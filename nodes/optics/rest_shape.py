@@ -8,14 +8,15 @@ see: the flat frame divided by the model's light of the film at rest is the flat
 So every formula holds for the film's absolute height, and none needs its shape.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.nodes import F4, F8, Film
+from tactograph.nodes.optics.block_sums import whole_cells
 from tactograph.nodes.optics.difference import difference
 from tactograph.nodes.optics.film import predict
 from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, image_places
@@ -91,23 +92,19 @@ class RestShape:
         """Return the means of complete cells of `factor` x `factor` pixels."""
         if factor == 1:
             return self
-        rows, columns = (side // factor for side in self.height.shape)
-
-        def means(plane: F4) -> F4:
-            whole = plane[: rows * factor, : columns * factor]
-            return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA))
-
-        slope, tilt = (np.stack([*map(means, pair)]) for pair in (self.slope, self.tilt))
-        side = self.pixel * factor
-        return type(self)(means(self.height), means(self.apparent), slope, tilt, side, self.camera)
+        return self._with(lambda planes: whole_cells(planes, factor), self.pixel * factor)
 
     def continued(self, factor: int) -> Self:
         """Return the shape continued to a multiple of `factor` pixels along both axes."""
-        beyond = [(0, -side % factor) for side in self.height.shape]
-        height = np.pad(self.height, beyond, mode="edge")
-        apparent = np.pad(self.apparent, beyond, mode="edge")
-        slope, tilt = (np.pad(p, [(0, 0), *beyond], mode="edge") for p in (self.slope, self.tilt))
-        return type(self)(height, apparent, slope, tilt, self.pixel, self.camera)
+        beyond = [(0, 0), *((0, -side % factor) for side in self.height.shape)]
+        return self._with(lambda planes: np.pad(planes, beyond, mode="edge"), self.pixel)
+
+    def _with(self, change: Callable[[F4], F4], pixel: float) -> Self:
+        """Return the shape after a change of planes, N x H x W, with pixels of this size."""
+        planes = np.stack([self.height, self.apparent, *self.slope, *self.tilt])
+        height, apparent, *slopes = change(planes)
+        slope, tilt = np.stack(slopes[:2]), np.stack(slopes[2:])
+        return type(self)(height, apparent, slope, tilt, pixel, self.camera)
 
 
 def rest_share(film: Film, n: Numbers, x: Numbers, y: Numbers, z: Numbers) -> F8:

@@ -8,12 +8,7 @@ from annotated_types import Gt, Interval
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.nodes import F8, Height, Labels, Light, LightPositions, PixelSize
 from tactograph.nodes.optics.cache_blocks import in_blocks
-from tactograph.nodes.optics.near_light import (
-    lights_around,
-    matt_film_light,
-    places,
-    vectors_at,
-)
+from tactograph.nodes.optics.near_light import lights_around, matt_film_light, places, vectors_at
 from tactograph.nodes.optics.normals import cofactors, dot, times
 
 MIN_OTHER_LEDS = 3

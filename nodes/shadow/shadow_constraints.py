@@ -24,8 +24,8 @@ from tactograph.nodes import (
     ShadowRises,
     Slope,
 )
-from tactograph.nodes.optics.bilinear import bilinear
-from tactograph.nodes.optics.near_light import expected_light, light_vectors
+from tactograph.nodes.optics.bilinear import bilinear, mask_at
+from tactograph.nodes.optics.near_light import expected_light, light_vectors, lights_around
 
 STEP_PX = np.float32(0.5)
 """Step along a ray."""
@@ -106,7 +106,7 @@ def shadow_constraints(
         expected = np.maximum(expected_light(vectors, slope)[0], MIN_EXPECTED_LIGHT)
         end, edge = _march(rays, dark, np.clip(light[k] / expected, 0, 1), longest_px)
         x, y = rays.at(edge + np.float32(0.25))
-        is_lit = _look_up(~dark & is_known, x, y)
+        is_lit = mask_at(~dark & is_known, x, y)
         rays, end = rays.only(is_lit), end[is_lit]
         top_column, top_row = np.rint(x[is_lit]), np.rint(y[is_lit])
         row, column = rays.row.astype(np.int32), rays.column.astype(np.int32)
@@ -118,14 +118,12 @@ def shadow_constraints(
         top, foot = (top_row * width + top_column).astype(np.int32), row * width + column
         return ShadowRises(top, foot, rise, np.full(rise.size, k + 1, np.uint8))
 
-    measurements = []
+    measurements = [ShadowRises.none()]
     for k, led in enumerate(lights):
         dark = (shadow >> k & 1).astype(bool)
         rays = _ends(dark, is_known, led / side)
         if rays.row.size:
             measurements.append(measure(k, rays, dark))
-    if not measurements:
-        return ShadowRises.none()
     rises = ShadowRises(*map(np.concatenate, zip(*measurements, strict=True)))
     if rest is None:
         return rises
@@ -143,15 +141,7 @@ def _ends(dark: NDArray[np.bool_], is_known: NDArray[np.bool_], led: F4) -> Rays
     dy = led[1] + np.float32((rows - 1) / 2) - row
     plan = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
     rays = Rays(column, row, dx / plan, dy / plan, plan)
-    return rays.only(_look_up(dark, *rays.at(np.float32(1))))
-
-
-def _look_up(mask: NDArray[np.bool_], x: F4, y: F4) -> NDArray[np.bool_]:
-    """`mask` at the nearest pixels; False outside the frame."""
-    rows, columns = mask.shape
-    column, row = np.rint(x).astype(int), np.rint(y).astype(int)
-    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-    return inside & mask[np.clip(row, 0, rows - 1), np.clip(column, 0, columns - 1)]
+    return rays.only(mask_at(dark, *rays.at(np.float32(1))))
 
 
 def _march(rays: Rays, dark: NDArray[np.bool_], share: F4, longest: float) -> tuple[F4, F4]:
@@ -220,8 +210,7 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     shape = sizes["H"], sizes["W"]
     patches = rng.integers(0, 256, (shape[0] // 4 + 1, shape[1] // 6 + 1), dtype=np.uint8)
     shadow = patches.repeat(4, axis=0).repeat(6, axis=1)[: shape[0], : shape[1]]
-    around = rng.uniform(0, 2 * np.pi, sizes["K"])
-    lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 8], axis=1)
+    lights = lights_around(rng, sizes["K"])
     used = np.where(rng.random(shape) < 0.9, 15, 1)
     height = rng.uniform(0, 0.5, shape)
     return {"shadow": shadow, "used": used, "height": height, "lights": lights}

@@ -3,13 +3,7 @@
 import numpy as np
 
 from tactograph.graph import node
-from tactograph.nodes.optics.shape import (
-    PAPER_PIXEL_MM,
-    PixelSide,
-    Shape,
-    ShapeImage,
-    Side,
-)
+from tactograph.nodes.optics.shape import PAPER_PIXEL_MM, PixelSide, Shape, ShapeImage, Side
 
 
 @node

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Labels, Light, LightPositions, PixelSize, SlopeVariance
+from tactograph.nodes.optics.bilinear import mask_at
 
 JUMP_SLOPE = np.float32(3)
 """Standard deviation of the slope across an edge, per light above `GRAZING_LIGHT`."""
@@ -61,16 +62,13 @@ def _before_dark(dark: Labels, led: F4) -> tuple[NDArray[np.intp], ...]:
     The neighbour is one of eight.
     """
     rows, columns = dark.shape
-    around = cv2.dilate(dark, np.ones((3, 3), np.uint8)) > dark
-    row, column = np.nonzero(around)
-    dx = led[0] - (column.astype(np.float32) - np.float32((columns - 1) / 2))
-    dy = led[1] - (row.astype(np.float32) - np.float32((rows - 1) / 2))
+    around = np.argwhere(cv2.dilate(dark, np.ones((3, 3), np.uint8)) > dark)
+    y, x = around.T.astype(np.float32)
+    dx = led[0] - (x - np.float32((columns - 1) / 2))
+    dy = led[1] - (y - np.float32((rows - 1) / 2))
     plan = np.sqrt(dx * dx + dy * dy) + MIN_PLAN_PX
-    x = np.rint(column.astype(np.float32) - dx / plan).astype(int)
-    y = np.rint(row.astype(np.float32) - dy / plan).astype(int)
-    inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-    at_cliff = inside & (dark[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)] > 0)
-    return row[at_cliff], column[at_cliff]
+    row, column = around[mask_at(dark > 0, x - dx / plan, y - dy / plan)].T
+    return row, column
 
 
 @cliff_variance.opencl()

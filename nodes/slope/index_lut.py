@@ -51,16 +51,6 @@ class LutIndex(NamedTuple):
     """Number of tops, first row of `boxes`, of `entries`, of `slopes`."""
 
 
-class _Table(NamedTuple):
-    entries: F4
-    numbers: I4
-    slopes: F4
-    boxes: F4
-    axes: F4
-    centre: F4
-    tops: int
-
-
 @node
 def index_lut(light: LutLight, slope: LutSlope, lit: LutLit) -> LutIndex:
     """Split the calibration pixels into their K + 1 tables and index each (3.1 and 3.3).
@@ -79,23 +69,17 @@ def index_lut(light: LutLight, slope: LutSlope, lit: LutLit) -> LutIndex:
     # Sorting releases the interpreter's lock, so threads help.
     with ThreadPoolExecutor(cores()) as pool:
         tables = list(pool.map(lambda k: _table(light, slope, lit, k), (None, *range(count))))
-    starts = [
-        np.cumsum([0, *(len(part) for part in parts)])
-        for parts in zip(*((t.boxes, t.entries, t.slopes) for t in tables), strict=True)
-    ]
-    return LutIndex(
-        np.concatenate([t.entries for t in tables]),
-        np.concatenate([t.numbers for t in tables]),
-        np.concatenate([t.slopes for t in tables]),
-        np.concatenate([t.boxes for t in tables]),
-        np.stack([t.axes for t in tables]),
-        np.stack([t.centre for t in tables]),
-        np.array([(t.tops, *(s[i] for s in starts)) for i, t in enumerate(tables)], np.int32),
-    )
+    index = LutIndex(*map(np.concatenate, zip(*tables, strict=True)))
+    lengths = np.array([[len(t.boxes), len(t.entries), len(t.slopes)] for t in tables], np.int32)
+    index.tables[:, 1:] = np.cumsum(lengths, axis=0) - lengths
+    return index
 
 
-def _table(light: LutLight, slope: LutSlope, lit: LutLit, dropped: int | None) -> _Table:
-    """One table: the pixels that all LEDs but the dropped one reach, with its light set to zero."""
+def _table(light: LutLight, slope: LutSlope, lit: LutLit, dropped: int | None) -> LutIndex:
+    """One table: the pixels that all LEDs but the dropped one reach, with its light set to zero.
+
+    It starts at the first row of everything.
+    """
     count = light.shape[1]
     needed = (1 << count) - 1 & ~(0 if dropped is None else 1 << dropped)
     chosen = (lit & needed) == needed
@@ -111,16 +95,16 @@ def _table(light: LutLight, slope: LutSlope, lit: LutLit, dropped: int | None) -
     order = _leaf_order(places)
     boxes = _boxes(places[order], np.float32(BOX_SLACK_SHARE * np.abs(points).max()))
     numbers = order.ravel().astype(np.int32)
-    tops = len(numbers) // TOP_ENTRIES
-    return _Table(points[numbers], numbers, slopes, boxes, axes, centre, tops)
+    tables = np.array([[len(numbers) // TOP_ENTRIES, 0, 0, 0]], np.int32)
+    return LutIndex(points[numbers], numbers, slopes, boxes, axes[None], centre[None], tables)
 
 
-def _empty(count: int) -> _Table:
+def _empty(count: int) -> LutIndex:
     none = np.zeros((0, count), np.float32)
-    axes = np.eye(count, dtype=np.float32)
+    axes = np.eye(count, dtype=np.float32)[None]
     boxes = np.zeros((0, 2, count, GROUP_BOXES), np.float32)
-    numbers = np.zeros(0, np.int32)
-    return _Table(none, numbers, none[:, :2], boxes, axes, axes[0], 0)
+    numbers, tables = np.zeros(0, np.int32), np.zeros((1, 4), np.int32)
+    return LutIndex(none, numbers, none[:, :2], boxes, axes, axes[:, 0], tables)
 
 
 def _merged(points: F4, slopes: F4) -> tuple[F4, F4]:
@@ -142,17 +126,16 @@ def _principal_axes(points: F4) -> tuple[F4, F4]:
 def _leaf_order(places: F4) -> NDArray[np.intp]:
     """The numbers of the entries, one leaf per row; entries repeat until all leaves are full."""
     tops = -(-len(places) // TOP_ENTRIES)
-    todo = [np.resize(np.arange(len(places)), (1, tops * TOP_ENTRIES))]
-    parts = []
-    while todo:
-        part = todo.pop()
-        count = part.shape[1] // TOP_ENTRIES
-        if count == 1:
-            parts.append(part)
-            continue
-        part = _split(places, part, count // 2 * TOP_ENTRIES)
-        todo += [part[:, count // 2 * TOP_ENTRIES :], part[:, : count // 2 * TOP_ENTRIES]]
-    order = np.concatenate(parts)
+
+    def split_by_top(part: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+        at = part.shape[1] // TOP_ENTRIES // 2 * TOP_ENTRIES
+        if not at:
+            return [part]
+        part = _split(places, part, at)
+        return split_by_top(part[:, :at]) + split_by_top(part[:, at:])
+
+    everything = np.resize(np.arange(len(places)), (1, tops * TOP_ENTRIES))
+    order = np.concatenate(split_by_top(everything))
     while order.shape[1] > LEAF_ENTRIES:
         half = order.shape[1] // 2
         order = _split(places, order, half).reshape(2 * len(order), half)

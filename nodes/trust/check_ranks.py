@@ -92,10 +92,7 @@ CHECK_FIGURES = {
         "{led} {sense} than in the calibration (check exposure, gain and LED, and that other light "
         "is kept out)",
     ),
-    "moved": Figure(
-        "rest",
-        "{moved}",
-    ),
+    "moved": Figure("rest", "{moved}"),
     "creep": IMAGES_APART,
     "shift": IMAGES_APART,
     "brighter": WRONG_BRIGHTNESS,

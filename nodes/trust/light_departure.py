@@ -18,7 +18,7 @@ from tactograph.nodes import (
     Slope,
     Uneven,
 )
-from tactograph.nodes.optics.near_light import brightness_share, matt_film_light
+from tactograph.nodes.optics.near_light import brightness_share, lights_around, matt_film_light
 from tactograph.nodes.trust.checked_cells import DARK_LIGHT, MIN_LIGHT, NOT_TESTED
 
 Departure = Annotated[F4, Port("H W", "1", low=-1, high=25)]
@@ -119,11 +119,10 @@ light_departure.opencl(grid="H W", lanes="grid")
 @light_departure.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
     """LEDs around a film whose light departs from the model by a few standard deviations."""
-    around = np.arange(K) * 2 * np.pi / K
-    lights = np.stack([20 * np.cos(around), 20 * np.sin(around), 0 * around + 25], axis=1)
+    lights = lights_around(rng, K)
     slope = rng.uniform(-1.2, 1.2, (2, H, W)).astype(np.float32)
     height = rng.uniform(0, 0.5, (H, W)).astype(np.float32)
-    model_light = matt_film_light(lights.astype(np.float32), height, slope, 0.05)
+    model_light = matt_film_light(lights, height, slope, 0.05)
     light = model_light + rng.normal(0, 0.02, (K, H, W))
     return {
         "light": light.astype(np.float32),
@@ -131,7 +130,7 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
         "slope": slope,
         "height": height,
         "used": rng.integers(0, 1 << K, (H, W)).astype(np.uint8),
-        "lights": lights.astype(np.float32),
+        "lights": lights,
         "misfit": np.array([0.003, 1, 0.004, 0.05, 0.002], np.float32),
         "pixel": 0.05,
     }

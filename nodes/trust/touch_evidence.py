@@ -14,12 +14,7 @@ from tactograph.graph import Close, Port, SizeLimit, node
 from tactograph.graph.backends.launch import DeviceArray, Launch
 from tactograph.nodes import F4, FULL_MISFIT_SLOPE, CoarseLight, Height, Labels, Light, Slope
 from tactograph.nodes.light.border import border_level
-from tactograph.nodes.light.film_drift import (
-    CALM_DEPARTURES,
-    DRIFT_TERMS,
-    Drift,
-    drift_gain,
-)
+from tactograph.nodes.light.film_drift import CALM_DEPARTURES, DRIFT_TERMS, Drift, drift_gain
 from tactograph.nodes.trust.checked_cells import (
     DARK_LIGHT,
     MIN_CELLS,
@@ -257,7 +252,7 @@ def _example(
     shape = 0.4 * band * (1 + folded) if rng.random() < 0.7 else ripple
     slope = rng.uniform(-0.02, 0.02, (2, H, W)) + shape
     every, shade = (1 << K) - 1, rng.random((H, W)) < rng.choice([0.05, 0.05, 0.5]) * band
-    planes = {
+    return {
         "curl": np.where(rng.random((h, w)) < rng.choice([0.7, 0.2]), curl, -1),
         "light": light,
         "drift": drift,
@@ -267,7 +262,6 @@ def _example(
         "slope": slope,
         "brighter": rng.normal(0.01, 0.1, (H, W)),
         "matt": rng.normal(1, 0.08, (K, H, W)) + 0.3 * band,
+        "used": np.where(shade, every & 3, every),
+        "shadow": np.where(shade, 3, 0),
     }
-    labels = {"used": np.where(shade, every & 3, every), "shadow": np.where(shade, 3, 0)}
-    arrays = {name: np.asarray(plane, np.float32) for name, plane in planes.items()}
-    return arrays | {name: np.asarray(bits, np.uint8) for name, bits in labels.items()}

@@ -3,7 +3,7 @@
 from typing import Annotated, Any, NamedTuple
 
 from tactograph.graph import NamedPorts, Port, node
-from tactograph.nodes import F4, Height, Light, Metrics, PixelSize
+from tactograph.nodes import Height, Light, Metrics, PixelSize, RestHeight
 from tactograph.nodes.height.distort_height import distort_height
 from tactograph.nodes.optics.camera_view import View
 from tactograph.nodes.stream.touch import LayerKinds, LiveState, Touch
@@ -29,7 +29,7 @@ def join_touch(
     frames: CapturedFrames,
     metrics: Metrics | None = None,
     view: View | None = None,
-    rest: Annotated[F4, Port("R C", "mm", low=0, high=3)] | None = None,
+    rest: RestHeight | None = None,
     **layers: Layers,
 ) -> Touch:
     """Return a touch for the nodes that write or show it: `write_result`, `preview` and others.

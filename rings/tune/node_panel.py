@@ -92,7 +92,7 @@ class NodePanel:
                 every.props("dense data-testid=every").bind_value(tuning, "every")
                 every.tooltip("what changes here changes in every use of the group")
             ui.select(
-                [FILE_BACKEND, *sorted(node.backends)],
+                [FILE_BACKEND, "numpy", *["opencl"] * node.has_kernel],
                 value=entry.backend or FILE_BACKEND,
                 on_change=lambda e: self._do(
                     tuning.set_backend, name, None if e.value == FILE_BACKEND else e.value

@@ -100,7 +100,7 @@ def differences(node: Node) -> Iterator[str | None]:
     device.options.append("-cl-opt-disable")
     every = cases(node) + pairwise(node, CASE_SHAPES[:3])
     for case in sorted(every, key=lambda case: abs(case.sizes.get("H", 0) - CASE_SHAPES[2][0])):
-        yield compare(node, device, case)
+        yield compare(node, case, device)
 
 
 def test_every_kernel_of_the_flow_has_mutants() -> None:

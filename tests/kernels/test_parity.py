@@ -15,7 +15,7 @@ from tactograph.graph.backends.kernel_source import (
     kernel_source,
 )
 from tactograph.graph.backends.opencl import OpenCL
-from tactograph.graph.backends.parity import compare, compare_on
+from tactograph.graph.backends.parity import compare
 from tactograph.graph.backends.parity_cases import CASE_SHAPES, Case, cases
 from tactograph.graph.declare.find_node import find_node, shipped_nodes
 from tactograph.graph.declare.node import Node
@@ -80,7 +80,7 @@ def test_any_two_choices_meet(node: Node) -> None:
 
 def differences(devices: list[OpenCL], name: str, chosen: list[Case]) -> dict[str, str]:
     """The differences on any device, by case."""
-    results = {str(case): compare_on(find_node(name), devices, case) for case in chosen}
+    results = {str(case): compare(find_node(name), case, *devices) for case in chosen}
     return {case: what for case, what in results.items() if what}
 
 
@@ -144,7 +144,7 @@ def test_both_back_ends_agree_for_any_number_of_lights(
     # Settings at their extremes once more where there are most lights.
     for case in every if lights == 8 else [c for c in every if c.setting == "default"]:
         other = replace(case, sizes={**case.sizes, "K": lights})
-        assert compare(node, as_written, other) is None, str(other)
+        assert compare(node, other, as_written) is None, str(other)
 
 
 @pytest.mark.parametrize(
@@ -188,7 +188,7 @@ def test_absent_inputs_and_outputs_are_the_same_on_both_back_ends(
     device: OpenCL, node: Node
 ) -> None:
     chosen = [case for case in cases(node) if case.omitted or case.wanted]
-    assert [compare(node, device, case) for case in chosen] == [None] * len(chosen)
+    assert [compare(node, case, device) for case in chosen] == [None] * len(chosen)
 
 
 def test_a_kernel_that_needs_an_optional_input_is_detected(
@@ -199,4 +199,4 @@ def test_a_kernel_that_needs_an_optional_input_is_detected(
 
     monkeypatch.setattr(leaned, "function", always)
     (without,) = (case for case in cases(leaned) if case.omitted)
-    assert compare(leaned, device, without) is not None
+    assert compare(leaned, without, device) is not None

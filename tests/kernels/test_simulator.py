@@ -49,7 +49,7 @@ def check(name, lanes, shape, before, after):
     wide = {case.fill: case for case in cases(node, shapes=((3, 5),)) if case.setting == "default"}
     small = [cases(node, shapes=((1, 1),))[0], *(wide[f] for f in FILLS if f in wide)]
     for case in cases(node, shapes=(shape,))[:1] if shape else small:
-        wrong = compare(node, device, case)
+        wrong = compare(node, case, device)
         if wrong is not None and not before:
             return f"{case}: {wrong}"
     return ""

@@ -11,18 +11,9 @@ from numpy.typing import NDArray
 from tactograph.nodes import DEVIATIONS_PER_MAD, F4, F8, Film, robust_deviation
 from tactograph.nodes.calibrate import FOLD_COUNT, MAX_SAMPLE_SLOPE
 from tactograph.nodes.calibrate.ball.ball_surface import ball_height, sunk
-from tactograph.nodes.calibrate.lights.light_fit import (
-    HEIGHT_DEVIATION_MM,
-    LedPlaces,
-)
+from tactograph.nodes.calibrate.lights.light_fit import HEIGHT_DEVIATION_MM, LedPlaces
 from tactograph.nodes.calibrate.lights.light_samples import LIGHT_DEVIATION, Rest
-from tactograph.nodes.optics.film import (
-    at_rest,
-    predict,
-    rest_below,
-    rest_light,
-    turned,
-)
+from tactograph.nodes.optics.film import at_rest, predict, rest_below, rest_light, turned
 from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, rest_share
 
 MIN_WEIGHT_LIGHT = 0.3

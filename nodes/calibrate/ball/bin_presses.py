@@ -2,13 +2,12 @@
 
 from typing import Annotated, NamedTuple
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from tactograph.graph import Port, node
 from tactograph.nodes import F4, CoarseDark, CoarseLight, Dark, Light, PixelSize
 from tactograph.nodes.capture.read_balls import Marks, Radii, StatedCircles
+from tactograph.nodes.optics.block_sums import whole_cells
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 MIN_BALL_RADIUS_PX = 16.0
@@ -61,8 +60,7 @@ def bin_presses(
     factor = int(min(by_ball, np.sqrt(rows * columns / MIN_IMAGE_PIXELS)))
     if factor <= 1:
         return BinnedPresses(image, flat, dark, circles, pixel, 1, marks)
-    size = (columns // factor, rows // factor)
-    presses = [_binned(press, factor, size) for press in cut(image, rows)]
+    presses = [whole_cells(press, factor) for press in cut(image, rows)]
     scaled = circles.copy()
     scaled[:, :2] = (circles[:, :2] + 0.5) / factor - 0.5
     scaled[:, 2] = circles[:, 2] / factor
@@ -70,18 +68,10 @@ def bin_presses(
         marks = np.column_stack([(marks[:, :2] + 0.5) / factor - 0.5, marks[:, 2]])
     return BinnedPresses(
         np.concatenate(presses, axis=1),
-        _binned(flat, factor, size),
-        _binned(dark[None], factor, size)[0],
+        whole_cells(flat, factor),
+        whole_cells(dark[None], factor)[0],
         scaled,
         pixel * factor,
         factor,
         None if marks is None else marks.astype(np.float32),
     )
-
-
-def _binned(image: NDArray[np.float32], factor: int, size: tuple[int, int]) -> NDArray[np.float32]:
-    """Means over factor x factor pixels."""
-    columns, rows = size
-    cut_off = image[:, : rows * factor, : columns * factor]
-    planes = [cv2.resize(plane, size, interpolation=cv2.INTER_AREA) for plane in cut_off]
-    return np.stack(planes)

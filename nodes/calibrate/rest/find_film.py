@@ -9,11 +9,7 @@ from numpy.typing import NDArray
 
 from tactograph.graph import Port, node, warn
 from tactograph.nodes import F4, U1, Light, Mask
-from tactograph.nodes.optics.smoothed_light import (
-    FILM_PERCENTILE,
-    MAX_DARK_SHARE,
-    MAX_FIT_PIXELS,
-)
+from tactograph.nodes.optics.smoothed_light import FILM_PERCENTILE, MAX_DARK_SHARE, MAX_FIT_PIXELS
 
 RIM_LIGHT_SHARE = 0.5
 """Light relative to nearby film below which a pixel is the blurred rim of a dark part."""

@@ -41,16 +41,19 @@ def build_lut(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Lut:
         If fewer than 100 pixels can be used.
     """
     chosen = in_tables(mask, lit, len(light))
-    if chosen.sum() < MIN_PIXELS:
-        raise InputError(
-            f"only {int(chosen.sum())} calibration pixels are reached by enough LEDs "
-            f"({MIN_PIXELS} are needed): is the ball in the frame, and does every LED flash?"
-        )
+    refuse_few(chosen, "enough LEDs", "is the ball in the frame, and does every LED flash?")
     return Lut(
         np.ascontiguousarray(light[:, chosen].T),
         np.ascontiguousarray(slope[:, chosen].T),
         lit[chosen],
     )
+
+
+def refuse_few(reached: NDArray[np.bool_], leds: str, cure: str) -> None:
+    """Refuse a calibration object of which too few pixels are reached by these LEDs."""
+    if (count := np.count_nonzero(reached)) < MIN_PIXELS:
+        few = f"only {count} calibration pixels are reached by {leds} ({MIN_PIXELS} are needed)"
+        raise InputError(f"{few}: {cure}")
 
 
 def in_tables(mask: U1, lit: U1, count: int) -> NDArray[np.bool_]:

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tactograph.graph import InputError, node
+from tactograph.graph import node
 from tactograph.nodes import Labels, Light, Mask, NullVector, Spread, robust_deviation
-from tactograph.nodes.calibrate import MIN_PIXELS
+from tactograph.nodes.calibrate.tables.build_lut import refuse_few
 
 
 class NullFit(NamedTuple):
@@ -43,11 +43,7 @@ def fit_null_vector(light: Light, mask: Mask, lit: Labels) -> NullFit:
     if count < 4:
         return NullFit(np.zeros(count, np.float32), 0.0)
     chosen = (mask > 0) & (lit == (1 << count) - 1)
-    if chosen.sum() < MIN_PIXELS:
-        raise InputError(
-            f"only {int(chosen.sum())} calibration pixels are reached by all {count} LEDs "
-            f"({MIN_PIXELS} are needed): press less deep, or check that every LED flashes"
-        )
+    refuse_few(chosen, f"all {count} LEDs", "press less deep, or check that every LED flashes")
     lit_light = light[:, chosen].astype(np.float64)
     null = np.linalg.eigh(lit_light @ lit_light.T)[1][:, 0]
     null *= np.sign(null[np.argmax(np.abs(null))])

@@ -4,9 +4,9 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from tactograph.graph import InputError, Port, node
+from tactograph.graph import Port, node
 from tactograph.nodes import F4, Labels, Light, Mask, Reflectance, Slope, robust_deviation
-from tactograph.nodes.calibrate import MIN_PIXELS
+from tactograph.nodes.calibrate.tables.build_lut import refuse_few
 from tactograph.nodes.optics.gauss_newton import SlopeNormal
 
 
@@ -40,11 +40,7 @@ def fit_reflectance(light: Light, slope: Slope, mask: Mask, lit: Labels) -> Refl
     coefficients, residuals = [], []
     for k, plane in enumerate(light):
         chosen = (mask > 0) & ((lit >> k) & 1 > 0)
-        if chosen.sum() < MIN_PIXELS:
-            raise InputError(
-                f"LED {k + 1} reaches only {int(chosen.sum())} pixels of the calibration "
-                f"object ({MIN_PIXELS} are needed): is it on?"
-            )
+        refuse_few(chosen, f"LED {k + 1}", "is it on?")
         basis = SlopeNormal(*slope[:, chosen]).harmonics.T.astype(np.float64)
         harmonic, *_ = np.linalg.lstsq(basis, plane[chosen].astype(np.float64), rcond=None)
         coefficients.append(harmonic)

@@ -201,7 +201,7 @@ def test_presses_are_read_from_folders_whatever_their_images_are_called(tmp_path
 def test_a_film_of_another_size_is_refused(tmp_path: Path) -> None:
     colour(tmp_path / "presses" / "a" / "x.png", presses(CENTERS[:1])[0])
     colour(tmp_path / "background.png", FLAT[:, :50])
-    with pytest.raises(InputError, match=r"untouched film is 3 lights of 96 x 50.*but the capture"):
+    with pytest.raises(InputError, match="is 3 lights of 96 x 50 pixels, but the capture is"):
         read_presses(folder=tmp_path / "presses", flat=tmp_path / "background.png")
 
 

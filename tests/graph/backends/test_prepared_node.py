@@ -35,7 +35,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counted:
     assert launch is not None
     counter = Counted(launch)
     kernels = replace(rest_at_border.kernels, launch=counter)
-    monkeypatch.setitem(rest_at_border.implementations, "opencl", kernels)
+    monkeypatch.setattr(rest_at_border, "opencl_kernels", kernels)
     return counter
 
 

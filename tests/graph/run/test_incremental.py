@@ -201,8 +201,8 @@ def test_an_inner_value_can_be_inspected(toys: list[str], backend: str) -> None:
     ("reference", "message"),
     [
         ("ligth", "no node 'ligth' is run; did you mean 'light'"),
-        ("cal", r"name one value; 'cal' has cal\.flat, cal\.dark"),
-        ("light.height", r"'light' has light\.flat_field"),
+        ("cal", r"node 'cal' has several outputs; name one of cal\.flat, cal\.dark"),
+        ("light.height", r"node .light. has no output .height.; it has flat_field"),
     ],
 )
 def test_an_unknown_value_is_reported(reference: str, message: str) -> None:

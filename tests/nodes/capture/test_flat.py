@@ -80,7 +80,7 @@ def test_without_a_flat_frame_the_light_is_uniform_and_a_warning_says_so() -> No
 
 def test_a_flat_frame_of_another_size_is_refused(tmp_path: Path) -> None:
     folder = write(tmp_path / "flat", UNEVEN[:, :50])
-    with pytest.raises(InputError, match="4 lights of 80 x 50 pixels, but the capture 4 lights"):
+    with pytest.raises(InputError, match="4 lights of 80 x 50 pixels, but the capture is 4 lights"):
         read_flat(UNEVEN, folder=folder)
 
 

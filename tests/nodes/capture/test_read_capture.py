@@ -196,7 +196,7 @@ def colour(folder: Path) -> None:
 SPOIL = {
     "there is no such folder": no_folder,
     "the image of LED 3 is missing": lambda d: (d / "led3.png").unlink(),
-    "led2.png: is 8 x 5, but led1.png is 16 x 12": lambda d: cv2.imwrite(
+    "led2.png: is 8 x 5 pixels, but led1.png is 16 x 12": lambda d: cv2.imwrite(
         str(d / "led2.png"), IMAGES[0, :5, :8]
     ),
     "led2.png: is 16 bit, but led1.png is 8 bit": lambda d: cv2.imwrite(

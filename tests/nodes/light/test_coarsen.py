@@ -80,13 +80,13 @@ def test_both_back_ends_agree_on_large_cells(device: OpenCL) -> None:
         "factor=8",
         {"factor": 8, "sample": "mean"},
     )
-    assert compare(coarsen, device, case) is None
+    assert compare(coarsen, case, device) is None
 
 
 @pytest.mark.parametrize("sample", ["mean", "corner"])
 def test_both_back_ends_agree_on_megapixels(device: OpenCL, sample: str) -> None:
     sizes = {"K": 1, "H": 1205, "W": 1923, "h": 151, "w": 241}
     settings = {"factor": 0}
-    assert compare(enlarge_height, device, Case(sizes, "random", "default", settings)) is None
+    assert compare(enlarge_height, Case(sizes, "random", "default", settings), device) is None
     settings = {"factor": 0, "sample": sample}
-    assert compare(coarsen, device, Case(sizes, "random", "default", settings)) is None
+    assert compare(coarsen, Case(sizes, "random", "default", settings), device) is None

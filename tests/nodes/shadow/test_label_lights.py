@@ -278,7 +278,7 @@ def test_both_back_ends_agree_for_any_number_of_leds(device: OpenCL, count: int)
     # A soft gel under an LED below the floor is not dimmed.
     for setting in (default, default | {"floor": 20.0, "dimmed": 1.0}):
         case = Case({"K": count, "H": 31, "W": 37}, "random", "default", setting)
-        assert compare(label_lights, device, case) is None
+        assert compare(label_lights, case, device) is None
 
 
 def test_the_size_of_a_block_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
