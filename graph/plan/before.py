@@ -1,15 +1,18 @@
 """Sort names by what has to come before each: ``{"b": {"a"}}`` if b reads a.
 
-On `graphlib`, since importing networkx takes 0.1 s and 12 MiB of a start.
+Answers are kept on disk for later processes: importing networkx takes 0.1 s and 12 MiB.
 """
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Set as AbstractSet
-from graphlib import CycleError, TopologicalSorter
-from heapq import heapify, heappop, heappush
+import json
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence, Set as AbstractSet
 from typing import Any, TypeVar
+
+from tactograph.graph.disk.disk_cache import cached_file, read_cached, write_cached
 
 Before = Mapping[str, AbstractSet[str]]
 Name = TypeVar("Name", bound=Hashable)
+MAX_KEPT_BYTES = 10**7
+"""Largest size of all answers on disk, those for some hundred graphs."""
 
 
 def in_order(before: Before, rank: Callable[[str], Any] = str) -> list[str]:
@@ -17,45 +20,40 @@ def in_order(before: Before, rank: Callable[[str], Any] = str) -> list[str]:
 
     No two names may have the same rank.
     """
-    sorter, ordered = TopologicalSorter(before), list[str]()
-    sorter.prepare()
-    ready = [(rank(name), name) for name in sorter.get_ready()]
-    heapify(ready)
-    while ready:
-        _, name = heappop(ready)
-        ordered.append(name)
-        sorter.done(name)
-        for each in sorter.get_ready():
-            heappush(ready, (rank(each), each))
-    return ordered
+    ranks = {name: rank(name) for name in sorted({*before}.union(*before.values()))}
+    return list(_answer("in_order", _listed(before), ranks))
 
 
 def with_all_before(before: Before, names: Iterable[str]) -> set[str]:
     """Return the names with all that come before them, directly or indirectly."""
-    found, waiting = set[str](), [*names]
-    while waiting:
-        if (name := waiting.pop()) not in found:
-            found.add(name)
-            waiting += before.get(name, ())
-    return found
+    return {*_answer("with_all_before", _listed(before), sorted(names))}
 
 
 def find_cycle(before: Before) -> list[str]:
     """Return a cycle, from a name back to itself; [] if there is none."""
-    try:
-        TopologicalSorter({name: sorted(firsts) for name, firsts in before.items()}).prepare()
-    except CycleError as error:
-        cycle: list[str] = error.args[1]
-        return cycle
-    return []
+    return list(_answer("find_cycle", _listed(before)))
 
 
-def classes_of(names: Iterable[Name], alike: Iterable[tuple[Name, Name]]) -> dict[Name, Name]:
+def classes_of(names: Sequence[Name], alike: Iterable[tuple[Name, Name]]) -> dict[Name, Name]:
     """Return one name for each class of names that pairs join, directly or indirectly."""
-    members = {name: [name] for name in names}
-    for pair in alike:
-        smaller, larger = sorted((members[name] for name in pair), key=len)
-        if smaller is not larger:
-            larger += smaller
-            members |= dict.fromkeys(smaller, larger)
-    return {name: each[0] for name, each in members.items()}
+    number = {name: index for index, name in enumerate(names)}
+    pairs = [(number[one], number[other]) for one, other in alike]
+    firsts = _answer("classes_of", len(names), pairs)
+    return {name: names[first] for name, first in zip(names, firsts, strict=True)}
+
+
+def _listed(before: Before) -> dict[str, list[str]]:
+    return {name: sorted(firsts) for name, firsts in before.items()}
+
+
+def _answer(question: str, *of: Any) -> Any:
+    """The answer of a function of `_walks`, from disk if another process has asked."""
+    file = cached_file("plans", question, of)
+    if file is not None and (cached := read_cached(file)) is not None:
+        return json.loads(cached)
+    from tactograph.graph.plan import _walks
+
+    answer = getattr(_walks, question)(*of)
+    if file is not None:
+        write_cached(file, json.dumps(answer).encode(), MAX_KEPT_BYTES)
+    return answer
