@@ -465,6 +465,12 @@ outputs: {height: two.height}
     ]
 
 
+def test_check_blames_no_graph_for_groups_of_files_that_it_extends(tactograph: Command) -> None:
+    done = tactograph("check", "reconstruct", "--with", "stream")
+    assert done.code == 0
+    assert "the group" not in done.out
+
+
 def test_check_accepts_a_param_without_a_value(about: Command) -> None:
     text = SLOPES.replace("params:", "params:\n  leds: {kind: text}\n  crop: {kind: numbers}")
     text = text.replace("{file: $file}", "{file: $file, crop: $crop}")
