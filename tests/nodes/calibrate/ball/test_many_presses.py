@@ -162,6 +162,14 @@ def test_presses_in_another_order_are_left_out_before_a_film_is_fitted() -> None
     with collect_warnings([]) as notes:
         assert chosen(np.asarray(right, np.float32), wrong).selection.tolist() == [1, 0]
     assert "press 2 is left out: beside the ball the images show" in notes[0]
+    noise = np.random.default_rng(1).normal(0, 0.01, right.shape)
+    alike = np.asarray(right.mean(axis=0) + noise, np.float32)
+    with pytest.raises(InputError, match="LED 1 and LED 2 show the ball in the same light"):
+        chosen(alike)
+    assert chosen(alike, only_warn=True).selection.all()
+    with collect_warnings([]) as notes:
+        assert chosen(np.asarray(right, np.float32), alike).selection.tolist() == [1, 0]
+    assert "press 2 is left out: the images of LED 1 and LED 2 show the ball" in notes[0]
 
 
 def test_the_leds_are_placed_by_the_good_presses_alone(calibrated) -> None:
