@@ -105,8 +105,11 @@ def choose_device(text: str | None = None, *, waits: bool = True) -> tuple[Devic
 
 def how_to_get_one() -> str:
     """What gives this system an OpenCL device for its CPU."""
-    if sys.platform == "linux" and (folder := pocl_cache.unwritable_folder()):
-        return f"{folder}, for drivers' programs, cannot be written to: set XDG_CACHE_HOME=FOLDER"
+    for variable in (
+        ("XDG_CACHE_HOME", pocl_cache.CACHE_VARIABLE) if sys.platform == "linux" else ()
+    ):
+        if folder := pocl_cache.unwritable_folder(variable):
+            return f"{folder}, for drivers' programs, cannot be written to: set {variable}=FOLDER"
     if sys.platform == "darwin":
         return "macOS includes one; conda install -c conda-forge pyopencl pocl adds another"
     if intel_runtime.is_for_this_system():

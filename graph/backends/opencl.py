@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import nullcontext, suppress
 from typing import Any, Literal
 
 import pyopencl as cl
@@ -14,7 +13,7 @@ from tactograph.graph.backends.compiled_node import Compiled
 from tactograph.graph.backends.device_queue import Queue
 from tactograph.graph.backends.devices import Device, choose_device
 from tactograph.graph.backends.prepared_node import Prepared
-from tactograph.graph.backends.programs import Recipe, build
+from tactograph.graph.backends.programs import Recipe, build, silent_stderr
 from tactograph.graph.declare.engine_arguments import EVERYTHING, Wanted
 from tactograph.graph.declare.node import Node
 from tactograph.graph.errors import NodeError
@@ -65,7 +64,7 @@ class OpenCL(Queue):
         self.compile(nodes)
         count = 0
         for source, options in {*self._programs(nodes).values()}:
-            with suppress(cl.RuntimeError), _silent_stderr():
+            with suppress(cl.RuntimeError), silent_stderr():
                 build(self.context, source, options)
                 count += 1
         return count
@@ -97,16 +96,3 @@ class OpenCL(Queue):
         Outputs that are not wanted are left out if the node allows it.
         """
         return Prepared(self, self.compiled(node), settings, sizes, wanted)
-
-
-@contextmanager
-def _silent_stderr() -> Iterator[None]:
-    """Keep a compiler from printing to the terminal, which bypasses Python's streams."""
-    stderr_copy, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
-    os.close(nowhere)
-    try:
-        yield
-    finally:
-        os.dup2(stderr_copy, 2)
-        os.close(stderr_copy)

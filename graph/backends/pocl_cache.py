@@ -35,9 +35,10 @@ def compile_once() -> None:
 
 
 @cache
-def unwritable_folder() -> Path | None:
-    """The user's folder for caches, if it cannot be written to: PoCL then has no device."""
-    folder = Path(platformdirs.user_cache_dir())
+def unwritable_folder(variable: str = "XDG_CACHE_HOME") -> Path | None:
+    """The folder for caches of this variable, if unwritable: PoCL then has no device."""
+    chosen = os.environ.get(variable) if variable == CACHE_VARIABLE else None
+    folder = Path(chosen or platformdirs.user_cache_dir())
     return None if can_be_written(folder) else folder
 
 

@@ -75,13 +75,16 @@ def build(context: cl.Context, source: str, options: tuple[str, ...]) -> cl.Prog
 def build_if_free(context: cl.Context, source: str, options: tuple[str, ...]) -> None:
     """Build a source for the disk, unless it exists or another process is building it.
 
-    A source that does not compile without constants of its launch is left to the launch.
+    A source that does not compile without constants of its launch is left to the launch,
+    and its compiler's errors are not printed.
     """
     file = _cache_file(context.devices[0], source, options)
     if file is None or file.exists():
         return
     with suppress(BlockingIOError, cl.RuntimeError), _alone(file, wait=False):
-        if not file.exists():
+        if file.exists():
+            return
+        with silent_stderr():
             _onto_disk(context, source, options, file)
 
 
@@ -167,3 +170,16 @@ def _cache_file(device: cl.Device, source: str, options: tuple[str, ...]) -> Pat
         "programs", device.platform.name, device.platform.version, device.name, device.version,
         device.driver_version, source, options, os.environ.get("PYOPENCL_BUILD_OPTIONS"),
     )  # fmt: skip
+
+
+@contextmanager
+def silent_stderr() -> Iterator[None]:
+    """Keep a compiler from printing to the terminal, which bypasses Python's streams."""
+    stderr_copy, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    os.close(nowhere)
+    try:
+        yield
+    finally:
+        os.dup2(stderr_copy, 2)
+        os.close(stderr_copy)

@@ -56,8 +56,8 @@ def _check(read: Graph, own_params: Container[str]) -> None:
         shared = use and read.definition(use).body.file != read.file
         if not shared and not any(node in plan.tasks for node in read.alike(unused)):
             say(f"not used by any output: {unused}")
-    for group in read.groups:
-        if not read.uses_of(group):
+    for group, definition in read.groups.items():
+        if definition.body.file == read.file and not read.uses_of(group):
             say(f"not used by any node: the group {group}")
     used_params = {param for entry in read.nodes.values() for param in entry.params.values()}
     # An inherited param is not the graph's fault.

@@ -38,8 +38,8 @@ def command(graph: str, values: tuple[str, ...], every: bool, options: RunOption
         )
     for node_id, value in plan.passed.items():
         say(f"{node_id}: taken out; its readers read {value}")
-    for node_id in plan.unused:
-        say(f"{node_id}: not run; nothing reads it")
+    for name in plan.unused if every else dict.fromkeys(_idle_box(plan, n) for n in plan.unused):
+        say(f"{name}: not run; nothing reads it")
     for line in plan.fallbacks:
         say(f"fallback: {line}")
 
@@ -75,6 +75,14 @@ def _by_box(rows: Iterable[_Row], plan: Plan) -> Iterator[_Row]:
         when = "; ".join(dict.fromkeys(whens))
         op = f"{plan.graph.uses[name].group}: {len(inside)} nodes"
         yield _Row(name, op, backend, when, why)
+
+
+def _idle_box(plan: Plan, node_id: str) -> str:
+    """The outermost use without a running node around a node; the node itself if there is none."""
+    from tactograph.graph.show.sketch import box_around
+
+    running = {use for use in plan.graph.uses if any(n.startswith(f"{use}.") for n in plan.tasks)}
+    return box_around(node_id, plan.graph.uses, running)
 
 
 def _when(step: Step, task: Task | None) -> str:

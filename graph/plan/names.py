@@ -100,7 +100,7 @@ class _Names(NamedTuple):
 
     def value(self, reference: str, where: str) -> Value:
         """The output that a reference names."""
-        source, port = split_reference(reference, self.graph.nodes)
+        source, port = split_reference(reference, {**self.graph.nodes, **self.graph.removed})
         self.graph.check_node(source, where)
         stands = self.graph.stands(source, where)
         return Value.of(source, port, self.nodes[source].outputs, where, stands)
@@ -174,9 +174,10 @@ def _task(names: _Names, node_id: str) -> Task:
             reads[name] = names.resolve(reference, where)
     if node.repeated is not None:
         raise GraphError(f"{entry.where('in')}: node '{node.name}' needs at least one input")
-    for name in node.input_names:
-        if name not in entry.inputs and name not in node.optional_inputs:
-            raise GraphError(f"{entry.where('in')}: node '{node.name}' needs the input '{name}'")
+    given = {*entry.inputs, *node.optional_inputs}
+    if lacking := [f"'{name}'" for name in node.input_names if name not in given]:
+        which = f"the input{'s' * (len(lacking) > 1)} {', '.join(lacking)}"
+        raise GraphError(f"{entry.where('in')}: node '{node.name}' needs {which}")
     when, instead = _condition(names, node_id), _instead(names, node_id)
     return Task(node_id, node, entry, {}, reads, recalls, when=when, instead=instead)
 

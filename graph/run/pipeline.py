@@ -6,6 +6,7 @@ Long because this class is the whole interface of a running graph.
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -80,7 +81,13 @@ class Pipeline:
         device, reason = open_device(bound)
         # Placement does not matter here, so no device need be loaded.
         anywhere = replace(graph, prefer=("numpy",))
-        return make_plan(anywhere, graph.placeholders, device=device, no_device=reason)
+        plan = partial(make_plan, anywhere, graph.placeholders, device=device, no_device=reason)
+        runs = plan()
+        if runs.unused:  # a run leaves these nodes out, but they may be wrong, too
+            nodes = {name: find_node(graph.nodes[name].op, graph.own) for name in runs.unused}
+            unread = {name: f"{name}.{next(iter(node.outputs))}" for name, node in nodes.items()}
+            plan(outputs={**graph.outputs, **unread})
+        return runs
 
     @staticmethod
     def settings(graph: Graph, node: str, arguments: Mapping[str, Any]) -> dict[str, Any]:

@@ -121,9 +121,9 @@ def _spread(
     radii = radius_mm if isinstance(radius_mm, tuple) else (radius_mm,)
     if len(radii) not in (1, len(names)):
         raise InputError(
-            f"{folder}: holds {len(names)} presses, but `radius_mm` has {len(radii)} radii; "
-            "give one for all, one for each in order of name, or write ball_radius_mm into "
-            "each press's capture.yaml"
+            f"{folder}: presses: {len(names)}, radii in `radius_mm`: {len(radii)}; give one for "
+            "all (a decimal number is written with a point), one for each in order of name, or "
+            "write ball_radius_mm into each press's capture.yaml"
         )
     return [*radii] * (len(names) // len(radii))
 

@@ -272,7 +272,7 @@ def channels(
     image: NDArray[Any], file: Path, lights: Lights, leds: Leds | None
 ) -> list[NDArray[Any]]:
     """Return the channels of an image H x W x 3 as lights, H x W each: all, or those of `leds`."""
-    if image.ndim != 3 or image.shape[2] < 3:
+    if image.ndim != 3 or image.shape[2] < 3 or _is_grey(image):
         raise InputError(f"{file}: a grey image, but `lights`={lights} needs a colour one")
     order = (0, 1, 2) if lights == "bgr" else (2, 1, 0)
     planes = [image[..., i] for i in order]
@@ -281,6 +281,11 @@ def channels(
     if max(leds) > 3:
         raise InputError(f"{file}: LEDs {','.join(map(str, leds))}: a colour image has 3 lights")
     return [planes[k - 1] for k in leds]
+
+
+def _is_grey(image: NDArray[Any]) -> bool:
+    """Whether all channels are equal; those of an image without content may be."""
+    return bool(np.ptp(image) and (image[..., :3] == image[..., :1]).all())
 
 
 def check_alike(planes: list[NDArray[Any]], files: list[Path]) -> None:

@@ -9,6 +9,9 @@ from tactograph.graph import node
 from tactograph.nodes import Dark, Light
 from tactograph.nodes.light.film_drift import Drift, drift_gain
 
+MIN_REST_LIGHT = 0.02
+"""Light of the film at rest below which a quotient by it is noise."""
+
 
 @node(neutral="image")
 def flat_field(
@@ -17,7 +20,7 @@ def flat_field(
     dark: Dark,
     drift: Drift | None = None,
     *,
-    floor: Annotated[float, Gt(0)] = 0.02,
+    floor: Annotated[float, Gt(0)] = MIN_REST_LIGHT,
 ) -> Light:
     """Return the light relative to the film at rest: 1 where nothing touches.
 

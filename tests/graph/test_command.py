@@ -415,6 +415,17 @@ def test_check_lists_needed_params_written_paths_and_unused_nodes(about: Command
     assert "writes: save.folder to $out" in about("check", WRITING).out
 
 
+def test_check_looks_at_nodes_that_nothing_reads(tactograph: Command, write: Write) -> None:
+    spare = "  spare: {op: height_slopes, in: {height: again, pixel: pixel}}\n"
+    wrong = "  wrong: {op: integrate_dct, in: {slope: again, pixel: pixel}}\n"
+    checked = tactograph("check", write(SLOPES.replace("outputs:", f"{spare}outputs:")))
+    assert "not used by any output: spare\n" in checked.out
+    file = write(SLOPES.replace("outputs:", f"{wrong}outputs:"))
+    assert "nodes.wrong.in.slope: 'slope' of integrate_dct wants" in one_line(
+        tactograph("check", file)
+    )
+
+
 def test_check_blames_no_graph_for_inherited_params(tactograph: Command, write: Write) -> None:
     """A param that a graph declares once more is not reported for it either."""
     spare = "  spare: {kind: text}\n"
@@ -463,6 +474,12 @@ outputs: {height: two.height}
         "not used by any output: two.idle",
         "not used by any node: the group spare",
     ]
+
+
+def test_check_blames_no_graph_for_groups_of_files_that_it_extends(tactograph: Command) -> None:
+    done = tactograph("check", "reconstruct", "--with", "stream")
+    assert done.code == 0
+    assert "the group" not in done.out
 
 
 def test_check_accepts_a_param_without_a_value(about: Command) -> None:

@@ -17,6 +17,7 @@ from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.judge_flat import RETAKE_FLAT, is_uneven
 from tactograph.nodes.capture.read_balls import Marks, Radii, StatedCircles
+from tactograph.nodes.light.flat_field import MIN_REST_LIGHT
 from tactograph.nodes.optics.rest_shape import RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
@@ -132,7 +133,8 @@ def _refuse_pressed(flat: F4, light: F4, radius: F4, pixel: float) -> None:
 
     A ball that is large enough to be found makes a press uneven, too.
     """
-    if not any(is_uneven(press * flat, pixel) for press in cut(light, flat.shape[1])):
+    divisor = np.maximum(flat, np.float32(MIN_REST_LIGHT))
+    if not any(is_uneven(press * divisor, pixel) for press in cut(light, flat.shape[1])):
         raise InputError(
             "the capture shows untouched film, and the flat frame a touch: exchange the two"
         )

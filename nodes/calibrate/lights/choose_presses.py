@@ -27,6 +27,7 @@ from tactograph.nodes.calibrate.lights.other_press import (
     far_cells,
     film_beside,
     other_press,
+    same_press,
 )
 from tactograph.nodes.light.coarsen import coarsen
 from tactograph.nodes.light.light_noise import SATURATED_LIGHT
@@ -86,9 +87,9 @@ def choose_presses(
     """Leave out the pixels of presses that are inconsistent with the others.
 
     Saturated pixels, as of highlights, are left out where they are more than 2 % of a contact.
-    A press is left out, with a warning that gives the reason, if half of it is saturated, if its
-    images are in another order than the flat frame's, if an LED does not reach it, or if its light
-    contradicts the LED positions found from the others.
+    A press is left out, with a warning that gives the reason, if half of it is saturated, if two
+    of its images show one light, if its images are in another order than the flat frame's, if an
+    LED does not reach it, or if its light contradicts the LED positions found from the others.
     Consensus (Fischler and Bolles, 1981) finds these: LEDs are placed by the flat frame and
     one press at a time, and the placement with the smallest median residual is taken.  A press
     is an outlier if its residual exceeds three times the median press's and 2 % of the light.
@@ -105,7 +106,7 @@ def choose_presses(
     circle, of : the balls, as for `rate_exposure`
     shape : the film at rest if it is no plane
     bare : S x W, 0 where a marker covers the film; None: nowhere
-    only_warn : whether to use presses whose images are in another order, too
+    only_warn : whether to use presses whose images are alike or in another order, too
 
     Returns
     -------
@@ -116,7 +117,7 @@ def choose_presses(
     Raises
     ------
     InputError
-        If no press can be used, or the images of all are in another order.
+        If no press can be used, or the images of all are alike or in another order.
     """
     rows = flat.shape[1]
     pressed = [i for i, bared in enumerate(cut(mask, rows)) if bared.any()]
@@ -137,8 +138,10 @@ def choose_presses(
     if not only_warn:
         due = coarsen(flat, factor=CELL_PX)
         beside = {i: film_beside(presses[i].light, circle[of == i]) for i in pressed}
+        shown = cut(image, rows)
         other = {
-            i: other_press(coarsen(presses[i].light, factor=CELL_PX), due, far_cells(free))
+            i: same_press(coarsen(shown[i], factor=CELL_PX), far_cells(presses[i].mask > 0))
+            or other_press(coarsen(presses[i].light, factor=CELL_PX), due, far_cells(free))
             for i, free in beside.items()
         }
         if other and all(other.values()):

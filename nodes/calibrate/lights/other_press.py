@@ -1,4 +1,4 @@
-"""Tell whether a press's images are in another order or orientation than the flat frame's."""
+"""Tell whether a press's images are in another order than the flat frame's, or of the same LED."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,11 @@ MIN_FREE_SHARE = 0.05
 """Share of the frame that has to lie outside the skirts; otherwise the whole frame counts."""
 CELL_PX = 4
 """Side of the cells on which a press is compared with the flat frame, in px."""
+MIN_ANGLE_DEG = 5.0
+"""Angle between two LEDs below which they count as the same LED."""
+MIN_COMPARED_CELLS = 8
+"""Least cells of a contact that are correlated: chance then gives the cosine of the smallest angle
+to any two of eight LEDs in one of 100,000 contacts."""
 
 
 def film_beside(press: F4, circles: F4) -> NDArray[np.bool_]:
@@ -40,3 +45,21 @@ def other_press(light: F4, due: F4, far: NDArray[np.bool_]) -> str:
         f"beside the ball the images show the film of the flat frame {other}: take press and flat "
         "frame in the same way"
     )
+
+
+def same_press(image: F4, contact: NDArray[np.bool_]) -> str:
+    """Return which two images of a press show one and the same light, in a sentence; "" if none.
+
+    On cells: the images as captured, and where they show the ball.  Under LEDs in two directions a
+    slope brightens one image and darkens the other, so they correlate by about the cosine of the
+    angle between these.
+    """
+    if np.count_nonzero(contact) < MIN_COMPARED_CELLS:
+        return ""
+    alike = np.corrcoef(image[:, contact]) > np.cos(np.radians(MIN_ANGLE_DEG))
+    for one, other in np.argwhere(np.triu(alike, 1))[:1] + 1:
+        return (
+            f"the images of LED {one} and LED {other} show the ball in the same light (is "
+            f"led{other} a copy of led{one}, does one LED flash twice, or do all shine at once?)"
+        )
+    return ""

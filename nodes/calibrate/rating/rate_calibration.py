@@ -22,6 +22,7 @@ from tactograph.nodes import (
 from tactograph.nodes.calibrate import MAX_LED_WIDTHS
 from tactograph.nodes.calibrate.film.judge_radius import ONLY_WARN_ADVICE
 from tactograph.nodes.calibrate.lights.light_samples import is_uniform
+from tactograph.nodes.calibrate.lights.other_press import MIN_ANGLE_DEG
 from tactograph.nodes.calibrate.rating.verdict import Judged
 from tactograph.nodes.light.light_noise import rest_noise
 from tactograph.nodes.optics.sheet import SheetLabels, SheetMask
@@ -31,8 +32,6 @@ MIN_STEEPEST_SLOPE, SECTOR_COUNT = 0.5, 16
 MAX_LIGHT_MISMATCH = 0.03
 MAX_NOISE_RATIO = 1.3
 """Multiple of the camera's noise up to which a departure counts as noise."""
-MIN_ANGLE_DEG = 5.0
-"""Angle between two LEDs below which they count as the same LED."""
 RING_SLANT_DEG = 15.0
 """Range of the slants of LEDs in one ring."""
 HELDOUT_FIGURE = "film_heldout_deg"

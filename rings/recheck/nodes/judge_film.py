@@ -167,7 +167,7 @@ def _of_film(deepest: float, where: tuple[int, int], scratches: list[_Mark]) -> 
     if scratches:
         depth, x, y = _strongest(scratches)
         sentences.append(
-            f"{len(scratches)} marks or scratches, the strongest of {100 * depth:+.0f} % at "
+            f"marks or scratches: {len(scratches)}, the strongest of {100 * depth:+.0f} % at "
             f"{x},{y} px"
         )
     cure = ": wipe the film and take its capture again; if it stays, recalibrate with a new flat "

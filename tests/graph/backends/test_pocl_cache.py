@@ -80,9 +80,13 @@ def test_a_process_that_was_killed_is_no_crash(runs: Runs) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="another system has no XDG_CACHE_HOME")
-def test_a_folder_for_caches_that_cannot_be_written_to_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "POCL_CACHE_DIR"])
+def test_a_folder_for_caches_that_cannot_be_written_to_is_named(
+    variable: str, tmp_path: Path
+) -> None:
     """PoCL then has no device, and PyOpenCL ended the run by a KeyError of its own."""
     (tmp_path / "file").write_bytes(b"")
     caches = tmp_path / "file" / "caches"
-    done = python("-m", "tactograph", "devices", XDG_CACHE_HOME=caches)
+    done = python("-m", "tactograph", "devices", **{variable: caches})
     assert f"no OpenCL device works here; {caches}, for drivers' programs, cannot" in done.stdout
+    assert f"set {variable}=FOLDER" in done.stdout

@@ -175,10 +175,12 @@ sys.exit("nothing else was built")
 
 
 def test_a_process_builds_something_else_while_another_builds_what_it_needs(
-    programs: Path, device: OpenCL
+    programs: Path, device: OpenCL, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    """A program that needs its launch prints no errors of the compiler."""
     (handle,) = device.context.devices
-    recipes = [(SEVEN, (f"-DNUMBER={number}",)) for number in (7, 8, 9)]
+    numbers = "7", "needs_its_launch", "9"
+    recipes = [(SEVEN, (f"-DNUMBER={number}",)) for number in numbers]
     files = [str(_cache_file(handle, *recipe)) for recipe in recipes]
     command = [sys.executable, "-c", HOLDS, *files]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as other:
@@ -187,6 +189,7 @@ def test_a_process_builds_something_else_while_another_builds_what_it_needs(
         ahead.extend(recipes[1:])
         assert seven(device) == 7
     assert other.returncode == 0
+    assert capfd.readouterr().err == ""
 
 
 def test_a_program_is_built_from_its_source_if_the_cached_one_is_unusable(

@@ -189,6 +189,9 @@ def test_the_removal_of_a_node_that_is_still_read_is_reported_at_the_change(writ
     assert re.match(
         r"\S*variant.yaml:4:5: patch\[0\]: takes out 'again', but .*outputs.height", message
     )
+    graph = read_graph(write("format: 1\nextends: paper\npatch: [{remove: raw}]", "variant.yaml"))
+    with pytest.raises(GraphError, match=r"variant.yaml:3:9: .*takes out 'integrate.raw', but "):
+        make_plan(graph, graph.placeholders, device=None)
     insert = "{insert: again, op: rest_at_border, in: {height: height}}"
     graph = patched(write, "{remove: again}", insert)
     make_plan(graph, graph.placeholders, device=None)  # a node that is inserted anew exists

@@ -44,7 +44,7 @@ def test_the_value_of_a_param_takes_its_place(write: Write) -> None:
         ("in: {height: height, pixel: pixel}", "in: {height: height}",
          "nodes.slope.in: node 'height_slopes' needs the input 'pixel'"),
         (", in: {height: height, pixel: pixel}", "",
-         "nodes.slope.in: node 'height_slopes' needs the input"),
+         "nodes.slope.in: node 'height_slopes' needs the inputs 'height', 'pixel'"),
         ("pixel: pixel}}\n  again", "pixel: pixel, mask: pixel}}\n  again",
          "nodes.slope.in.mask: node 'height_slopes' has no input 'mask'"),
         ("{height: height, p", "{hieght: height, p",

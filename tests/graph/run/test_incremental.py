@@ -227,8 +227,9 @@ def test_inspect_and_again_need_an_item() -> None:
     assert "light" in other.again().reused
 
 
-def test_a_wrong_setting_changes_nothing() -> None:
-    pipeline = load(graph_of(CHAIN), backend="numpy")
+@pytest.mark.parametrize("outputs", [None, ["copy"]], ids=["all", "without that node"])
+def test_a_wrong_setting_changes_nothing(outputs: list[str] | None) -> None:
+    pipeline = load(graph_of(CHAIN), backend="numpy", outputs=outputs)
     before = pipeline.plan.graph.hash
     for node, settings, message in (
         (3, {"above": 1}, "set: 3 is not a node's name"),

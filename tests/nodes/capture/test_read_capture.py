@@ -87,6 +87,15 @@ def test_colour_channels_are_read_as_lights(tmp_path: Path, lights: str, order: 
     assert np.array_equal(read_one(tmp_path).image, IMAGES[order] / np.float32(255))
 
 
+@pytest.mark.parametrize("image", [IMAGES[0], np.dstack([IMAGES[0]] * 3)], ids=["grey", "equal"])
+def test_an_image_of_equal_channels_holds_no_lights(tmp_path: Path, image) -> None:
+    cv2.imwrite(str(tmp_path / "touch.png"), image)
+    with pytest.raises(InputError, match="a grey image, but `lights`=bgr needs a colour one"):
+        read_one(tmp_path, lights="bgr")
+    cv2.imwrite(str(tmp_path / "touch.png"), np.full((12, 16, 3), 128, np.uint8))
+    assert len(read_one(tmp_path, lights="bgr").image) == 3, "of evenly lit film it may be right"
+
+
 def test_sixteen_bit_colour_keeps_its_depth(tmp_path: Path) -> None:
     image = RNG.integers(5000, 65535, (5, 6, 3)).astype(np.uint16)
     cv2.imwrite(str(tmp_path / "touch.png"), image)

@@ -19,6 +19,7 @@ from tactograph.nodes.calibrate.lights.choose_presses import ChosenPresses, choo
 from tactograph.nodes.calibrate.rating.advise_press import advise_press
 from tactograph.nodes.capture.read_balls import read_balls
 from tactograph.nodes.capture.read_flat import read_flat
+from tactograph.nodes.light.flat_field import flat_field
 from tactograph.nodes.simulate.render import render
 from tests.fixtures import of_matt_film, without_ranks
 from tests.nodes.calibrate.lights.test_calibrate_lights import BLANK, FILM, PIXEL, RING, SIZE, off
@@ -125,7 +126,9 @@ def test_a_ball_of_less_than_a_pixel_advises_to_check_radius_and_pixel_size() ->
 def test_a_flat_frame_with_a_ball_is_refused_before_a_film_is_fitted(at_rest, why) -> None:
     """It took up to a minute, and LEDs at infinity, or another radius, were named."""
     flat, film = pressed(*GOOD["a"]), render(FILM, PIXEL, RING).light
-    light = np.asarray((film if at_rest else pressed(*GOOD["d"])) / flat, np.float32)
+    flat[flat < np.quantile(flat, 0.02)] = 0  # the ball's shadow on itself
+    dark = np.zeros(flat.shape[1:], np.float32)
+    light = flat_field(film if at_rest else pressed(*GOOD["d"]), flat, dark)
     given = np.full(1, 5.0, np.float32), np.float32([[108, 82, CONTACT]]), [""], PIXEL
     with pytest.raises(InputError, match=why):
         find_balls(light, flat, *given)
@@ -162,6 +165,14 @@ def test_presses_in_another_order_are_left_out_before_a_film_is_fitted() -> None
     with collect_warnings([]) as notes:
         assert chosen(np.asarray(right, np.float32), wrong).selection.tolist() == [1, 0]
     assert "press 2 is left out: beside the ball the images show" in notes[0]
+    noise = np.random.default_rng(1).normal(0, 0.01, right.shape)
+    alike = np.asarray(right.mean(axis=0) + noise, np.float32)
+    with pytest.raises(InputError, match="LED 1 and LED 2 show the ball in the same light"):
+        chosen(alike)
+    assert chosen(alike, only_warn=True).selection.all()
+    with collect_warnings([]) as notes:
+        assert chosen(np.asarray(right, np.float32), alike).selection.tolist() == [1, 0]
+    assert "press 2 is left out: the images of LED 1 and LED 2 show the ball" in notes[0]
 
 
 def test_the_leds_are_placed_by_the_good_presses_alone(calibrated) -> None:
@@ -228,7 +239,7 @@ def test_radii_are_assigned_in_the_order_of_the_names(tmp_path: Path) -> None:
     ("settings", "why"),
     [
         ({}, r"one: the ball's radius is not known; give `radius_mm`"),
-        ({"radius_mm": (7.0, 5.0, 4.0)}, "holds 2 presses, but `radius_mm` has 3 radii"),
+        ({"radius_mm": (7.0, 5.0, 4.0)}, "presses: 2, radii in `radius_mm`: 3"),
         ({"radius_mm": 7.0, "center_px": (3.0, 3.0)}, "`center_px` and `contact_px` are for"),
     ],
 )
