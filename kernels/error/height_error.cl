@@ -16,6 +16,7 @@
 #define FULL_MISFIT_SLOPE 0.1f
 #define LEVEL_MISFIT_SHARE 0.3f
 #define MIN_SHARPNESS 0.5f
+#define UNSHARP_SHARE 0.57735027f
 #define FOLD_VARIANCES 10.006145f
 #define ERROR_COUNT 8
 #define MIRRORED 2
@@ -157,12 +158,6 @@ static floats cosine_of(const floats turns)
     return x * fma(square, fma(square, fma(square, inner, 8.3333333e-3f), -0.16666667f), 1.0f);
 }
 
-static floats within(const floats value, const float most)
-{
-    const floats low = -most, high = most, raised = MORE_OF(value, low);
-    return LESS_OF(raised, high);
-}
-
 // The parameters of each error: its signs for the wrong share of bounced light, for light that has
 // not converged, for the lean of all normals and for a pixel's mean slope; its wave's direction,
 // phase in turns, and length.
@@ -244,7 +239,8 @@ LANED __kernel void err_slopes(
     __global const float *restrict kinds,
     __global const uint *restrict keys, __global const float *misfit,
     __global const float *apparent,
-    __global const float *bounced, __global const float *own_bounce, __global const float *tilt)
+    __global const float *bounced, __global const float *own_bounce, __global const float *tilt,
+    __global const float *restrict diffuse, const float refraction)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     __global const Kind *kind = (__global const Kind *)kinds;
@@ -265,6 +261,8 @@ LANED __kernel void err_slopes(
     const Response response = respond(
         a, b, nz, x, y, z, free_, load_bytes(used + from, count), noise, lights, K, uneven);
     const floats less = load_floats(blunt + i, count);
+    float mixed = refraction == 1.0f ? UNSHARP_SHARE * half_spread : half_spread;
+    EACH_LED(k) mixed = diffuse[k] != 0.0f ? half_spread : mixed;
     floats mean_p = a - load_floats(apparent + from, count);
     floats mean_q = b - load_floats(apparent + frame_size + from, count);
     floats p[ERROR_COUNT], q[ERROR_COUNT], pp = 0.0f, pq = 0.0f, qq = 0.0f;
@@ -278,9 +276,9 @@ LANED __kernel void err_slopes(
         pp += noise_p * noise_p;
         pq += noise_p * noise_q;
         qq += noise_q * noise_q;
-        if (half_spread > 0.0f) {
+        if (mixed > 0.0f) {
             const Bend bend = bend_at(light + k * H * W, row, column, count, H, W);
-            const floats gathered = half_spread * (bend.across + bend.along);
+            const floats gathered = mixed * (bend.across + bend.along);
             mean_p -= apparent_p * gathered;
             mean_q -= apparent_q * gathered;
         }
@@ -324,7 +322,7 @@ LANED __kernel void err_slopes(
             along += lit.up * lit.across;
             square += lit.across * lit.across;
         }
-        const floats part = within(along / square - 0.5f, 0.5f) + 0.5f;
+        const floats part = clipped(along / square - 0.5f, 0.5f) + 0.5f;
         turn = folded ? product : turn;
         hidden_p = folded ? part * of_p.across - of_p.up : hidden_p;
         hidden_q = folded ? part * of_q.across - of_q.up : hidden_q;
@@ -348,16 +346,16 @@ LANED __kernel void err_slopes(
     const floats share = slant / FULL_MISFIT_SLOPE, above = MORE_OF(share, level);
     const floats tilted = LESS_OF(above, whole), leans = MORE_OF(slant, full);
     for (int n = 0; n < ERROR_COUNT; ++n) {
-        p[n] = within(p[n] + kind[n].averaged * mean_p, MAX_SLOPE);
-        q[n] = within(q[n] + kind[n].averaged * mean_q, MAX_SLOPE);
+        p[n] = clipped(p[n] + kind[n].averaged * mean_p, MAX_SLOPE);
+        q[n] = clipped(q[n] + kind[n].averaged * mean_q, MAX_SLOPE);
         const float right = kind[n].across, down = kind[n].down;
         const float per_mm = 1.0f / (kind[n].wavelength * fmax(misfit[1], pixel));
         const floats turns = per_mm * (right * x + down * y) + kind[n].phase;
         const floats lean = 1.4142136f * misfit[0] * tilted * cosine_of(turns);
         const floats steeper = kind[n].leaning * (misfit[4] / leans);
         const floats uphill = lean * (right * sunk_p + down * sunk_q) + steeper * (1.0f + square);
-        p[n] = within(p[n] + lean * right + uphill * sunk_p, MAX_SLOPE);
-        q[n] = within(q[n] + lean * down + uphill * sunk_q, MAX_SLOPE);
+        p[n] = clipped(p[n] + lean * right + uphill * sunk_p, MAX_SLOPE);
+        q[n] = clipped(q[n] + lean * down + uphill * sunk_q, MAX_SLOPE);
         store_floats(p[n], out + 2 * n * H * W + i, count);
         store_floats(q[n], out + (2 * n + 1) * H * W + i, count);
     }

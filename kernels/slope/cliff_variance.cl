@@ -28,12 +28,9 @@ static float cliff(
 
 // Cliffs occur only where a label varies.
 LANED __kernel void find_cliffs(
-    __global const float *restrict light,
-    __global const uchar *restrict shadow,
-    __global const float *restrict lights,
-    __global float *restrict cliffs,
-    const int K, const int H, const int W,
-    const float pixel)
+    __global const float *restrict light, __global const uchar *restrict shadow,
+    __global const float *restrict lights, __global float *restrict cliffs, const int K,
+    const int H, const int W, const float pixel)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int near = ANY(edges(shadow, y, x, count, H, W, 1) != 0);
@@ -44,11 +41,8 @@ LANED __kernel void find_cliffs(
 
 // Add the square of a possible step: the largest cliff of 3 x 3 pixels.
 LANED __kernel void add_steps(
-    __global const float *restrict variance,
-    __global const float *restrict cliffs,
-    __global float *restrict out,
-    const int H, const int W,
-    const float jump, const float grazing)
+    __global const float *restrict variance, __global const float *restrict cliffs,
+    __global float *restrict out, const int H, const int W, const float jump, const float grazing)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const floats least = grazing, result = largest_around(cliffs, y, x, count, H, W);

@@ -10,9 +10,8 @@ static floats turn(const Vector change)
 }
 
 LANED __kernel void find_changes(
-    __global const float *restrict slope,
-    __global float *restrict changes,
-    const int H, const int W)
+    __global const float *restrict slope, __global float *restrict changes, const int H,
+    const int W)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const Changes n = changes_at(slope, y, x, count, H, W);
@@ -21,11 +20,8 @@ LANED __kernel void find_changes(
 
 // Add the square of the slope's possible error, by the largest change of 3 x 3 pixels.
 LANED __kernel void add_lacking(
-    __global const float *restrict variance,
-    __global const float *restrict slope,
-    __global const float *restrict changes,
-    __global float *restrict out,
-    const int H, const int W,
+    __global const float *restrict variance, __global const float *restrict slope,
+    __global const float *restrict changes, __global float *restrict out, const int H, const int W,
     const float by)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)

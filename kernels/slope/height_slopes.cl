@@ -5,12 +5,8 @@
 // Central differences of the height, one-sided at the border; pixels that are too steep are masked
 // out.
 LANED __kernel void height_slopes(
-    __global const float *restrict height,
-    const float pixel,
-    __global float *restrict slope,
-    __global uchar *restrict mask,
-    const int H, const int W,
-    const float steepest)
+    __global const float *restrict height, const float pixel, __global float *restrict slope,
+    __global uchar *restrict mask, const int H, const int W, const float steepest)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x, below = min(y + 1, H - 1), above = max(y - 1, 0);

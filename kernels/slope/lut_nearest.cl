@@ -112,11 +112,8 @@ static void place(Packet *packet, const Table *table)
 #if LANES == 1
 // The slope of the entry nearest in light, a pixel per work-item: a packet of one.
 __kernel void lut_nearest(
-    __global const float *restrict light,
-    __global const uchar *restrict shadow,
-    INDEX,
-    __global float *restrict out,
-    const int H, const int W)
+    __global const float *restrict light, __global const uchar *restrict shadow, INDEX,
+    __global float *restrict out, const int H, const int W)
 {
     GRID_2(y, x, H, W)
     const int size = H * W, pixel = y * W + x;
@@ -203,10 +200,8 @@ void search_cells(
 
 // From the order of the cells back to that of the image.
 __kernel void put_back(
-    __global const float *restrict result_slopes,
-    __global const int *restrict place,
-    __global float *restrict out,
-    const int size)
+    __global const float *restrict result_slopes, __global const int *restrict place,
+    __global float *restrict out, const int size)
 {
     CHUNK(first, past, size)
     for (int pixel = first; pixel < past; ++pixel) {

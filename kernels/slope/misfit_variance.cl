@@ -5,13 +5,9 @@
 
 // The variance of the slopes, increased by misfit and by an open choice between two normals.
 __kernel void misfit_variance(
-    __global const float *restrict variance,
-    __global const float *restrict slope,
-    __global const float *restrict twin,
-    __global const float *restrict misfit,
-    __global float *restrict out,
-    const int H, const int W,
-    const int open_pairs,
+    __global const float *restrict variance, __global const float *restrict slope,
+    __global const float *restrict twin, __global const float *restrict misfit,
+    __global float *restrict out, const int H, const int W, const int open_pairs,
     const float steepest)
 {
     GRID_2(y, x, H, W)

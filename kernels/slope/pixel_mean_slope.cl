@@ -5,12 +5,6 @@
 
 #define PIXEL_VARIANCE (1.0f / 12.0f)
 
-static floats within(const floats value, const floats limit)
-{
-    const floats low = MORE_OF(value, -limit);
-    return LESS_OF(low, limit);
-}
-
 // The correction of a slope along one axis: `by` is the change of that component of the normal per
 // pixel, and `dz` that of n_z.
 static floats added(const floats by, const floats dz, const floats slope)
@@ -20,9 +14,7 @@ static floats added(const floats by, const floats dz, const floats slope)
 
 // Slopes corrected for the change of the normal within a pixel.
 LANED __kernel void pixel_mean_slope(
-    __global const float *restrict slope,
-    __global float *restrict out,
-    const int H, const int W,
+    __global const float *restrict slope, __global float *restrict out, const int H, const int W,
     const float most, const int inverse)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
@@ -45,6 +37,6 @@ LANED __kernel void pixel_mean_slope(
         add_p = (PIXEL_VARIANCE / 2.0f) * (of_p.along - 3.0f * of_p.across) - add_p;
         add_q = (PIXEL_VARIANCE / 2.0f) * (of_q.across - 3.0f * of_q.along) - add_q;
     }
-    store_floats(p + within(add_p, limit), out + at, count);
-    store_floats(q + within(add_q, limit), out + size + at, count);
+    store_floats(p + clipped(add_p, limit), out + at, count);
+    store_floats(q + clipped(add_q, limit), out + size + at, count);
 }

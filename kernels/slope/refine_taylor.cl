@@ -15,13 +15,9 @@ static floats reflect(
 
 // First-order Taylor steps of the spherical-harmonic reflectance on fully lit pixels.
 LANED __kernel void refine_taylor(
-    __global const float *restrict light,
-    __global const float *restrict slope,
-    __global const uchar *restrict shadow,
-    __global const float *restrict reflectance,
-    __global float *restrict out,
-    const int K, const int H, const int W,
-    const int steps,
+    __global const float *restrict light, __global const float *restrict slope,
+    __global const uchar *restrict shadow, __global const float *restrict reflectance,
+    __global float *restrict out, const int K, const int H, const int W, const int steps,
     const float max_turn_rad)
 {
     GRID_LANES(i, count, H * W)

@@ -3,11 +3,8 @@
 
 // Slopes minus those of the film at rest, or plus them.
 LANED __kernel void slope_from_rest(
-    __global const float *restrict slope,
-    __global const float *restrict tilt,
-    __global float *restrict out,
-    const int H, const int W,
-    const int inverse)
+    __global const float *restrict slope, __global const float *restrict tilt,
+    __global float *restrict out, const int H, const int W, const int inverse)
 {
     GRID_LANES(at, count, H * W)
     for (int axis = 0; axis < 2; ++axis) {

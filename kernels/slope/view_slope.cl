@@ -6,12 +6,8 @@
 
 // Slopes in the camera's view, or of the film, equation V2.
 LANED __kernel void view_slope(
-    __global const float *restrict slope,
-    __global const float *restrict height,
-    const float camera, const float pixel,
-    __global float *restrict out,
-    const int H, const int W,
-    const int inverse)
+    __global const float *restrict slope, __global const float *restrict height, const float camera,
+    const float pixel, __global float *restrict out, const int H, const int W, const int inverse)
 {
     GRID_LANES(at, count, H * W)
     floats p = load_floats(slope + at, count), q = load_floats(slope + H * W + at, count);

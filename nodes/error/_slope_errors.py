@@ -48,6 +48,9 @@ MIN_DIVISOR = np.float32(1e-10)
 """Lower bound on a variance, or deviation of a slope, in a denominator."""
 MAX_SLOPE = np.float32(3)
 """Largest error of a slope."""
+UNSHARP_SHARE = np.float32(1 / math.sqrt(3))
+"""Root mean square of what `sharpen_slope` leaves of a blur's effect, over what it undoes: nothing
+on wide bends, as much again on sharp folds."""
 FOLD_VARIANCES = np.float32(BAND_DEVIATIONS * math.sqrt(37))
 """Noise of `folds`, at the end of the 90 % band, over the variance of a slope: slopes extrapolated
 from two pixels differ from the one between them by 6 variances, and both share it by -1."""
@@ -113,7 +116,9 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
 
     in_blocks(shine, rows, columns)
     fold = folds(unperturbed.slope, light) if causes.folded else None
-    gathered = causes.spread / 2 * np.stack([sum(second_differences(plane)) for plane in light])
+    is_sharpened = film.refraction == 1 and not film.diffuse.any()
+    spread = causes.spread * (UNSHARP_SHARE if is_sharpened else np.float32(1))
+    gathered = spread / 2 * np.stack([sum(second_differences(plane)) for plane in light])
 
     def enter(part: slice) -> None:
         inside = unperturbed.rows(part)

@@ -111,9 +111,9 @@ def height_error(
     - an error of each LED's light, common to all pixels: the departure of the film at rest, since
       LEDs drift, and the light that a touch throws on the film around it is not well known;
     - the difference between a pixel's mean slope and the slope of its mean normal, whose expansion
-      fails across an edge; what folds hide under a coat (`folds`); and the effect of a blur, which
-      is not corrected: to second order light changes by half the blur's variance times the
-      Laplacian of the light of the slopes, and more under a coat (`mixing`);
+      fails across an edge; what folds hide under a coat (`folds`); and the effect of a blur: to
+      second order light changes by half the blur's variance times the Laplacian of the light of the
+      slopes, and more under a coat (`mixing`).  Where `sharpen_slope` undoes it, a part is left;
     - errors of the shadows' rises: an independent error, and the departure of the height from the
       rise.  At a rim that no pixel resolves, slopes pull the height down, with everything that
       stands on the rim.  In a gel that diffuses light shadows end softly, and the departure is an
@@ -128,13 +128,13 @@ def height_error(
     Parameters
     ----------
     height : H x W in mm, as integrated
-    slope : 2 x H x W, as given to `height_system`
+    slope : 2 x H x W, as given to `height_system`, sharpened by `sharpen_slope`
     system : the equations from which the height was integrated
     sigma : K x H x W, the standard deviation of the light
     used : H x W, the LEDs that the slope was found with
     film : the LEDs' positions, the alternatives within their error, and the film's unevenness
     misfit : length 5, the errors of the film's model (`touch_misfit`)
-    apparent : 2 x H x W, the slopes of the pixels' mean normals (`pixel_mean_slope`)
+    apparent : 2 x H x W, the slopes of the pixels' mean normals, before `pixel_mean_slope`
     bounced, own_bounce
         K x H x W, the light from film to film that was subtracted from the light, and that of this
         height.
@@ -279,6 +279,7 @@ def _launch_slopes(run: Launch, networks: HeightNetworks, keys: list[np.uint32])
         inputs["film.uneven"], float(spread / 2), int(folded),
         run.keep("kinds", lambda: run.put(kinds())), run.put(np.array(keys)), inputs["misfit"],
         inputs["apparent"], *(inputs.get(name) for name in ("bounced", "own_bounce", "tilt")),
+        inputs["film.diffuse"], inputs["film.refraction"],
         # The data of a work-item fill a cache, and a CPU holds those of all items of a group.
         local=(CPU_GROUP_ITEMS,) if run.lanes > 1 else None, constants={"LEDS": frame[0]},
     )  # fmt: skip

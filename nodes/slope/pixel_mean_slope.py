@@ -11,11 +11,16 @@ from tactograph.nodes.optics.cache_blocks import in_blocks
 from tactograph.nodes.optics.difference import difference, second_differences
 
 PIXEL_VARIANCE = np.float32(1 / 12)
+MAX_CORRECTION = 0.05
+"""Largest correction of a slope, in units of 1 + p^2 + q^2; across edges expansions fail."""
 
 
 @node(neutral="slope", tolerance=Close(2e-5, 2e-5, why="differences of rounded normals"))
 def pixel_mean_slope(
-    slope: Slope, *, most: Annotated[float, Interval(ge=0, le=1)] = 0.05, inverse: bool = False
+    slope: Slope,
+    *,
+    most: Annotated[float, Interval(ge=0, le=1)] = MAX_CORRECTION,
+    inverse: bool = False,
 ) -> Slope:
     """Correct slopes for the change of the normal within a pixel.
 
@@ -33,7 +38,7 @@ def pixel_mean_slope(
     Parameters
     ----------
     slope : 2 x H x W in mm per mm, of the mean normal
-    most : largest correction, in units of 1 + p^2 + q^2; across edges the expansion fails
+    most : largest correction, in units of 1 + p^2 + q^2
     inverse : convert differences over two pixels to slopes of the mean normal
     """
     rows, columns = slope.shape[1:]

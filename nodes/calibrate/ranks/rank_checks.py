@@ -92,7 +92,7 @@ def rank_checks(
 def _resized(
     arrays: dict[str, NDArray[Any]], size: tuple[int, ...], record: type
 ) -> dict[str, NDArray[Any]]:
-    """The calibration for images with this number of rows and columns, without lens and ranks."""
+    """The calibration for images of these rows and columns, without lens, blur and ranks."""
     rows, columns = size
     flat = [cv2.resize(p, (columns, rows), interpolation=cv2.INTER_AREA) for p in arrays["flat"]]
     finer = arrays["flat"].shape[2] / columns
@@ -100,7 +100,9 @@ def _resized(
     for plane in {"dark", "rest"} & arrays.keys():
         resized[plane] = cv2.resize(arrays[plane], (columns, rows), interpolation=cv2.INTER_AREA)
     resized["area"] = np.ones(size, np.uint8)
-    others = {name: array for name, array in arrays.items() if name not in ("lens", "ranks")}
+    others = {
+        name: array for name, array in arrays.items() if name not in ("lens", "blur", "ranks")
+    }
     return with_plain(record, others | resized)
 
 
