@@ -100,9 +100,9 @@ def _resized(
     for plane in {"dark", "rest"} & arrays.keys():
         resized[plane] = cv2.resize(arrays[plane], (columns, rows), interpolation=cv2.INTER_AREA)
     resized["area"] = np.ones(size, np.uint8)
-    others = {
-        name: array for name, array in arrays.items() if name not in ("lens", "blur", "ranks")
-    }
+    # Drawn touches are not blurred.
+    resized |= {name: np.zeros_like(arrays[name]) for name in {"blur"} & arrays.keys()}
+    others = {name: array for name, array in arrays.items() if name not in ("lens", "ranks")}
     return with_plain(record, others | resized)
 
 
