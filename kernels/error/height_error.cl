@@ -17,6 +17,7 @@
 #define LEVEL_MISFIT_SHARE 0.3f
 #define MIN_SHARPNESS 0.5f
 #define UNSHARP_SHARE 0.57735027f
+#define MAX_CORRECTION 0.05f
 #define FOLD_VARIANCES 10.006145f
 #define ERROR_COUNT 8
 #define MIRRORED 2
@@ -261,10 +262,9 @@ LANED __kernel void err_slopes(
     const Response response = respond(
         a, b, nz, x, y, z, free_, load_bytes(used + from, count), noise, lights, K, uneven);
     const floats less = load_floats(blunt + i, count);
-    float mixed = refraction == 1.0f ? UNSHARP_SHARE * half_spread : half_spread;
-    EACH_LED(k) mixed = diffuse[k] != 0.0f ? half_spread : mixed;
-    floats mean_p = a - load_floats(apparent + from, count);
-    floats mean_q = b - load_floats(apparent + frame_size + from, count);
+    float sharpened = refraction == 1.0f ? MAX_CORRECTION : 0.0f;
+    EACH_LED(k) sharpened = diffuse[k] != 0.0f ? 0.0f : sharpened;
+    floats flatter_p = 0.0f, flatter_q = 0.0f;
     floats p[ERROR_COUNT], q[ERROR_COUNT], pp = 0.0f, pq = 0.0f, qq = 0.0f;
     for (int n = 0; n < ERROR_COUNT; ++n) p[n] = q[n] = 0.0f;
     EACH_LED(k) {
@@ -276,11 +276,11 @@ LANED __kernel void err_slopes(
         pp += noise_p * noise_p;
         pq += noise_p * noise_q;
         qq += noise_q * noise_q;
-        if (mixed > 0.0f) {
+        if (half_spread > 0.0f) {
             const Bend bend = bend_at(light + k * H * W, row, column, count, H, W);
-            const floats gathered = mixed * (bend.across + bend.along);
-            mean_p -= apparent_p * gathered;
-            mean_q -= apparent_q * gathered;
+            const floats gathered = half_spread * (bend.across + bend.along);
+            flatter_p -= apparent_p * gathered;
+            flatter_q -= apparent_q * gathered;
         }
         __global const float *led = lights + 3 * k;
         const Vector by = light_by_place(led, x, y, z, a, b, nz);
@@ -327,8 +327,11 @@ LANED __kernel void err_slopes(
         hidden_p = folded ? part * of_p.across - of_p.up : hidden_p;
         hidden_q = folded ? part * of_q.across - of_q.up : hidden_q;
     }
-    mean_p += hidden_p;
-    mean_q += hidden_q;
+    const floats limit = sharpened * (1.0f + a * a + b * b);
+    const floats blurred_p = flatter_p - (1.0f - UNSHARP_SHARE) * clipped(flatter_p, limit);
+    const floats blurred_q = flatter_q - (1.0f - UNSHARP_SHARE) * clipped(flatter_q, limit);
+    const floats mean_p = a - load_floats(apparent + from, count) + blurred_p + hidden_p;
+    const floats mean_q = b - load_floats(apparent + frame_size + from, count) + blurred_q + hidden_q;
     // A square root of the covariance of p and q.
     const floats alone = sqrt(pp), along = pq / MORE_OF(alone, tiny);
     const floats rest_ = qq - along * along, across = sqrt(MORE_OF(rest_, none));

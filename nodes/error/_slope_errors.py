@@ -40,7 +40,7 @@ from tactograph.nodes.optics.near_light import (
     light_by_place,
     vectors_at,
 )
-from tactograph.nodes.slope.pixel_mean_slope import PIXEL_VARIANCE
+from tactograph.nodes.slope.pixel_mean_slope import MAX_CORRECTION, PIXEL_VARIANCE
 
 MIN_DETERMINANT_SHARE = np.float32(1e-4)
 """Determinant over the product of its diagonal below which all LEDs lie in one line."""
@@ -117,8 +117,7 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
     in_blocks(shine, rows, columns)
     fold = folds(unperturbed.slope, light) if causes.folded else None
     is_sharpened = film.refraction == 1 and not film.diffuse.any()
-    spread = causes.spread * (UNSHARP_SHARE if is_sharpened else np.float32(1))
-    gathered = spread / 2 * np.stack([sum(second_differences(plane)) for plane in light])
+    gathered = causes.spread / 2 * np.stack([sum(second_differences(plane)) for plane in light])
 
     def enter(part: slice) -> None:
         inside = unperturbed.rows(part)
@@ -126,7 +125,10 @@ def slope_errors(unperturbed: Unperturbed, causes: Causes, seed: int) -> F4:
         by_place = light_by_place(film.lights, inside.x, inside.y, inside.height, inside.slope)
         by_apparent = by_light / sharper[part]
         root = _root_of_noise(by_apparent * (causes.shared * inside.sigma))
-        mean = inside.averaged - (by_apparent * gathered[:, part]).sum(axis=1)
+        flatter = -(by_apparent * gathered[:, part]).sum(axis=1)
+        most = np.float32(is_sharpened * MAX_CORRECTION) * (1 + (inside.slope**2).sum(axis=0))
+        sharpened = (1 - UNSHARP_SHARE) * np.clip(flatter, -most, most)
+        mean = inside.averaged + flatter - sharpened
         if fold is not None:
             hidden, turn = (plane[..., part, :] for plane in fold)
             noise = sum(each * each for each in root)
