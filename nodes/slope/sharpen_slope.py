@@ -45,9 +45,11 @@ def sharpen_slope(
         return slope
     resampled = RESAMPLING_VARIANCE if lens is not None and not is_straight(lens) else np.float32(0)
     half = np.maximum(np.float32(blur * blur) - resampled, np.float32(0)) / 2
-    limit = np.float32(most) * (square := 1 + (slope * slope).sum(axis=0))
+    square = 1 + (slope * slope).sum(axis=0)
+    limit = np.float32(most) * square
     normal = np.stack([-slope[0], -slope[1], np.ones_like(square)]) / np.sqrt(square)
     sharp = normal - half * _laplacian(normal)
+    # Next to an edge the difference may point nowhere.
     change = -sharp[:2] / np.maximum(sharp[2], normal[2] / 2) - slope
     return np.asarray(slope + np.clip(change, -limit, limit), np.float32)
 
