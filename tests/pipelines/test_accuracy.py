@@ -91,7 +91,7 @@ def test_the_stated_error_holds_where_neighbours_share_noise(colour_rig: Path, s
     params = {"capture": colour_rig / shape, "calibration": colour_rig / "cal.npz"}
     result = run("precise", **params)
     assert 85 <= result["metrics"]["in_90_percent_band"] <= 98
-    assert (np.abs(result["height"]) < 1e-9).mean() > 0.4
+    assert (np.abs(result["height"]) < 1e-7).mean() > 0.4
 
 
 @pytest.mark.parametrize(
