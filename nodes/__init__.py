@@ -86,6 +86,10 @@ Lens = Annotated[
 ]
 Grain = Annotated[float, Port(unit="1", high=0.03)]
 """Standard deviation of the light from its model beyond camera noise, as a share of the light."""
+Diffuse = Annotated[F4, Port("K", "1", high=0.4)]
+"""b_k: share of each LED's light that the gel diffuses."""
+Refraction = Annotated[float, Port(unit="1", low=1, high=1.6)]
+"""Refractive index of the film's coat; 1: none."""
 Wrap = Annotated[float, Port(unit="1", high=0.3)]
 """w: how far light continues to fall behind the terminator (`optics.near_light.wrapped`)."""
 ScaleError = Annotated[float, Port(unit="1", high=2)]
@@ -187,8 +191,7 @@ class Film(NamedTuple):
         "mm, other places of the LEDs that the fit allows",
     ]
     diffuse: Annotated[
-        F4,
-        Port("K", "1", high=0.4),
+        Diffuse,
         Stored(0, 0.99, plain=0.0),
         "b_k, share of an LED's light that the gel diffuses",
     ]
@@ -246,8 +249,7 @@ class Film(NamedTuple):
         "Beckmann's alpha of the coat",
     ]
     refraction: Annotated[
-        float,
-        Port(unit="1", low=1, high=1.6),
+        Refraction,
         Stored(1, 10, plain=1.0),
         "refractive index of the coat; 1: none",
     ]

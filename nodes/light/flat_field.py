@@ -8,9 +8,7 @@ from annotated_types import Gt
 from tactograph.graph import node
 from tactograph.nodes import Dark, Light
 from tactograph.nodes.light.film_drift import Drift, drift_gain
-
-MIN_REST_LIGHT = 0.02
-"""Light of the film at rest below which a quotient by it is noise."""
+from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT
 
 
 @node(neutral="image")

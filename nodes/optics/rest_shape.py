@@ -23,8 +23,8 @@ from tactograph.nodes.optics.near_light import MIN_VIEW_SHARE, image_places
 from tactograph.nodes.optics.normals import normals_of
 
 MIN_REST_LIGHT = 0.02
-"""Lower bound on the light of the film at rest over a plane's, in a denominator: light of an LED
-that hardly reaches a place carries no information."""
+"""Lower bound on the light of the film at rest, captured or over a plane's, in a denominator: light
+of an LED that hardly reaches a place carries no information."""
 REST_ROUNDS = 3
 """Rounds that find the light from film to film at rest, a few hundredths of the light."""
 Numbers = NDArray[np.floating]

@@ -5,8 +5,8 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Interval
 
-from tactograph.graph import Close, Port, node
-from tactograph.nodes import F4, Blur, Lens, Slope
+from tactograph.graph import Close, node
+from tactograph.nodes import F4, Blur, Diffuse, Lens, Refraction, Slope
 from tactograph.nodes.optics.lens import is_straight
 from tactograph.nodes.slope.pixel_mean_slope import MAX_CORRECTION
 
@@ -18,8 +18,8 @@ RESAMPLING_VARIANCE = np.float32(1 / 15)
 def sharpen_slope(
     slope: Slope,
     blur: Blur,
-    refraction: Annotated[float, Port(unit="1", low=1, high=1.6)],
-    diffuse: Annotated[F4, Port("K", "1", high=0.4)],
+    refraction: Refraction,
+    diffuse: Diffuse,
     lens: Lens | None = None,
     *,
     most: Annotated[float, Interval(ge=0, le=1)] = MAX_CORRECTION,
@@ -41,7 +41,7 @@ def sharpen_slope(
     lens : images that were undistorted have wider edges than the camera's
     most : largest correction, in units of 1 + p^2 + q^2; across edges the expansion fails
     """
-    if is_dull(blur, refraction) or diffuse.any():
+    if is_sharp_or_coated(blur, refraction) or diffuse.any():
         return slope
     resampled = RESAMPLING_VARIANCE if lens is not None and not is_straight(lens) else np.float32(0)
     half = np.maximum(np.float32(blur * blur) - resampled, np.float32(0)) / 2
@@ -64,13 +64,13 @@ def _laplacian(planes: F4) -> F4:
     return np.asarray((beside - 4 * planes) / 4, np.float32)
 
 
-def is_dull(blur: float, refraction: float) -> bool:
-    """Return whether nothing can be undone: a camera that is sharp, or a coat."""
+def is_sharp_or_coated(blur: float, refraction: float) -> bool:
+    """Return whether the camera does not blur, or light is not linear in the normal."""
     return blur == 0 or refraction != 1
 
 
 sharpen_slope.opencl(grid="H W", lanes="rows")
-sharpen_slope.idle(is_dull)
+sharpen_slope.idle(is_sharp_or_coated)
 
 
 @sharpen_slope.example

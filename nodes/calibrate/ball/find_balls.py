@@ -17,8 +17,7 @@ from tactograph.nodes.calibrate.ball.find_ball import Ball, find_ball
 from tactograph.nodes.calibrate.lights.light_samples import Rest
 from tactograph.nodes.calibrate.rating.judge_flat import RETAKE_FLAT, is_uneven
 from tactograph.nodes.capture.read_balls import Marks, Radii, StatedCircles
-from tactograph.nodes.light.flat_field import MIN_REST_LIGHT
-from tactograph.nodes.optics.rest_shape import RestShape
+from tactograph.nodes.optics.rest_shape import MIN_REST_LIGHT, RestShape
 from tactograph.nodes.optics.sheet import SheetLight, cut
 
 MARKING_ADVICE = (
