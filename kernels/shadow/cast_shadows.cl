@@ -53,7 +53,8 @@ __kernel void cast(
         towards[l] = (start + (float)(number + l) - foot) / far;
         least[l] = LEAST_OF_NONE;
     }
-    for (int r = first; r < rows; ++r) {
+    for (int n = first; n < rows; ++n) {
+        const int r = steep < 0.0f ? rows - 1 + first - n : n;
         const float d = fmax(AWAY(r), MIN_AWAY_PX), rest = (float)(rows - 1 - r);
         const float level = steep * rest, scale = far / d;
         const int row = ROW(r) * down;
@@ -125,8 +126,9 @@ LANED __kernel void join(
         ints shadow = load_bytes(dark + (k * H + y) * W + x, count);
         const floats across = column - 0.5f * (float)(W - 1) - lights[3 * k] / pixel;
         const float down = (float)y - 0.5f * (float)(H - 1) - lights[3 * k + 1] / pixel;
-        const floats faces = rightwards * across + downwards * down + (lights[3 * k + 2] - z);
-        if (attached) shadow |= faces < 0.0f ? yes : no;
+        const float led_z = lights[3 * k + 2];
+        const floats faces = rightwards * across + downwards * down + (led_z - z);
+        if (attached) shadow |= (led_z < 0.0f ? faces > 0.0f : faces < 0.0f) ? yes : no;
         labels |= shadow << k;
     }
     if (near) labels &= load_bytes(near + y * W + x, count);

@@ -137,7 +137,7 @@ static int measure_at(
     if (is_dark(shadow, k, i) || popcount(used[i]) < 2) return 0;
     const float dx = lights[3 * k] / pixel + (float)(W - 1) / 2.0f - (float)column;
     const float dy = lights[3 * k + 1] / pixel + (float)(H - 1) / 2.0f - (float)row;
-    const float plan = fmax(sqrt(dx * dx + dy * dy), 1e-6f);
+    const float plan = copysign(fmax(sqrt(dx * dx + dy * dy), 1e-6f), lights[3 * k + 2]);
     const float ux = dx / plan, uy = dy / plan;
     const int next = nearest((float)column + ux, (float)row + uy, H, W);
     if (next == NO_PIXEL || !is_dark(shadow, k, next)) return 0;

@@ -17,7 +17,7 @@ static float cliff(
         if (shadow[i] >> k & 1) continue;
         const float dx = lights[3 * k] / pixel - ((float)x - 0.5f * (W - 1));
         const float dy = lights[3 * k + 1] / pixel - ((float)y - 0.5f * (H - 1));
-        const float plan = sqrt(dx * dx + dy * dy) + 1e-6f;
+        const float plan = copysign(sqrt(dx * dx + dy * dy) + 1e-6f, lights[3 * k + 2]);
         const int column = (int)rint((float)x - dx / plan), row = (int)rint((float)y - dy / plan);
         if (column < 0 || column >= W || row < 0 || row >= H) continue;
         if (shadow[row * W + column] >> k & 1)

@@ -4,7 +4,8 @@ An LED at L lights a place P if no place Q between them rises above the ray.  Wi
 rows from the LED's foot and z the height, this holds if (L_z - z) / d at P is less than at every Q.
 So the running minimum of this ratio along a line away from the LED's foot gives all shadows on that
 line.  The lines meet the last row one pixel apart; the minimum at a place between two lines is
-interpolated.  The plane is cut into four quarters around the LED's foot (down, up, right, left), so
+interpolated.  Under an LED below the film (`lights_in_view`) the lines are followed towards its
+foot.  The plane is cut into four quarters around the LED's foot (down, up, right, left), so
 that a line advances by one row, or one column, at a time.
 """
 
@@ -53,7 +54,7 @@ def cast_shadows(
     Parameters
     ----------
     height : H x W in mm; beyond the frame nothing casts a shadow
-    lights : K x 3 in mm
+    lights : K x 3 in mm; z < 0: from the opposite direction (`lights_in_view`)
     pixel : mm per px
     image_labels
         H x W, the shadows in the image, which count up to `REACH_PX` away along each axis.  None:
@@ -78,7 +79,7 @@ def cast_shadows(
         _cast(height.T[::-1], dark.T[::-1], -across[::-1], down, led_z, diagonal=False)
         if attached:
             rises = difference(height, 1) * across + difference(height, 0) * down[:, None]
-            dark |= rises + (led_z - height) < 0
+            dark |= (rises + (led_z - height)) * np.sign(led_z) < 0
         if image_labels is not None:
             dark &= cv2.dilate(np.ascontiguousarray(image_labels >> k & 1), window) > 0
         labels |= dark.astype(np.uint8) << k
@@ -111,7 +112,9 @@ def _cast(
     line = np.arange(np.ceil(ends.max()) - start + 2, dtype=np.float32)
     towards, steep = (start + line - foot) / far, led_z / far
     least = np.full(line.size, LEAST_OF_NONE)
-    for z, shadow, d, rest_px in zip(height, dark, away, rest, strict=True):
+    rows = height, dark, away, rest
+    order = slice(None, None, -1 if led_z < 0 else 1)
+    for z, shadow, d, rest_px in zip(*(each[order] for each in rows), strict=True):
         # The ratio (L_z - z) / d minus its value for level film in the last row, to save digits.
         rise = (steep * rest_px - z) * (far / d)
         place = column + aside * (rest_px / d) - start
@@ -151,8 +154,9 @@ def _launch(run: Launch) -> None:
 
 @cast_shadows.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
-    """LEDs above the film, and image labels with scattered shadows."""
+    """LEDs above and below the film, and image labels with scattered shadows."""
     lights = np.column_stack([rng.uniform(-40, 40, (K, 2)), rng.uniform(6, 60, K)])
+    lights[:, 2] *= rng.choice([1, 1, -1], K)
     sparse = rng.random((H, W)) < 0.02
     in_view = np.where(sparse, rng.integers(0, 256, (H, W)), 0)
     return {"lights": lights.astype(np.float32), "image_labels": in_view.astype(np.uint8)}

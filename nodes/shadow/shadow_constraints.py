@@ -35,12 +35,16 @@ MAX_SLOPE = np.float32(3)
 MAX_END_PX = np.float32(1.5)
 MIN_EDGE_PX = np.float32(1.2)
 NO_EDGE_PX = np.float32(-1e6)
+MIN_PLAN_PX = np.float32(1e-6)
 SPAN_PX, LANES_SPAN_PX = 16, 64
 """Pixels of a row that one work-item searches for the ends of shadows, on GPUs and on CPUs."""
 
 
 class Rays(NamedTuple):
-    """Rays from the ends of shadows: their pixels, directions, and distances to the LED in px."""
+    """Rays from the ends of shadows: their pixels, directions, and distances to the LED in px.
+
+    The distance is negative for an LED behind the ray (`lights_in_view`).
+    """
 
     column: F4
     row: F4
@@ -88,7 +92,7 @@ def shadow_constraints(
     used : H x W, the LEDs that determined its slope; both ends of a ray need two
     slope : 2 x H x W; extrapolates the height from a pixel to the shadow's end
     height : H x W in mm, a rough height; the elevation of a near LED depends on it slightly
-    lights : K x 3 in mm
+    lights : K x 3 in mm; z < 0: from the opposite direction (`lights_in_view`)
     pixel : mm per px
     rest
         H x W in mm, the seen height of the film at rest; rises are relative to it.  None: a plane
@@ -139,7 +143,7 @@ def _ends(dark: NDArray[np.bool_], is_known: NDArray[np.bool_], led: F4) -> Rays
     row, column = (index.astype(np.float32) for index in np.nonzero(ring & ~dark & is_known))
     dx = led[0] + np.float32((columns - 1) / 2) - column
     dy = led[1] + np.float32((rows - 1) / 2) - row
-    plan = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
+    plan = np.copysign(np.maximum(np.sqrt(dx * dx + dy * dy), MIN_PLAN_PX), led[2])
     rays = Rays(column, row, dx / plan, dy / plan, plan)
     return rays.only(mask_at(dark, *rays.at(np.float32(1))))
 
@@ -211,6 +215,7 @@ def _example(rng: np.random.Generator, **sizes: int) -> dict[str, Any]:
     patches = rng.integers(0, 256, (shape[0] // 4 + 1, shape[1] // 6 + 1), dtype=np.uint8)
     shadow = patches.repeat(4, axis=0).repeat(6, axis=1)[: shape[0], : shape[1]]
     lights = lights_around(rng, sizes["K"])
+    lights *= rng.choice([1, 1, -1], (sizes["K"], 1))
     used = np.where(rng.random(shape) < 0.9, 15, 1)
     height = rng.uniform(0, 0.5, shape)
     return {"shadow": shadow, "used": used, "height": height, "lights": lights}

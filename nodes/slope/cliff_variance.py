@@ -43,7 +43,7 @@ def cliff_variance(
     variance : 2 x H x W
     light : K x H x W, 1 on the film at rest
     shadow : H x W, the shadowed LEDs
-    lights : K x 3 in mm from the middle of the image
+    lights : K x 3 in mm; z < 0: from the opposite direction (`lights_in_view`)
     pixel : mm per px
     """
     cliff = np.zeros(shadow.shape, np.float32)
@@ -66,7 +66,7 @@ def _before_dark(dark: Labels, led: F4) -> tuple[NDArray[np.intp], ...]:
     y, x = around.T.astype(np.float32)
     dx = led[0] - (x - np.float32((columns - 1) / 2))
     dy = led[1] - (y - np.float32((rows - 1) / 2))
-    plan = np.sqrt(dx * dx + dy * dy) + MIN_PLAN_PX
+    plan = np.copysign(np.sqrt(dx * dx + dy * dy) + MIN_PLAN_PX, led[2])
     row, column = around[mask_at(dark > 0, x - dx / plan, y - dy / plan)].T
     return row, column
 

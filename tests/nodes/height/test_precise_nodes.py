@@ -87,9 +87,10 @@ def test_a_steps_shadow_is_as_long_as_equation_1_says() -> None:
     assert not shadow[20, 20:].any()
 
 
-def test_a_steps_shadow_measures_its_height_and_no_shadow_measures_none() -> None:
+@pytest.mark.parametrize("side", [1, -1], ids=["LED above", "LED below, opposite"])
+def test_a_steps_shadow_measures_its_height_and_no_shadow_measures_none(side: int) -> None:
     z = plateau(0.5)
-    led = distant_led(30, 0)
+    led = side * distant_led(30, 0)
     shadow = cast_shadows(z, led, PIXEL)
     light = (1 - shadow)[None].astype(np.float32)
     known = np.full(SHAPE, 0b111, np.uint8), np.zeros((2, *SHAPE), np.float32), 0 * z, led, PIXEL

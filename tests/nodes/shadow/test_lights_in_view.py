@@ -22,25 +22,28 @@ def test_the_end_of_a_shadow_lies_on_the_line_from_the_led_in_view() -> None:
         )
 
 
-def test_the_shadow_of_a_wall_has_its_apparent_length() -> None:
-    """A wall 1.5 mm high across the view; its shadow ends on the film at rest, straight ahead."""
-    pixel, z, led = 0.05, 1.5, np.float32([[-20.0, 0.0, 30.0]])
+@pytest.mark.parametrize("led_z", [30, 90, 200])
+def test_the_shadow_of_a_wall_has_its_apparent_length(led_z: float) -> None:
+    """A wall 1.5 mm high across the view; its shadow ends on the film at rest, straight ahead.
+
+    Two of the LEDs are higher than the pupil.
+    """
+    pixel, z, led = 0.05, 1.5, np.float32([[-2 / 3 * led_z, 0.0, led_z]])
     x = (np.arange(400) - 199.5) * pixel
     apparent = z / (1 - CAMERA * z)
     wall = (x > 6.8) & (x < 7)
     height = np.repeat(np.where(wall, apparent, 0).astype(np.float32)[None], 9, axis=0)
     edge_x = x[wall].max() * (1 - CAMERA * z)
-    end = edge_x + (edge_x + 20) * z / (30 - z)
+    end = edge_x + (edge_x - led[0, 0]) * z / (led_z - z)
     for lights, right in ((lights_in_view(led, CAMERA), True), (led, False)):
         dark = cast_shadows(height, lights, pixel)[4] == 1
         last = x[dark].max()
         assert (abs(last - end) < 1.5 * pixel) == right
 
 
-def test_an_led_as_high_as_the_pupil_or_higher_is_far_away() -> None:
-    level = np.float32([[30.0, 0.0, 65.0], [30.0, 0.0, 80.0]])
-    lights = lights_in_view(level, CAMERA)
-    assert (lights[:, 2] > 1000).all()
+def test_an_led_as_high_as_the_pupil_is_far_away() -> None:
+    level = np.float32([[30.0, 0.0, 65.0], [30.0, 0.0, 65.001]])
+    assert (abs(lights_in_view(level, CAMERA)[:, 2]) > 1000).all()
 
 
 def test_a_camera_far_away_changes_nothing() -> None:
