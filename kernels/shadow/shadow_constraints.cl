@@ -43,10 +43,11 @@ static int shadows_near(
     return result;
 }
 
-// The share (0 to 1) of its light that each pixel near an LED's shadow gets from the LED.
+// The share (0 to 1) of its direct light that each pixel near an LED's shadow gets from the LED.
 __kernel void lit_part(
-    __global const float *restrict light, __global const float *restrict slope,
-    __global const float *restrict height, __global const float *restrict lights,
+    __global const float *restrict light, __global const float *restrict bounced,
+    __global const float *restrict slope, __global const float *restrict height,
+    __global const float *restrict lights, __global const float *restrict diffuse,
     __global const uchar *restrict shadow, __global float *restrict part, const int K,
     const int H, const int W, const float pixel)
 {
@@ -63,9 +64,10 @@ __kernel void lit_part(
     for (int k = 0; k < K; ++k) {
         if (!(near >> k & 1)) continue;
         const Vector v = light_vector(lights + 3 * k, x, y, z);
-        const floats expected = (v.z - p * v.x - q * v.y) / steep;
-        const floats share =
-            load_floats(light + k * size + i, count) / MORE_OF(expected, faintest);
+        const floats matt = (v.z - p * v.x - q * v.y) / steep;
+        floats direct = load_floats(light + k * size + i, count) - diffuse[k];
+        if (bounced) direct -= load_floats(bounced + k * size + i, count);
+        const floats share = direct / ((1.0f - diffuse[k]) * MORE_OF(matt, faintest));
         const floats some = MORE_OF(share, nothing);
         store_floats(LESS_OF(some, all), part + k * size + i, count);
     }

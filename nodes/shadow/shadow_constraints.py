@@ -16,6 +16,7 @@ from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import (
     F4,
+    Diffuse,
     Height,
     Labels,
     Light,
@@ -72,6 +73,8 @@ def shadow_constraints(
     height: Height,
     lights: LightPositions,
     pixel: PixelSize,
+    diffuse: Diffuse,
+    bounced: Light | None = None,
     rest: Height | None = None,
     *,
     longest_px: Annotated[float, Ge(0)] = 10_000.0,
@@ -82,18 +85,22 @@ def shadow_constraints(
     the LED through the shadow to the first lit pixel, the edge that casts the shadow.  The
     light touches the film at both ends, so their heights differ by the shadow's length times
     the tangent of the light's elevation (C1; the paper's equation 1 predicts the length
-    from the height).  The shadow ends where half of the light arrives, interpolated between
+    from the height).  The shadow ends where half of the direct light arrives, interpolated between
     pixels.
 
     Parameters
     ----------
-    light : K x H x W, 1 on the film at rest
+    light
+        K x H x W, 1 on the film at rest.  Not converted to that of a matt film, since the normal
+        of a coated film where half of the light arrives is not known.
     shadow : H x W, the LEDs that do not light a pixel
     used : H x W, the LEDs that determined its slope; both ends of a ray need two
     slope : 2 x H x W; extrapolates the height from a pixel to the shadow's end
     height : H x W in mm, a rough height; the elevation of a near LED depends on it slightly
     lights : K x 3 in mm; z < 0: from the opposite direction (`lights_in_view`)
     pixel : mm per px
+    diffuse : length K, the share of the light at rest that the gel diffuses, also into shadows
+    bounced : K x H x W, the light from film to film; None: there is none
     rest
         H x W in mm, the seen height of the film at rest; rises are relative to it.  None: a plane
     longest_px : longest shadow to measure; 0 measures none
@@ -103,12 +110,14 @@ def shadow_constraints(
     C measurements; C is 0 if nothing casts a shadow.
     """
     is_known, side, width = np.bitwise_count(used) >= 2, np.float32(pixel), height.shape[1]
+    direct = (light if bounced is None else light - bounced) - diffuse[:, None, None]
 
     def measure(k: int, rays: Rays, dark: NDArray[np.bool_]) -> ShadowRises:
         """Return the pixels at both ends of each shadow of an LED, and the rise between them."""
         vectors = light_vectors(lights[k : k + 1], height, pixel)
-        expected = np.maximum(expected_light(vectors, slope)[0], MIN_EXPECTED_LIGHT)
-        end, edge = _march(rays, dark, np.clip(light[k] / expected, 0, 1), longest_px)
+        matt = np.maximum(expected_light(vectors, slope)[0], MIN_EXPECTED_LIGHT)
+        expected = (1 - diffuse[k]) * matt
+        end, edge = _march(rays, dark, np.clip(direct[k] / expected, 0, 1), longest_px)
         x, y = rays.at(edge + np.float32(0.25))
         is_lit = mask_at(~dark & is_known, x, y)
         rays, end = rays.only(is_lit), end[is_lit]
@@ -188,7 +197,8 @@ def _launch(run: Launch) -> None:
     pixel = float(inputs["pixel"])
     run.kernel(
         "lit_part", run.in_row_lanes(height, width),
-        *(inputs[name] for name in ("light", "slope", "height", "lights", "shadow")),
+        inputs["light"], inputs.get("bounced"),
+        *(inputs[name] for name in ("slope", "height", "lights", "diffuse", "shadow")),
         part, *sizes, pixel,
     )  # fmt: skip
     run.kernel(

@@ -93,7 +93,8 @@ def test_a_steps_shadow_measures_its_height_and_no_shadow_measures_none(side: in
     led = side * distant_led(30, 0)
     shadow = cast_shadows(z, led, PIXEL)
     light = (1 - shadow)[None].astype(np.float32)
-    known = np.full(SHAPE, 0b111, np.uint8), np.zeros((2, *SHAPE), np.float32), 0 * z, led, PIXEL
+    used, clear = np.full(SHAPE, 0b111, np.uint8), np.zeros(1, np.float32)
+    known = used, np.zeros((2, *SHAPE), np.float32), 0 * z, led, PIXEL, clear
     rises = shadow_constraints(light, shadow, *known)
     assert len(rises.rise) >= 14
     step = z.ravel()[rises.top] - z.ravel()[rises.foot]
