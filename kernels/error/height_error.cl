@@ -408,15 +408,15 @@ LANED __kernel void mean_square(
     store_floats(sum / (float)loads, mean + i, count);
 }
 
-// The pixels that count and are not at rest, and their variance.
-__kernel void free_part(
+// The pixels that count and are not at rest, and the logarithm of their variance.
+__kernel void free_logarithm(
     __global const uchar *restrict state, __global float *restrict variance,
-    __global float *restrict freed, const int H, const int W)
+    __global float *restrict freed, const int H, const int W, const float least)
 {
     GRID_2(y, x, H, W)
     const int i = y * W + x;
     freed[i] = state[i] ? 0.0f : 1.0f;
-    variance[i] *= freed[i];
+    variance[i] = state[i] ? 0.0f : log(fmax(variance[i], least));
 }
 
 // Weighted mean along one axis (1: x); beyond the ends, pixels are mirrored about the last one.
@@ -435,21 +435,22 @@ LANED __kernel void blur(
     store_floats(total, out + y * W + x, count);
 }
 
-// The root of the mean variance; zero where nothing is free. Within a pixel an edge may lie
+// The root of the geometric mean of the variance; zero where nothing is free. Within a pixel an edge may lie
 // anywhere.
 LANED __kernel void deviation(
-    __global const float *restrict variance, __global const float *restrict weight,
+    __global const float *restrict logarithm, __global const float *restrict weight,
     __global const float *restrict freed, __global const float *restrict height,
     __global float *restrict out, const int frame_height, const int frame_width, const int top,
-    const int left, const int H, const int W, const float pixel, const float place_px)
+    const int left, const int H, const int W, const float pixel, const float place_px,
+    const float log_bias)
 {
     GRID_PARTS_OF_ROWS(y, x, count, H, W)
     const int i = y * W + x;
     const floats none = 0.0f, least = 1e-3f, total = load_floats(weight + i, count);
     const floats bend = largest_bend(height, top + y, left + x, count, frame_height, frame_width);
     const floats beyond = bend - RESOLVED_BEND * pixel, edge = place_px * MORE_OF(beyond, none);
-    const floats mean = load_floats(variance + i, count) / MORE_OF(total, least);
-    const floats result = sqrt(MORE_OF(mean, none) + edge * edge);
+    const floats mean = exp(load_floats(logarithm + i, count) / MORE_OF(total, least) + log_bias);
+    const floats result = sqrt(mean + edge * edge);
     const ints free = load_floats(freed + i, count) > 0.0f;
     store_floats(free ? result : none, out + (top + y) * frame_width + left + x, count);
 }

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import cv2
 import numpy as np
 from annotated_types import Ge, Interval
-from scipy.special import ndtr, stdtrit
+from scipy.special import digamma, ndtr, stdtrit
 
 from tactograph.graph import Close, SizeLimit, node
 from tactograph.graph.cores import cores
@@ -50,7 +50,11 @@ if TYPE_CHECKING:
 CPU_GROUP_ITEMS = 4
 """Work-items of a group on a CPU, where each needs much data."""
 SPREAD_PX = 3.0
-"""Standard deviation of the Gaussian that averages the variance over neighbours."""
+"""Standard deviation of the Gaussian that averages the variance's logarithm over neighbours."""
+LEAST_VARIANCE = np.float32(1e-20)
+"""Lower bound on a variance, in mm^2, before its logarithm."""
+LOG_BIAS = np.float32(math.log(ERROR_COUNT / 2) - digamma(ERROR_COUNT / 2))
+"""By how much the mean logarithm of a mean of ERROR_COUNT squares is too small (chi-squared)."""
 MIN_ENERGY_SHARE = 1e-6
 """Stop when the remaining gain is less than this share of the steps' energy."""
 STUDENT_FACTOR = np.float32(stdtrit(ERROR_COUNT, ndtr(BAND_DEVIATIONS)) / BAND_DEVIATIONS)
@@ -91,7 +95,8 @@ def height_error(
 
     For given weights the height is linear in the slopes and rises (H2).  A few random errors of the
     right size are integrated like slopes, on cells of 2 x 2 pixels (`spring_cells`).  The mean
-    square of the results, averaged over neighbours, is the variance.  The errors are
+    square of the results is the variance.  Its logarithm is averaged over neighbours, so that the
+    large errors of a rim do not spread to the film around it.  The errors are
 
     - the noise of each LED's light, independent from pixel to pixel.  A height is a sum of slopes,
       so the noise of a mean over pixels counts.  The calibration measures it on light divided by
@@ -207,10 +212,10 @@ def _variance(springs: Springs, random_load: Callable[[int], Wants], steps: int)
 
 
 def _smooth_deviation(variance: F4, free: F4) -> F4:
-    """The square root of the variance after averaging over neighbours that are free."""
-    total = cv2.GaussianBlur(variance * free, (0, 0), SPREAD_PX)
+    """The square root of the variance's geometric mean over neighbours that are free."""
+    total = cv2.GaussianBlur(np.log(np.maximum(variance, LEAST_VARIANCE)) * free, (0, 0), SPREAD_PX)
     weight = np.maximum(cv2.GaussianBlur(free, (0, 0), SPREAD_PX), np.float32(1e-3))
-    return np.asarray(np.sqrt(np.maximum(total / weight, 0)) * free, np.float32)
+    return np.asarray(np.exp((total / weight + LOG_BIAS) / 2) * free, np.float32)
 
 
 @height_error.opencl()
@@ -294,7 +299,7 @@ def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
     kernel = cv2.getGaussianKernel(2 * radius + 1, SPREAD_PX, cv2.CV_32F)
     taps = run.keep("taps", lambda: run.put(kernel.ravel()))
     free, half, weight = (run.scratch(shape) for _ in range(3))
-    run.kernel("free_part", shape, networks.state, total, free, *shape)
+    run.kernel("free_logarithm", shape, networks.state, total, free, *shape, LEAST_VARIANCE)
     by_rows = run.in_row_lanes(*shape)
     for source, target in ((free, weight), (total, total)):
         run.kernel("blur", by_rows, source, taps, half, *shape, radius, 1)
@@ -304,7 +309,7 @@ def _deviate(run: Launch, networks: HeightNetworks, total: DeviceArray) -> None:
     run.kernel("clear", run.in_lanes(math.prod(frame)), out, math.prod(frame))
     run.kernel(
         "deviation", by_rows, total, weight, free, inputs["height"], out,
-        *frame, *networks.place, networks.pixel, float(edge_deviation_px(blur)),
+        *frame, *networks.place, networks.pixel, float(edge_deviation_px(blur)), LOG_BIAS,
     )  # fmt: skip
 
 

@@ -16,8 +16,7 @@ def lights_in_view(lights: LightPositions, camera: Vergence) -> LightPositions:
 
     The map keeps lines straight (V3), so the seen height under these LEDs has the same shadows as
     the film under the real ones.  An LED higher than the pupil comes to lie below the film
-    (L_z < 0).  Its light then arrives from the opposite direction: the rays that leave it meet there
-    beyond infinity.
+    (L_z < 0).  Its light then arrives from the opposite direction.
 
     Parameters
     ----------

@@ -12,12 +12,26 @@ PIXEL, RADIUS, SHAPE = 0.05, 1.5, (161, 201)
 @pytest.mark.parametrize(
     "led",
     [
-        (30, 2, 20), (-3, -40, 15), (-4, -4, 5), (3, 0, 4), (-1e5, 1e5, 1e5), (0, 0, 30),
-        (30, 2, -20), (-3, -40, -15), (-9, -8, -6),
+        (30, 2, 20),
+        (-3, -40, 15),
+        (-4, -4, 5),
+        (3, 0, 4),
+        (-1e5, 1e5, 1e5),
+        (0, 0, 30),
+        (30, 2, -20),
+        (-3, -40, -15),
+        (-9, -8, -6),
     ],
     ids=[
-        "far", "across", "corner", "within", "parallel", "above",
-        "opposite", "opposite, across", "opposite, corner",
+        "far",
+        "across",
+        "corner",
+        "within",
+        "parallel",
+        "above",
+        "opposite",
+        "opposite, across",
+        "opposite, corner",
     ],
 )
 def test_half_a_ball_on_the_film_casts_its_exact_shadow(
