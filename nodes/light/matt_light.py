@@ -70,7 +70,8 @@ def matt_light(
     With F the light that the film model predicts (`film`, F1) and n.v that of a matt film
     (`near_light`, N1), ``m' = (m - F(n)) / (s (1 - b) a) + max(n.v, 0)`` (F4).  Unless the light
     depends on the normal like a matt film's, this needs a normal.  Gauss-Newton steps find it from
-    the expected slope, with the LEDs that light the pixel.  An error of that normal matters only as
+    the expected slope, with the LEDs that light the pixel, and less by those that light a part of
+    it.  An error of that normal matters only as
     far as F and n.v depend on it differently.  In a shadow, which contains diffused light, m' is
     about 0.  All nodes for shadows and matt light are then valid for any film.
 
@@ -109,7 +110,7 @@ def matt_light(
             above = None if rest is None else lift
             n, at_rest = normals_of(expected), rest_below(film, *place)
             for _ in range(turns):
-                n = turned(film, m, n, place, rest=at_rest, lift=above)
+                n = turned(film, m, n, place, rest=at_rest, lift=above, penumbras=True)
             residual = m - predict(film, n, *place, at_rest, above)
             vectors = vectors_at(film.lights, x[part], y[part], z)
             converted = residual * scale + wrapped(np.einsum("kcn,cn->kn", vectors, n), film.wrap)

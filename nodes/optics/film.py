@@ -193,6 +193,8 @@ def turned(
     uneven: float = 0.0,
     rest: Array | None = None,
     lift: Array | None = None,
+    *,
+    penumbras: bool = False,
 ) -> Array:
     """Return normals that explain the light better, by one Gauss-Newton step.
 
@@ -209,6 +211,9 @@ def turned(
         Standard deviation of the film's brightness, as a share; the light of each LED has the
         standard deviation `LIGHT_NOISE_SHARE`.
     rest, lift : as for `predict`
+    penumbras
+        Whether a shadow may leave an LED a part of its light: it then counts by the fourth power of
+        its direct light over that predicted for n, at most 1.
     """
     if rest is None:
         rest = rest_below(film, *place)
@@ -216,6 +221,10 @@ def turned(
     before = predict(film, n, *place, rest, lift)
     by_s, by_t = _changes(film, n, place, rest, lift)
     weight = lit_share(film, light, lift) / np.maximum(light, FULL_MATT_LIGHT) ** 2
+    if penumbras:
+        diffused = touch_gain(film, lift) * film.diffuse[:, None]
+        direct = np.maximum(before - diffused, MIN_MATT_LIGHT)
+        weight = weight * np.clip((light - diffused) / direct, 0, 1) ** 4
     share = uneven**2 / (LIGHT_NOISE_SHARE**2 + uneven**2 * (weight * before * before).sum(0))
     along = [(weight * before * f).sum(0) for f in (by_s, by_t, light - before)]
 

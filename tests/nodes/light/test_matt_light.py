@@ -105,3 +105,14 @@ def test_noise_grows_as_the_direct_share_shrinks_and_with_the_film_s_grain() -> 
     light = np.full((4, *SIZE), 0.5, np.float32)
     result = matt(MATT._replace(grain=0.02), light, REST, REST[0]).sigma
     assert result == pytest.approx(np.hypot(0.01, 0.02 * 0.5))
+
+
+@pytest.mark.parametrize("name", ["lobe", "all"])
+@pytest.mark.parametrize("part", [0.4, 0.7])
+def test_a_penumbra_changes_the_light_of_no_other_led(name: str, part: float) -> None:
+    light, height, slope, on = ball_under(FILMS[name])
+    shadowed = light.copy()
+    shadowed[0] *= part
+    before, after = (matt(FILMS[name], each, slope, height).light for each in (light, shadowed))
+    others = np.abs(after - before)[1:]
+    assert np.median(others[:, on]) < 0.004
