@@ -64,14 +64,14 @@ def matt_light(
     *,
     steps: Annotated[int, Interval(ge=0, le=8)] = 2,
     uncoated_steps: Annotated[int, Interval(ge=0, le=8)] = 2,
+    penumbras: bool = False,
 ) -> MattLight:
     """Return the light that a matt film of the same shape would have.
 
     With F the light that the film model predicts (`film`, F1) and n.v that of a matt film
     (`near_light`, N1), ``m' = (m - F(n)) / (s (1 - b) a) + max(n.v, 0)`` (F4).  Unless the light
     depends on the normal like a matt film's, this needs a normal.  Gauss-Newton steps find it from
-    the expected slope, with the LEDs that light the pixel, and less by those that light a part of
-    it.  An error of that normal matters only as
+    the expected slope, with the LEDs that light the pixel.  An error of that normal matters only as
     far as F and n.v depend on it differently.  In a shadow, which contains diffused light, m' is
     about 0.  All nodes for shadows and matt light are then valid for any film.
 
@@ -86,6 +86,9 @@ def matt_light(
     rest : H x W in mm, the seen height of the film at rest; None: a plane
     steps : Gauss-Newton steps of the normal on a coated film
     uncoated_steps : Gauss-Newton steps on a film without a coat, whose harmonics vary gently
+    penumbras
+        Whether an LED counts less the less of the light arrives that the expected slope predicts,
+        since a shadow may reach the pixel in part; for slopes that are nearly known
 
     Returns
     -------
@@ -110,7 +113,7 @@ def matt_light(
             above = None if rest is None else lift
             n, at_rest = normals_of(expected), rest_below(film, *place)
             for _ in range(turns):
-                n = turned(film, m, n, place, rest=at_rest, lift=above, penumbras=True)
+                n = turned(film, m, n, place, rest=at_rest, lift=above, penumbras=penumbras)
             residual = m - predict(film, n, *place, at_rest, above)
             vectors = vectors_at(film.lights, x[part], y[part], z)
             converted = residual * scale + wrapped(np.einsum("kcn,cn->kn", vectors, n), film.wrap)
@@ -142,7 +145,7 @@ def _launch(run: Launch) -> None:
         *film, inputs["pixel"], thrown, inputs.get("rest"),
         out["light"], out["sigma"], count, height, width, run.settings["steps"],
         run.settings["uncoated_steps"],
-        local=run.alone,
+        local=run.alone, constants={"PENUMBRAS": int(run.settings["penumbras"])},
     )  # fmt: skip
 
 
