@@ -19,7 +19,7 @@ def test_these_nodes_and_no_others_can_be_idle() -> None:
     distorting = ["distort_height", "distort_confidence", "distort_error", "distort_labels"]
     bent = ["matt_light", "undistort", "undo_perspective", "view_slope"]
     shaped = ["add_rest", "light_on_plane", "slope_from_rest"]
-    further = ["edge_variance", "film_bounce", "sharpen_slope", "within_film"]
+    further = ["doubt_penumbra", "edge_variance", "film_bounce", "sharpen_slope", "within_film"]
     assert sorted([*distorting, *bent, *shaped, *further]) == sorted(IDLE)
 
 
