@@ -30,8 +30,8 @@ LANED __kernel void doubt_penumbra(
     __global const float *restrict sigma, __global const float *restrict light,
     __global const float *restrict lights, __global const float *restrict height,
     __global const float *restrict slope, __global const float *restrict leds, const float pixel,
-    const float blur, const float refraction, __global float *restrict out, const int K,
-    const int H, const int W)
+    const float blur, const float refraction, __global const float *restrict diffuse,
+    __global float *restrict out, const int K, const int H, const int W)
 {
     GRID_PARTS_OF_ROWS(row, column, count, H, W)
     const int size = H * W, i = row * W + column;
@@ -39,6 +39,8 @@ LANED __kernel void doubt_penumbra(
     const floats p = load_floats(slope + i, count), q = load_floats(slope + size + i, count);
     const floats steep = sqrt(1.0f + p * p + q * q), none = 0.0f;
     const floats z = load_floats(height + i, count);
+    int hard = refraction == 1.0f;
+    for (int k = 0; k < K; ++k) hard = hard && diffuse[k] == 0.0f;
     floats x, y;
     places(i, H, W, pixel, &x, &y);
     for (int k = 0; k < K; ++k) {
@@ -48,7 +50,7 @@ LANED __kernel void doubt_penumbra(
         const floats here = load_floats(light + at, count);
         const floats missing = faced - here - BAND_DEVIATIONS * spread;
         store_floats(spread, out + at, count);
-        if (refraction != 1.0f || !ANY(missing > none)) continue;
+        if (!hard || !ANY(missing > none)) continue;
         float each[LANES];
         STORE_LANES(missing, each);
         for (int l = 0; l < count; ++l) {

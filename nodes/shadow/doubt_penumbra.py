@@ -10,6 +10,7 @@ from tactograph.nodes import (
     BAND_DEVIATIONS,
     F4,
     Blur,
+    Diffuse,
     Height,
     Light,
     LightPositions,
@@ -44,14 +45,15 @@ def doubt_penumbra(
     pixel: PixelSize,
     blur: Blur,
     refraction: Refraction,
+    diffuse: Diffuse,
 ) -> Light:
     """Return the deviation of the light, with what is missing of the light expected near shadows.
 
     The camera blurs the end of a shadow, where a part of the light arrives.  Shadows of two LEDs
     that end together then look like film that faces away from both.  So an LED's light counts the
     less, the more of the light expected is missing, where film in the LED's direction, within the
-    width of a blurred edge, is dark (P1).  Under a coat nothing changes: see `penumbras` of
-    `matt_light`.
+    width of a blurred edge, is dark (P1).  Under a coat nothing changes (see `penumbras` of
+    `matt_light`), nor in a gel that diffuses light, since all its shadows end softly.
 
     Parameters
     ----------
@@ -62,8 +64,9 @@ def doubt_penumbra(
     pixel : mm per px
     blur : of the camera, in px; 0 returns sigma
     refraction : of the film's coat; 1 without a coat
+    diffuse : length K, the share of each LED's light that the gel diffuses
     """
-    if is_sharp_or_coated(blur, refraction):
+    if is_sharp_or_coated(blur, refraction) or diffuse.any():
         return sigma
     expected = matt_film_light(lights, height, slope, pixel)
     missing = np.maximum(expected - light - np.float32(BAND_DEVIATIONS) * sigma, 0)
@@ -100,4 +103,5 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
         "leds": lights * rng.choice(np.float32([1, 1, -1]), (K, 1)),
         "blur": float(rng.uniform(0.2, 0.9)),
         "refraction": float(rng.choice([1.0, 1.0, 1.5])),
+        "diffuse": np.float32(0.2 * (rng.random() < 0.2)) * rng.random(K, np.float32),
     }

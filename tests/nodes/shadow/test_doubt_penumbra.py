@@ -23,10 +23,12 @@ def shadows_of_two() -> F4:
     return np.stack([cv2.GaussianBlur(each, (0, 0), BLUR) for each in light])
 
 
-def doubted(light: F4, refraction: float = 1.0, blur: float = BLUR) -> F4:
+def doubted(light: F4, refraction: float = 1.0, blur: float = BLUR, diffuse: float = 0.0) -> F4:
     sigma = np.full_like(light, SIGMA)
     expected = LEDS, FILM, LEVEL, LEDS
-    return doubt_penumbra(sigma, light, *expected, PIXEL, blur, refraction)
+    return doubt_penumbra(
+        sigma, light, *expected, PIXEL, blur, refraction, np.full(4, diffuse, np.float32)
+    )
 
 
 def test_the_light_that_is_missing_at_a_shadow_s_end_is_in_doubt() -> None:
@@ -45,8 +47,10 @@ def test_film_that_turns_away_from_an_led_beside_its_shadow_is_not_in_doubt() ->
     assert doubted(light)[:, :, : SHAPE[1] - EDGE - 1] == pytest.approx(SIGMA)
 
 
-@pytest.mark.parametrize("settings", [{"refraction": 1.5}, {"blur": 0.0}])
-def test_under_a_coat_and_a_sharp_camera_nothing_changes(settings: dict[str, float]) -> None:
+@pytest.mark.parametrize("settings", [{"refraction": 1.5}, {"blur": 0.0}, {"diffuse": 0.2}])
+def test_under_a_coat_in_a_gel_and_for_a_sharp_camera_nothing_changes(
+    settings: dict[str, float],
+) -> None:
     assert doubted(shadows_of_two(), **settings) == pytest.approx(SIGMA)
 
 
