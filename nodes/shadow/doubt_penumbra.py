@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tactograph.graph import Close, SizeLimit, node
+from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import (
     BAND_DEVIATIONS,
     F4,
@@ -28,6 +29,8 @@ EDGE_DEVIATIONS = 4
 PIXEL_VARIANCE = 1 / 12
 """Variance of a place within a pixel, in px^2."""
 MIN_PLAN_PX = np.float32(1e-6)
+BLOCK_PX = 16
+"""Side of a block that is searched for dark film."""
 
 
 @node(
@@ -87,15 +90,28 @@ def _before_dark(dark: NDArray[np.bool_], led: F4, reach: int) -> NDArray[np.boo
     return np.logical_or.reduce(steps)
 
 
-doubt_penumbra.opencl(grid="H W", lanes="rows")
 doubt_penumbra.idle(is_sharp_or_coated)
+
+
+@doubt_penumbra.opencl()
+def _launch(run: Launch) -> None:
+    """Mark blocks with dark film first, since most film is far from any."""
+    inputs, sizes = run.inputs, tuple(run.sizes[symbol] for symbol in "KHW")
+    lights, rows, columns = sizes
+    dark = run.scratch((lights, -(-rows // BLOCK_PX), -(-columns // BLOCK_PX)), np.uint8)
+    run.kernel("mark_dark", dark.shape, inputs["light"], dark, *sizes, BLOCK_PX)
+    run.kernel(
+        "doubt_penumbra", run.in_row_lanes(rows, columns),
+        *map(inputs.get, doubt_penumbra.inputs), dark, run.outputs["doubt_penumbra"],
+        *sizes, BLOCK_PX,
+    )  # fmt: skip
 
 
 @doubt_penumbra.example
 def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict[str, Any]:
     """Dark spots on a film that mostly is matt; some LEDs lie below it (`lights_in_view`)."""
     lights = lights_around(rng, K)
-    light = rng.uniform(0.2, 1, (K, H, W)) * (rng.random((K, H, W)) > 0.05)
+    light = rng.uniform(0.2, 1, (K, H, W)) * (rng.random((K, H, W)) > 0.015)
     return {
         "light": light.astype(np.float32),
         "sigma": rng.uniform(0.005, 0.02, (K, H, W)).astype(np.float32),
