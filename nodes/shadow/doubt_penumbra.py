@@ -116,7 +116,7 @@ def _example(rng: np.random.Generator, K: int, H: int, W: int, **_: int) -> dict
         "light": light.astype(np.float32),
         "sigma": rng.uniform(0.005, 0.02, (K, H, W)).astype(np.float32),
         "lights": lights,
-        "leds": lights * rng.choice(np.float32([1, 1, -1]), (K, 1)),
+        "leds": lights * rng.choice(np.array([1, 1, -1], np.float32), (K, 1)),
         "blur": float(rng.uniform(0.2, 0.9)),
         "refraction": float(rng.choice([1.0, 1.0, 1.5])),
         "diffuse": np.float32(0.2 * (rng.random() < 0.2)) * rng.random(K, np.float32),
