@@ -435,8 +435,8 @@ LANED __kernel void blur(
     store_floats(total, out + y * W + x, count);
 }
 
-// The root of the geometric mean of the variance; zero where nothing is free. Within a pixel an edge may lie
-// anywhere.
+// The root of the geometric mean of the variance; zero where nothing is free. Within a pixel an
+// edge may lie anywhere.
 LANED __kernel void deviation(
     __global const float *restrict logarithm, __global const float *restrict weight,
     __global const float *restrict freed, __global const float *restrict height,

@@ -3,13 +3,13 @@
 #include "lanes.clh"
 #include "near_light.clh"
 #include "bilinear.clh"
+#include "rays.clh"
 
 #define HALF_LIGHT 0.5f
 #define MIN_EXPECTED_LIGHT 0.02f
 #define MAX_SLOPE 3.0f
 #define MAX_END_PX 1.5f
 #define MIN_EDGE_PX 1.2f
-#define NO_PIXEL -1
 #define MAX_LEDS 8
 // The light that determines a shadow's end lies within this many pixels of it.
 #define AROUND_END 4
@@ -90,24 +90,16 @@ static float darkness_at(__global const uchar *shadow, const int k, const Around
         is_dark(shadow, k, at.d));
 }
 
-// The pixel nearest to a point; NO_PIXEL outside the frame.
-static int nearest(const float x, const float y, const int H, const int W)
-{
-    const int column = convert_int(rint(x)), row = convert_int(rint(y));
-    return column >= 0 && column < W && row >= 0 && row < H ? row * W + column : NO_PIXEL;
-}
-
 // The distances along a ray of the shadow's end and its casting edge; negative if there is no edge.
 static float2 march(
-    __global const uchar *shadow, __global const float *part, const int k, const float column,
-    const float row, const float ux, const float uy, const int H, const int W, const float step_,
-    const float longest)
+    __global const uchar *shadow, __global const float *part, const int k, const Ray ray,
+    const int H, const int W, const float step_, const float longest)
 {
-    float end = HALF_LIGHT, before = bilinear(part, around(column, row, H, W));
+    float end = HALF_LIGHT, before = bilinear(part, around(ray.column, ray.row, H, W));
     for (float t = step_; t <= longest; t += step_) {
-        const float x = column + ux * t, y = row + uy * t;
-        if (!(x >= 0.0f && x <= (float)(W - 1) && y >= 0.0f && y <= (float)(H - 1))) break;
-        const Around at = around(x, y, H, W);
+        const float2 p = point_at(ray, t);
+        if (!(p.x >= 0.0f && p.x <= (float)(W - 1) && p.y >= 0.0f && p.y <= (float)(H - 1))) break;
+        const Around at = around(p.x, p.y, H, W);
         if (t - step_ < MAX_END_PX) {
             const float now = bilinear(part, at);
             if (now < HALF_LIGHT && before >= HALF_LIGHT) {
@@ -137,27 +129,23 @@ static int measure_at(
 {
     const int i = row * W + column, size = H * W;
     if (is_dark(shadow, k, i) || popcount(used[i]) < 2) return 0;
-    const float dx = lights[3 * k] / pixel + (float)(W - 1) / 2.0f - (float)column;
-    const float dy = lights[3 * k + 1] / pixel + (float)(H - 1) / 2.0f - (float)row;
-    const float plan = copysign(fmax(sqrt(dx * dx + dy * dy), 1e-6f), lights[3 * k + 2]);
-    const float ux = dx / plan, uy = dy / plan;
-    const int next = nearest((float)column + ux, (float)row + uy, H, W);
+    const Ray ray = ray_towards(lights + 3 * k, row, column, H, W, pixel);
+    const int next = nearest(point_at(ray, 1.0f), H, W);
     if (next == NO_PIXEL || !is_dark(shadow, k, next)) return 0;
 
-    const float2 ends = march(
-        shadow, part + k * size, k, (float)column, (float)row, ux, uy, H, W, step_, longest);
+    const float2 ends = march(shadow, part + k * size, k, ray, H, W, step_, longest);
     if (ends.y < 0.0f) return 0;
-    const float end = ends.x, beyond = ends.y + 0.25f;
-    const float x = (float)column + ux * beyond, y = (float)row + uy * beyond;
-    const int edge = nearest(x, y, H, W);
+    const float end = ends.x;
+    const float2 top = point_at(ray, ends.y + 0.25f);
+    const int edge = nearest(top, H, W);
     if (edge == NO_PIXEL || is_dark(shadow, k, edge) || popcount(used[edge]) < 2) return 0;
 
-    const float downhill = slope[i] * ux + slope[size + i] * uy;
+    const float downhill = slope[i] * ray.ux + slope[size + i] * ray.uy;
     const float to_end = pixel * end * clamp(downhill, -MAX_SLOPE, MAX_SLOPE);
     const float length_ =
-        (rint(x) - (float)column) * ux + (rint(y) - (float)row) * uy - end;
+        (rint(top.x) - ray.column) * ray.ux + (rint(top.y) - ray.row) * ray.uy - end;
     const float tangent =
-        (lights[3 * k + 2] - (height[i] + to_end)) / ((plan - end) * pixel);
+        (lights[3 * k + 2] - (height[i] + to_end)) / ((ray.plan - end) * pixel);
     to.top[at] = edge;
     to.foot[at] = i;
     to.rise[at] = length_ * pixel * tangent + to_end;

@@ -2,6 +2,7 @@
 #include "common.clh"
 #include "lanes.clh"
 #include "label_edges.clh"
+#include "rays.clh"
 
 // The light of the brightest LED for which the next pixel away from it is dark; else 0.
 static float cliff(
@@ -15,12 +16,9 @@ static float cliff(
     float brightest = 0.0f;
     for (int k = 0; k < K; ++k) {
         if (shadow[i] >> k & 1) continue;
-        const float dx = lights[3 * k] / pixel - ((float)x - 0.5f * (W - 1));
-        const float dy = lights[3 * k + 1] / pixel - ((float)y - 0.5f * (H - 1));
-        const float plan = copysign(sqrt(dx * dx + dy * dy) + 1e-6f, lights[3 * k + 2]);
-        const int column = (int)rint((float)x - dx / plan), row = (int)rint((float)y - dy / plan);
-        if (column < 0 || column >= W || row < 0 || row >= H) continue;
-        if (shadow[row * W + column] >> k & 1)
+        const Ray ray = ray_towards(lights + 3 * k, y, x, H, W, pixel);
+        const int next = nearest(point_at(ray, -1.0f), H, W);
+        if (next != NO_PIXEL && shadow[next] >> k & 1)
             brightest = fmax(brightest, light[k * H * W + i]);
     }
     return brightest;

@@ -22,13 +22,12 @@ from tactograph.nodes import (
 from tactograph.nodes.optics.bilinear import mask_at
 from tactograph.nodes.optics.film import MIN_MATT_LIGHT
 from tactograph.nodes.optics.near_light import lights_around, matt_film_light
-from tactograph.nodes.slope.sharpen_slope import is_sharp_or_coated
+from tactograph.nodes.optics.rays import rays_towards
+from tactograph.nodes.slope.pixel_mean_slope import PIXEL_VARIANCE
+from tactograph.nodes.slope.sharpen_slope import has_no_matt_blur
 
 EDGE_DEVIATIONS = 4
 """Width of a blurred edge, from 2 to 98 % of its light, in standard deviations of the blur."""
-PIXEL_VARIANCE = 1 / 12
-"""Variance of a place within a pixel, in px^2."""
-MIN_PLAN_PX = np.float32(1e-6)
 BLOCK_PX = 16
 """Side of a block that is searched for dark film."""
 
@@ -53,10 +52,10 @@ def doubt_penumbra(
     """Return the deviation of the light, with what is missing of the light expected near shadows.
 
     The camera blurs the end of a shadow, where a part of the light arrives.  Shadows of two LEDs
-    that end together then look like film that faces away from both.  So an LED's light counts the
-    less, the more of the light expected is missing, where film in the LED's direction, within the
-    width of a blurred edge, is dark (P1).  Under a coat nothing changes (see `penumbras` of
-    `matt_light`), nor in a gel that diffuses light, since all its shadows end softly.
+    that end together then look like film that faces away from both.  So where film is dark within
+    the width of a blurred edge towards an LED, what is missing of that LED's expected light is
+    added to its deviation (P1).  Under a coat nothing changes (see `penumbras` of `matt_light`),
+    nor in a gel that diffuses light, since all its shadows end softly.
 
     Parameters
     ----------
@@ -69,7 +68,7 @@ def doubt_penumbra(
     refraction : of the film's coat; 1 without a coat
     diffuse : length K, the share of each LED's light that the gel diffuses
     """
-    if is_sharp_or_coated(blur, refraction) or diffuse.any():
+    if has_no_matt_blur(blur, refraction, diffuse):
         return sigma
     expected = matt_film_light(lights, height, slope, pixel)
     missing = np.maximum(expected - light - np.float32(BAND_DEVIATIONS) * sigma, 0)
@@ -81,16 +80,13 @@ def doubt_penumbra(
 
 def _before_dark(dark: NDArray[np.bool_], led: F4, reach: int) -> NDArray[np.bool_]:
     """Whether a pixel up to `reach` px away, towards the LED (in px), is dark."""
-    rows, columns = dark.shape
-    y, x = np.mgrid[:rows, :columns].astype(np.float32)
-    dx = led[0] - (x - np.float32((columns - 1) / 2))
-    dy = led[1] - (y - np.float32((rows - 1) / 2))
-    plan = np.copysign(np.sqrt(dx * dx + dy * dy) + MIN_PLAN_PX, led[2])
-    steps = [mask_at(dark, x + t * dx / plan, y + t * dy / plan) for t in range(1, reach + 1)]
+    row, column = np.mgrid[tuple(map(slice, dark.shape))].astype(np.float32)
+    rays = rays_towards(led, column, row, dark.shape)
+    steps = [mask_at(dark, *rays.at(np.float32(t))) for t in range(1, reach + 1)]
     return np.logical_or.reduce(steps)
 
 
-doubt_penumbra.idle(is_sharp_or_coated)
+doubt_penumbra.idle(has_no_matt_blur)
 
 
 @doubt_penumbra.opencl()
@@ -98,12 +94,13 @@ def _launch(run: Launch) -> None:
     """Mark blocks with dark film first, since most film is far from any."""
     inputs, sizes = run.inputs, tuple(run.sizes[symbol] for symbol in "KHW")
     lights, rows, columns = sizes
-    dark = run.scratch((lights, -(-rows // BLOCK_PX), -(-columns // BLOCK_PX)), np.uint8)
-    run.kernel("mark_dark", dark.shape, inputs["light"], dark, *sizes, BLOCK_PX)
+    blocks = -(-rows // BLOCK_PX), -(-columns // BLOCK_PX)
+    dark = run.scratch((lights, *blocks), np.uint8)
+    run.kernel("mark_dark", dark.shape, inputs["light"], dark, *sizes, *blocks, BLOCK_PX)
     run.kernel(
         "doubt_penumbra", run.in_row_lanes(rows, columns),
         *map(inputs.get, doubt_penumbra.inputs), dark, run.outputs["doubt_penumbra"],
-        *sizes, BLOCK_PX,
+        *sizes, *blocks, BLOCK_PX,
     )  # fmt: skip
 
 

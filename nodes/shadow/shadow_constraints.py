@@ -5,7 +5,7 @@ Long because both ends of a ray have to be found, on the device in three launche
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import cv2
 import numpy as np
@@ -27,6 +27,7 @@ from tactograph.nodes import (
 )
 from tactograph.nodes.optics.bilinear import bilinear, mask_at
 from tactograph.nodes.optics.near_light import expected_light, light_vectors, lights_around
+from tactograph.nodes.optics.rays import Rays, rays_towards
 
 STEP_PX = np.float32(0.5)
 """Step along a ray."""
@@ -36,29 +37,8 @@ MAX_SLOPE = np.float32(3)
 MAX_END_PX = np.float32(1.5)
 MIN_EDGE_PX = np.float32(1.2)
 NO_EDGE_PX = np.float32(-1e6)
-MIN_PLAN_PX = np.float32(1e-6)
 SPAN_PX, LANES_SPAN_PX = 16, 64
 """Pixels of a row that one work-item searches for the ends of shadows, on GPUs and on CPUs."""
-
-
-class Rays(NamedTuple):
-    """Rays from the ends of shadows: their pixels, directions, and distances to the LED in px.
-
-    The distance is negative for an LED behind the ray (`lights_in_view`).
-    """
-
-    column: F4
-    row: F4
-    ux: F4
-    uy: F4
-    plan: F4
-
-    def at(self, t: F4 | np.float32) -> tuple[F4, F4]:
-        """The points t px along the rays."""
-        return self.column + self.ux * t, self.row + self.uy * t
-
-    def only(self, keep: NDArray[np.bool_] | NDArray[np.intp]) -> Rays:
-        return Rays(*(part[keep] for part in self))
 
 
 @node(
@@ -147,13 +127,9 @@ def shadow_constraints(
 
 def _ends(dark: NDArray[np.bool_], is_known: NDArray[np.bool_], led: F4) -> Rays:
     """Rays from lit pixels of known slope whose neighbour towards the LED (in px) is dark."""
-    rows, columns = dark.shape
     ring = cv2.dilate(dark.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
     row, column = (index.astype(np.float32) for index in np.nonzero(ring & ~dark & is_known))
-    dx = led[0] + np.float32((columns - 1) / 2) - column
-    dy = led[1] + np.float32((rows - 1) / 2) - row
-    plan = np.copysign(np.maximum(np.sqrt(dx * dx + dy * dy), MIN_PLAN_PX), led[2])
-    rays = Rays(column, row, dx / plan, dy / plan, plan)
+    rays = rays_towards(led, column, row, dark.shape)
     return rays.only(mask_at(dark, *rays.at(np.float32(1))))
 
 

@@ -10,12 +10,12 @@ from tactograph.graph import Close, node
 from tactograph.graph.backends.launch import Launch
 from tactograph.nodes import F4, Labels, Light, LightPositions, PixelSize, SlopeVariance
 from tactograph.nodes.optics.bilinear import mask_at
+from tactograph.nodes.optics.rays import rays_towards
 
 JUMP_SLOPE = np.float32(3)
 """Standard deviation of the slope across an edge, per light above `GRAZING_LIGHT`."""
 GRAZING_LIGHT = np.float32(0.3)
 """Light up to which a smooth film may be turning away from an LED."""
-MIN_PLAN_PX = np.float32(1e-6)
 
 
 @node(
@@ -61,13 +61,10 @@ def _before_dark(dark: Labels, led: F4) -> tuple[NDArray[np.intp], ...]:
 
     The neighbour is one of eight.
     """
-    rows, columns = dark.shape
     around = np.argwhere(cv2.dilate(dark, np.ones((3, 3), np.uint8)) > dark)
     y, x = around.T.astype(np.float32)
-    dx = led[0] - (x - np.float32((columns - 1) / 2))
-    dy = led[1] - (y - np.float32((rows - 1) / 2))
-    plan = np.copysign(np.sqrt(dx * dx + dy * dy) + MIN_PLAN_PX, led[2])
-    row, column = around[mask_at(dark > 0, x - dx / plan, y - dy / plan)].T
+    rays = rays_towards(led, x, y, dark.shape)
+    row, column = around[mask_at(dark > 0, *rays.at(np.float32(-1)))].T
     return row, column
 
 

@@ -41,7 +41,7 @@ def sharpen_slope(
     lens : images that were undistorted have wider edges than the camera's
     most : largest correction, in units of 1 + p^2 + q^2; across edges the expansion fails
     """
-    if is_sharp_or_coated(blur, refraction) or diffuse.any():
+    if has_no_matt_blur(blur, refraction, diffuse):
         return slope
     resampled = RESAMPLING_VARIANCE if lens is not None and not is_straight(lens) else np.float32(0)
     half = np.maximum(np.float32(blur * blur) - resampled, np.float32(0)) / 2
@@ -64,13 +64,17 @@ def _laplacian(planes: F4) -> F4:
     return np.asarray((beside - 4 * planes) / 4, np.float32)
 
 
-def is_sharp_or_coated(blur: float, refraction: float) -> bool:
-    """Return whether the camera does not blur, or light is not linear in the normal."""
-    return blur == 0 or refraction != 1
+def has_no_matt_blur(blur: float, refraction: float, diffuse: F4) -> bool:
+    """Return whether no camera blurs the light of a matt film in a clear gel.
+
+    A coat's light is not linear in the normal.  Edges of diffused light are soft, so that the blur
+    found there is not the camera's.
+    """
+    return blur == 0 or refraction != 1 or bool(diffuse.any())
 
 
 sharpen_slope.opencl(grid="H W", lanes="rows")
-sharpen_slope.idle(is_sharp_or_coated)
+sharpen_slope.idle(has_no_matt_blur)
 
 
 @sharpen_slope.example

@@ -11,7 +11,7 @@ from tactograph.graph.declare.find_node import find_node, shipped_nodes
 IDLE = [name for name in shipped_nodes() if find_node(name).is_idle is not None]
 
 
-IDLE_AT = {"area": 1.0, "film_gain": 1.0, "film_refraction": 1.0}
+IDLE_AT = {"area": 1.0, "diffuse": 1.0, "film_gain": 1.0, "film_refraction": 1.0}
 """Values at which a node is idle, if not 0; the other one of 0 and 1 leaves it busy."""
 
 
